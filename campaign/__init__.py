@@ -1,0 +1,1 @@
+"""Campaigns of simulations: specs, sampling, the store, dask, the command line."""

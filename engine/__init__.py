@@ -1,0 +1,1 @@
+"""Physics of one mechanism with one set of clearances: nonsmooth contact dynamics."""

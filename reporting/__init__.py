@@ -1,0 +1,1 @@
+"""Capability reports from a table of samples: numbers, figures, pages."""
