@@ -1,0 +1,139 @@
+"""Forces and torques on the bodies: gravity, springs between points, torsion springs, constant loads by phase."""
+
+import numpy as np
+
+from engine.kernels.jit import kernel
+from engine.kernels.rotations import to_world, turn_to_world, twist_angle
+
+
+@kernel
+def apply_loads(model, state, phase, wrench, scratch_a, scratch_b):
+    """Write each body's force and torque about its centre of mass, world axes, shape (nb + 1, 6).
+
+    ``scratch_a``, ``scratch_b`` have shape (3,) or more.
+    """
+    for body in range(wrench.shape[0]):
+        for k in range(3):
+            wrench[body, k] = 0.0
+            if body < model.mass.shape[0]:
+                wrench[body, k] = model.mass[body] * model.gravity[k]
+            wrench[body, 3 + k] = 0.0
+    _linear_springs(model, state, wrench, scratch_a, scratch_b)
+    _torsion_springs(model, state, wrench, scratch_a)
+    _constant_loads(model, state, phase, wrench, scratch_a, scratch_b)
+
+
+@kernel
+def _linear_springs(model, state, wrench, p, q):
+    """Push the two points apart with k (free length - length) - c d(length)/dt."""
+    for i in range(model.spring_body.shape[0]):
+        a, b = model.spring_body[i, 0], model.spring_body[i, 1]
+        to_world(state.x, state.R, a, model.spring_point[i, 0], p)
+        to_world(state.x, state.R, b, model.spring_point[i, 1], q)
+        d0, d1, d2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+        length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+        if length == 0.0:
+            continue
+        d0, d1, d2 = d0 / length, d1 / length, d2 / length
+        rate = _speed_along(state, b, q, d0, d1, d2) - _speed_along(state, a, p, d0, d1, d2)
+        law = model.spring_law[i]
+        force = law[0] * (law[1] - length) - law[2] * rate
+        _add_force(state, b, q, force * d0, force * d1, force * d2, wrench)
+        _add_force(state, a, p, -force * d0, -force * d1, -force * d2, wrench)
+
+
+@kernel
+def _torsion_springs(model, state, wrench, axis):
+    """Turn body b by -k (angle - free angle) - c rate about an axis fixed in body a; the opposite turns a."""
+    for i in range(model.torsion_body.shape[0]):
+        a, b = model.torsion_body[i, 0], model.torsion_body[i, 1]
+        law, n = model.torsion_law[i], model.torsion_axis[i]
+        fa, fb = model.torsion_frame[i, 0], model.torsion_frame[i, 1]
+        angle = twist_angle(_times(state.p[a], fa), _times(state.p[b], fb), n[0], n[1], n[2])
+        turns = np.round((angle - law[3]) / (2 * np.pi))  # the branch nearest to the angle at the start
+        angle -= 2 * np.pi * turns
+        _turn(fa, n, axis)
+        m0, m1, m2 = axis[0], axis[1], axis[2]
+        R = state.R[a]
+        for k in range(3):
+            axis[k] = R[k, 0] * m0 + R[k, 1] * m1 + R[k, 2] * m2
+        rate = _spin_along(state, b, axis) - _spin_along(state, a, axis)
+        torque = -law[0] * (angle - law[1]) - law[2] * rate
+        for k in range(3):
+            wrench[b, 3 + k] += torque * axis[k]
+            wrench[a, 3 + k] -= torque * axis[k]
+
+
+@kernel
+def _constant_loads(model, state, phase, wrench, p, f):
+    """Apply the forces and torques of the present phase."""
+    for i in range(model.force_body.shape[0]):
+        if not model.force_phase[i, phase]:
+            continue
+        body = model.force_body[i]
+        to_world(state.x, state.R, body, model.force_point[i], p)
+        for part in range(2):
+            f[0], f[1], f[2] = (
+                model.force_vector[i, part, 0],
+                model.force_vector[i, part, 1],
+                model.force_vector[i, part, 2],
+            )
+            if model.force_in_body[i]:
+                turn_to_world(state.R, body, model.force_vector[i, part], f)
+            if part == 0:
+                _add_force(state, body, p, f[0], f[1], f[2], wrench)
+            else:
+                for k in range(3):
+                    wrench[body, 3 + k] += f[k]
+
+
+@kernel
+def _add_force(state, body, p, f0, f1, f2, wrench):
+    d0, d1, d2 = p[0] - state.x[body, 0], p[1] - state.x[body, 1], p[2] - state.x[body, 2]
+    wrench[body, 0] += f0
+    wrench[body, 1] += f1
+    wrench[body, 2] += f2
+    wrench[body, 3] += d1 * f2 - d2 * f1
+    wrench[body, 4] += d2 * f0 - d0 * f2
+    wrench[body, 5] += d0 * f1 - d1 * f0
+
+
+@kernel
+def _spin_along(state, body, n):
+    """Angular velocity about the world direction n."""
+    R, v = state.R[body], state.v[body]
+    s = 0.0
+    for k in range(3):
+        s += n[k] * (R[k, 0] * v[3] + R[k, 1] * v[4] + R[k, 2] * v[5])
+    return s
+
+
+@kernel
+def _speed_along(state, body, p, d0, d1, d2):
+    """Velocity of the body's point p (world) along the direction d."""
+    R, v, x = state.R[body], state.v[body], state.x[body]
+    o0 = R[0, 0] * v[3] + R[0, 1] * v[4] + R[0, 2] * v[5]
+    o1 = R[1, 0] * v[3] + R[1, 1] * v[4] + R[1, 2] * v[5]
+    o2 = R[2, 0] * v[3] + R[2, 1] * v[4] + R[2, 2] * v[5]
+    y0, y1, y2 = p[0] - x[0], p[1] - x[1], p[2] - x[2]
+    return d0 * (v[0] + o1 * y2 - o2 * y1) + d1 * (v[1] + o2 * y0 - o0 * y2) + d2 * (v[2] + o0 * y1 - o1 * y0)
+
+
+@kernel
+def _times(p, q):
+    """Quaternion product as a tuple."""
+    return (
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
+        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
+    )
+
+
+@kernel
+def _turn(p, v, out):
+    """Write the vector v turned by the quaternion p."""
+    c0, c1, c2 = p[2] * v[2] - p[3] * v[1], p[3] * v[0] - p[1] * v[2], p[1] * v[1] - p[2] * v[0]
+    out[0] = v[0] + 2 * (p[0] * c0 + p[2] * c2 - p[3] * c1)
+    out[1] = v[1] + 2 * (p[0] * c1 + p[3] * c0 - p[1] * c2)
+    out[2] = v[2] + 2 * (p[0] * c2 + p[1] * c1 - p[2] * c0)

@@ -1,0 +1,79 @@
+"""The arrays of a mechanism and of its motion: what the kernels read and write.
+
+Body ``n_body`` (the last one) is the ground: fixed, its frame is the world. All local geometry is given from a body's
+centre of mass in its body axes.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ARC_CYLINDER = range(5)
+POSITION, CONTACT_FORCE = range(2)
+
+
+class Model(NamedTuple):
+    """Constants of a run. ``nb`` moving bodies, ``nc`` contacts; units of the mechanism file."""
+
+    mass: np.ndarray  # (nb,)
+    inertia: np.ndarray  # (nb, 3, 3) about the centre of mass, body axes
+    inverse_root: np.ndarray  # (nb, 3, 3) L^-1 with inertia = L L'
+    gravity: np.ndarray  # (3,)
+
+    contact_kind: np.ndarray  # (nc,) int64
+    contact_a: np.ndarray  # (nc,) int64, the body pushed along +N
+    contact_b: np.ndarray  # (nc,) int64
+    geometry_a: np.ndarray  # (nc, 11) see contacts.py
+    geometry_b: np.ndarray  # (nc, 11)
+    clearance: np.ndarray  # (nc,) radial clearance of a ring in a bore; minus the contact offset elsewhere
+    mu: np.ndarray  # (nc,)
+    restitution: np.ndarray  # (nc,)
+
+    spring_body: np.ndarray  # (ns, 2) int64
+    spring_point: np.ndarray  # (ns, 2, 3)
+    spring_law: np.ndarray  # (ns, 3) stiffness, free length, damping
+    torsion_body: np.ndarray  # (nt, 2) int64
+    torsion_frame: np.ndarray  # (nt, 2, 4) quaternion of each body's own frame in the state's
+    torsion_axis: np.ndarray  # (nt, 3) in the frame of the first
+    torsion_law: np.ndarray  # (nt, 4) stiffness, angle without torque, damping, angle at the start
+    force_body: np.ndarray  # (nf,) int64
+    force_point: np.ndarray  # (nf, 3)
+    force_vector: np.ndarray  # (nf, 2, 3) force and torque
+    force_in_body: np.ndarray  # (nf,) bool: components in body axes
+    force_phase: np.ndarray  # (nf, n_phase) bool
+
+    response_kind: np.ndarray  # (nr,) int64
+    response_body: np.ndarray  # (nr, 3) int64: from, to, direction; or the contact's number in the first
+    response_point: np.ndarray  # (nr, 4, 3): from, its axis (0: a point), to, direction
+    response_offset: np.ndarray  # (nr,)
+
+    phase_duration: np.ndarray  # (n_phase,) inf: until rest
+
+
+class State(NamedTuple):
+    """Motion at one instant; the last body is the ground."""
+
+    x: np.ndarray  # (nb + 1, 3) centres of mass
+    p: np.ndarray  # (nb + 1, 4) unit quaternions
+    R: np.ndarray  # (nb + 1, 3, 3) their rotations
+    v: np.ndarray  # (nb + 1, 6) velocity of the centre of mass (world), angular velocity (body axes)
+    r: np.ndarray  # (nc, 3) contact impulses of the last step, (N, T1, T2)
+    slip: np.ndarray  # (nc,) relative speed at the contacts that pressed in the last step
+    gap: np.ndarray  # (nc,)
+
+
+class Scratch(NamedTuple):
+    """Work space of a step."""
+
+    wrench: np.ndarray  # (nb + 1, 6) force and torque about the centre of mass, world axes
+    point: np.ndarray  # (nc, 3) contact points
+    frame: np.ndarray  # (nc, 3, 3) rows N, T1, T2
+    before: np.ndarray  # (nb + 1, 6) twist at the start of the step
+    free: np.ndarray  # (nb + 1, 6) twist at its end, without contact impulses
+    middle_gap: np.ndarray  # (nc,)
+    active: np.ndarray  # (nc,) bool
+    index: np.ndarray  # (nc,) int64, contacts of the friction problem
+    q0: np.ndarray  # (nc, 3) free relative velocities
+    values: np.ndarray  # (nr,) responses
+    anchor: np.ndarray  # (nr,) responses when the present pause began
+    travel: np.ndarray  # (nc,) way slipped since then

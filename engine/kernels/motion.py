@@ -1,0 +1,50 @@
+"""Free motion of the bodies: half a step of displacement, and the twist without contact impulses (eqs. 11-13)."""
+
+from engine.kernels.jit import kernel
+from engine.kernels.rotations import rotation_matrix, turn
+
+EULER_STEPS = 4
+
+
+@kernel
+def move(model, state, dt):
+    """Displace every body by ``dt`` at its present twist: x += dt v, p <- p exp(dt Omega)."""
+    for body in range(model.mass.shape[0]):
+        v = state.v[body]
+        for k in range(3):
+            state.x[body, k] += dt * v[k]
+        turn(state.p[body], dt * v[3], dt * v[4], dt * v[5])
+        rotation_matrix(state.p[body], state.R[body])
+
+
+@kernel
+def free_twist(model, state, wrench, h, free):
+    """Write the twists at the end of a step of length ``h`` under the loads alone.
+
+    The gyroscopic moment is taken at the mean angular velocity, I (O+ - O) = h (M - Om x I Om), Om = (O + O+)/2: second
+    order, and a free body keeps its energy and its momentum.
+    """
+    for body in range(model.mass.shape[0]):
+        v, R, f, I = state.v[body], state.R[body], wrench[body], model.inertia[body]
+        for k in range(3):
+            free[body, k] = v[k] + h * f[k] / model.mass[body]
+        m0 = R[0, 0] * f[3] + R[1, 0] * f[4] + R[2, 0] * f[5]
+        m1 = R[0, 1] * f[3] + R[1, 1] * f[4] + R[2, 1] * f[5]
+        m2 = R[0, 2] * f[3] + R[1, 2] * f[4] + R[2, 2] * f[5]
+        a, b, c = v[3], v[4], v[5]
+        for _ in range(EULER_STEPS):
+            o0, o1, o2 = 0.5 * (a + v[3]), 0.5 * (b + v[4]), 0.5 * (c + v[5])
+            l0 = I[0, 0] * o0 + I[0, 1] * o1 + I[0, 2] * o2
+            l1 = I[1, 0] * o0 + I[1, 1] * o1 + I[1, 2] * o2
+            l2 = I[2, 0] * o0 + I[2, 1] * o1 + I[2, 2] * o2
+            y0 = h * (m0 - (o1 * l2 - o2 * l1))
+            y1 = h * (m1 - (o2 * l0 - o0 * l2))
+            y2 = h * (m2 - (o0 * l1 - o1 * l0))
+            root = model.inverse_root[body]  # I^-1 = L^-T L^-1
+            z0 = root[0, 0] * y0
+            z1 = root[1, 0] * y0 + root[1, 1] * y1
+            z2 = root[2, 0] * y0 + root[2, 1] * y1 + root[2, 2] * y2
+            a = v[3] + root[0, 0] * z0 + root[1, 0] * z1 + root[2, 0] * z2
+            b = v[4] + root[1, 1] * z1 + root[2, 1] * z2
+            c = v[5] + root[2, 2] * z2
+        free[body, 3], free[body, 4], free[body, 5] = a, b, c

@@ -1,0 +1,123 @@
+"""The whole time loop of a run in one compiled call: phases, steps, rest, certificate."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from engine.friction.newton import CONVERGED
+from engine.kernels.contacts import find_contacts
+from engine.kernels.jit import kernel
+from engine.kernels.model import CONTACT_FORCE
+from engine.kernels.responses import measure
+from engine.kernels.step import step
+
+OK, NOT_CONVERGED, PENETRATION, DIVERGED, STOPPED = range(5)
+
+
+class Control(NamedTuple):
+    """Settings of a run; lengths and times in the mechanism's units."""
+
+    step: float
+    horizon: float  # longest simulated time
+    tolerance: float  # relative residual of every friction problem
+    penetration: float  # largest gap violation after a step
+    window: float  # nothing measured moves for so long: at rest
+    drift: float  # what a length may move meanwhile and count as unmoved
+    force_drift: float  # the same for a contact force, relative
+    full_horizon: bool  # go on to the horizon even at rest
+
+
+class Certificate(NamedTuple):
+    """What a run proves of itself; one-element arrays, written by the loop."""
+
+    status: np.ndarray  # (1,) int64, a code above
+    steps: np.ndarray  # (1,) int64
+    iterations: np.ndarray  # (1,) int64 of the friction solver
+    contact: np.ndarray  # (1,) int64 of the largest penetration left
+    phase: np.ndarray  # (1,) int64 phase reached
+    settled: np.ndarray  # (1,) bool: every phase that ends at rest did
+    time: np.ndarray  # (1,)
+    residual: np.ndarray  # (1,) largest
+    penetration: np.ndarray  # (1,) largest
+    iterations_max: np.ndarray  # (1,) int64 in one step
+
+
+@kernel
+def run(model, state, work, problem, control, certificate, stop):
+    """Simulate until rest in the last phase, or the horizon, or a failure.
+
+    ``stop``, shape (1,) uint8, is set from another thread to end the run (time limit, cancel).
+    """
+    h = control.step
+    t = 0.0
+    u = np.zeros(3)
+    p = np.zeros(3)
+    find_contacts(model, state, state.gap, work.point, work.frame)
+    certificate.settled[0] = True
+    for phase in range(model.phase_duration.shape[0]):
+        certificate.phase[0] = phase
+        end = min(t + model.phase_duration[phase], control.horizon)
+        until_rest = model.phase_duration[phase] == np.inf
+        pause, settled = -1.0, False
+        while t < end - 0.5 * h and not (until_rest and settled and not control.full_horizon):
+            status, residual, worst, where, iterations = step(
+                model, state, work, problem, phase, h, control.tolerance, control.penetration, u
+            )
+            t += h
+            certificate.steps[0] += 1
+            certificate.iterations[0] += iterations
+            certificate.iterations_max[0] = max(iterations, certificate.iterations_max[0])
+            certificate.time[0] = t
+            certificate.residual[0] = max(residual, certificate.residual[0])
+            certificate.penetration[0] = max(worst, certificate.penetration[0])
+            certificate.status[0] = _verdict(state, status, worst, control, stop)
+            if certificate.status[0] != OK:
+                certificate.contact[0] = where
+                certificate.settled[0] = False
+                return
+            measure(model, state, h, work.values, u, p)
+            moved = _moved(model, state, work, control)
+            pause = 0.0 if moved or pause < 0.0 else pause + h
+            if moved or pause == 0.0:
+                work.anchor[:] = work.values
+                work.travel[:] = 0.0
+            settled = pause >= control.window
+        certificate.settled[0] = certificate.settled[0] and (settled or not until_rest)
+        if until_rest and not settled:
+            return
+
+
+@kernel
+def _verdict(state, status, worst, control, stop):
+    """Judge the step just made."""
+    if not np.isfinite(state.v).all() or not np.isfinite(state.x).all():
+        return DIVERGED
+    if status != CONVERGED:
+        return NOT_CONVERGED
+    if worst > control.penetration:
+        return PENETRATION
+    if stop[0] != 0:
+        return STOPPED
+    return OK
+
+
+@kernel
+def _moved(model, state, work, control):
+    """Has anything that matters moved since the anchor: a response, or a contact that carries load?
+
+    Bodies without load may drift on for ever (a rod that spins slowly between its bearings): they do not count.
+    """
+    moved = False
+    for i in range(work.values.shape[0]):
+        allowed = control.drift
+        if model.response_kind[i] == CONTACT_FORCE:
+            allowed = control.force_drift * max(abs(work.values[i]), abs(work.anchor[i]))
+        moved = moved or abs(work.values[i] - work.anchor[i]) > allowed
+    load = 0.0
+    for i in range(state.slip.shape[0]):
+        load = max(load, state.r[i, 0])
+    for i in range(state.slip.shape[0]):
+        if state.r[i, 0] > 1e-3 * load:
+            work.travel[i] += control.step * state.slip[i]
+            moved = moved or work.travel[i] > control.drift
+    return moved
