@@ -1,0 +1,15 @@
+"""What a user writes: a mechanism as a TOML file, checked, and the mechanisms shipped with clearcap."""
+
+from engine.mechanism.load import library_names, load_mechanism
+from engine.mechanism.models import Mechanism, mechanism_from, mechanism_schema
+from engine.mechanism.values import set_values, settable_keys
+
+__all__ = [
+    "Mechanism",
+    "library_names",
+    "load_mechanism",
+    "mechanism_from",
+    "mechanism_schema",
+    "set_values",
+    "settable_keys",
+]

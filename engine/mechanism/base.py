@@ -1,0 +1,72 @@
+"""What every table of a mechanism file is made of: the base model, numbers, vectors and names."""
+
+import math
+from typing import Annotated, Any
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
+from pydantic_core import PydanticCustomError
+
+from engine.mechanism.quantities import Quantity
+
+
+class Model(BaseModel):
+    """Base of all tables: frozen, and a key that is not known is an error."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def refuse(text: str, *, key: str = "", value: Any = None) -> PydanticCustomError:
+    """Return the error a validator raises to refuse a value.
+
+    Parameters
+    ----------
+    text : str
+        What is wrong; what is allowed; what to do.
+    key : str
+        The key at fault inside the table, dotted; empty when the validated value itself is.
+    value
+        What stands at ``key``.
+    """
+    return PydanticCustomError("refused", "{text}", {"text": text, "key": key, "value": value})
+
+
+def is_number(value: Any) -> bool:
+    """Say whether ``value`` is a finite int or float (a bool is not a number)."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _three_numbers(value: Any) -> tuple[float, float, float]:
+    if not isinstance(value, list | tuple) or len(value) != 3 or not all(map(is_number, value)):
+        raise refuse("not a vector; allowed: three finite numbers [x, y, z]; write all three")
+    return (float(value[0]), float(value[1]), float(value[2]))
+
+
+def _unit(value: tuple[float, float, float]) -> tuple[float, float, float]:
+    squared = math.fsum(x * x for x in value)
+    if squared == 0:
+        raise refuse(
+            "has no direction; allowed: any vector but [0, 0, 0]; write the direction, of any length"
+        )
+    if abs(squared - 1) < 1e-14:  # already of unit length: dividing again would only stir the last bits
+        return value
+    length = math.sqrt(squared)
+    return (value[0] / length, value[1] / length, value[2] / length)
+
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Vector = Annotated[tuple[float, float, float], BeforeValidator(_three_numbers)]
+Direction = Annotated[Vector, AfterValidator(_unit)]
+Point = Annotated[Vector, Quantity("length")]
+Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
+
+Length = Annotated[Number, Quantity("length")]
+PositiveLength = Annotated[Number, Field(gt=0), Quantity("length")]
+Friction = Annotated[Number, Field(ge=0), Quantity("number")]
+Restitution = Annotated[Number, Field(ge=0, le=1), Quantity("number")]
+
+
+class BodyPoint(Model):
+    """A point that moves with a body."""
+
+    body: Name = Field(description="the body the point belongs to")
+    point: Point = Field(description="the point, in the frame of the body")

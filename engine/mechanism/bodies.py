@@ -1,0 +1,84 @@
+"""Rigid bodies: mass, inertia, and where they start."""
+
+from typing import Annotated, Any, Self
+
+import numpy as np
+from pydantic import BeforeValidator, Field, model_validator
+
+from engine.mechanism.base import Direction, Model, Number, Point, Vector, is_number, refuse
+from engine.mechanism.quantities import Quantity
+
+Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+
+
+def _inertia(value: Any) -> Matrix:
+    """Read three principal moments or a full tensor, and refuse what no rigid body can have."""
+    rows = value if isinstance(value, list | tuple) else ()
+    if len(rows) == 3 and all(map(is_number, rows)):
+        rows = np.diag(np.array(rows, dtype=float)).tolist()
+    lengths = [len(row) if isinstance(row, list | tuple) else 0 for row in rows]
+    if lengths != [3, 3, 3] or not all(is_number(x) for row in rows for x in row):
+        raise refuse(
+            "not an inertia; allowed: three rows of three finite numbers, or the three principal moments; "
+            "give it about the centre of mass, in body axes"
+        )
+    tensor = np.array(rows, dtype=float)
+    scale = np.abs(tensor).max()
+    if np.abs(tensor - tensor.T).max() > 1e-9 * scale:
+        raise refuse("not symmetric; allowed: Ixy = Iyx, Ixz = Izx, Iyz = Izy; make both entries equal")
+    moments = np.linalg.eigvalsh(tensor)
+    shown = ", ".join(f"{moment:.6g}" for moment in moments)
+    if moments[0] <= 0:
+        raise refuse(
+            f"not positive definite: principal moments {shown}; allowed: all three > 0; "
+            "check signs and orders of magnitude"
+        )
+    if moments[0] + moments[1] < moments[2] * (1 - 1e-9):
+        raise refuse(
+            f"breaks the triangle inequality: principal moments {shown}; allowed: none above the sum of the "
+            "other two, as for any real body; check units, and that it is taken about the centre of mass"
+        )
+    return tuple(tuple(row) for row in tensor.tolist())  # type: ignore[return-value]
+
+
+class Body(Model):
+    """A rigid body. Its frame is at ``origin``, turned by ``angle`` about ``axis``, at the start."""
+
+    fixed: bool = Field(default=False, strict=True, description="true for a body that never moves")
+    mass: Annotated[Number | None, Field(gt=0), Quantity("mass")] = Field(
+        default=None, description="the mass of the body, a positive number"
+    )
+    inertia: Annotated[Matrix | None, BeforeValidator(_inertia), Quantity("inertia")] = Field(
+        default=None,
+        description="the inertia about the centre of mass in body axes: 3 x 3, or three principal moments",
+    )
+    center_of_mass: Point = Field(
+        default=(0.0, 0.0, 0.0), description="the centre of mass, in the body frame"
+    )
+    origin: Point = Field(default=(0.0, 0.0, 0.0), description="the origin of the body frame, in the world")
+    axis: Direction = Field(
+        default=(0.0, 0.0, 1.0), description="the axis about which the body frame is turned"
+    )
+    angle: Annotated[Number, Quantity("angle")] = Field(
+        default=0.0, description="the angle by which the body frame is turned about axis"
+    )
+    velocity: Annotated[Vector, Quantity("speed")] = Field(
+        default=(0.0, 0.0, 0.0), description="the initial velocity of the centre of mass, in the world"
+    )
+    angular_velocity: Annotated[Vector, Quantity("angular speed")] = Field(
+        default=(0.0, 0.0, 0.0), description="the initial angular velocity, in body axes"
+    )
+
+    @model_validator(mode="after")
+    def _moving_or_fixed(self) -> Self:
+        for key in ("mass", "inertia"):
+            if not self.fixed and getattr(self, key) is None:
+                raise refuse("missing; a body that moves needs it; give it, or write fixed = true", key=key)
+        for key in ("velocity", "angular_velocity"):
+            if self.fixed and any(getattr(self, key)):
+                raise refuse(
+                    "a fixed body does not move; allowed: [0, 0, 0]; remove it, or fixed = true",
+                    key=key,
+                    value=getattr(self, key),
+                )
+        return self

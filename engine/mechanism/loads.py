@@ -1,0 +1,70 @@
+"""Springs, forces and torques."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from engine.mechanism.base import BodyPoint, Direction, Model, Name, Number, Point, Vector
+from engine.mechanism.quantities import Quantity
+
+Frame = Literal["world", "body"]
+
+
+class LinearSpring(Model):
+    """A force k (free_length - length) - c d(length)/dt along the line of two points; compressed, it pushes."""
+
+    type: Literal["linear"] = Field(description="the kind of spring")
+    a: BodyPoint = Field(description="one end: { body, point }")
+    b: BodyPoint = Field(description="the other end: { body, point }")
+    stiffness: Annotated[Number, Field(gt=0), Quantity("stiffness")] = Field(
+        description="the stiffness of the spring, a number > 0"
+    )
+    free_length: Annotated[Number, Field(ge=0), Quantity("length")] = Field(
+        description="the length without force, a number >= 0"
+    )
+    damping: Annotated[Number, Field(ge=0), Quantity("damping")] = Field(
+        default=0.0, description="force per speed of its length, a number >= 0"
+    )
+
+
+class TorsionSpring(Model):
+    """A balanced couple about an axis fixed in a: on b -k (phi - free_angle + preload) - c dphi/dt, minus that on a."""
+
+    type: Literal["torsion"] = Field(description="the kind of spring")
+    a: Name = Field(description="the body in which the axis is fixed")
+    b: Name = Field(description="the other body")
+    axis: Direction = Field(description="the axis of the couple, in the frame of a")
+    stiffness: Annotated[Number, Field(gt=0), Quantity("torsional stiffness")] = Field(
+        description="the torsional stiffness, a number > 0"
+    )
+    free_angle: Annotated[Number, Quantity("angle")] = Field(
+        description="the rotation of b relative to a without couple (before the preload)"
+    )
+    preload: Annotated[Number, Quantity("angle")] = Field(
+        default=0.0, description="an angle added to the deflection"
+    )
+    damping: Annotated[Number, Field(ge=0), Quantity("torsional damping")] = Field(
+        default=0.0, description="torque per angular speed, a number >= 0"
+    )
+
+
+Spring = Annotated[LinearSpring | TorsionSpring, Field(discriminator="type")]
+
+
+class Force(Model):
+    """A constant force at a point of a body."""
+
+    body: Name = Field(description="the body the force acts on")
+    point: Point = Field(default=(0.0, 0.0, 0.0), description="where it acts, in the body frame")
+    force: Annotated[Vector, Quantity("force")] = Field(description="the force [x, y, z]")
+    frame: Frame = Field(default="world", description="the axes of the force: world or body")
+    phases: tuple[Name, ...] | None = Field(default=None, description="when it acts; default: in all phases")
+
+
+class Torque(Model):
+    """A constant torque on a body."""
+
+    body: Name = Field(description="the body the torque acts on")
+    torque: Annotated[Vector, Quantity("torque")] = Field(description="the torque [x, y, z]")
+    frame: Frame = Field(default="world", description="the axes of the torque: world or body")
+    phases: tuple[Name, ...] | None = Field(default=None, description="when it acts; default: in all phases")

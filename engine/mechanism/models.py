@@ -1,0 +1,199 @@
+"""The mechanism: all that a user writes about it, checked."""
+
+import hashlib
+import json
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, ValidationError, model_validator
+from pydantic_core import PydanticCustomError
+
+from engine.errors import MechanismError
+from engine.mechanism import values
+from engine.mechanism.base import Friction, Model, Name, Number, Restitution, Vector
+from engine.mechanism.bodies import Body
+from engine.mechanism.contacts import Contact
+from engine.mechanism.faults import Fault, faults_of
+from engine.mechanism.joints import ClearanceRevolute
+from engine.mechanism.loads import Force, Spring, Torque
+from engine.mechanism.quantities import Quantity, UnitSystem
+from engine.mechanism.references import reference_faults
+from engine.mechanism.responses import Response, ValidityCondition
+
+
+class Rest(Model):
+    """When a phase has come to rest: nothing that is measured moves for a while."""
+
+    window: Annotated[Number, Field(gt=0), Quantity("time")] = Field(
+        description="how long nothing measured may move, a number > 0"
+    )
+    drift: Annotated[Number, Field(gt=0), Quantity("length")] = Field(
+        description="what a measured length may move meanwhile, a number > 0"
+    )
+    force_drift: Annotated[Number, Field(gt=0), Quantity("number")] = Field(
+        default=1e-6, description="what a measured force may change meanwhile, relative, a number > 0"
+    )
+
+
+class Simulation(Model):
+    """Defaults of a run."""
+
+    step: Annotated[Number, Field(gt=0), Quantity("time")] = Field(description="the time step, a number > 0")
+    horizon: Annotated[Number, Field(gt=0), Quantity("time")] = Field(
+        description="the longest simulated time, a number > 0"
+    )
+    tolerance: Annotated[Number, Field(gt=0, le=1e-3), Quantity("number")] = Field(
+        default=1e-8, description="the relative residual of the friction problem at each step, 0 to 1e-3"
+    )
+    penetration: Annotated[Number, Field(gt=0), Quantity("length")] = Field(
+        description="the largest gap violation after a step, a number > 0"
+    )
+    wall_limit: Annotated[Number, Field(gt=0), Quantity("real time")] = Field(
+        default=60.0, description="the longest real time of a run, a number > 0; then its status is timeout"
+    )
+    rest: Rest = Field(description="the stop criterion: { window, drift, force_drift }")
+
+
+class Phase(Model):
+    """A part of the run; it ends at rest, or after ``duration``."""
+
+    name: Name = Field(description="what forces and torques call it")
+    duration: Annotated[Number | None, Field(gt=0), Quantity("time")] = Field(
+        default=None, description="how long it lasts, a number > 0; default: until the mechanism is at rest"
+    )
+
+
+class Material(Model):
+    """What happens between a pair of materials."""
+
+    friction: Friction = Field(description="the coefficient of friction, a number >= 0")
+    restitution: Restitution = Field(default=0.0, description="the coefficient of restitution, from 0 to 1")
+
+
+class Mechanism(Model):
+    """A mechanism: bodies, what joins and loads them, and what is read off at the end of a run.
+
+    Made by `load_mechanism` from a TOML file, or by `mechanism_from` from plain data. Frozen: `set_values`
+    returns a changed one.
+    """
+
+    format: Literal[1] = Field(description="the version of the file format: 1")
+    name: Name = Field(description="the name of the mechanism")
+    title: str = Field(default="", description="what the mechanism is called in a report")
+    description: str = Field(default="", description="what the mechanism is, in a few sentences")
+    units: UnitSystem = Field(description='the unit system of all numbers: "mm-g-ms" or "SI"')
+    gravity: Annotated[Vector, Quantity("acceleration")] = Field(
+        default=(0.0, 0.0, 0.0), description="the acceleration of gravity, in the world"
+    )
+    validity: tuple[ValidityCondition, ...] = Field(
+        default=(), description='the conditions a valid result meets, such as "latch_overlap > 0"'
+    )
+    simulation: Simulation = Field(description="the defaults of a run")
+    phases: Annotated[tuple[Phase, ...], Field(min_length=1)] = Field(
+        default=(Phase(name="run"),), description="the parts of a run, in order"
+    )
+    materials: dict[Name, Material] = Field(default={}, description="pairs of materials")
+    bodies: dict[Name, Body] = Field(description="the rigid bodies")
+    joints: dict[Name, ClearanceRevolute] = Field(default={}, description="the joints")
+    contacts: dict[Name, Contact] = Field(default={}, description="the contacts")
+    springs: dict[Name, Spring] = Field(default={}, description="the springs")
+    forces: dict[Name, Force] = Field(default={}, description="the constant forces")
+    torques: dict[Name, Torque] = Field(default={}, description="the constant torques")
+    responses: dict[Name, Response] = Field(default={}, description="what is read off at the end of a run")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        faults = reference_faults(self.model_dump(by_alias=True))
+        if faults:
+            raise PydanticCustomError("references", "references", {"faults": faults})
+        return self
+
+    def response_units(self) -> dict[str, str]:
+        """Return the unit of every response, by name."""
+        return {name: response.quantity.unit(self.units) for name, response in self.responses.items()}
+
+    def friction_of(self, pair: ClearanceRevolute | Contact) -> float:
+        """Return the coefficient of friction of a joint or contact: its own, else its material's."""
+        if pair.friction is not None:
+            return pair.friction
+        return self.materials[str(pair.material)].friction
+
+    def restitution_of(self, pair: ClearanceRevolute | Contact) -> float:
+        """Return the coefficient of restitution of a joint or contact: its own, else its material's, else 0."""
+        if pair.restitution is not None:
+            return pair.restitution
+        return self.materials[pair.material].restitution if pair.material is not None else 0.0
+
+    def canonical_key(self, key: str) -> str:
+        """Return the dotted path of a key, so that two keys of one number can be told: J1 is joints.J1.radial_clearance.
+
+        Raises
+        ------
+        MechanismError
+            When no number has this key.
+        """
+        return values.canonical_key(self, key)
+
+    def value(self, key: str) -> float:
+        """Return the number a key stands for: a joint's name (its radial clearance) or a dotted path.
+
+        Raises
+        ------
+        MechanismError
+            When no number has this key; the message suggests the closest.
+        """
+        return values.value(self, key)
+
+    def unit_of(self, key: str) -> str:
+        """Return the unit of the number a key stands for; ``"1"`` for a pure number.
+
+        Raises
+        ------
+        MechanismError
+            When no number has this key.
+        """
+        return values.unit_of(self, key)
+
+    def digest(self) -> str:
+        """Return the sha256 of the description in canonical form, 64 hexadecimal digits.
+
+        Comments, spaces and the order of keys inside a table do not matter; the order of bodies, joints and
+        contacts does, because it is the order in which the engine adds numbers up.
+        """
+        data = self.model_dump(mode="json", by_alias=True)
+        return hashlib.sha256(json.dumps(data, separators=(",", ":"), ensure_ascii=True).encode()).hexdigest()
+
+
+def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
+    """Check plain data and make the mechanism.
+
+    Parameters
+    ----------
+    data : dict
+        A mechanism file as read.
+    source : str
+        What the first line of an error names: the file.
+
+    Returns
+    -------
+    Mechanism
+
+    Raises
+    ------
+    MechanismError
+        With one line for each fault of the file, not only the first.
+    """
+    try:
+        return Mechanism.model_validate(data)
+    except ValidationError as error:
+        system: UnitSystem = "SI" if data.get("units") == "SI" else "mm-g-ms"
+        faults: list[Fault] = faults_of(error, Mechanism, system)
+        if error.errors()[0]["type"] == "references":
+            faults = []
+        faults += reference_faults(data)
+    lines = "\n".join(f"  {fault}" for fault in faults)
+    raise MechanismError(f"{source}: {len(faults)} fault{'s' if len(faults) > 1 else ''}\n{lines}") from None
+
+
+def mechanism_schema() -> dict[str, Any]:
+    """Return the JSON Schema of the mechanism file, for editors and other programs."""
+    return Mechanism.model_json_schema(by_alias=True)

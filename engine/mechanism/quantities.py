@@ -1,0 +1,48 @@
+"""The two consistent unit systems of a mechanism file, and the physical quantity of every key."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pydantic import GetJsonSchemaHandler
+
+UnitSystem = Literal["mm-g-ms", "SI"]
+
+_UNITS: dict[str, tuple[str, str]] = {
+    "number": ("1", "1"),
+    "length": ("mm", "m"),
+    "mass": ("g", "kg"),
+    "time": ("ms", "s"),
+    "angle": ("rad", "rad"),
+    "inertia": ("g mm2", "kg m2"),
+    "speed": ("mm/ms", "m/s"),
+    "angular speed": ("rad/ms", "rad/s"),
+    "acceleration": ("mm/ms2", "m/s2"),
+    "force": ("N", "N"),
+    "torque": ("N mm", "N m"),
+    "stiffness": ("N/mm", "N/m"),
+    "torsional stiffness": ("N mm/rad", "N m/rad"),
+    "damping": ("N ms/mm", "N s/m"),
+    "torsional damping": ("N mm ms/rad", "N m s/rad"),
+    "real time": ("s", "s"),
+}
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a number of the file measures; its unit follows from the file's unit system.
+
+    Parameters
+    ----------
+    name : str
+        One of the quantities known here, such as ``"length"`` or ``"torsional stiffness"``.
+    """
+
+    name: str
+
+    def unit(self, system: UnitSystem) -> str:
+        """Return the unit in ``system``; ``"1"`` for a pure number."""
+        return _UNITS[self.name][0 if system == "mm-g-ms" else 1]
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        """Name the quantity in the JSON Schema, so that an editor can show it."""
+        return {**handler(schema), "x-quantity": self.name}

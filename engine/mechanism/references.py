@@ -1,0 +1,124 @@
+"""What no single table can see: names that must exist, names used twice, parts that cannot move."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from engine.mechanism.faults import Fault, did_you_mean
+
+_PAIRED = {"joints": ("bearing", "journal"), "contacts": ("a", "b"), "springs": ("a", "b")}
+
+
+def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
+    """Find every reference to something that is not there.
+
+    Works on plain data, so that a file whose tables have faults of their own is still checked here.
+
+    Parameters
+    ----------
+    data : mapping
+        A mechanism file as read, or a mechanism dumped to plain data.
+
+    Returns
+    -------
+    list of Fault
+        Empty when all is well.
+    """
+    return [
+        *_unknown_names(data),
+        *_used_twice(data),
+        *_nothing_moves(data),
+        *_unknown_responses(data),
+    ]
+
+
+def _table(data: Any, name: str) -> Mapping[str, Any]:
+    """Return a sub-table, empty when it is absent or no table."""
+    found = data.get(name) if isinstance(data, Mapping) else None
+    return found if isinstance(found, Mapping) else {}
+
+
+def _phases(data: Mapping[str, Any]) -> list[str]:
+    """Return the names of the phases."""
+    phases = data.get("phases")
+    named = (
+        [str(_table({"p": p}, "p").get("name")) for p in phases] if isinstance(phases, list | tuple) else []
+    )
+    return named or ["run"]
+
+
+def _references(data: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
+    """Yield (kind of thing, key, name) for every name the file refers to."""
+    for table, sides in _PAIRED.items():
+        for name, entry in _table(data, table).items():
+            for side in sides:
+                torsion = isinstance(entry, Mapping) and isinstance(entry.get(side), str)
+                key = f"{table}.{name}.{side}" + ("" if torsion else ".body")
+                yield "body", key, entry[side] if torsion else _table(entry, side).get("body")
+            yield "material", f"{table}.{name}.material", _table({"e": entry}, "e").get("material")
+    for table in ("forces", "torques"):
+        for name, entry in _table(data, table).items():
+            yield "body", f"{table}.{name}.body", _table({"e": entry}, "e").get("body")
+            phases = _table({"e": entry}, "e").get("phases")
+            for phase in phases if isinstance(phases, list | tuple) else ():
+                yield "phase", f"{table}.{name}.phases", phase
+    for name, entry in _table(data, "responses").items():
+        yield "contact", f"responses.{name}.contact", _table({"e": entry}, "e").get("contact")
+        for end in ("from", "to", "direction"):
+            yield "body", f"responses.{name}.{end}.body", _table(entry, end).get("body")
+
+
+def _unknown_names(data: Mapping[str, Any]) -> Iterator[Fault]:
+    known = {
+        "body": list(_table(data, "bodies")),
+        "material": list(_table(data, "materials")),
+        "contact": list(_table(data, "contacts")),
+        "phase": _phases(data),
+    }
+    for kind, key, name in _references(data):
+        if isinstance(name, str) and name not in known[kind]:
+            there = ", ".join(known[kind]) or "none is defined"
+            yield Fault(key, f"no such {kind}; defined here: {there}{did_you_mean(name, known[kind])}", name)
+
+
+def _used_twice(data: Mapping[str, Any]) -> Iterator[Fault]:
+    contacts, joints = _table(data, "contacts"), _table(data, "joints")
+    for name in contacts:
+        if name in joints:
+            yield Fault(
+                f"contacts.{name}", f"joints.{name} has the same name; every name once; rename one of them"
+            )
+    phases = _phases(data)
+    for name in dict.fromkeys(phases):
+        if phases.count(name) > 1:
+            yield Fault("phases", f"two phases have this name; every name once; rename one of them", name)
+
+
+def _nothing_moves(data: Mapping[str, Any]) -> Iterator[Fault]:
+    bodies = _table(data, "bodies")
+    fixed = [name for name in bodies if _table(bodies, name).get("fixed") is True]
+    if len(fixed) == len(bodies):
+        yield Fault("bodies", "no body moves; allowed: at least one without fixed = true; add a moving body")
+    for table, (first, second) in _PAIRED.items():
+        for name, entry in _table(data, table).items():
+            ends = [_table({"e": entry}, "e").get(side) for side in (first, second)]
+            a, b = (end.get("body") if isinstance(end, Mapping) else end for end in ends)
+            if isinstance(a, str) and a == b:
+                text = f"both sides are on {a}; allowed: two different bodies; correct one side"
+                yield Fault(f"{table}.{name}", text)
+            elif a in fixed and b in fixed:
+                text = f"{a} and {b} are both fixed; allowed: at least one that moves; remove it, or free one"
+                yield Fault(f"{table}.{name}", text)
+
+
+def _unknown_responses(data: Mapping[str, Any]) -> Iterator[Fault]:
+    known = list(_table(data, "responses"))
+    conditions = data.get("validity")
+    for condition in conditions if isinstance(conditions, list | tuple) else ():
+        words = str(condition).split()
+        if len(words) == 3 and words[1] in ("<", ">") and words[0] not in known:
+            there = ", ".join(known) or "none is defined"
+            yield Fault(
+                "validity",
+                f"no such response; defined here: {there}{did_you_mean(words[0], known)}",
+                str(condition),
+            )
