@@ -123,6 +123,14 @@ class Mechanism(Model):
             return pair.restitution
         return self.materials[pair.material].restitution if pair.material is not None else 0.0
 
+    def contact_law(self, pair: ClearanceRevolute | Contact) -> tuple[float, float]:
+        """Return the coefficients (friction, restitution) of a joint or contact."""
+        return self.friction_of(pair), self.restitution_of(pair)
+
+    def unit(self, quantity: str) -> str:
+        """Return the unit of a quantity, such as ``"length"`` or ``"time"``, in this mechanism's system."""
+        return Quantity(quantity).unit(self.units)
+
     def canonical_key(self, key: str) -> str:
         """Return the dotted path of a key, so that two keys of one number can be told: J1 is joints.J1.radial_clearance.
 
