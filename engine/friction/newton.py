@@ -104,7 +104,12 @@ def solve_friction(n, nc, p, tolerance):
             p.best[:nc] = p.r[:nc]
         if reached <= tolerance:
             return CONVERGED, total, reached
-    p.r[:nc] = p.best[:nc]
+    for i in range(nc):
+        for k in range(3):
+            p.r[i, k] = p.best[i, k]
+            p.x[i, k] = p.r[i, k] * p.scale[i]
+    _velocity(nc, p, p.x, p.w)
+    _relative_velocity(nc, p, p.w, p.q, p.u)
     return NOT_CONVERGED, total, best
 
 

@@ -42,6 +42,13 @@ class Certificate(NamedTuple):
     iterations_max: np.ndarray  # (1,) int64 in one step
 
 
+def new_certificate() -> Certificate:
+    """Return a blank certificate."""
+    i, f = np.int64, np.float64
+    kinds = Certificate(i, i, i, i, i, np.bool_, f, f, f, i)
+    return Certificate(*(np.zeros(1, kind) for kind in kinds))
+
+
 @kernel
 def run(model, state, work, problem, control, certificate, stop):
     """Simulate until rest in the last phase, or the horizon, or a failure.
@@ -59,7 +66,8 @@ def run(model, state, work, problem, control, certificate, stop):
         end = min(t + model.phase_duration[phase], control.horizon)
         until_rest = model.phase_duration[phase] == np.inf
         pause, settled = -1.0, False
-        while t < end - 0.5 * h and not (until_rest and settled and not control.full_horizon):
+        stay = not until_rest or (control.full_horizon and phase == model.phase_duration.shape[0] - 1)
+        while t < end - 0.5 * h and (stay or not settled):
             status, residual, worst, where, iterations = step(
                 model, state, work, problem, phase, h, control.tolerance, control.penetration, u
             )

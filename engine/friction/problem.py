@@ -1,0 +1,122 @@
+"""The public face of the friction solver: a problem in the form of the field's collections, and its solution."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from engine.errors import EngineError
+
+Array = NDArray[np.float64]
+
+
+class FrictionError(EngineError):
+    """A friction problem is malformed."""
+
+
+@dataclass(frozen=True, init=False)
+class FrictionProblem:
+    """Find impulses r in Coulomb's cones with M v = H' r, u = H v + q and u + mu |u_T| N in the dual cones (eq. 5).
+
+    Attributes
+    ----------
+    M : mass matrix, shape (n, n), symmetric positive definite
+    H : local frames, shape (3 nc, n); rows (N, T1, T2) per contact
+    q : relative velocities without impulses, shape (3 nc,)
+    mu : coefficients of friction, shape (nc,), >= 0
+    """
+
+    M: Array
+    H: Array
+    q: Array
+    mu: Array
+
+    def __init__(self, M: ArrayLike, H: ArrayLike, q: ArrayLike, mu: ArrayLike) -> None:
+        arrays = {"M": M, "H": H, "q": q, "mu": mu}
+        for name, value in arrays.items():
+            object.__setattr__(self, name, np.ascontiguousarray(value, dtype=float))
+        n, nc = self.M.shape[0], self.mu.size
+        for name, shape in {"M": (n, n), "H": (3 * nc, n), "q": (3 * nc,), "mu": (nc,)}.items():
+            if getattr(self, name).shape != shape:
+                raise FrictionError(
+                    f"friction problem: {name} has shape {getattr(self, name).shape}, expected {shape}"
+                )
+            if not np.isfinite(getattr(self, name)).all():
+                raise FrictionError(f"friction problem: {name} holds a number that is not finite")
+        if (self.mu < 0).any():
+            raise FrictionError(
+                f"friction problem: mu[{int(self.mu.argmin())}] = {self.mu.min():g}; allowed: >= 0"
+            )
+
+
+@dataclass(frozen=True)
+class FrictionSolution:
+    """Solution of a friction problem.
+
+    Attributes
+    ----------
+    r, u : impulses and relative velocities, shape (3 nc,), (N, T1, T2) per contact
+    v : velocities, shape (n,)
+    residual : relative natural-map residual, see `engine.friction.cone.residual`
+    iterations : Newton steps
+    converged : ``residual <= tolerance``
+    """
+
+    r: Array
+    u: Array
+    v: Array
+    residual: float
+    iterations: int
+    converged: bool
+
+
+def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | None = None) -> FrictionSolution:
+    """Solve a friction problem.
+
+    Parameters
+    ----------
+    problem : the problem
+    tolerance : relative residual to reach; it does not depend on units
+    start : impulses to start from, shape (3 nc,); zero by default
+
+    Raises
+    ------
+    FrictionError
+        If the mass matrix is not positive definite.
+    """
+    from engine.friction.newton import CONVERGED, solve_friction
+
+    nc, n = problem.mu.size, problem.M.shape[0]
+    try:
+        root = np.linalg.cholesky(problem.M)
+    except np.linalg.LinAlgError:
+        raise FrictionError("friction problem: M is not symmetric positive definite") from None
+    G = np.linalg.solve(root, problem.H.T).T.reshape(nc, 3, n)
+    arrays = _sparse_rows(G, n)
+    arrays.q[:] = problem.q.reshape(nc, 3)
+    arrays.mu[:] = problem.mu
+    if start is not None:
+        arrays.r[:] = np.asarray(start, float).reshape(nc, 3)
+    status, iterations, residual = solve_friction(n, nc, arrays, tolerance)
+    return FrictionSolution(
+        r=arrays.r.ravel(),
+        u=arrays.u.ravel(),
+        v=np.linalg.solve(root.T, arrays.w),
+        residual=float(residual),
+        iterations=int(iterations),
+        converged=status == CONVERGED,
+    )
+
+
+def _sparse_rows(G: Array, n: int) -> Any:
+    """Store of each contact's rows only the columns that are not zero."""
+    from engine.friction.newton import friction_arrays
+
+    columns = [np.flatnonzero(np.abs(rows).max(axis=0) > 0) for rows in G]
+    arrays = friction_arrays(n, len(G), max((len(c) for c in columns), default=1))
+    for i, c in enumerate(columns):
+        arrays.count[i] = len(c)
+        arrays.column[i, : len(c)] = c
+        arrays.G[i, :, : len(c)] = G[i][:, c]
+    return arrays
