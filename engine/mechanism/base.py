@@ -1,6 +1,7 @@
 """What every table of a mechanism file is made of: the base model, numbers, vectors and names."""
 
 import math
+import sys
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
@@ -13,6 +14,10 @@ class Model(BaseModel):
     """Base of all tables: frozen, and a key that is not known is an error."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    def table(self) -> dict[str, Any]:
+        """Return the table by the keys of the file (``from``, not ``from_``); sub-tables are still models."""
+        return {field.alias or name: getattr(self, name) for name, field in type(self).model_fields.items()}
 
 
 def refuse(text: str, *, key: str = "", value: Any = None) -> PydanticCustomError:
@@ -32,7 +37,7 @@ def refuse(text: str, *, key: str = "", value: Any = None) -> PydanticCustomErro
 
 def is_number(value: Any) -> bool:
     """Say whether ``value`` is a finite int or float (a bool is not a number)."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _three_numbers(value: Any) -> tuple[float, float, float]:
@@ -44,9 +49,7 @@ def _three_numbers(value: Any) -> tuple[float, float, float]:
 def _unit(value: tuple[float, float, float]) -> tuple[float, float, float]:
     squared = math.fsum(x * x for x in value)
     if squared == 0:
-        raise refuse(
-            "has no direction; allowed: any vector but [0, 0, 0]; write the direction, of any length"
-        )
+        raise refuse("has no direction; allowed: any vector but [0, 0, 0]; write the direction")
     if abs(squared - 1) < 1e-14:  # already of unit length: dividing again would only stir the last bits
         return value
     length = math.sqrt(squared)

@@ -52,13 +52,9 @@ class Body(Model):
         default=None,
         description="the inertia about the centre of mass in body axes: 3 x 3, or three principal moments",
     )
-    center_of_mass: Point = Field(
-        default=(0.0, 0.0, 0.0), description="the centre of mass, in the body frame"
-    )
+    center_of_mass: Point = Field(default=(0.0, 0.0, 0.0), description="the centre of mass, in body axes")
     origin: Point = Field(default=(0.0, 0.0, 0.0), description="the origin of the body frame, in the world")
-    axis: Direction = Field(
-        default=(0.0, 0.0, 1.0), description="the axis about which the body frame is turned"
-    )
+    axis: Direction = Field(default=(0.0, 0.0, 1.0), description="the axis about which the frame is turned")
     angle: Annotated[Number, Quantity("angle")] = Field(
         default=0.0, description="the angle by which the body frame is turned about axis"
     )
@@ -77,7 +73,7 @@ class Body(Model):
         for key in ("velocity", "angular_velocity"):
             if self.fixed and any(getattr(self, key)):
                 raise refuse(
-                    "a fixed body does not move; allowed: [0, 0, 0]; remove it, or fixed = true",
+                    "a fixed body does not move; allowed: [0, 0, 0]; remove this key, or fixed = true",
                     key=key,
                     value=getattr(self, key),
                 )

@@ -45,7 +45,7 @@ class Arc(Model):
         lean = sum(n * m for n, m in zip(self.normal, self.middle, strict=True))
         if abs(lean) > 1e-5:
             raise refuse(
-                f"does not lie in the arc's plane (normal . middle = {lean:.2g}); allowed: perpendicular to normal; "
+                f"out of the arc's plane (normal . middle = {lean:.2g}); allowed: perpendicular to normal; "
                 "correct one of the two",
                 key="middle",
                 value=list(self.middle),
@@ -67,9 +67,7 @@ class Side(Model):
     body: Name = Field(description="the body the primitive belongs to")
     point: Annotated[Point | None, Quantity("length")] = Field(default=None, description="a point: [x, y, z]")
     plane: Plane | None = Field(default=None, description="a plane: { point, normal }")
-    arc: Arc | None = Field(
-        default=None, description="an arc: { centre, normal, middle, radius, half_angle }"
-    )
+    arc: Arc | None = Field(default=None, description="an arc: { centre, normal, middle, ... }")
     cylinder: Cylinder | None = Field(default=None, description="a cylinder: { point, axis, radius }")
 
     @property
@@ -82,7 +80,8 @@ class Side(Model):
         given = [kind for kind in ("point", "plane", "arc", "cylinder") if getattr(self, kind) is not None]
         if len(given) != 1:
             raise refuse(
-                f"has {' and '.join(given) or 'no primitive'}; allowed: exactly one of point, plane, arc, cylinder"
+                f"has {' and '.join(given) or 'no primitive'}; "
+                "allowed: exactly one of point, plane, arc, cylinder; keep one"
             )
         return self
 
@@ -116,7 +115,8 @@ class Contact(Model):
     def _supported(self) -> Self:
         if {self.a.kind, self.b.kind} not in [set(pair.split("-")) for pair in PAIRS]:
             raise refuse(
-                f"{self.a.kind} against {self.b.kind} has no gap function; allowed pairs: {', '.join(PAIRS)}; "
+                f"{self.a.kind} against {self.b.kind} has no gap function; "
+                f"allowed pairs: {', '.join(PAIRS)}; "
                 "replace one side by points or arcs of its outline"
             )
         if self.material is None and self.friction is None:

@@ -110,10 +110,11 @@ def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem
         known = known_keys(owner) if owner else []
         return Fault(key, f"unknown key; allowed here: {', '.join(known)}{did_you_mean(path[-1], known)}")
     if kind == "union_tag_not_found":
-        return Fault(key, f"type missing; allowed: {_tags(context)}; add type = ...")
+        known = _tags(field.annotation) if field else []
+        return Fault(f"{key}.type", f"missing; allowed: {', '.join(known)}; add type = ...")
     if kind == "union_tag_invalid":
         tag = str(context["tag"])
-        known = [t.strip(" '") for t in context["expected_tags"].split(",")]
+        known = _tags(field.annotation) if field else []
         return Fault(
             f"{key}.type", f"unknown type; allowed: {', '.join(known)}{did_you_mean(tag, known)}", tag
         )
@@ -141,12 +142,13 @@ def _what(kind: str, context: Mapping[str, Any], field: FieldInfo | None) -> str
         return f"not a table{should}"
     if kind == "string_pattern_mismatch":
         return f"not a usable name; allowed: a letter, then letters, digits, '-', '_'{should}"
-    plain = {"bool_type": "not true or false", "string_type": "not a text", "tuple_type": "not a list"}
+    plain = {
+        "bool_type": "not true or false",
+        "string_type": "not a text",
+        "tuple_type": "not a list",
+        "too_short": "empty",
+    }
     return f"{plain.get(kind, 'not allowed')}{should}"
-
-
-def _tags(context: Mapping[str, Any]) -> str:
-    return str(context.get("expected_tags", "see the reference of the file format"))
 
 
 def _locate(root: type[BaseModel], loc: Sequence[str | int]) -> tuple[list[str], Any, FieldInfo | None]:
@@ -170,12 +172,8 @@ def _locate(root: type[BaseModel], loc: Sequence[str | int]) -> tuple[list[str],
             break
         path.append(str(token))
         owner, field = (models[0], field_of(models[0], str(token))) if models else (None, field)
-        if models:
-            annotation = field.annotation if field else None
-        else:
-            annotation = (
-                get_args(options[0])[-1 if get_origin(options[0]) is dict else 0] if options else None
-            )
+        known = field.annotation if field else None
+        annotation = known if models else _item(options)
     return path, owner, field
 
 
@@ -187,6 +185,17 @@ def _options(annotation: Any) -> list[Any]:
     if origin is Union or type(annotation).__name__ == "UnionType":
         return [o for part in get_args(annotation) for o in _options(part)]
     return [] if annotation in (None, type(None)) else [annotation]
+
+
+def _item(options: Sequence[Any]) -> Any:
+    """Return the type of the items of a dict or tuple."""
+    items = get_args(options[0]) if options else ()
+    return (items[-1] if get_origin(options[0]) is dict else items[0]) if items else None
+
+
+def _tags(annotation: Any) -> list[str]:
+    """Return the values of ``type`` among which the tables of a dict can choose."""
+    return [tag for model in _options(_item(_options(annotation))) if (tag := _tag(model))]
 
 
 def _tag(model: type[BaseModel]) -> str | None:

@@ -7,6 +7,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from engine.mechanism.base import (
     Direction,
     Friction,
+    Length,
     Model,
     Name,
     Point,
@@ -62,12 +63,13 @@ class ClearanceRevolute(Model):
     rings: Annotated[tuple[float, ...], BeforeValidator(_stations), Quantity("length")] = Field(
         description="the stations of the bearing's rings along its axis, one or more numbers"
     )
-    radial_clearance: PositiveLength = Field(
-        description="bore radius minus journal radius, the same at every ring, a number > 0"
+    radial_clearance: Length = Field(
+        description="bore radius minus journal radius, the same at every ring, a number > 0",
+        json_schema_extra={"exclusiveMinimum": 0},
     )
     radial_clearance_limit: Annotated[PositiveLength | None, Quantity("length")] = Field(
         default=None,
-        description="the largest clearance the bore as drawn allows; default: the smallest radius",
+        description="the largest clearance the bore as drawn allows",
     )
     material: Name | None = Field(default=None, description="the pair of materials, a table of [materials]")
     friction: Annotated[Friction | None, Quantity("number")] = Field(
@@ -93,7 +95,8 @@ class ClearanceRevolute(Model):
     def _fits(self) -> Self:
         if len(self.radii) != len(self.rings):
             raise refuse(
-                f"{len(self.radii)} radii for {len(self.rings)} rings; allowed: one number, or one for each ring",
+                f"{len(self.radii)} radii for {len(self.rings)} rings; "
+                "allowed: one number, or one for each ring; give as many",
                 key="journal.radius",
                 value=list(self.radii),
             )
@@ -103,10 +106,11 @@ class ClearanceRevolute(Model):
                 key="rings",
                 value=list(self.rings),
             )
-        if self.radial_clearance > self.clearance_limit:
+        if not 0 < self.radial_clearance <= self.clearance_limit:
+            what = "no play" if self.radial_clearance <= 0 else "more than the bore as drawn allows"
             raise refuse(
-                f"more than the bore as drawn allows; allowed: 0 < radial_clearance <= {self.clearance_limit:g}; "
-                "choose a smaller clearance, or give another radial_clearance_limit",
+                f"{what}; allowed: 0 < radial_clearance <= {self.clearance_limit:g}; "
+                "choose a clearance in between, or give another radial_clearance_limit",
                 key="radial_clearance",
                 value=self.radial_clearance,
             )

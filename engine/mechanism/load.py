@@ -70,7 +70,7 @@ def _parse(text: str, source: str) -> Mechanism:
     """Parse TOML and check it."""
     try:
         data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:  # also a whole number of thousands of digits, which is no TOMLDecodeError
         raise MechanismError(f"{source}: not TOML: {error}; correct the file there") from None
     except RecursionError:
         raise MechanismError(f"{source}: not a mechanism: nested too deeply; correct the file") from None

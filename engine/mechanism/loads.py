@@ -11,7 +11,7 @@ Frame = Literal["world", "body"]
 
 
 class LinearSpring(Model):
-    """A force k (free_length - length) - c d(length)/dt along the line of two points; compressed, it pushes."""
+    """A force along the line of two points, k (free_length - length) - c d(length)/dt; > 0 pushes."""
 
     type: Literal["linear"] = Field(description="the kind of spring")
     a: BodyPoint = Field(description="one end: { body, point }")
@@ -28,7 +28,11 @@ class LinearSpring(Model):
 
 
 class TorsionSpring(Model):
-    """A balanced couple about an axis fixed in a: on b -k (phi - free_angle + preload) - c dphi/dt, minus that on a."""
+    """A balanced couple about an axis fixed in a.
+
+    With phi the rotation of b relative to a, b feels -k (phi - free_angle + preload) - c dphi/dt,
+    and a the opposite.
+    """
 
     type: Literal["torsion"] = Field(description="the kind of spring")
     a: Name = Field(description="the body in which the axis is fixed")

@@ -111,35 +111,20 @@ class Mechanism(Model):
         """Return the unit of every response, by name."""
         return {name: response.quantity.unit(self.units) for name, response in self.responses.items()}
 
-    def friction_of(self, pair: ClearanceRevolute | Contact) -> float:
-        """Return the coefficient of friction of a joint or contact: its own, else its material's."""
-        if pair.friction is not None:
-            return pair.friction
-        return self.materials[str(pair.material)].friction
-
-    def restitution_of(self, pair: ClearanceRevolute | Contact) -> float:
-        """Return the coefficient of restitution of a joint or contact: its own, else its material's, else 0."""
-        if pair.restitution is not None:
-            return pair.restitution
-        return self.materials[pair.material].restitution if pair.material is not None else 0.0
-
     def contact_law(self, pair: ClearanceRevolute | Contact) -> tuple[float, float]:
-        """Return the coefficients (friction, restitution) of a joint or contact."""
-        return self.friction_of(pair), self.restitution_of(pair)
+        """Return (friction, restitution) of a joint or contact: its own, else its material's."""
+        own = (pair.friction, pair.restitution)
+        if pair.material is None:
+            return own[0] or 0.0, own[1] or 0.0
+        material = self.materials[pair.material]
+        return (
+            material.friction if own[0] is None else own[0],
+            material.restitution if own[1] is None else own[1],
+        )
 
     def unit(self, quantity: str) -> str:
         """Return the unit of a quantity, such as ``"length"`` or ``"time"``, in this mechanism's system."""
         return Quantity(quantity).unit(self.units)
-
-    def canonical_key(self, key: str) -> str:
-        """Return the dotted path of a key, so that two keys of one number can be told: J1 is joints.J1.radial_clearance.
-
-        Raises
-        ------
-        MechanismError
-            When no number has this key.
-        """
-        return values.canonical_key(self, key)
 
     def value(self, key: str) -> float:
         """Return the number a key stands for: a joint's name (its radial clearance) or a dotted path.

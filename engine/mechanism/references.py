@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from engine.mechanism.faults import Fault, did_you_mean
+from engine.mechanism.responses import CONDITION
 
 _PAIRED = {"joints": ("bearing", "journal"), "contacts": ("a", "b"), "springs": ("a", "b")}
 
@@ -90,7 +91,7 @@ def _used_twice(data: Mapping[str, Any]) -> Iterator[Fault]:
     phases = _phases(data)
     for name in dict.fromkeys(phases):
         if phases.count(name) > 1:
-            yield Fault("phases", f"two phases have this name; every name once; rename one of them", name)
+            yield Fault("phases", "two phases have this name; every name once; rename one of them", name)
 
 
 def _nothing_moves(data: Mapping[str, Any]) -> Iterator[Fault]:
@@ -114,11 +115,11 @@ def _unknown_responses(data: Mapping[str, Any]) -> Iterator[Fault]:
     known = list(_table(data, "responses"))
     conditions = data.get("validity")
     for condition in conditions if isinstance(conditions, list | tuple) else ():
-        words = str(condition).split()
-        if len(words) == 3 and words[1] in ("<", ">") and words[0] not in known:
+        match = CONDITION.fullmatch(str(condition))
+        if match and match[1] not in known:
             there = ", ".join(known) or "none is defined"
             yield Fault(
                 "validity",
-                f"no such response; defined here: {there}{did_you_mean(words[0], known)}",
+                f"no such response; defined here: {there}{did_you_mean(match[1], known)}",
                 str(condition),
             )

@@ -37,9 +37,7 @@ class Reference(Model):
 
     body: Name = Field(description="the body the point or axis belongs to")
     point: Annotated[Point | None, Quantity("length")] = Field(default=None, description="a point: [x, y, z]")
-    axis: Axis | None = Field(
-        default=None, description="a line: { point, axis }; measured from its foot point"
-    )
+    axis: Axis | None = Field(default=None, description="a line: { point, axis }; from its foot point")
 
     @model_validator(mode="after")
     def _one(self) -> Self:
@@ -60,9 +58,7 @@ class Position(Model):
 
     title: str = Field(default="", description="what the response is called in a report")
     type: Literal["position"] = Field(description="the kind of response")
-    from_: Reference = Field(
-        alias="from", description="where the measure starts: { body, point } or { body, axis }"
-    )
+    from_: Reference = Field(alias="from", description="where the measure starts: { body, point or axis }")
     to: BodyPoint = Field(description="where the measure ends: { body, point }")
     direction: ResponseDirection = Field(description="along what: { vector } or { body, vector }")
     offset: Length = Field(default=0.0, description="a length added to the measure")
@@ -75,7 +71,7 @@ class Position(Model):
 
 Response = Annotated[ContactForce | Position, Field(discriminator="type")]
 
-_CONDITION = re.compile(r"\s*([A-Za-z][A-Za-z0-9_-]*)\s*([<>])\s*(\S+)\s*")
+CONDITION = re.compile(r"\s*([A-Za-z][A-Za-z0-9_-]*)\s*([<>])\s*(\S+)\s*")
 
 
 @dataclass(frozen=True)
@@ -109,7 +105,7 @@ def _condition(value: Any) -> Condition:
     """Read ``"response > number"``."""
     if isinstance(value, Condition):
         return value
-    match = _CONDITION.fullmatch(value) if isinstance(value, str) else None
+    match = CONDITION.fullmatch(value) if isinstance(value, str) else None
     try:
         if match is None:
             raise ValueError(value)

@@ -1,8 +1,8 @@
 """One number of a mechanism by its key: read it, its unit, or set it.
 
-A key is a joint's name, which stands for its radial clearance, or the dotted path of a number in the file:
-`springs.A3.preload`, `materials.plastic_plastic.friction`. Setting happens once for each sample of a campaign, so
-only the tables on the way to the number are checked again, not the whole mechanism.
+A key is a joint's name, which stands for its radial clearance, or the dotted path of a number in the file,
+such as `springs.A3.preload`. Setting happens once for each sample of a campaign, so only the tables on the
+way to the number are checked again, not the whole mechanism.
 """
 
 import math
@@ -10,9 +10,10 @@ from collections.abc import Iterator, Mapping
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from engine.errors import MechanismError
+from engine.mechanism.base import Model
 from engine.mechanism.faults import Fault, did_you_mean, faults_of, field_of, field_quantity
 
 if TYPE_CHECKING:
@@ -32,12 +33,6 @@ def unit_of(mechanism: "Mechanism", key: str) -> str:
     return quantity.unit(mechanism.units) if quantity else "1"
 
 
-def canonical_key(mechanism: "Mechanism", key: str) -> str:
-    """Return the dotted path of a key; see `Mechanism.canonical_key`."""
-    _nodes(mechanism, key)
-    return ".".join(_path(mechanism, key))
-
-
 def settable_keys(mechanism: "Mechanism") -> list[str]:
     """Return every key that may be set: the joints' names first, then all dotted paths."""
     return [*mechanism.joints, *_leaves(mechanism, "")]
@@ -51,7 +46,7 @@ def set_values(mechanism: "Mechanism", changes: Mapping[str, float]) -> "Mechani
     mechanism : Mechanism
         Left as it is.
     changes : mapping
-        Key -> number, in the unit of the key. A key is a joint's name (its radial clearance) or a dotted path.
+        Key -> number, in the unit of the key; a joint's name (its radial clearance) or a dotted path.
 
     Returns
     -------
@@ -66,15 +61,26 @@ def set_values(mechanism: "Mechanism", changes: Mapping[str, float]) -> "Mechani
     for key, number in changes.items():
         try:
             unit = unit_of(mechanism, key)
-            if not isinstance(number, Real) or isinstance(number, bool) or not math.isfinite(number):
-                text = f"not a finite number; allowed: a number in {unit}; give one"
-                raise MechanismError(str(Fault(key, text, number)))
-            mechanism = _replaced(mechanism, key, float(number), unit)
+            mechanism = _replaced(mechanism, key, _finite(key, number, unit), unit)
         except MechanismError as error:
             faults.append(f"  {error}")
     if faults:
         raise MechanismError("\n".join([f"mechanism {mechanism.name}: values that cannot be set", *faults]))
     return mechanism
+
+
+def _finite(key: str, number: Any, unit: str) -> float:
+    """Return ``number`` as a float; numpy's numbers are welcome, texts and booleans are not."""
+    if isinstance(number, Real) and not isinstance(number, bool):
+        try:
+            finite = float(number)
+        except OverflowError:  # a whole number beyond the range of floats
+            finite = math.inf
+        if math.isfinite(finite):
+            return finite
+    raise MechanismError(
+        str(Fault(key, f"not a finite number; allowed: a number in {unit}; give one", number))
+    )
 
 
 def _replaced(mechanism: "Mechanism", key: str, number: float, unit: str) -> "Mechanism":
@@ -83,16 +89,13 @@ def _replaced(mechanism: "Mechanism", key: str, number: float, unit: str) -> "Me
     new: Any = number
     for depth in range(len(path) - 1, 0, -1):
         node, token = nodes[depth], path[depth]
-        if isinstance(node, BaseModel):
-            same = {
-                field.alias or name: getattr(node, name) for name, field in type(node).model_fields.items()
-            }
+        if isinstance(node, Model):
             try:
-                new = type(node).model_validate({**same, token: new})
+                new = type(node).model_validate({**node.table(), token: new})
             except ValidationError as error:
                 fault = faults_of(error, type(node), mechanism.units)[0]
-                at_fault = fault.key == ".".join(path[depth:])
-                text = fault.text if at_fault else f"then {'.'.join(path[:depth])}.{fault}"
+                itself = fault.key == ".".join(path[depth:])
+                text = fault.text if itself else f"then {'.'.join(path[:depth])}.{fault}"
                 raise MechanismError(str(Fault(key, text, number, unit))) from None
         else:
             new = _with_item(node, token, new)
@@ -115,52 +118,40 @@ def _nodes(mechanism: "Mechanism", key: str) -> list[Any]:
     """Return what lies on the way to a number: the mechanism first, the number last."""
     nodes: list[Any] = [mechanism]
     for token in _path(mechanism, key):
-        nodes.append(_child(nodes[-1], token))
-    if isinstance(nodes[-1], float):
-        return nodes
-    known = settable_keys(mechanism)
-    below = [k for k in known if k.startswith(f"{key}.")]
-    if nodes[-1] is None and _is_field(nodes[-2], key.rpartition(".")[2]):
-        raise MechanismError(f"{key}: has no number in this mechanism; write one into the file first")
+        below = _below(nodes[-1])
+        if token not in below:
+            raise MechanismError(_unknown(mechanism, key))
+        nodes.append(below[token])
     if nodes[-1] is None:
-        raise MechanismError(
-            f"{key}: unknown key; allowed: a joint ({', '.join(mechanism.joints) or 'there is none'}), whose radial "
-            f"clearance it sets, or the dotted path of a number in the file{did_you_mean(key, known)}"
-        )
-    there = f"; below it: {', '.join(below[:8])}{', ...' if len(below) > 8 else ''}" if below else ""
-    raise MechanismError(f"{key}: not a single number; only single numbers can be set{there}")
+        raise MechanismError(f"{key}: has no number in this mechanism; write one into the file first")
+    if not isinstance(nodes[-1], float):
+        inside = [k for k in settable_keys(mechanism) if k.startswith(f"{key}.")]
+        there = f"; inside it: {', '.join(inside[:8])}{', ...' if len(inside) > 8 else ''}" if inside else ""
+        raise MechanismError(f"{key}: not a single number; allowed: single numbers{there}")
+    return nodes
 
 
-def _child(node: Any, token: str) -> Any:
-    """Return what ``token`` names inside ``node``; None when there is no such thing."""
-    if isinstance(node, BaseModel):
-        name = next((n for n, field in type(node).model_fields.items() if token == (field.alias or n)), None)
-        return getattr(node, name) if name else None
-    if isinstance(node, Mapping):
-        return node.get(token)
-    if isinstance(node, tuple) and token.isdecimal() and int(token) < len(node):
-        item = node[int(token)]
-        return item if isinstance(item, BaseModel) else None
-    return None
+def _unknown(mechanism: "Mechanism", key: str) -> str:
+    """Say that no number has this key, and which keys there are."""
+    joints = ", ".join(mechanism.joints) or "there is none"
+    return (
+        f"{key}: unknown key; allowed: a joint ({joints}), whose radial clearance it sets, "
+        f"or the dotted path of a number in the file{did_you_mean(key, settable_keys(mechanism))}"
+    )
 
 
-def _is_field(node: Any, token: str) -> bool:
-    return isinstance(node, BaseModel) and field_of(type(node), token) is not None
+def _below(node: Any) -> Mapping[str, Any]:
+    """Return what can be named inside ``node``."""
+    if isinstance(node, Model):
+        return node.table()
+    if isinstance(node, tuple):
+        return {str(i): item for i, item in enumerate(node) if isinstance(item, Model)}
+    return node if isinstance(node, Mapping) else {}
 
 
 def _leaves(node: Any, prefix: str) -> Iterator[str]:
     """Yield the dotted path of every single number below ``node``."""
-    if isinstance(node, BaseModel):
-        below = [
-            (field.alias or name, getattr(node, name)) for name, field in type(node).model_fields.items()
-        ]
-    elif isinstance(node, Mapping):
-        below = list(node.items())
-    elif isinstance(node, tuple):
-        below = [(str(i), item) for i, item in enumerate(node) if isinstance(item, BaseModel)]
-    else:
-        below = []
-    for token, child in below:
+    for token, child in _below(node).items():
         if isinstance(child, float):
             yield prefix + token
         yield from _leaves(child, f"{prefix}{token}.")
