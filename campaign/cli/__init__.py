@@ -1,0 +1,70 @@
+"""The command ``clearcap``; each verb imports what it needs when it is called, so that the help is quick."""
+
+import sys
+from typing import Annotated
+
+import typer
+
+from campaign.cli.campaigns import report, status
+from campaign.cli.mechanism import mechanism_app
+from campaign.cli.output import say, show_warnings
+from campaign.cli.run import run
+from campaign.cli.schema import schema_app
+from campaign.cli.simulate import simulate
+
+app = typer.Typer(
+    name="clearcap",
+    help="From clearance to capability: what the play in a mechanism's joints does to its function.",
+    epilog="Exit status: 0 done; 1 the work failed; 2 wrong input; 4 the store failed; 130 interrupted.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+app.command()(run)
+app.command()(status)
+app.command()(report)
+app.command()(simulate)
+app.add_typer(mechanism_app, name="mechanism")
+app.add_typer(schema_app, name="schema")
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from campaign.version import clearcap_version
+
+        print(f"clearcap {clearcap_version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """From clearance to capability: what the play in a mechanism's joints does to its function."""
+
+
+def main() -> None:
+    """Run the command; a fault of the user's input is one message and an exit status, never a traceback."""
+    show_warnings()
+    try:
+        app()
+    except Exception as error:
+        code = _exit_code(error)
+        if code is None:
+            raise
+        say(f"error: {error}")
+        sys.exit(code)
+
+
+def _exit_code(error: Exception) -> int | None:
+    """Return the exit status for an error with a message made for the user; None for a bug."""
+    from campaign.errors import CampaignError
+    from engine import EngineError, MechanismError
+
+    if isinstance(error, CampaignError):
+        return error.exit_code
+    if isinstance(error, MechanismError):
+        return 2
+    return 1 if isinstance(error, EngineError) else None

@@ -1,0 +1,83 @@
+"""``clearcap mechanism``: the shipped mechanisms, what one is made of, and whether a file is right."""
+
+from typing import Annotated, Any
+
+import typer
+
+from campaign.cli.output import Json, print_json
+
+mechanism_app = typer.Typer(help="List, show and check mechanisms.", no_args_is_help=True)
+
+Which = Annotated[str, typer.Argument(help="A shipped mechanism or a mechanism file.")]
+
+
+@mechanism_app.command("list")
+def list_mechanisms(json: Json = False) -> None:
+    """List the shipped mechanisms."""
+    from engine import library_names, load_mechanism
+
+    titles = {name: load_mechanism(name).title for name in library_names()}
+    if json:
+        print_json([{"name": name, "title": title} for name, title in titles.items()])
+        return
+    width = max(map(len, titles))
+    for name, title in titles.items():
+        print(f"{name:{width}}  {title}")
+
+
+@mechanism_app.command()
+def show(mechanism: Which, json: Json = False) -> None:
+    """Show what a mechanism is made of: inputs with value and unit, responses, validity conditions."""
+    from engine import load_mechanism
+
+    document = _description(load_mechanism(mechanism))
+    if json:
+        print_json(document)
+        return
+    print(f"{document['name']}: {document['title']}\n{document['description']}\n")
+    print(f"units {document['units']}; {document['bodies']} bodies, {document['contacts']} contacts\n")
+    print("clearances:")
+    for name, entry in document["clearances"].items():
+        print(f"  {name} = {entry['value']:g} {entry['unit']}")
+    print("responses:")
+    for name, entry in document["responses"].items():
+        print(f"  {name} [{entry['unit']}]  {entry['title']}")
+    for condition in document["validity"]:
+        print(f"valid only if {condition}")
+
+
+@mechanism_app.command()
+def check(mechanism: Which, json: Json = False) -> None:
+    """Check a mechanism: every key, and that no parts overlap at the start."""
+    from engine import check as check_start
+    from engine import load_mechanism
+
+    loaded = load_mechanism(mechanism)
+    check_start(loaded)
+    if json:
+        print_json({"mechanism": loaded.name, "ok": True, "digest": loaded.digest()})
+    else:
+        print(f"{mechanism}: right")
+
+
+def _description(mechanism: Any) -> dict[str, Any]:
+    """Return what a mechanism is made of, as plain data."""
+    units = mechanism.response_units()
+    return {
+        "name": mechanism.name,
+        "title": mechanism.title,
+        "description": mechanism.description.strip(),
+        "units": mechanism.units,
+        "digest": mechanism.digest(),
+        "bodies": len(mechanism.bodies),
+        "contacts": len(mechanism.contacts),
+        "clearances": {
+            name: {"value": mechanism.value(name), "unit": mechanism.unit_of(name)}
+            for name in mechanism.joints
+        },
+        "responses": {
+            name: {"title": response.title, "unit": units[name]}
+            for name, response in mechanism.responses.items()
+        },
+        "validity": [str(condition) for condition in mechanism.validity],
+    }

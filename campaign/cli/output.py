@@ -1,0 +1,46 @@
+"""What goes where: results to standard output, messages and progress to standard error."""
+
+import json
+import logging
+import math
+import sys
+from typing import Annotated, Any
+
+import typer
+
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
+
+
+def print_json(document: Any) -> None:
+    """Print one JSON document on standard output; a number that is not finite becomes null."""
+    json.dump(_finite(document), sys.stdout, indent=2, ensure_ascii=False, allow_nan=False)
+    sys.stdout.write("\n")
+
+
+def say(text: str) -> None:
+    """Print a message on standard error."""
+    print(f"clearcap: {text}", file=sys.stderr)
+
+
+def show_warnings() -> None:
+    """Send what the campaign logs to standard error."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("clearcap: %(message)s"))
+    logger = logging.getLogger("campaign")
+    logger.addHandler(handler)
+    logger.setLevel(logging.INFO)
+
+
+def number(value: float | None, digits: int = 5) -> str:
+    """Return a number for a table; a dash for none."""
+    return "-" if value is None else f"{value:.{digits}g}"
+
+
+def _finite(document: Any) -> Any:
+    if isinstance(document, float):
+        return document if math.isfinite(document) else None
+    if isinstance(document, dict):
+        return {key: _finite(value) for key, value in document.items()}
+    if isinstance(document, list | tuple):
+        return [_finite(value) for value in document]
+    return document

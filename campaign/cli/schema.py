@@ -1,0 +1,23 @@
+"""``clearcap schema``: JSON Schemas of the two file formats, for editors and other programs."""
+
+import typer
+
+from campaign.cli.output import Json, print_json
+
+schema_app = typer.Typer(help="Print the JSON Schema of a file format.", no_args_is_help=True)
+
+
+@schema_app.command()
+def mechanism(json: Json = False) -> None:
+    """Print the JSON Schema of mechanism files."""
+    from engine.mechanism import mechanism_schema
+
+    print_json(mechanism_schema())
+
+
+@schema_app.command()
+def campaign(json: Json = False) -> None:
+    """Print the JSON Schema of campaign files."""
+    from campaign.spec import campaign_schema
+
+    print_json(campaign_schema())

@@ -1,0 +1,71 @@
+"""Workers on this machine: a local dask cluster of single-threaded processes, quiet and bound to loopback."""
+
+import logging
+import os
+import signal
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import dask
+from distributed import Client, LocalCluster
+
+# Dotted, because setting a whole table replaces it. Independent tasks need no stealing and no rebalancing;
+# results are counts, so nothing is ever worth spilling to disk.
+SETTINGS = {
+    "distributed.scheduler.allowed-failures": 3,
+    "distributed.scheduler.work-stealing": False,
+    "distributed.scheduler.active-memory-manager.start": False,
+    "distributed.worker.profile.enabled": False,
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.nanny.pre-spawn-environ.OMP_NUM_THREADS": 1,
+    "distributed.nanny.pre-spawn-environ.MKL_NUM_THREADS": 1,
+    "distributed.nanny.pre-spawn-environ.OPENBLAS_NUM_THREADS": 1,
+    "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1,
+    "distributed.nanny.pre-spawn-environ.DASK_LOGGING__DISTRIBUTED": "critical",
+}
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+@contextmanager
+def local_client(workers: int) -> Iterator[Client]:
+    """Start ``workers`` single-threaded processes and yield a dask client to them; stop them at the end."""
+    quiet = dask.config.set(SETTINGS)
+    with quiet, tempfile.TemporaryDirectory(prefix="clearcap-") as scratch:
+        with interrupts_held():
+            cluster = LocalCluster(  # type: ignore[no-untyped-call]  # distributed is annotated in parts
+                n_workers=workers,
+                threads_per_worker=1,
+                processes=True,
+                host="127.0.0.1",
+                scheduler_kwargs={
+                    "dashboard": False,
+                    "dashboard_address": "127.0.0.1:0",
+                },  # 8787 may be taken
+                silence_logs=logging.CRITICAL,
+                local_directory=scratch,
+            )
+            client = Client(cluster, set_as_default=False)  # type: ignore[no-untyped-call]
+        try:
+            yield client
+        finally:
+            client.close()  # type: ignore[no-untyped-call]
+            cluster.close()
+
+
+@contextmanager
+def interrupts_held() -> Iterator[None]:
+    """Hold Ctrl-C back from this thread, and for good from the threads and processes it starts meanwhile.
+
+    A terminal sends Ctrl-C to every process; only the one that talks to the user is to answer it.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

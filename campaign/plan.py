@@ -1,0 +1,124 @@
+"""The plan of a campaign: immutable, complete, and named after what its rows depend on."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import pyarrow as pa
+
+from campaign.errors import StoreError
+from campaign.load import Campaign
+from campaign.schema import results_schema
+from campaign.spec import CampaignSpec
+from engine import build_id
+from engine.mechanism import Mechanism
+
+FORMAT = 1
+LARGEST_BATCH = 100  # runs: what a killed worker loses at most
+BATCHES_AT_LEAST = 40  # so that the progress moves and the last batches keep all workers busy
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be computed; a pure function of the spec, the mechanism and the engine.
+
+    Attributes
+    ----------
+    campaign_id : str
+        Name and ten hexadecimal digits of a hash over spec, mechanism and engine build.
+    spec : CampaignSpec
+        The campaign.
+    mechanism : Mechanism
+        The mechanism, complete: workers need no other file.
+    engine_build : str
+        The only engine build whose rows may enter.
+    batches : tuple of (int, int)
+        First sample and number of samples of each batch; the position in the tuple is the batch's number.
+    """
+
+    campaign_id: str
+    spec: CampaignSpec
+    mechanism: Mechanism
+    engine_build: str
+    batches: tuple[tuple[int, int], ...]
+
+    @cached_property
+    def schema(self) -> pa.Schema:
+        """Columns, units and campaign id of every part."""
+        return results_schema(self.mechanism, self.spec.targets(), self.campaign_id)
+
+    def to_json(self) -> str:
+        """Return the content of ``plan.json``."""
+        columns = [
+            {"name": f.name, "type": str(f.type), "unit": (f.metadata or {}).get(b"unit", b"").decode()}
+            for f in self.schema
+        ]
+        content = {
+            "format": FORMAT,
+            "campaign": self.campaign_id,
+            "engine_build": self.engine_build,
+            "mechanism_digest": self.mechanism.digest(),
+            "spec": dump(self.spec),
+            "schema": columns,
+            "batches": self.batches,
+            "mechanism": json.loads(self.mechanism.model_dump_json(by_alias=True, exclude_none=True)),
+        }
+        return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+    @classmethod
+    def from_json(cls, text: str) -> "Plan":
+        """Read ``plan.json``.
+
+        Raises
+        ------
+        StoreError
+            If it is of another format, or not what was written.
+        """
+        try:
+            content = json.loads(text)
+            if content["format"] != FORMAT:
+                raise StoreError(f"plan.json has format {content['format']}; this version reads {FORMAT}")
+            spec = CampaignSpec.model_validate(content["spec"])
+            mechanism = Mechanism.model_validate_json(json.dumps(content["mechanism"]))
+            batches = tuple((int(first), int(count)) for first, count in content["batches"])
+            plan = cls(content["campaign"], spec, mechanism, content["engine_build"], batches)
+        except (ValueError, KeyError, TypeError) as error:
+            raise StoreError(
+                f"plan.json cannot be read: {error}; restore it, or run in a new store"
+            ) from error
+        if plan.campaign_id != _identity(spec, mechanism, plan.engine_build):
+            raise StoreError(
+                "plan.json was changed after it was written: its content no longer has the id"
+                f" {plan.campaign_id}; restore it, or run in a new store"
+            )
+        return plan
+
+
+def make_plan(campaign: Campaign, batch_size: int | None = None) -> Plan:
+    """Plan a campaign for this build of the engine.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        What to compute.
+    batch_size : int, optional
+        Samples in a batch; default a fortieth of all, between 1 and 100. Rows do not depend on it.
+    """
+    spec, build = campaign.spec, build_id()
+    size = batch_size or min(max(spec.samples // BATCHES_AT_LEAST, 1), LARGEST_BATCH)
+    batches = tuple((first, min(size, spec.samples - first)) for first in range(0, spec.samples, size))
+    return Plan(_identity(spec, campaign.mechanism, build), spec, campaign.mechanism, build, batches)
+
+
+def dump(spec: CampaignSpec) -> dict[str, Any]:
+    """Return a spec as the plain tables of a campaign file, without what is not set."""
+    return spec.model_dump(mode="json", exclude_none=True)
+
+
+def _identity(spec: CampaignSpec, mechanism: Mechanism, build: str) -> str:
+    content: Mapping[str, Any] = {"spec": dump(spec), "mechanism": mechanism.digest(), "engine": build}
+    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return f"{spec.name}-{hashlib.sha256(canonical.encode()).hexdigest()[:10]}"

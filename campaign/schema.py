@@ -1,0 +1,58 @@
+"""Columns of the results: one row a sample, every number with its unit."""
+
+from collections.abc import Mapping
+
+import pyarrow as pa
+
+from engine.mechanism import Mechanism
+from engine.mechanism.quantities import Quantity
+
+CERTIFICATE_COLUMNS = (
+    "sample",
+    "status",
+    "message",
+    "steps",
+    "wall_s",
+    "max_residual",
+    "max_penetration",
+    "settled",
+    "attempts",
+)
+
+
+def results_schema(mechanism: Mechanism, targets: Mapping[str, str], campaign_id: str) -> pa.Schema:
+    """Return the schema of a campaign's table.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Gives the responses and all units.
+    targets : mapping of str to str
+        Key of the mechanism that each variable sets, by variable name.
+    campaign_id : str
+        Kept in the metadata, so that a foreign part is known.
+    """
+    length = Quantity("length").unit(mechanism.units)
+    fields = [
+        pa.field("sample", pa.int64(), nullable=False),
+        *(_number(name, mechanism.unit_of(target), nullable=False) for name, target in targets.items()),
+        *(_number(name, unit) for name, unit in mechanism.response_units().items()),
+        pa.field("status", pa.string(), nullable=False),
+        pa.field("message", pa.string(), nullable=False),
+        pa.field("steps", pa.int64()),
+        _number("wall_s", "s"),
+        _number("max_residual", "1"),
+        _number("max_penetration", length),
+        pa.field("settled", pa.bool_(), nullable=False),
+        pa.field("attempts", pa.int64(), nullable=False),
+    ]
+    return pa.schema(fields, metadata={"format": "1", "campaign": campaign_id})
+
+
+def units_of(schema: pa.Schema) -> dict[str, str]:
+    """Return the unit of every column that has one."""
+    return {f.name: f.metadata[b"unit"].decode() for f in schema if f.metadata and b"unit" in f.metadata}
+
+
+def _number(name: str, unit: str, *, nullable: bool = True) -> pa.Field:
+    return pa.field(name, pa.float64(), nullable=nullable, metadata={"unit": unit})

@@ -1,0 +1,61 @@
+"""A small campaign on the C-60's description, for tests that need no physics."""
+
+import pytest
+
+from campaign.load import load_campaign
+from campaign.plan import make_plan
+from campaign.store import open_store
+
+SPEC = """\
+format = 1
+name = "demo"
+mechanism = "c60"
+samples = 25
+seed = 7
+
+[variables.J1]
+distribution = "truncated_normal"
+mean = 0.07
+std = 0.0175
+lower = 0.01
+upper = 0.13
+
+[variables.preload]
+target = "springs.A3.preload"
+distribution = "uniform"
+lower = 0.9
+upper = 1.0
+
+[responses.FC-1]
+lsl = 9.0
+usl = 16.0
+source = "a test"
+"""
+
+
+@pytest.fixture
+def campaign_file(tmp_path):
+    """Return the path of a sound campaign file; change its text to make it unsound."""
+    path = tmp_path / "demo.toml"
+    path.write_text(SPEC)
+    return path
+
+
+@pytest.fixture
+def campaign(campaign_file):
+    """Return the campaign of the file."""
+    return load_campaign(str(campaign_file))
+
+
+@pytest.fixture
+def plan(campaign):
+    """Return its plan in batches of 10, 10 and 5."""
+    return make_plan(campaign, 10)
+
+
+@pytest.fixture
+def store(tmp_path, plan):
+    """Return a store in a folder, holding the plan."""
+    opened = open_store(str(tmp_path / "runs"))
+    opened.create_plan(plan)
+    return opened

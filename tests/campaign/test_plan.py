@@ -1,0 +1,94 @@
+"""The plan: same campaign, same id; anything a row depends on, another id."""
+
+import json
+
+import pytest
+import tomli_w
+
+from campaign.errors import StoreError
+from campaign.load import load_campaign
+from campaign.plan import Plan, make_plan
+
+
+def test_same_campaign_same_id(campaign, campaign_file):
+    """The id depends on content alone: not on batches, comments or how numbers are written."""
+    text = campaign_file.read_text()
+    campaign_file.write_text(
+        "# a comment\n" + text.replace("0.07", "7e-2").replace("lower = 0.9", "lower = 0.90")
+    )
+    again = load_campaign(str(campaign_file))
+    assert make_plan(again, 3).campaign_id == make_plan(campaign, 10).campaign_id
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("samples = 25", "samples = 26"),
+        ("seed = 7", "seed = 8"),
+        ("0.0175", "0.0176"),
+        ('"c60"', '"own.toml"'),
+    ],
+)
+def test_another_campaign_another_id(campaign, campaign_file, old, new):
+    """Samples, seed, distributions and the mechanism's content are part of the id."""
+    own = campaign.mechanism.model_copy(update={"title": "own"})
+    content = own.model_dump(mode="json", by_alias=True, exclude_none=True)
+    (campaign_file.parent / "own.toml").write_text(tomli_w.dumps(content))
+    before = make_plan(campaign).campaign_id
+    campaign_file.write_text(campaign_file.read_text().replace(old, new))
+    assert make_plan(load_campaign(str(campaign_file))).campaign_id != before
+
+
+def test_another_engine_another_id(campaign, monkeypatch):
+    """Rows of two engine builds never meet in one campaign."""
+    before = make_plan(campaign).campaign_id
+    monkeypatch.setattr("campaign.plan.build_id", lambda: "another")
+    assert make_plan(campaign).campaign_id != before
+
+
+@pytest.mark.parametrize(
+    ("samples", "size", "expected"), [(1, None, 1), (500, None, 12), (30_850, None, 100)]
+)
+def test_default_batches(campaign_file, samples, size, expected):
+    """A fortieth of the samples, at least 1, at most 100; every sample in exactly one batch."""
+    plan = make_plan(load_campaign(str(campaign_file), samples=samples), size)
+    assert plan.batches[0][1] == expected
+    assert [s for first, count in plan.batches for s in range(first, first + count)] == list(range(samples))
+
+
+def test_json_holds_everything(plan):
+    """A plan read back is the plan, mechanism included."""
+    again = Plan.from_json(plan.to_json())
+    assert again == plan
+    assert again.schema.equals(plan.schema, check_metadata=True)
+
+
+def test_schema_has_units(plan):
+    """Every number has its unit in the field, and the table says whose it is."""
+    units = {field.name: (field.metadata or {}).get(b"unit") for field in plan.schema}
+    assert plan.schema.names[:4] == ["sample", "J1", "preload", "FC-1"]
+    expected = {
+        "J1": b"mm",
+        "preload": b"rad",
+        "FC-1": b"N",
+        "FC-2": b"mm",
+        "wall_s": b"s",
+        "max_penetration": b"mm",
+    }
+    assert expected.items() <= units.items()
+    assert plan.schema.metadata[b"campaign"].decode() == plan.campaign_id
+
+
+def test_changed_plan_is_refused(plan):
+    """A plan whose content does not match its id was tampered with."""
+    content = json.loads(plan.to_json())
+    content["spec"]["seed"] = 8
+    with pytest.raises(StoreError, match="changed after it was written"):
+        Plan.from_json(json.dumps(content))
+
+
+@pytest.mark.parametrize("text", ["", "{}", "[]", '{"format": 2}', '{"format": 1, "spec": {}}'])
+def test_unreadable_plan_is_refused(text):
+    """What is no plan is said to be none."""
+    with pytest.raises(StoreError, match=r"plan\.json"):
+        Plan.from_json(text)
