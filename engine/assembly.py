@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from engine.errors import MechanismError
-from engine.friction.newton import FrictionArrays, friction_arrays
+from engine.friction.arrays import FrictionArrays, friction_arrays
 from engine.kernels.contacts import find_contacts
 from engine.kernels.model import (
     ARC_CYLINDER,

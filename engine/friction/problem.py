@@ -85,7 +85,8 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
     FrictionError
         If the mass matrix is not positive definite.
     """
-    from engine.friction.newton import CONVERGED, solve_friction
+    from engine.friction.arrays import CONVERGED
+    from engine.friction.solver import solve_friction
 
     nc, n = problem.mu.size, problem.M.shape[0]
     try:
@@ -111,7 +112,7 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
 
 def _sparse_rows(G: Array, n: int) -> Any:
     """Store of each contact's rows only the columns that are not zero."""
-    from engine.friction.newton import friction_arrays
+    from engine.friction.arrays import friction_arrays
 
     columns = [np.flatnonzero(np.abs(rows).max(axis=0) > 0) for rows in G]
     arrays = friction_arrays(n, len(G), max((len(c) for c in columns), default=1))

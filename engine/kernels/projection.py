@@ -4,7 +4,8 @@ Minimise 1/2 d' M d subject to g_N + G_N d >= 0 over the contacts near the viola
 violation is below the tolerance. The metric matters: unweighted coordinates diverge on closed loops with clearance.
 """
 
-from engine.friction.newton import CONVERGED, solve_friction
+from engine.friction.arrays import CONVERGED
+from engine.friction.solver import solve_friction
 from engine.kernels.contacts import add_whitened, find_contacts, whitened_rows
 from engine.kernels.jit import kernel
 from engine.kernels.rotations import rotation_matrix, turn

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engine.friction.newton import CONVERGED
+from engine.friction.arrays import CONVERGED
 from engine.kernels.contacts import find_contacts
 from engine.kernels.jit import kernel
 from engine.kernels.model import CONTACT_FORCE

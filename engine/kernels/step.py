@@ -1,6 +1,6 @@
 """One time step of length h: Moreau's midpoint rule with combined projection (paper, eqs. 20-22)."""
 
-from engine.friction.newton import CONVERGED
+from engine.friction.arrays import CONVERGED
 from engine.kernels.contacts import find_contacts
 from engine.kernels.jit import kernel
 from engine.kernels.loads import apply_loads

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine.friction.newton import solve_friction
+from engine.friction.solver import solve_friction
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.jit import kernel
 

@@ -11,8 +11,10 @@ from engine.mechanism.quantities import Quantity
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
 
-def _inertia(value: Any) -> Matrix:
+def _inertia(value: Any) -> Matrix | None:
     """Read three principal moments or a full tensor, and refuse what no rigid body can have."""
+    if value is None:
+        return None
     rows = value if isinstance(value, list | tuple) else ()
     if len(rows) == 3 and all(map(is_number, rows)):
         rows = np.diag(np.array(rows, dtype=float)).tolist()
