@@ -1,0 +1,122 @@
+"""Files and shipped names: what loads, and what is said of what does not."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from engine.errors import MechanismError
+from engine.mechanism import Mechanism, library_names, load_mechanism
+
+MINIMAL = """
+format = 1
+name = "ball"
+units = "SI"
+[simulation]
+step = 1e-3
+horizon = 1
+penetration = 1e-8
+rest = { window = 0.1, drift = 1e-6 }
+[bodies.ball]
+mass = 1
+inertia = [1, 1, 1]
+"""
+
+
+def write(folder: Path, text: str | bytes) -> Path:
+    path = folder / "m.toml"
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return path
+
+
+def message(name_or_path: str | Path) -> str:
+    with pytest.raises(MechanismError) as caught:
+        load_mechanism(name_or_path)
+    return str(caught.value)
+
+
+def test_the_shipped_ones_load():
+    assert library_names() == ["c60", "clearance_pendulum", "incline"]
+    for name in library_names():
+        mechanism = load_mechanism(name)
+        assert isinstance(mechanism, Mechanism)
+        assert mechanism.name == name
+        assert mechanism.title
+        assert mechanism.description
+
+
+def test_a_path_loads_as_text_and_as_path(tmp_path):
+    path = write(tmp_path, MINIMAL)
+    assert load_mechanism(path) == load_mechanism(str(path))
+    assert load_mechanism(path).bodies["ball"].mass == 1.0
+
+
+def test_an_unknown_name_lists_the_shipped_ones():
+    text = message("c61")
+    assert text.startswith("c61: no such mechanism; shipped are c60, clearance_pendulum, incline")
+    assert "did you mean 'c60'?" in text
+
+
+@pytest.mark.parametrize("name", ["no/such", "none.toml"])
+def test_an_absent_file_is_said_to_be_absent(name):
+    why = "cannot be read (no such file or directory); give a mechanism's TOML file"
+    assert message(name) == f"{name}: {why}"
+
+
+def test_a_folder_is_no_file(tmp_path):
+    assert "cannot be read (is a directory)" in message(tmp_path)
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
+def test_a_file_that_may_not_be_read(tmp_path):
+    path = write(tmp_path, MINIMAL)
+    path.chmod(0)
+    assert "permission denied" in message(path)
+
+
+def test_a_large_file_is_not_read(tmp_path):
+    assert "1000001 bytes; allowed: up to 1000000" in message(write(tmp_path, b"#" * 1_000_001))
+
+
+def test_text_must_be_utf8(tmp_path):
+    assert "line 3: not UTF-8 text" in message(write(tmp_path, b"# one\n# two\n# caf\xe9\n"))
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("format = 1\nname = \n", "line 2"),
+        (MINIMAL + "[bodies.ball]\n", "line"),
+        ("x = " + "1" * 5000, "digits"),
+    ],
+)
+def test_what_is_not_toml_is_said_with_its_line(tmp_path, text, place):
+    path = write(tmp_path, text)
+    said = message(path)
+    assert said.startswith(f"{path}: not TOML: ")
+    assert place in said
+
+
+def test_deep_nesting_is_refused(tmp_path):
+    assert "m.toml" in message(write(tmp_path, "x = " + "[" * 100_000))
+
+
+def test_an_empty_file_says_what_is_missing(tmp_path):
+    said = message(write(tmp_path, ""))
+    for key in ("format", "name", "units", "simulation", "bodies"):
+        assert f"  {key}: missing" in said
+
+
+def test_the_first_line_names_the_file(tmp_path):
+    path = write(tmp_path, MINIMAL.replace("mass = 1", "mass = -1"))
+    assert message(path).split("\n")[0] == f"{path}: 1 fault"
+
+
+def test_a_description_loads_without_tables_and_cluster():
+    code = (
+        "import sys, engine.mechanism; print([m for m in ('dask', 'pandas', 'pyarrow') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
