@@ -6,6 +6,7 @@ import signal
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 
 import dask
 from distributed import Client, LocalCluster
@@ -64,6 +65,7 @@ def interrupts_held() -> Iterator[None]:
 
     A terminal sends Ctrl-C to every process; only the one that talks to the user is to answer it.
     """
+    resource_tracker.ensure_running()  # started later, it would let Ctrl-C through to the thread that starts it
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

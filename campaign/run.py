@@ -28,6 +28,7 @@ from engine import simulate, warm_up
 logger = logging.getLogger(__name__)
 
 BATCHES_PER_WORKER = 3  # in flight: one runs, one waits at the worker, one at the scheduler
+LOADS_WITHIN = 4.0  # s: an engine that takes longer is not in the cache
 ROUNDS = 3  # over what is still missing, before the store is called broken
 
 OnDone = Callable[[Done], None]
@@ -141,7 +142,6 @@ def _compute(
     store: Store, plan: Plan, task: Task, missing: list[int], workers: int, watcher: Watcher
 ) -> None:
     """Compute batches on local workers, and those that kill workers apart from the others."""
-    warm_up()  # one process compiles, the workers load
 
     def tell(done: Done) -> None:
         rows = sum(done["statuses"].values())
@@ -149,11 +149,22 @@ def _compute(
 
     processes = min(workers, len(missing))
     with local_client(processes) as client:
+        _compile(client)
         suspects = drive(client, task, missing, BATCHES_PER_WORKER * processes, tell)
         guilty = [batch for batch in suspects if drive(client, task, [batch], 1, tell)]
     for batch in guilty:
         logger.warning("batch %d kills its worker: its samples are computed one by one", batch)
         tell(quarantine(store, plan, task, batch))
+
+
+def _compile(client: Client) -> None:
+    """Have one worker compile the engine, so that the others load what it compiled."""
+    compiled = client.submit(warm_up, pure=False)
+    try:
+        compiled.result(timeout=LOADS_WITHIN)
+    except TimeoutError:
+        logger.info("compiling the engine: once after each change of version, about a minute")
+        compiled.result()
 
 
 def drive(client: Client, task: Task, batches: Iterable[int], window: int, tell: OnDone) -> list[int]:

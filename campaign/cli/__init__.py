@@ -7,7 +7,7 @@ import typer
 
 from campaign.cli.campaigns import report, status
 from campaign.cli.mechanism import mechanism_app
-from campaign.cli.output import say, show_warnings
+from campaign.cli.output import say, show_logs
 from campaign.cli.run import run
 from campaign.cli.schema import schema_app
 from campaign.cli.simulate import simulate
@@ -47,7 +47,7 @@ def root(
 
 def main() -> None:
     """Run the command; a fault of the user's input is one message and an exit status, never a traceback."""
-    show_warnings()
+    show_logs()
     try:
         app()
     except Exception as error:

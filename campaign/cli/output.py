@@ -22,13 +22,18 @@ def say(text: str) -> None:
     print(f"clearcap: {text}", file=sys.stderr)
 
 
-def show_warnings() -> None:
-    """Send what the campaign logs to standard error."""
-    handler = logging.StreamHandler()
-    handler.setFormatter(logging.Formatter("clearcap: %(message)s"))
+def show_logs() -> None:
+    """Send what the campaign logs to standard error, as messages."""
     logger = logging.getLogger("campaign")
-    logger.addHandler(handler)
+    logger.addHandler(_Said())
     logger.setLevel(logging.INFO)
+
+
+class _Said(logging.Handler):
+    """Says what is logged, above the progress bar if there is one."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        say(record.getMessage())
 
 
 def number(value: float | None, digits: int = 5) -> str:

@@ -1,6 +1,7 @@
 """``clearcap run``: a campaign to its end on this machine, then the report."""
 
 import shlex
+from collections import Counter
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -75,7 +76,8 @@ def _finish(store: "Store", outcome: "Outcome", *, with_report: bool, as_json: b
         if files:
             print(f"report: {files['html']}")
     if ok == 0:
-        say("error: not one run succeeded; the table's messages say why")
+        worst, count = Counter(table["message"].to_pylist()).most_common(1)[0]
+        say(f"error: not one run succeeded; {count} of {table.num_rows} say: {worst}")
         raise typer.Exit(1)
 
 

@@ -33,7 +33,7 @@ class Watcher:
 @pytest.fixture(autouse=True)
 def no_compilation(monkeypatch):
     """Nothing of the engine runs here."""
-    monkeypatch.setattr(campaign_run, "warm_up", lambda: 0.0)
+    monkeypatch.setattr(campaign_run, "warm_up", fake_engine.warm_up)
 
 
 def start(tmp_path, name, asked, workers=2, batch_size=3, simulate=fake_engine.simulate):

@@ -1,0 +1,205 @@
+"""The command: exit statuses, one JSON document on standard output, one message for a fault of the input."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import campaign.run as campaign_run
+from campaign.cli import app, main
+from tests.campaign import fake_engine
+
+ROOT = Path(__file__).parents[2]
+
+
+def clearcap(*words, cwd):
+    """Run the command in a process of its own."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "campaign", *map(str, words)]
+    return subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=120)
+
+
+@pytest.fixture
+def faked(monkeypatch, tmp_path):
+    """Put the stand-in in the engine's place and stand in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(campaign_run, "warm_up", fake_engine.warm_up)
+    run = partial(campaign_run.run_campaign, simulate=fake_engine.simulate)
+    monkeypatch.setattr(campaign_run, "run_campaign", run)
+    return CliRunner()
+
+
+BAD_INPUT = {
+    "unknown campaign": (["run", "c61"], "did you mean 'c60'?"),
+    "unreadable campaign": (["run", "."], "cannot be read"),
+    "no samples": (["run", "c60", "--samples", "0"], "samples = 0: must be greater than or equal to 1"),
+    "store not writable": (["run", "c60", "--store", "/proc/here"], "store /proc/here: not writable"),
+    "store of one process": (["run", "c60", "--store", "memory://x"], "workers cannot reach"),
+    "unknown joint": (["simulate", "c60", "--set", "J9=0.05"], "J9: unknown key"),
+    "clearance 0": (["simulate", "c60", "--set", "J1=0"], "J1"),
+    "clearance negative": (["simulate", "c60", "--set", "J1=-0.05"], "J1"),
+    "clearance 1 mm": (["simulate", "c60", "--set", "J1=1"], "0.5"),
+    "no number": (["simulate", "c60", "--set", "J1=x"], "--set J1=x: not KEY=VALUE with a number"),
+    "no value": (["simulate", "c60", "--set", "J1"], "--set J1: not KEY=VALUE with a number"),
+    "set twice": (["simulate", "c60", "--set", "J1=0.05", "--set", "J1=0.06"], "J1 is set twice"),
+    "step negative": (["simulate", "c60", "--step", "-1"], "step"),
+    "unknown mechanism": (["mechanism", "check", "c6"], "did you mean 'c60'?"),
+    "no store": (["status", "--store", "runs"], "campaigns there: none"),
+    "unknown id": (["report", "c60-0123456789", "--store", "runs"], "no campaign c60-0123456789"),
+    "unknown option": (["run", "c60", "--sampels", "3"], "No such option"),
+    "no workers": (["run", "c60", "--workers", "0"], "--workers"),
+}
+
+
+@pytest.mark.parametrize(("words", "said"), BAD_INPUT.values(), ids=BAD_INPUT)
+def test_bad_input(words, said, tmp_path):
+    """Exit 2, one message that names the fault, nothing on standard output, nothing written."""
+    done = clearcap(*words, cwd=tmp_path)
+    assert done.returncode == 2, done.stderr
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_campaign_file_writes_nothing(campaign_file):
+    """A faulty file is refused before the store is touched."""
+    campaign_file.write_text(campaign_file.read_text().replace("std = 0.0175", "std = -1"))
+    done = clearcap("run", campaign_file, cwd=campaign_file.parent)
+    assert done.returncode == 2
+    assert "variables.J1.std = -1: must be greater than 0" in done.stderr
+    assert [path.name for path in campaign_file.parent.iterdir()] == ["demo.toml"]
+
+
+def test_bug_is_not_hidden(monkeypatch):
+    """Only errors made for the user become a message; a bug keeps its traceback."""
+    monkeypatch.setattr("campaign.cli.app", lambda: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        main()
+
+
+def test_run_json(faked, campaign_file):
+    """``run --json`` prints one document that says what was done; again, it computes nothing."""
+    words = ["run", str(campaign_file), "--store", "s", "--workers", "1", "--json"]
+    first = faked.invoke(app, words)
+    assert first.exit_code == 0, first.output
+    document = json.loads(first.stdout)
+    asked = {"store": "s", "samples": 25, "ok": 25, "failed": 0, "computed": 25, "statuses": {"ok": 25}}
+    assert asked.items() <= document.items()
+    assert document["campaign"].startswith("demo-")
+    assert document["wall_s"] > 0
+    assert all(Path(path).is_file() for path in document["report"].values())
+    assert "25/25 runs, 0 failed" in first.stderr
+    again = json.loads(faked.invoke(app, words).stdout)
+    assert again["computed"] == 0
+    assert again["campaign"] == document["campaign"]
+
+
+def test_run_prints_capability(faked, campaign_file):
+    """Without ``--json``: a table of responses with their Cpk, the counts, and where the report is."""
+    done = faked.invoke(app, ["run", str(campaign_file), "--workers", "1"])
+    assert done.exit_code == 0, done.output
+    assert "Cpk" in done.stdout
+    assert "FC-1" in done.stdout
+    assert "25 runs: 25 ok" in done.stdout
+    report = done.stdout.split("report: ")[1].strip()
+    assert Path(report).is_file()
+
+
+def test_no_report(faked, campaign_file):
+    """``--no-report`` writes rows only; ``report`` writes it later."""
+    done = faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--no-report", "--json"])
+    document = json.loads(done.stdout)
+    folder = Path("runs") / document["campaign"] / "report"
+    assert document["report"] == {}
+    assert not folder.exists()
+    later = json.loads(faked.invoke(app, ["report", "--json"]).stdout)
+    assert set(later["report"]) == {"html", "json"}
+    assert folder.is_dir()
+
+
+def test_interrupt_says_how_to_go_on(faked, campaign_file, monkeypatch):
+    """Ctrl-C exits 130 and prints the command that goes on; what is done is kept."""
+
+    def interrupted(store, plan, *rest):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(campaign_run, "run_campaign", interrupted)
+        done = faked.invoke(app, ["run", str(campaign_file), "--seed", "9", "--workers", "1"])
+    assert done.exit_code == 130
+    assert f"clearcap run {campaign_file} --store runs --seed 9 --workers 1" in done.stderr
+    assert json.loads(faked.invoke(app, ["status", "--json"]).stdout)["left"] == 25
+
+
+def test_not_one_success_is_a_failure(faked, campaign_file, monkeypatch):
+    """A campaign without one result exits 1 and says what most runs say; the rows stay."""
+    raises = partial(fake_engine.raises_above, -1.0)
+    monkeypatch.setattr(campaign_run, "run_campaign", partial(campaign_run.run_campaign, simulate=raises))
+    done = faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--no-report", "--json"])
+    assert done.exit_code == 1
+    assert json.loads(done.stdout)["statuses"] == {"crashed": 25}
+    assert "25 of 25 say: ArithmeticError: no solution" in done.stderr
+
+
+def test_status(faked, campaign_file):
+    """``status`` counts rows done, failed and left."""
+    document = json.loads(faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--json"]).stdout)
+    status = json.loads(faked.invoke(app, ["status", document["campaign"], "--json"]).stdout)
+    assert status == {
+        "campaign": document["campaign"],
+        "store": "runs",
+        "samples": 25,
+        "done": 25,
+        "ok": 25,
+        "failed": 0,
+        "left": 0,
+        "statuses": {"ok": 25},
+    }
+    assert "25 of 25 done, 0 failed, 0 left" in faked.invoke(app, ["status"]).stdout
+
+
+def test_schemas(tmp_path):
+    """Both schemas are JSON Schema documents that know the tables of their format."""
+    for which, table in (("campaign", "variables"), ("mechanism", "joints")):
+        done = clearcap("schema", which, cwd=tmp_path)
+        assert table in json.loads(done.stdout)["properties"]
+
+
+def test_mechanism_verbs(tmp_path):
+    """``list``, ``show`` and ``check`` of the shipped mechanisms, as JSON and as text."""
+    listed = json.loads(clearcap("mechanism", "list", "--json", cwd=tmp_path).stdout)
+    assert "c60" in [entry["name"] for entry in listed]
+    shown = json.loads(clearcap("mechanism", "show", "c60", "--json", cwd=tmp_path).stdout)
+    assert shown["clearances"]["J1"]["unit"] == "mm"
+    assert shown["responses"]["FC-1"]["unit"] == "N"
+    assert shown["validity"]
+    checked = clearcap("mechanism", "check", "c60", cwd=tmp_path)
+    assert (checked.returncode, checked.stdout) == (0, "c60: right\n")
+    assert "FC-1 [N]" in clearcap("mechanism", "show", "c60", cwd=tmp_path).stdout
+
+
+def test_version(tmp_path):
+    """``--version`` prints the name and a version."""
+    assert clearcap("--version", cwd=tmp_path).stdout.startswith("clearcap ")
+
+
+@pytest.mark.parametrize("words", [["--help"], ["mechanism", "list"]])
+def test_help_is_quick(words, tmp_path):
+    """Help and lists wait for neither dask nor tables: nothing of them is imported."""
+    code = "import sys; from campaign.cli import main; sys.argv = ['clearcap', *{words}]; main()"
+    check = "import atexit, sys; atexit.register(lambda: print('LOADED', *sys.modules, file=sys.stderr)); "
+    command = [sys.executable, "-c", check + code.replace("{words}", repr(words))]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    start = time.perf_counter()
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60)
+    elapsed = time.perf_counter() - start
+    loaded = done.stderr.split("LOADED")[1].split()
+    assert {"distributed", "pyarrow", "pandas", "numba", "matplotlib", "scipy"}.isdisjoint(loaded)
+    assert elapsed < 5.0  # 0.2 to 0.3 s on a quiet machine; the imports above are what would spoil it
