@@ -1,1 +1,19 @@
-"""Capability reports from a table of samples: numbers, figures, pages."""
+"""Capability reports from a table of samples: numbers, figures, pages.
+
+One analysis model (`reporting.analysis`), many renderings of it (`reporting.html`, `reporting.json`).
+"""
+
+from reporting.capability import Capability, capability
+from reporting.errors import ReportError
+from reporting.spec import ReportSpec, ResponseSpec, VariableSpec
+from reporting.write import write_report
+
+__all__ = [
+    "Capability",
+    "ReportError",
+    "ReportSpec",
+    "ResponseSpec",
+    "VariableSpec",
+    "capability",
+    "write_report",
+]

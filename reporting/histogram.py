@@ -1,0 +1,85 @@
+"""Bins of a histogram whose edges fall on the limits, so that every bar is inside or outside."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+_FEWEST, _MOST = 12, 60
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """Counts between edges; bin i holds values from ``edges[i]`` to below ``edges[i + 1]``.
+
+    Attributes
+    ----------
+    edges : tuple of float, length k + 1
+        In the unit of the values. The edge at an upper limit is the next number above it, because a value on
+        the limit conforms.
+    counts : tuple of int, length k
+    """
+
+    edges: tuple[float, ...]
+    counts: tuple[int, ...]
+
+
+def histogram(x: NDArray[np.float64], lsl: float | None = None, usl: float | None = None) -> Histogram | None:
+    """Count the values of `x` in equal bins that end at the limits; None for no values.
+
+    The width follows Freedman and Diaconis (1981), kept between 12 and 60 bins over the data; with both
+    limits it is adjusted to divide the distance between them.
+
+    Parameters
+    ----------
+    x : array, shape (n,)
+        Finite values.
+    lsl, usl : float, optional
+        Limits, in the unit of `x`.
+    """
+    if x.size == 0:
+        return None
+    low, high = float(x.min()), float(x.max())
+    width = _width(x, high - low)
+    if lsl is not None and usl is not None:
+        between = usl - lsl
+        if high == low:
+            width = between / _MOST
+        elif between > width:  # else the limits become edges of their own among wider bins
+            width = between / round(between / width)
+    anchor = lsl if lsl is not None else usl if usl is not None else low
+    first, last = math.floor((low - anchor) / width), math.floor((high - anchor) / width) + 1
+    edges: NDArray[np.float64] = anchor + width * np.arange(first, last + 1, dtype=np.float64)
+    for limit in (lsl, usl):
+        if limit is not None:
+            edges = _end_at(edges, limit, width)
+    if usl is not None:
+        edges = np.where(edges == usl, np.nextafter(usl, math.inf), edges)
+    edges = np.unique(edges)
+    edges[0], edges[-1] = min(edges[0], low), max(edges[-1], high)
+    counts, _ = np.histogram(x, edges)
+    return Histogram(tuple(edges.tolist()), tuple(counts.tolist()))
+
+
+def _width(x: NDArray[np.float64], span: float) -> float:
+    """Return the width of a bin before the limits have their say."""
+    largest = float(np.max(np.abs(x)))
+    # Below this the edges of a (nearly) constant response could not be told apart.
+    if span <= 1e-9 * largest:
+        return 0.02 * largest or 1.0
+    quarter, three_quarters = np.percentile(x, [25, 75])
+    width = 2 * float(three_quarters - quarter) / math.cbrt(x.size)
+    return min(max(width, span / _MOST), span / _FEWEST)
+
+
+def _end_at(edges: NDArray[np.float64], limit: float, width: float) -> NDArray[np.float64]:
+    """Make `limit` an edge if it lies between first and last: move the one it rounds to, or add it."""
+    if not edges[0] <= limit <= edges[-1]:
+        return edges
+    nearest = int(np.argmin(np.abs(edges - limit)))
+    if abs(edges[nearest] - limit) < 1e-6 * width:
+        edges = edges.copy()
+        edges[nearest] = limit
+        return edges
+    return np.sort(np.append(edges, limit))

@@ -1,0 +1,81 @@
+"""Numbers as text: enough digits to read, never so few that a value crosses a limit.
+
+A Cpk of 1.3299 is not printed as 1.33, a largest value of 15.9998 N not as 16.00 N, a yield of 99.9998 %
+not as 100 %.
+"""
+
+import math
+from collections.abc import Iterable
+
+NONE = "–"
+_MOST_DECIMALS = 17
+
+
+def plain(value: float | None) -> str:
+    """Return the shortest text that reads back as the same number, without a trailing ".0"."""
+    if value is None:
+        return NONE
+    mantissa, mark, exponent = repr(float(value)).removesuffix(".0").partition("e")
+    return f"{mantissa}e{int(exponent)}" if mark else mantissa
+
+
+def decimals_for(scale: float | None, significant: int = 3) -> int:
+    """Return the number of decimals that shows `significant` digits of a number of size `scale`."""
+    if not scale or not math.isfinite(scale):
+        return significant
+    return min(max(significant - 1 - math.floor(math.log10(abs(scale))), 0), 12)
+
+
+def fixed(value: float | None, decimals: int = 3, limits: Iterable[float | None] = ()) -> str:
+    """Return `value` with `decimals` decimals, more if it would else land on or cross one of `limits`."""
+    if value is None:
+        return NONE
+    fences = [limit for limit in limits if limit is not None]
+    for places in range(decimals, _MOST_DECIMALS + 1):
+        text = f"{value:.{places}f}"
+        if all(_side(float(text), limit) == _side(value, limit) for limit in fences):
+            return text.removeprefix("-") if float(text) == 0 else text
+    return plain(value)
+
+
+def index(value: float | None) -> str:
+    """Return a capability index with three decimals that keep it on its side of 1.00 and 1.33."""
+    return fixed(value, 3, (1.0, 1.33))
+
+
+def ppm(value: float | None) -> str:
+    """Return parts per million: whole above 100, three digits below, never 0 unless it is 0."""
+    if value is None:
+        return NONE
+    if 0 < value < 1e-3:
+        return "< 0.001"
+    decimals = 0 if value == 0 or value >= 100 else decimals_for(value)
+    return grouped(fixed(value, decimals, (0.0, 1e6)))
+
+
+def percent(share: float | None) -> str:
+    """Return a share as percent with two decimals, never 0 or 100 unless it is."""
+    return (
+        NONE if share is None else f"{fixed(100 * share, 0 if share in (0, 1) else 2, (0.0, 100.0))}\u00a0%"
+    )
+
+
+def significant(value: float | None, digits: int = 3) -> str:
+    """Return `value` with that many significant digits, with an exponent where it is very small or large."""
+    if value is None:
+        return NONE
+    if value == 0:
+        return "0"
+    mantissa, mark, exponent = f"{value:#.{digits}g}".removesuffix(".").partition("e")
+    return f"{mantissa}e{int(exponent)}" if mark else mantissa
+
+
+def grouped(number: int | str) -> str:
+    """Return a number with its thousands apart by a narrow space."""
+    whole, point, rest = str(number).partition(".")
+    return f"{int(whole):,}".replace(",", "\u202f") + point + rest
+
+
+def _side(value: float, limit: float) -> int:
+    """Return -1, 0 or 1: below, on or above the limit."""
+    return (value > limit) - (value < limit)

@@ -1,0 +1,102 @@
+"""What the reporting room is told about a campaign: plain frozen data, no behaviour.
+
+The table of samples says what came out; these classes say what was asked: limits, requested distributions,
+header, provenance. Whoever calls fills them in; reporting never reads a campaign or a mechanism file.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ResponseSpec:
+    """A functional condition and the limits it must keep.
+
+    Attributes
+    ----------
+    name : str
+        Column of the table.
+    title : str
+        What it is, in words.
+    unit : str
+        Unit of the column and of the limits, "1" if it has none.
+    lsl, usl : float or None
+        Lower and upper specification limit; None where that side is free.
+    target : float or None
+        Wanted value, for Cpm.
+    source : str
+        Where the limits come from. A text that starts with "assumption" marks them as assumed on the page.
+    """
+
+    name: str
+    title: str
+    unit: str
+    lsl: float | None
+    usl: float | None
+    target: float | None
+    source: str
+
+
+@dataclass(frozen=True)
+class VariableSpec:
+    """A sampled input and the distribution that was asked for.
+
+    Attributes
+    ----------
+    name : str
+        Column of the table.
+    unit : str
+        Unit of the column, "1" if it has none.
+    distribution : str
+        The distribution in words, "truncated normal(0.07, 0.0175) on [0.01, 0.13]".
+    lower, upper : float or None
+        Bounds of the distribution; None where it is unbounded.
+    mean, std : float
+        Moments of the requested distribution, after truncation.
+    density : tuple of (float, float)
+        Points (value, density [1/unit]) of the requested density curve; empty for a constant.
+    key : str
+        What `clearcap simulate --set` calls it; empty: the name.
+    """
+
+    name: str
+    unit: str
+    distribution: str
+    lower: float | None
+    upper: float | None
+    mean: float
+    std: float
+    density: tuple[tuple[float, float], ...]
+    key: str = ""
+
+
+@dataclass(frozen=True)
+class ReportSpec:
+    """Everything a report needs beside the table.
+
+    Attributes
+    ----------
+    title : str
+        Heading of the report.
+    campaign : str
+        Campaign id.
+    header : dict of str to str
+        Free text shown under the title (part, author, revision, conclusion), in this order.
+    responses : tuple of ResponseSpec
+    variables : tuple of VariableSpec
+    provenance : dict of str to str
+        Versions, hashes, seed, host, command: what is needed to repeat the campaign, in this order.
+    requested : int
+        Number of samples asked for.
+    simulate : str
+        The command that repeats a sample, without its `--set` options; empty: `clearcap simulate` with the
+        provenance's "mechanism", or with the campaign's id where there is none.
+    """
+
+    title: str
+    campaign: str
+    header: dict[str, str]
+    responses: tuple[ResponseSpec, ...]
+    variables: tuple[VariableSpec, ...]
+    provenance: dict[str, str]
+    requested: int
+    simulate: str = ""
