@@ -3,12 +3,15 @@
 from typing import Annotated, Any, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from engine.mechanism.base import Direction, Model, Number, Point, Vector, is_number, refuse
 from engine.mechanism.quantities import Quantity
 
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
+
+_THREE = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+_INERTIA_SCHEMA: dict[str, Any] = {"anyOf": [_THREE, {**_THREE, "items": _THREE}]}
 
 
 def _inertia(value: Any) -> Matrix | None:
@@ -50,11 +53,15 @@ class Body(Model):
     mass: Annotated[Number | None, Field(gt=0), Quantity("mass")] = Field(
         default=None, description="the mass of the body, a positive number"
     )
-    inertia: Annotated[Matrix | None, BeforeValidator(_inertia), Quantity("inertia")] = Field(
+    inertia: Annotated[
+        Matrix | None, BeforeValidator(_inertia), WithJsonSchema(_INERTIA_SCHEMA), Quantity("inertia")
+    ] = Field(
         default=None,
         description="the inertia about the centre of mass in body axes: 3 x 3, or three principal moments",
     )
-    center_of_mass: Point = Field(default=(0.0, 0.0, 0.0), description="the centre of mass, in body axes")
+    center_of_mass: Point = Field(
+        default=(0.0, 0.0, 0.0), description="the centre of mass, in the body frame"
+    )
     origin: Point = Field(default=(0.0, 0.0, 0.0), description="the origin of the body frame, in the world")
     axis: Direction = Field(default=(0.0, 0.0, 1.0), description="the axis about which the frame is turned")
     angle: Annotated[Number, Quantity("angle")] = Field(

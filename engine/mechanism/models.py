@@ -30,7 +30,7 @@ class Rest(Model):
         description="what a measured length may move meanwhile, a number > 0"
     )
     force_drift: Annotated[Number, Field(gt=0), Quantity("number")] = Field(
-        default=1e-6, description="what a measured force may change meanwhile, relative, a number > 0"
+        default=1e-3, description="what a measured force may change meanwhile, relative, a number > 0"
     )
 
 

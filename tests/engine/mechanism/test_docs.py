@@ -1,0 +1,35 @@
+"""The reference of the file format tells the truth: its example loads, and it names every key."""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from engine.mechanism import load_mechanism, mechanism_from, mechanism_schema, set_values
+
+DOCS = Path(__file__).parents[3] / "docs"
+PAGE = (DOCS / "mechanism.md").read_text(encoding="utf-8")
+EXAMPLE = PAGE.split("```toml\n")[1].split("```")[0]
+
+
+def test_the_example_loads():
+    mechanism = mechanism_from(tomllib.loads(EXAMPLE), "example")
+    assert mechanism.response_units() == {"force": "N", "lift": "mm"}
+    keys = {"J1": 0.1, "springs.return.free_angle": 0.4, "materials.steel_plastic.friction": 0.2}
+    assert all(set_values(mechanism, keys).value(key) == value for key, value in keys.items())
+
+
+def test_every_key_of_the_format_is_described():
+    schema = mechanism_schema()
+    keys = {key for table in [schema, *schema["$defs"].values()] for key in table.get("properties", {})}
+    code = " ".join(re.findall(r"`([^`\n]+)`", PAGE))
+    assert keys - set(re.findall(r"\w+", code)) == set()
+
+
+@pytest.mark.parametrize("number", ["0.9599", "0.006", "-0.49872", "0.39", "-15", "1.16", "244.46", "3.82"])
+def test_the_page_of_the_c60_has_the_numbers_of_its_file(number):
+    page = (DOCS / "c60.md").read_text(encoding="utf-8")
+    mechanism = load_mechanism("c60")
+    assert number in page
+    assert f"{float(number)}" in mechanism.model_dump_json()
