@@ -47,12 +47,11 @@ def _three_numbers(value: Any) -> tuple[float, float, float]:
 
 
 def _unit(value: tuple[float, float, float]) -> tuple[float, float, float]:
-    squared = math.fsum(x * x for x in value)
-    if squared == 0:
+    length = math.hypot(*value)
+    if not 0 < length < math.inf:
         raise refuse("has no direction; allowed: any vector but [0, 0, 0]; write the direction")
-    if abs(squared - 1) < 1e-14:  # already of unit length: dividing again would only stir the last bits
+    if abs(length - 1) < 1e-14:  # already of unit length: dividing again would only stir the last bits
         return value
-    length = math.sqrt(squared)
     return (value[0] / length, value[1] / length, value[2] / length)
 
 

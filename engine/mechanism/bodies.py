@@ -28,11 +28,12 @@ def _inertia(value: Any) -> Matrix | None:
             "give it about the centre of mass, in body axes"
         )
     tensor = np.array(rows, dtype=float)
-    scale = np.abs(tensor).max()
-    if np.abs(tensor - tensor.T).max() > 1e-9 * scale:
+    scale = np.abs(tensor).max() or 1.0
+    shape = tensor / scale  # so that no number, however large, overflows below
+    if np.abs(shape - shape.T).max() > 1e-9:
         raise refuse("not symmetric; allowed: Ixy = Iyx, Ixz = Izx, Iyz = Izy; make both entries equal")
-    moments = np.linalg.eigvalsh(tensor)
-    shown = ", ".join(f"{moment:.6g}" for moment in moments)
+    moments = np.linalg.eigvalsh(shape)
+    shown = ", ".join(f"{moment * float(scale):.6g}" for moment in moments.tolist())
     if moments[0] <= 0:
         raise refuse(
             f"not positive definite: principal moments {shown}; allowed: all three > 0; "
