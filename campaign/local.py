@@ -65,7 +65,7 @@ def interrupts_held() -> Iterator[None]:
 
     A terminal sends Ctrl-C to every process; only the one that talks to the user is to answer it.
     """
-    resource_tracker.ensure_running()  # started later, it would let Ctrl-C through to the thread that starts it
+    resource_tracker.ensure_running()  # started later, it would let Ctrl-C through again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
