@@ -28,7 +28,7 @@ class Samples:
     ok : array of bool, shape (n,)
         Where `status` is "ok".
     values : dict of str to array of float64, shape (n,)
-        Variables and responses by name; a response is NaN where the run failed, whatever the table held.
+        Variables and responses by name, NaN where the table holds none; a response counts only where `ok`.
     max_residual, max_penetration : array of float64, shape (n,)
     settled : array of bool, shape (n,)
     penetration_unit : str
@@ -67,7 +67,7 @@ def read_samples(table: "pyarrow.Table", spec: ReportSpec) -> Samples:
     ok = status == OK
     values = {variable.name: _numbers(table, variable.name) for variable in spec.variables}
     for response in spec.responses:
-        values[response.name] = np.where(ok, _numbers(table, response.name), np.nan)
+        values[response.name] = _numbers(table, response.name)
     return Samples(
         sample=sample,
         status=status,

@@ -18,6 +18,7 @@ from synthetic import c60_spec, c60_table
 
 from reporting import ReportError, ResponseSpec, write_report
 from reporting.analysis import analyse
+from reporting.figures import response_figure
 from reporting.html import headline, render_html, weakest
 from reporting.json import render_json
 
@@ -156,6 +157,8 @@ def test_hostile_and_foreign_names_are_only_text(campaign) -> None:
     assert hostile.all("script") == []
     assert HOSTILE in hostile.text
     assert len(hostile.all("svg")) == 15
+    axis = response_figure(analyse(table, spec).responses[0]).partition(">")[2]
+    assert "&amp;$x^2$ Ω轴" in axis  # the label as written, not as a formula
     assert "Ω轴" in render_json(analyse(table, spec))
 
 
