@@ -106,15 +106,15 @@ def _print_results(outcome: "Outcome") -> None:
     plan, rows = outcome.plan, outcome.scan.table
     shown = Table(title=plan.spec.title or plan.spec.name)
     for head in ("response", "unit", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out"):
-        shown.add_column(head, justify="left" if head in ("response", "unit") else "right")
+        shown.add_column(head, justify="left" if head in ("response", "unit") else "right", no_wrap=True)
     units = plan.mechanism.response_units()
     for name in plan.mechanism.responses:
         asked = plan.spec.responses.get(name)
         lsl, usl, target = asked.limits() if asked else (None, None, None)
         values = rows[name].drop_null().to_numpy()
         c = capability(values, lsl=lsl, usl=usl, target=target)
-        ppm = None if lsl is None and usl is None else c.ppm_observed
-        cells = (number(c.mean), number(c.std, 3), number(lsl), number(usl), number(c.cpk, 4), number(ppm))
+        ppm = "-" if c.ppm_observed is None else f"{c.ppm_observed:.0f}"
+        cells = (number(c.mean), number(c.std, 3), number(lsl), number(usl), number(c.cpk, 3), ppm)
         shown.add_row(name, units[name], *cells)
     Console().print(shown)
     counts = ", ".join(f"{count} {status}" for status, count in outcome.statuses.items())

@@ -1,0 +1,53 @@
+"""What reporting is told of a campaign, and where the report goes."""
+
+import json
+import secrets
+from pathlib import Path
+
+import pytest
+
+from campaign.errors import CampaignError
+from campaign.report import report, report_spec
+from campaign.store import open_store
+from campaign.task import Task, run_batch
+from tests.campaign import fake_engine
+
+
+def test_spec_says_limits_units_and_origin(plan):
+    """Every response with unit and limits, every variable with its requested distribution."""
+    spec = report_spec(plan)
+    assert (spec.title, spec.campaign, spec.requested) == ("demo", plan.campaign_id, 25)
+    assert [response.name for response in spec.responses] == list(plan.mechanism.responses)
+    first, second = spec.responses[:2]
+    assert (first.unit, first.lsl, first.usl, first.target, first.source) == ("N", 9.0, 16.0, None, "a test")
+    assert (second.unit, second.lsl, second.usl, second.target, second.source) == ("mm", None, None, None, "")
+    clearance, preload = spec.variables
+    assert (clearance.name, clearance.unit, clearance.lower, clearance.upper) == ("J1", "mm", 0.01, 0.13)
+    assert clearance.distribution == "truncated normal, mean 0.07, sd 0.0175, between 0.01 and 0.13"
+    assert (preload.unit, preload.mean, preload.std) == ("rad", 0.95, pytest.approx(0.1 / 12**0.5))
+    assert spec.provenance["seed"] == "7"
+    assert spec.provenance["step"].endswith(" ms")
+    assert spec.provenance["engine build"] == plan.engine_build
+
+
+@pytest.mark.parametrize("kind", ["folder", "memory"])
+def test_report_lies_in_the_store(plan, tmp_path, kind):
+    """In a folder the report is written in place, behind a URL it is uploaded; paths and URLs lead to it."""
+    store = open_store(str(tmp_path) if kind == "folder" else f"memory://{secrets.token_hex(4)}")
+    store.create_plan(plan)
+    for batch in range(3):
+        run_batch(Task(store.url, plan.campaign_id, plan.engine_build, fake_engine.simulate), batch)
+    written = report(store, plan, store.table())
+    content = store.files.read(f"{plan.campaign_id}/report/{Path(written['html']).name}").decode()
+    assert plan.campaign_id in content
+    json.loads(store.files.read(f"{plan.campaign_id}/report/{Path(written['json']).name}"))
+    if kind == "folder":
+        assert Path(written["html"]).read_text() == content
+    else:
+        assert written["html"].startswith("memory://")
+
+
+def test_error_of_reporting_is_for_the_user(store, plan):
+    """What reporting refuses ends in one message."""
+    with pytest.raises(CampaignError, match=f"report of {plan.campaign_id}"):
+        report(store, plan, plan.schema.empty_table().drop_columns(["status"]))
