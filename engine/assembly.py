@@ -18,7 +18,12 @@ from engine.kernels.model import (
     POINT_PLANE,
     POSITION,
     RING_BORE,
+    Bodies,
+    Contacts,
+    Laws,
+    Loads,
     Model,
+    Responses,
     Scratch,
     State,
 )
@@ -75,17 +80,19 @@ def assemble(mechanism: Mechanism) -> Assembly:
     frames, state = _bodies(mechanism)
     moving = [b for b in mechanism.bodies.values() if not b.fixed]
     inertia = np.array([b.inertia for b in moving], float).reshape(-1, 3, 3)
-    names, contacts = _contacts(mechanism, frames)
+    names, contacts, laws = _contacts(mechanism, frames)
+    mass = np.array([b.mass for b in moving], float)
     model = Model(
-        mass=np.array([b.mass for b in moving], float),
-        inertia=inertia,
-        inverse_root=np.linalg.inv(np.linalg.cholesky(inertia)) if moving else inertia,
-        gravity=np.array(mechanism.gravity, float),
-        **contacts,
-        **_springs(mechanism, frames),
-        **_torsion_springs(mechanism, frames),
-        **_constant_loads(mechanism, frames),
-        **_responses(mechanism, frames, names),
+        bodies=Bodies(mass, inertia, np.linalg.inv(np.linalg.cholesky(inertia)) if moving else inertia),
+        contacts=contacts,
+        laws=laws,
+        loads=Loads(
+            gravity=np.array(mechanism.gravity, float),
+            **_springs(mechanism, frames),
+            **_torsion_springs(mechanism, frames),
+            **_constant_loads(mechanism, frames),
+        ),
+        responses=_responses(mechanism, frames, names),
         phase_duration=np.array([np.inf if p.duration is None else p.duration for p in mechanism.phases]),
     )
     nb, nc, nr = len(moving), len(names), len(mechanism.responses)
@@ -129,8 +136,8 @@ def _tangent(n: Array) -> Array:
     return np.asarray(t / np.linalg.norm(t))
 
 
-def _contacts(mechanism: Mechanism, frames: dict[str, _Frame]) -> tuple[list[str], dict[str, Any]]:
-    """Return the contacts' names and their arrays: two or more rings for a joint with clearance, then the contacts."""
+def _contacts(mechanism: Mechanism, frames: dict[str, _Frame]) -> tuple[list[str], Contacts, Laws]:
+    """Return the contacts' names, their arrays and laws: two or more rings for a joint with clearance, then the contacts."""
     names: list[str] = []
     kinds: list[int] = []
     bodies: list[tuple[int, int]] = []
@@ -161,16 +168,15 @@ def _contacts(mechanism: Mechanism, frames: dict[str, _Frame]) -> tuple[list[str
         law.append(_law(mechanism, contact))
     laws = np.array(law, float).reshape(-1, 2)
     pairs = np.array(bodies, np.int64).reshape(-1, 2)
-    return names, {
-        "contact_kind": np.array(kinds, np.int64),
-        "contact_a": np.ascontiguousarray(pairs[:, 0]),
-        "contact_b": np.ascontiguousarray(pairs[:, 1]),
-        "geometry_a": np.array([g[0] for g in geometry]).reshape(-1, 11),
-        "geometry_b": np.array([g[1] for g in geometry]).reshape(-1, 11),
-        "clearance": np.array(clearance, float),
-        "mu": np.ascontiguousarray(laws[:, 0]),
-        "restitution": np.ascontiguousarray(laws[:, 1]),
-    }
+    contacts = Contacts(
+        kind=np.array(kinds, np.int64),
+        a=np.ascontiguousarray(pairs[:, 0]),
+        b=np.ascontiguousarray(pairs[:, 1]),
+        geometry_a=np.array([g[0] for g in geometry]).reshape(-1, 11),
+        geometry_b=np.array([g[1] for g in geometry]).reshape(-1, 11),
+        clearance=np.array(clearance, float),
+    )
+    return names, contacts, Laws(np.ascontiguousarray(laws[:, 0]), np.ascontiguousarray(laws[:, 1]))
 
 
 def _law(mechanism: Mechanism, pair: Any) -> tuple[float, float]:
@@ -207,7 +213,7 @@ def _springs(mechanism: Mechanism, frames: dict[str, _Frame]) -> dict[str, Any]:
     ends = [(frames[s.a.body], s.a.point, frames[s.b.body], s.b.point) for s in springs]
     return {
         "spring_body": np.array([(a.index, b.index) for a, _, b, _ in ends], np.int64).reshape(-1, 2),
-        "spring_point": np.array([(a.point(p), b.point(q)) for a, p, b, q in ends], float).reshape(-1, 2, 3),
+        "spring_point": np.array([(*a.point(p), *b.point(q)) for a, p, b, q in ends], float).reshape(-1, 6),
         "spring_law": np.array([(s.stiffness, s.free_length, s.damping) for s in springs], float).reshape(-1, 3),
     }
 
@@ -240,30 +246,30 @@ def _start_angle(mechanism: Mechanism, spring: Any, axis: Array) -> float:
 def _constant_loads(mechanism: Mechanism, frames: dict[str, _Frame]) -> dict[str, Any]:
     """Return constant forces (with their points) and torques, each with the phases in which it acts."""
     phases = [p.name for p in mechanism.phases]
-    body, point, vector, in_body, active = [], [], [], [], []
+    body, vector, in_body, active = [], [], [], []
     for load in [*mechanism.forces.values(), *mechanism.torques.values()]:
         frame = frames[load.body]
         is_force = hasattr(load, "force")
         turn = frame.rotation if load.frame == "body" else np.eye(3)
         body.append(frame.index)
-        point.append(frame.point(load.point) if is_force else np.zeros(3))
+        point = frame.point(load.point) if is_force else np.zeros(3)
         zero = np.zeros(3)
-        vector.append((turn @ load.force, zero) if is_force else (zero, turn @ load.torque))
+        force, torque = (turn @ load.force, zero) if is_force else (zero, turn @ load.torque)
+        vector.append([*point, *force, *torque])
         in_body.append(load.frame == "body")
         active.append([load.phases is None or name in load.phases for name in phases])
     return {
         "force_body": np.array(body, np.int64),
-        "force_point": np.array(point, float).reshape(-1, 3),
-        "force_vector": np.array(vector, float).reshape(-1, 2, 3),
+        "force_vector": np.array(vector, float).reshape(-1, 9),
         "force_in_body": np.array(in_body, bool),
         "force_phase": np.array(active, bool).reshape(-1, len(phases)),
     }
 
 
-def _responses(mechanism: Mechanism, frames: dict[str, _Frame], contacts: list[str]) -> dict[str, Any]:
+def _responses(mechanism: Mechanism, frames: dict[str, _Frame], contacts: list[str]) -> Responses:
     """Return what is measured."""
     n = len(mechanism.responses)
-    kind, body, point = np.zeros(n, np.int64), np.zeros((n, 3), np.int64), np.zeros((n, 4, 3))
+    kind, body, point = np.zeros(n, np.int64), np.zeros((n, 3), np.int64), np.zeros((n, 12))
     offset = np.zeros(n)
     for i, response in enumerate(mechanism.responses.values()):
         if response.type == "contact_force":
@@ -274,39 +280,44 @@ def _responses(mechanism: Mechanism, frames: dict[str, _Frame], contacts: list[s
         kind[i], offset[i] = POSITION, response.offset
         body[i] = frames[start.body].index, frames[end.body].index, turned.index
         if start.axis is not None:
-            point[i, 0] = frames[start.body].point(start.axis.point)
-            point[i, 1] = frames[start.body].direction(start.axis.axis)
+            point[i, 0:3] = frames[start.body].point(start.axis.point)
+            point[i, 3:6] = frames[start.body].direction(start.axis.axis)
         else:
-            point[i, 0] = frames[start.body].point(start.point)
-        point[i, 2], point[i, 3] = frames[end.body].point(end.point), turned.direction(way.vector)
-    return {"response_kind": kind, "response_body": body, "response_point": point, "response_offset": offset}
+            point[i, 0:3] = frames[start.body].point(start.point)
+        point[i, 6:9], point[i, 9:12] = frames[end.body].point(end.point), turned.direction(way.vector)
+    return Responses(kind, body, point, offset)
 
 
 def _scratch(nb: int, nc: int, nr: int) -> Scratch:
     """Allocate the work space of a run."""
+    bodies, contacts = np.zeros((2, nb + 1, 6)), np.zeros((3, nc, 3))
     return Scratch(
-        wrench=np.zeros((nb + 1, 6)),
-        point=np.zeros((max(nc, 1), 3)),
+        wrench=bodies[0],
+        free=bodies[1],
+        gap=np.zeros(nc),
+        point=contacts[0],
         frame=np.zeros((nc, 3, 3)),
-        before=np.zeros((nb + 1, 6)),
-        free=np.zeros((nb + 1, 6)),
-        middle_gap=np.zeros(nc),
+        q=contacts[1],
+        shift=np.zeros(nc),
+        u=contacts[2],
         active=np.zeros(nc, bool),
         index=np.zeros(nc, np.int64),
-        q0=np.zeros((nc, 3)),
         values=np.zeros(nr),
         anchor=np.zeros(nr),
         travel=np.zeros(nc),
+        a=np.zeros(3),
+        b=np.zeros(3),
     )
 
 
 def _refuse_interpenetration(mechanism: Mechanism, assembly: Assembly) -> None:
     """Raise if any pair of the assembled parts overlaps at the start."""
     gap = assembly.state.gap
-    find_contacts(assembly.model, assembly.state, gap, assembly.work.point, assembly.work.frame)
+    state, work = assembly.state, assembly.work
+    find_contacts(assembly.model.contacts, state.x, state.R, gap, work.point, work.frame)
     allowed = mechanism.simulation.penetration
     faults = [
-        _overlap(mechanism, name, float(g), assembly.model.clearance[i])
+        _overlap(mechanism, name, float(g), assembly.model.contacts.clearance[i])
         for i, (name, g) in enumerate(zip(assembly.contact_names, gap, strict=True))
         if not g >= -allowed
     ]

@@ -110,7 +110,7 @@ def _execute(mechanism: Mechanism, assembly: "Assembly", full_horizon: bool) -> 
     sim = mechanism.simulation
     control = Control(
         sim.step, sim.horizon, sim.tolerance, sim.penetration,
-        sim.rest.window, sim.rest.drift, sim.rest.force_drift, full_horizon,
+        sim.rest.window, sim.rest.drift, full_horizon,
     )  # fmt: skip
     record = new_certificate()
     stop = np.zeros(1, np.uint8)

@@ -1,6 +1,8 @@
 """A friction problem as arrays, with the operations every solver shares.
 
 The problem, whitened (M = I):  w = G' r,  u = G w + q,  Coulomb's law between each r_i and u_i.
+
+Kernels get the arrays they need and not the whole tuple: every array of a call costs compile time.
 """
 
 from typing import NamedTuple
@@ -13,15 +15,18 @@ CONVERGED = 0
 NOT_CONVERGED = 1
 
 
-class FrictionArrays(NamedTuple):
-    """A whitened friction problem of at most ``nc`` contacts and ``n`` velocities, its unknowns and work space.
-
-    Contact i touches the ``count[i]`` velocities ``column[i, :count[i]]``; its rows (N, T1, T2) of G are ``G[i]``.
-    """
+class Rows(NamedTuple):
+    """The rows of G: contact i touches the ``count[i]`` velocities ``column[i, :count[i]]``."""
 
     column: np.ndarray  # (nc, k) int64
     count: np.ndarray  # (nc,) int64
-    G: np.ndarray  # (nc, 3, k)
+    G: np.ndarray  # (nc, 3, k) rows (N, T1, T2)
+
+
+class FrictionArrays(NamedTuple):
+    """A whitened friction problem of at most ``nc`` contacts and ``n`` velocities, its unknowns and work space."""
+
+    rows: Rows
     q: np.ndarray  # (nc, 3) relative velocity without impulses, plus the law's shift
     mu: np.ndarray  # (nc,)
     r: np.ndarray  # (nc, 3) impulses: start on entry, solution on return
@@ -38,73 +43,80 @@ class FrictionArrays(NamedTuple):
     b: np.ndarray  # (nc, 3)
     AG: np.ndarray  # (3, k)
     K: np.ndarray  # (n, n)
-    factor: np.ndarray  # (n, n)
     dw: np.ndarray  # (n,)
     lag: np.ndarray  # (n,) residual of w = G' r
-    start: np.ndarray  # (nc, 3) impulses on entry
-    best: np.ndarray  # (nc, 3) impulses of the smallest residual seen
+    kept: np.ndarray  # (nc, 3) impulses of the best attempt
+    best: np.ndarray  # (nc, 3) impulses of the smallest residual within an attempt
     q0: np.ndarray  # (nc,) normal part of q while q holds a given shift
 
 
 def friction_arrays(n: int, nc: int, k: int) -> FrictionArrays:
     """Allocate a problem of ``nc`` contacts on ``n`` velocities, at most ``k`` of them per contact."""
     shapes = {
-        "column": (nc, k), "count": (nc,), "G": (nc, 3, k), "mu": (nc,), "scale": (nc,), "q0": (nc,), "A": (nc, 3, 3),
-        "W": (nc, 3, 3), "AG": (3, k), "w": (n,), "dw": (n,), "lag": (n,), "K": (n, n), "factor": (n, n),
+        "mu": (nc,), "scale": (nc,), "q0": (nc,), "A": (nc, 3, 3), "W": (nc, 3, 3), "AG": (3, k),
+        "w": (n,), "dw": (n,), "lag": (n,), "K": (n, n),
     }  # fmt: skip
-    integers = {"column", "count"}
-    return FrictionArrays(
-        *(
-            np.zeros(shapes.get(name, (nc, 3)), np.int64 if name in integers else np.float64)
-            for name in FrictionArrays._fields
-        )
-    )
+    rows = Rows(np.zeros((nc, k), np.int64), np.zeros(nc, np.int64), np.zeros((nc, 3, k)))
+    return FrictionArrays(rows, *(np.zeros(shapes.get(name, (nc, 3))) for name in FrictionArrays._fields[1:]))
 
 
 @kernel
-def measure_scales(nc, p):
+def copy(nc, source, target):
+    """Copy the first ``nc`` rows of three."""
+    for i in range(nc):
+        target[i, 0], target[i, 1], target[i, 2] = source[i, 0], source[i, 1], source[i, 2]
+
+
+@kernel
+def measure_scales(nc, rows, scale):
     """Write each contact's mean Delassus diagonal; return their mean."""
     mean = 0.0
     for i in range(nc):
         s = 0.0
         for k in range(3):
-            for a in range(p.count[i]):
-                s += p.G[i, k, a] * p.G[i, k, a]
+            for a in range(rows.count[i]):
+                s += rows.G[i, k, a] * rows.G[i, k, a]
         mean += s
-        p.scale[i] = s / 3 if s > 0.0 else 1.0
+        scale[i] = s / 3 if s > 0.0 else 1.0
     mean /= max(3 * nc, 1)
     return mean if mean > 0.0 else 1.0
 
 
 @kernel
-def velocity_of(nc, p, r, w):
+def velocity_of(nc, rows, r, w):
     """Write w = G' r."""
-    w[:] = 0.0
+    for k in range(w.shape[0]):
+        w[k] = 0.0
     for i in range(nc):
-        r0, r1, r2 = r[i, 0], r[i, 1], r[i, 2]
-        for a in range(p.count[i]):
-            w[p.column[i, a]] += p.G[i, 0, a] * r0 + p.G[i, 1, a] * r1 + p.G[i, 2, a] * r2
+        add_impulse(rows, i, r[i, 0], r[i, 1], r[i, 2], w)
 
 
 @kernel
-def relative(p, i, w):
+def add_impulse(rows, i, r0, r1, r2, w):
+    """Add G_i' r to a vector of velocities."""
+    for a in range(rows.count[i]):
+        w[rows.column[i, a]] += rows.G[i, 0, a] * r0 + rows.G[i, 1, a] * r1 + rows.G[i, 2, a] * r2
+
+
+@kernel
+def relative(rows, i, w):
     """Return the three components of G_i w."""
     u0, u1, u2 = 0.0, 0.0, 0.0
-    for a in range(p.count[i]):
-        y = w[p.column[i, a]]
-        u0 += p.G[i, 0, a] * y
-        u1 += p.G[i, 1, a] * y
-        u2 += p.G[i, 2, a] * y
+    for a in range(rows.count[i]):
+        y = w[rows.column[i, a]]
+        u0 += rows.G[i, 0, a] * y
+        u1 += rows.G[i, 1, a] * y
+        u2 += rows.G[i, 2, a] * y
     return u0, u1, u2
 
 
 @kernel
-def finish(nc, p):
+def finish(nc, rows, q, r, w, u):
     """Write the velocities w and u that belong to the impulses r."""
-    velocity_of(nc, p, p.r, p.w)
+    velocity_of(nc, rows, r, w)
     for i in range(nc):
-        u0, u1, u2 = relative(p, i, p.w)
-        p.u[i, 0], p.u[i, 1], p.u[i, 2] = p.q[i, 0] + u0, p.q[i, 1] + u1, p.q[i, 2] + u2
+        u0, u1, u2 = relative(rows, i, w)
+        u[i, 0], u[i, 1], u[i, 2] = q[i, 0] + u0, q[i, 1] + u1, q[i, 2] + u2
 
 
 @kernel
@@ -117,23 +129,17 @@ def start_system(n, K):
 
 
 @kernel
-def add_block(p, i, A, K):
-    """Add G_i' A G_i to the system, for a 3 x 3 block A."""
-    G, m = p.G[i], p.count[i]
+def add_block(rows, i, A, AG, K):
+    """Add G_i' A G_i to the system, for the 3 x 3 block A of contact i."""
+    m = rows.count[i]
     for a in range(m):
+        g0, g1, g2 = rows.G[i, 0, a], rows.G[i, 1, a], rows.G[i, 2, a]
         for k in range(3):
-            p.AG[k, a] = A[k, 0] * G[0, a] + A[k, 1] * G[1, a] + A[k, 2] * G[2, a]
+            AG[k, a] = A[i, k, 0] * g0 + A[i, k, 1] * g1 + A[i, k, 2] * g2
     for a in range(m):
-        g0, g1, g2, row = G[0, a], G[1, a], G[2, a], p.column[i, a]
+        g0, g1, g2, row = rows.G[i, 0, a], rows.G[i, 1, a], rows.G[i, 2, a], rows.column[i, a]
         for c in range(m):
-            K[row, p.column[i, c]] += g0 * p.AG[0, c] + g1 * p.AG[1, c] + g2 * p.AG[2, c]
-
-
-@kernel
-def add_impulse(p, i, r0, r1, r2, rhs):
-    """Add G_i' r to the right-hand side."""
-    for a in range(p.count[i]):
-        rhs[p.column[i, a]] += p.G[i, 0, a] * r0 + p.G[i, 1, a] * r1 + p.G[i, 2, a] * r2
+            K[row, rows.column[i, c]] += g0 * AG[0, c] + g1 * AG[1, c] + g2 * AG[2, c]
 
 
 @kernel

@@ -43,11 +43,11 @@ def jordan_root(a0, a1, a2, b0, b1, b2, tau2):
 
 
 @kernel
-def eliminate(mu, r0, r1, r2, u0, u1, u2, tau2, proximal, A, b):
+def eliminate(mu, r0, r1, r2, u0, u1, u2, tau2, proximal, i, A, b):
     """Linearise phi = 0 and solve it for the impulse: dr = -b - A du.
 
     P dr + Q du = -phi is solved with P + proximal Q in the place of P, a proximal step on r: P alone is singular for a
-    sticking contact, whose impulse is whatever the velocity asks for. ``A`` (3, 3) and ``b`` (3,) are written;
+    sticking contact, whose impulse is whatever the velocity asks for. ``A[i]`` (3, 3) and ``b[i]`` (3,) are written;
     returned is |phi|^2.
     """
     c = 1 / max(1.0, mu)
@@ -90,18 +90,18 @@ def eliminate(mu, r0, r1, r2, u0, u1, u2, tau2, proximal, A, b):
     c10, c11, c12 = m12 * m20 - m10 * m22, m00 * m22 - m02 * m20, m02 * m10 - m00 * m12
     c20, c21, c22 = m10 * m21 - m11 * m20, m01 * m20 - m00 * m21, m00 * m11 - m01 * m10
     d = 1 / (m00 * c00 + m01 * c10 + m02 * c20)
-    A[0, 0] = d * (c00 * q00 + c01 * q10 + c02 * q20)
-    A[0, 1] = d * (c00 * q01 + c01 * q11 + c02 * q21)
-    A[0, 2] = d * (c00 * q02 + c01 * q12 + c02 * q22)
-    A[1, 0] = d * (c10 * q00 + c11 * q10 + c12 * q20)
-    A[1, 1] = d * (c10 * q01 + c11 * q11 + c12 * q21)
-    A[1, 2] = d * (c10 * q02 + c11 * q12 + c12 * q22)
-    A[2, 0] = d * (c20 * q00 + c21 * q10 + c22 * q20)
-    A[2, 1] = d * (c20 * q01 + c21 * q11 + c22 * q21)
-    A[2, 2] = d * (c20 * q02 + c21 * q12 + c22 * q22)
-    b[0] = d * (c00 * f0 + c01 * f1 + c02 * f2)
-    b[1] = d * (c10 * f0 + c11 * f1 + c12 * f2)
-    b[2] = d * (c20 * f0 + c21 * f1 + c22 * f2)
+    A[i, 0, 0] = d * (c00 * q00 + c01 * q10 + c02 * q20)
+    A[i, 0, 1] = d * (c00 * q01 + c01 * q11 + c02 * q21)
+    A[i, 0, 2] = d * (c00 * q02 + c01 * q12 + c02 * q22)
+    A[i, 1, 0] = d * (c10 * q00 + c11 * q10 + c12 * q20)
+    A[i, 1, 1] = d * (c10 * q01 + c11 * q11 + c12 * q21)
+    A[i, 1, 2] = d * (c10 * q02 + c11 * q12 + c12 * q22)
+    A[i, 2, 0] = d * (c20 * q00 + c21 * q10 + c22 * q20)
+    A[i, 2, 1] = d * (c20 * q01 + c21 * q11 + c22 * q21)
+    A[i, 2, 2] = d * (c20 * q02 + c21 * q12 + c22 * q22)
+    b[i, 0] = d * (c00 * f0 + c01 * f1 + c02 * f2)
+    b[i, 1] = d * (c10 * f0 + c11 * f1 + c12 * f2)
+    b[i, 2] = d * (c20 * f0 + c21 * f1 + c22 * f2)
     return f0 * f0 + f1 * f1 + f2 * f2
 
 
@@ -112,13 +112,14 @@ def phi_smooth_contact(r0, u0, tau2):
 
 
 @kernel
-def eliminate_smooth_contact(r0, r1, r2, u0, tau2, proximal, A, b):
+def eliminate_smooth_contact(r0, r1, r2, u0, tau2, proximal, i, A, b):
     """Do for mu = 0 what `eliminate` does: one scalar equation; the tangential impulse goes to zero."""
     z = max(np.sqrt(r0 * r0 + u0 * u0 + 2 * tau2), 1e-150)
     f = r0 + u0 - z
     p, q = 1 - r0 / z, 1 - u0 / z
     d = 1 / (p + proximal * q)
-    A[:] = 0.0
-    A[0, 0] = d * q
-    b[0], b[1], b[2] = d * f, r1, r2
+    for k in range(3):
+        A[i, k, 0], A[i, k, 1], A[i, k, 2] = 0.0, 0.0, 0.0
+    A[i, 0, 0] = d * q
+    b[i, 0], b[i, 1], b[i, 2] = d * f, r1, r2
     return f * f

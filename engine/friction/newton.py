@@ -39,7 +39,7 @@ def newton(n, nc, p, mean, tolerance, smoothing, limit):
             size += p.q[i, k] * p.q[i, k]
     size = np.sqrt(size / max(nc, 1))
     tau, creep = smoothing * size, 0
-    finish(nc, p)
+    finish(nc, p.rows, p.q, p.r, p.w, p.u)
     reached = residual(nc, p.mu, p.r, p.u, p.q, mean, True)
     iteration = 0
     while reached > tolerance and iteration < limit and creep < 3:
@@ -52,7 +52,7 @@ def newton(n, nc, p, mean, tolerance, smoothing, limit):
         for i in range(nc):
             for k in range(3):
                 p.r[i, k] += step * p.dx[i, k]
-        finish(nc, p)
+        finish(nc, p.rows, p.q, p.r, p.w, p.u)
         reached = residual(nc, p.mu, p.r, p.u, p.q, mean, True)
         if after <= 0.25 * tau * tau * nc:
             tau = max(0.1 * tau, 1e-12 * size)
@@ -64,29 +64,31 @@ def _direction(n, nc, p, tau2):
     """Write Newton's direction: impulses into dx, relative velocities into dy; return the merit sum |phi|^2."""
     rhs = p.dw
     start_system(n, p.K)
-    rhs[:] = 0.0
+    for k in range(n):
+        rhs[k] = 0.0
     merit = 0.0
     for i in range(nc):
-        A, b, s = p.A[i], p.b[i], p.scale[i]
+        s = p.scale[i]
         r0, r1, r2 = s * p.r[i, 0], s * p.r[i, 1], s * p.r[i, 2]
         if p.mu[i] > 0.0:
-            merit += eliminate(p.mu[i], r0, r1, r2, p.u[i, 0], p.u[i, 1], p.u[i, 2], tau2, PROXIMAL, A, b)
+            merit += eliminate(p.mu[i], r0, r1, r2, p.u[i, 0], p.u[i, 1], p.u[i, 2], tau2, PROXIMAL, i, p.A, p.b)
         else:
-            merit += eliminate_smooth_contact(r0, r1, r2, p.u[i, 0], tau2, PROXIMAL, A, b)
+            merit += eliminate_smooth_contact(r0, r1, r2, p.u[i, 0], tau2, PROXIMAL, i, p.A, p.b)
         for k in range(3):  # back to impulses
-            A[k, 0], A[k, 1], A[k, 2], b[k] = A[k, 0] / s, A[k, 1] / s, A[k, 2] / s, b[k] / s
-        add_block(p, i, A, p.K)
-        add_impulse(p, i, -b[0], -b[1], -b[2], rhs)
+            for j in range(3):
+                p.A[i, k, j] /= s
+            p.b[i, k] /= s
+        add_block(p.rows, i, p.A, p.AG, p.K)
+        add_impulse(p.rows, i, -p.b[i, 0], -p.b[i, 1], -p.b[i, 2], rhs)
     factorise(n, p.K)
     substitute(n, p.K, rhs)
     for i in range(nc):
-        A, b = p.A[i], p.b[i]
-        d0, d1, d2 = relative(p, i, rhs)
+        d0, d1, d2 = relative(p.rows, i, rhs)
         for k in range(3):
-            p.dx[i, k] = -b[k] - (A[k, 0] * d0 + A[k, 1] * d1 + A[k, 2] * d2)
-    velocity_of(nc, p, p.dx, p.dw)  # not the system's own solution: u must stay G G' r + q to the last digit
+            p.dx[i, k] = -p.b[i, k] - (p.A[i, k, 0] * d0 + p.A[i, k, 1] * d1 + p.A[i, k, 2] * d2)
+    velocity_of(nc, p.rows, p.dx, p.dw)  # not the system's own solution: u must stay G G' r + q to the last digit
     for i in range(nc):
-        p.dy[i, 0], p.dy[i, 1], p.dy[i, 2] = relative(p, i, p.dw)
+        p.dy[i, 0], p.dy[i, 1], p.dy[i, 2] = relative(p.rows, i, p.dw)
     return merit
 
 

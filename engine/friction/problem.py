@@ -117,7 +117,7 @@ def _sparse_rows(G: Array, n: int) -> Any:
     columns = [np.flatnonzero(np.abs(rows).max(axis=0) > 0) for rows in G]
     arrays = friction_arrays(n, len(G), max((len(c) for c in columns), default=1))
     for i, c in enumerate(columns):
-        arrays.count[i] = len(c)
-        arrays.column[i, : len(c)] = c
-        arrays.G[i, :, : len(c)] = G[i][:, c]
+        arrays.rows.count[i] = len(c)
+        arrays.rows.column[i, : len(c)] = c
+        arrays.rows.G[i, :, : len(c)] = G[i][:, c]
     return arrays

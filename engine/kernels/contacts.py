@@ -27,27 +27,27 @@ NEWTON_STEPS = 8
 
 
 @kernel
-def find_contacts(model, state, gap, point, frame):
-    """Write every contact's gap (nc,), point (nc, 3) and frame (nc, 3, 3) at the pose in ``state``."""
+def find_contacts(contacts, x, R, gap, point, frame):
+    """Write every contact's gap (nc,), point (nc, 3) and frame (nc, 3, 3) at the pose (x, R)."""
     for i in range(gap.shape[0]):
-        kind = model.contact_kind[i]
+        kind = contacts.kind[i]
         if kind == RING_BORE:
-            gap[i] = ring_in_bore(model, state, i, point[i], frame[i])
+            gap[i] = ring_in_bore(contacts, x, R, i, point[i], frame[i])
         elif kind == ARC_CYLINDER:
-            gap[i] = arc_cylinder(model, state, i, point[i], frame[i])
+            gap[i] = arc_cylinder(contacts, x, R, i, point[i], frame[i])
         else:
-            gap[i] = on_plane(model, state, i, kind, point[i], frame[i])
+            gap[i] = on_plane(contacts, x, R, i, kind, point[i], frame[i])
 
 
 @kernel
-def ring_in_bore(model, state, i, point, frame):
+def ring_in_bore(contacts, x, R, i, point, frame):
     """Ring of the bearing around the journal's cylinder: g = c - e, the force acts on the journal's surface."""
-    a, b = model.contact_a[i], model.contact_b[i]
-    ga, gb = model.geometry_a[i], model.geometry_b[i]
+    a, b = contacts.a[i], contacts.b[i]
+    ga, gb = contacts.geometry_a[i], contacts.geometry_b[i]
     axis = frame[1]
-    to_world(state.x, state.R, a, ga[0:3], point)
-    to_world(state.x, state.R, b, gb[0:3], frame[0])
-    turn_to_world(state.R, b, gb[3:6], axis)
+    to_world(x, R, a, ga, 0, point)
+    to_world(x, R, b, gb, 0, frame[0])
+    turn_to_world(R, b, gb, 3, axis)
     w0, w1, w2 = point[0] - frame[0, 0], point[1] - frame[0, 1], point[2] - frame[0, 2]
     along = w0 * axis[0] + w1 * axis[1] + w2 * axis[2]
     w0, w1, w2 = w0 - along * axis[0], w1 - along * axis[1], w2 - along * axis[2]
@@ -57,25 +57,25 @@ def ring_in_bore(model, state, i, point, frame):
     if eccentricity > 0.0:
         frame[0, 0], frame[0, 1], frame[0, 2] = -w0 / eccentricity, -w1 / eccentricity, -w2 / eccentricity
     else:  # concentric: any direction is the nearest one; take one tied to the journal
-        turn_to_world(state.R, b, gb[6:9], frame[0])
+        turn_to_world(R, b, gb, 6, frame[0])
     for k in range(3):
         point[k] += gb[9] * frame[0, k]
     cross(frame[0], axis, frame[2])
-    return model.clearance[i] - eccentricity
+    return contacts.clearance[i] - eccentricity
 
 
 @kernel
-def on_plane(model, state, i, kind, point, frame):
+def on_plane(contacts, x, R, i, kind, point, frame):
     """Lowest point of a point, an arc or a cylinder over a plane: g = (point - plane) . n."""
-    a, b = model.contact_a[i], model.contact_b[i]
-    ga, gb = model.geometry_a[i], model.geometry_b[i]
+    a, b = contacts.a[i], contacts.b[i]
+    ga, gb = contacts.geometry_a[i], contacts.geometry_b[i]
     n = frame[0]
-    turn_to_world(state.R, b, gb[3:6], n)
-    to_world(state.x, state.R, a, ga[0:3], point)
+    turn_to_world(R, b, gb, 3, n)
+    to_world(x, R, a, ga, 0, point)
     if kind == ARC_PLANE:
         e, f = frame[1], frame[2]
-        turn_to_world(state.R, a, ga[3:6], f)
-        turn_to_world(state.R, a, ga[6:9], e)
+        turn_to_world(R, a, ga, 3, f)
+        turn_to_world(R, a, ga, 6, e)
         f0, f1, f2 = f[1] * e[2] - f[2] * e[1], f[2] * e[0] - f[0] * e[2], f[0] * e[1] - f[1] * e[0]
         down_e = -(n[0] * e[0] + n[1] * e[1] + n[2] * e[2])
         down_f = -(n[0] * f0 + n[1] * f1 + n[2] * f2)
@@ -86,7 +86,7 @@ def on_plane(model, state, i, kind, point, frame):
         point[2] += ce * e[2] + sf * f2
     elif kind == CYLINDER_PLANE:
         axis = frame[1]
-        turn_to_world(state.R, a, ga[3:6], axis)
+        turn_to_world(R, a, ga, 3, axis)
         along = n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2]
         k0, k1, k2 = n[0] - along * axis[0], n[1] - along * axis[1], n[2] - along * axis[2]
         down = ga[9] / np.sqrt(k0 * k0 + k1 * k1 + k2 * k2)
@@ -94,28 +94,28 @@ def on_plane(model, state, i, kind, point, frame):
         point[1] -= down * k1
         point[2] -= down * k2
     plane = frame[1]
-    to_world(state.x, state.R, b, gb[0:3], plane)
+    to_world(x, R, b, gb, 0, plane)
     distance = (point[0] - plane[0]) * n[0] + (point[1] - plane[1]) * n[1] + (point[2] - plane[2]) * n[2]
     for k in range(3):
         point[k] -= distance * n[k]
-    turn_to_world(state.R, b, gb[6:9], frame[1])
+    turn_to_world(R, b, gb, 6, frame[1])
     cross(n, frame[1], frame[2])
-    return distance + model.clearance[i]
+    return distance + contacts.clearance[i]
 
 
 @kernel
-def arc_cylinder(model, state, i, point, frame):
+def arc_cylinder(contacts, x, R, i, point, frame):
     """Arc outside a cylinder: the arc's point nearest to the cylinder's axis, by Newton's method on its angle."""
-    a, b = model.contact_a[i], model.contact_b[i]
-    ga, gb = model.geometry_a[i], model.geometry_b[i]
+    a, b = contacts.a[i], contacts.b[i]
+    ga, gb = contacts.geometry_a[i], contacts.geometry_b[i]
     axis, e, f = frame[1], frame[0], frame[2]
-    to_world(state.x, state.R, a, ga[0:3], point)
-    turn_to_world(state.R, b, gb[3:6], axis)
-    turn_to_world(state.R, a, ga[3:6], f)
-    turn_to_world(state.R, a, ga[6:9], e)
+    to_world(x, R, a, ga, 0, point)
+    turn_to_world(R, b, gb, 3, axis)
+    turn_to_world(R, a, ga, 3, f)
+    turn_to_world(R, a, ga, 6, e)
     f0, f1, f2 = f[1] * e[2] - f[2] * e[1], f[2] * e[0] - f[0] * e[2], f[0] * e[1] - f[1] * e[0]
     e0, e1, e2 = e[0], e[1], e[2]
-    to_world(state.x, state.R, b, gb[0:3], frame[0])
+    to_world(x, R, b, gb, 0, frame[0])
     w0, w1, w2 = point[0] - frame[0, 0], point[1] - frame[0, 1], point[2] - frame[0, 2]
     # all three vectors across the cylinder's axis: the distance is |w + r (cos E + sin F)|
     ew, ee = w0 * axis[0] + w1 * axis[1] + w2 * axis[2], e0 * axis[0] + e1 * axis[1] + e2 * axis[2]
@@ -144,7 +144,7 @@ def arc_cylinder(model, state, i, point, frame):
     point[2] += c * e2 + s * f2 - gap * D2 / distance
     frame[0, 0], frame[0, 1], frame[0, 2] = D0 / distance, D1 / distance, D2 / distance
     cross(frame[0], axis, frame[2])
-    return gap + model.clearance[i]
+    return gap + contacts.clearance[i]
 
 
 @kernel
@@ -156,64 +156,64 @@ def cross(a, b, out):
 
 
 @kernel
-def relative_velocity(model, state, i, point, frame, twist, u):
-    """Write into ``u``, shape (3,), the velocity of body a relative to body b at contact i, (N, T1, T2) (eq. 18)."""
+def relative_velocity(x, R, a, b, point, frame, twist, i, u):
+    """Write into ``u[i]`` the velocity of body a relative to body b at contact i, (N, T1, T2) (eq. 18)."""
     r0, r1, r2 = 0.0, 0.0, 0.0
     for side in range(2):
-        body = model.contact_a[i] if side == 0 else model.contact_b[i]
-        if body < model.mass.shape[0]:
-            v, R, x = twist[body], state.R[body], state.x[body]
-            o0 = R[0, 0] * v[3] + R[0, 1] * v[4] + R[0, 2] * v[5]
-            o1 = R[1, 0] * v[3] + R[1, 1] * v[4] + R[1, 2] * v[5]
-            o2 = R[2, 0] * v[3] + R[2, 1] * v[4] + R[2, 2] * v[5]
-            d0, d1, d2 = point[0] - x[0], point[1] - x[1], point[2] - x[2]
+        body = a if side == 0 else b
+        if body < x.shape[0] - 1:
+            v3, v4, v5 = twist[body, 3], twist[body, 4], twist[body, 5]
+            o0 = R[body, 0, 0] * v3 + R[body, 0, 1] * v4 + R[body, 0, 2] * v5
+            o1 = R[body, 1, 0] * v3 + R[body, 1, 1] * v4 + R[body, 1, 2] * v5
+            o2 = R[body, 2, 0] * v3 + R[body, 2, 1] * v4 + R[body, 2, 2] * v5
+            d0, d1, d2 = point[i, 0] - x[body, 0], point[i, 1] - x[body, 1], point[i, 2] - x[body, 2]
             sign = 1.0 - 2.0 * side
-            r0 += sign * (v[0] + o1 * d2 - o2 * d1)
-            r1 += sign * (v[1] + o2 * d0 - o0 * d2)
-            r2 += sign * (v[2] + o0 * d1 - o1 * d0)
+            r0 += sign * (twist[body, 0] + o1 * d2 - o2 * d1)
+            r1 += sign * (twist[body, 1] + o2 * d0 - o0 * d2)
+            r2 += sign * (twist[body, 2] + o0 * d1 - o1 * d0)
     for k in range(3):
-        u[k] = frame[k, 0] * r0 + frame[k, 1] * r1 + frame[k, 2] * r2
+        u[i, k] = frame[i, k, 0] * r0 + frame[i, k, 1] * r1 + frame[i, k, 2] * r2
 
 
 @kernel
-def whitened_rows(model, state, i, point, frame, column, G):
-    """Write contact i's rows of G M^-1/2 (3, 12) and the velocities they touch; return how many.
+def whitened_rows(bodies, x, R, a, b, point, frame, i, rows, j):
+    """Write contact i's rows of G M^-1/2 and the velocities they touch as contact j of a friction problem.
 
     Body k's velocities are 6 k .. 6 k + 5. M^-1/2 is 1/sqrt(m) for the translation and L^-T for the rotation.
     """
-    n = 0
+    n, G, root = 0, rows.G, bodies.inverse_root
     for side in range(2):
-        body = model.contact_a[i] if side == 0 else model.contact_b[i]
-        if body >= model.mass.shape[0]:
+        body = a if side == 0 else b
+        if body >= bodies.mass.shape[0]:
             continue
-        R, x, root = state.R[body], state.x[body], model.inverse_root[body]
         sign = 1.0 - 2.0 * side
-        s = sign / np.sqrt(model.mass[body])
-        d0, d1, d2 = point[0] - x[0], point[1] - x[1], point[2] - x[2]
+        s = sign / np.sqrt(bodies.mass[body])
+        d0, d1, d2 = point[i, 0] - x[body, 0], point[i, 1] - x[body, 1], point[i, 2] - x[body, 2]
         for k in range(3):
-            t0, t1, t2 = frame[k, 0], frame[k, 1], frame[k, 2]
+            t0, t1, t2 = frame[i, k, 0], frame[i, k, 1], frame[i, k, 2]
             m0, m1, m2 = d1 * t2 - d2 * t1, d2 * t0 - d0 * t2, d0 * t1 - d1 * t0
-            b0 = R[0, 0] * m0 + R[1, 0] * m1 + R[2, 0] * m2
-            b1 = R[0, 1] * m0 + R[1, 1] * m1 + R[2, 1] * m2
-            b2 = R[0, 2] * m0 + R[1, 2] * m1 + R[2, 2] * m2
-            G[k, n], G[k, n + 1], G[k, n + 2] = s * t0, s * t1, s * t2
-            G[k, n + 3] = sign * root[0, 0] * b0
-            G[k, n + 4] = sign * (root[1, 0] * b0 + root[1, 1] * b1)
-            G[k, n + 5] = sign * (root[2, 0] * b0 + root[2, 1] * b1 + root[2, 2] * b2)
+            b0 = R[body, 0, 0] * m0 + R[body, 1, 0] * m1 + R[body, 2, 0] * m2
+            b1 = R[body, 0, 1] * m0 + R[body, 1, 1] * m1 + R[body, 2, 1] * m2
+            b2 = R[body, 0, 2] * m0 + R[body, 1, 2] * m1 + R[body, 2, 2] * m2
+            G[j, k, n], G[j, k, n + 1], G[j, k, n + 2] = s * t0, s * t1, s * t2
+            G[j, k, n + 3] = sign * root[body, 0, 0] * b0
+            G[j, k, n + 4] = sign * (root[body, 1, 0] * b0 + root[body, 1, 1] * b1)
+            G[j, k, n + 5] = sign * (root[body, 2, 0] * b0 + root[body, 2, 1] * b1 + root[body, 2, 2] * b2)
         for k in range(6):
-            column[n + k] = 6 * body + k
+            rows.column[j, n + k] = 6 * body + k
         n += 6
-    return n
+    rows.count[j] = n
 
 
 @kernel
-def add_whitened(model, w, twist):
+def add_whitened(bodies, w, twist):
     """Add M^-1/2 w to the twists, shape (nb + 1, 6)."""
-    for body in range(model.mass.shape[0]):
-        s, root, k = 1 / np.sqrt(model.mass[body]), model.inverse_root[body], 6 * body
+    root = bodies.inverse_root
+    for body in range(bodies.mass.shape[0]):
+        s, k = 1 / np.sqrt(bodies.mass[body]), 6 * body
         twist[body, 0] += s * w[k]
         twist[body, 1] += s * w[k + 1]
         twist[body, 2] += s * w[k + 2]
-        twist[body, 3] += root[0, 0] * w[k + 3] + root[1, 0] * w[k + 4] + root[2, 0] * w[k + 5]
-        twist[body, 4] += root[1, 1] * w[k + 4] + root[2, 1] * w[k + 5]
-        twist[body, 5] += root[2, 2] * w[k + 5]
+        twist[body, 3] += root[body, 0, 0] * w[k + 3] + root[body, 1, 0] * w[k + 4] + root[body, 2, 0] * w[k + 5]
+        twist[body, 4] += root[body, 1, 1] * w[k + 4] + root[body, 2, 1] * w[k + 5]
+        twist[body, 5] += root[body, 2, 2] * w[k + 5]

@@ -7,48 +7,48 @@ from engine.kernels.rotations import to_world, turn_to_world, twist_angle
 
 
 @kernel
-def apply_loads(model, state, phase, wrench, scratch_a, scratch_b):
+def apply_loads(bodies, loads, state, phase, wrench, a, b):
     """Write each body's force and torque about its centre of mass, world axes, shape (nb + 1, 6).
 
-    ``scratch_a``, ``scratch_b`` have shape (3,) or more.
+    ``a``, ``b`` are work space, shape (3,).
     """
     for body in range(wrench.shape[0]):
         for k in range(3):
             wrench[body, k] = 0.0
-            if body < model.mass.shape[0]:
-                wrench[body, k] = model.mass[body] * model.gravity[k]
+            if body < bodies.mass.shape[0]:
+                wrench[body, k] = bodies.mass[body] * loads.gravity[k]
             wrench[body, 3 + k] = 0.0
-    _linear_springs(model, state, wrench, scratch_a, scratch_b)
-    _torsion_springs(model, state, wrench, scratch_a)
-    _constant_loads(model, state, phase, wrench, scratch_a, scratch_b)
+    _linear_springs(loads, state, wrench, a, b)
+    _torsion_springs(loads, state, wrench, a)
+    _constant_loads(loads, state, phase, wrench, a, b)
 
 
 @kernel
-def _linear_springs(model, state, wrench, p, q):
+def _linear_springs(loads, state, wrench, p, q):
     """Push the two points apart with k (free length - length) - c d(length)/dt."""
-    for i in range(model.spring_body.shape[0]):
-        a, b = model.spring_body[i, 0], model.spring_body[i, 1]
-        to_world(state.x, state.R, a, model.spring_point[i, 0], p)
-        to_world(state.x, state.R, b, model.spring_point[i, 1], q)
+    for i in range(loads.spring_body.shape[0]):
+        a, b = loads.spring_body[i, 0], loads.spring_body[i, 1]
+        to_world(state.x, state.R, a, loads.spring_point[i], 0, p)
+        to_world(state.x, state.R, b, loads.spring_point[i], 3, q)
         d0, d1, d2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
         length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
         if length == 0.0:
             continue
         d0, d1, d2 = d0 / length, d1 / length, d2 / length
-        rate = _speed_along(state, b, q, d0, d1, d2) - _speed_along(state, a, p, d0, d1, d2)
-        law = model.spring_law[i]
+        rate = _speed_along(state.x, state.R, state.v, b, q, d0, d1, d2) - _speed_along(state.x, state.R, state.v, a, p, d0, d1, d2)
+        law = loads.spring_law[i]
         force = law[0] * (law[1] - length) - law[2] * rate
-        _add_force(state, b, q, force * d0, force * d1, force * d2, wrench)
-        _add_force(state, a, p, -force * d0, -force * d1, -force * d2, wrench)
+        _add_force(state.x, b, q, force * d0, force * d1, force * d2, wrench)
+        _add_force(state.x, a, p, -force * d0, -force * d1, -force * d2, wrench)
 
 
 @kernel
-def _torsion_springs(model, state, wrench, axis):
+def _torsion_springs(loads, state, wrench, axis):
     """Turn body b by -k (angle - free angle) - c rate about an axis fixed in body a; the opposite turns a."""
-    for i in range(model.torsion_body.shape[0]):
-        a, b = model.torsion_body[i, 0], model.torsion_body[i, 1]
-        law, n = model.torsion_law[i], model.torsion_axis[i]
-        fa, fb = model.torsion_frame[i, 0], model.torsion_frame[i, 1]
+    for i in range(loads.torsion_body.shape[0]):
+        a, b = loads.torsion_body[i, 0], loads.torsion_body[i, 1]
+        law, n = loads.torsion_law[i], loads.torsion_axis[i]
+        fa, fb = loads.torsion_frame[i, 0], loads.torsion_frame[i, 1]
         angle = twist_angle(_times(state.p[a], fa), _times(state.p[b], fb), n[0], n[1], n[2])
         turns = np.round((angle - law[3]) / (2 * np.pi))  # the branch nearest to the angle at the start
         angle -= 2 * np.pi * turns
@@ -57,7 +57,7 @@ def _torsion_springs(model, state, wrench, axis):
         R = state.R[a]
         for k in range(3):
             axis[k] = R[k, 0] * m0 + R[k, 1] * m1 + R[k, 2] * m2
-        rate = _spin_along(state, b, axis) - _spin_along(state, a, axis)
+        rate = _spin_along(state.R, state.v, b, axis) - _spin_along(state.R, state.v, a, axis)
         torque = -law[0] * (angle - law[1]) - law[2] * rate
         for k in range(3):
             wrench[b, 3 + k] += torque * axis[k]
@@ -65,31 +65,29 @@ def _torsion_springs(model, state, wrench, axis):
 
 
 @kernel
-def _constant_loads(model, state, phase, wrench, p, f):
+def _constant_loads(loads, state, phase, wrench, p, f):
     """Apply the forces and torques of the present phase."""
-    for i in range(model.force_body.shape[0]):
-        if not model.force_phase[i, phase]:
+    for i in range(loads.force_body.shape[0]):
+        if not loads.force_phase[i, phase]:
             continue
-        body = model.force_body[i]
-        to_world(state.x, state.R, body, model.force_point[i], p)
+        body = loads.force_body[i]
+        row = loads.force_vector[i]
+        to_world(state.x, state.R, body, row, 0, p)
         for part in range(2):
-            f[0], f[1], f[2] = (
-                model.force_vector[i, part, 0],
-                model.force_vector[i, part, 1],
-                model.force_vector[i, part, 2],
-            )
-            if model.force_in_body[i]:
-                turn_to_world(state.R, body, model.force_vector[i, part], f)
+            k = 3 + 3 * part
+            f[0], f[1], f[2] = row[k], row[k + 1], row[k + 2]
+            if loads.force_in_body[i]:
+                turn_to_world(state.R, body, row, k, f)
             if part == 0:
-                _add_force(state, body, p, f[0], f[1], f[2], wrench)
+                _add_force(state.x, body, p, f[0], f[1], f[2], wrench)
             else:
                 for k in range(3):
                     wrench[body, 3 + k] += f[k]
 
 
 @kernel
-def _add_force(state, body, p, f0, f1, f2, wrench):
-    d0, d1, d2 = p[0] - state.x[body, 0], p[1] - state.x[body, 1], p[2] - state.x[body, 2]
+def _add_force(x, body, p, f0, f1, f2, wrench):
+    d0, d1, d2 = p[0] - x[body, 0], p[1] - x[body, 1], p[2] - x[body, 2]
     wrench[body, 0] += f0
     wrench[body, 1] += f1
     wrench[body, 2] += f2
@@ -99,9 +97,9 @@ def _add_force(state, body, p, f0, f1, f2, wrench):
 
 
 @kernel
-def _spin_along(state, body, n):
+def _spin_along(Rs, vs, body, n):
     """Angular velocity about the world direction n."""
-    R, v = state.R[body], state.v[body]
+    R, v = Rs[body], vs[body]
     s = 0.0
     for k in range(3):
         s += n[k] * (R[k, 0] * v[3] + R[k, 1] * v[4] + R[k, 2] * v[5])
@@ -109,9 +107,9 @@ def _spin_along(state, body, n):
 
 
 @kernel
-def _speed_along(state, body, p, d0, d1, d2):
+def _speed_along(xs, Rs, vs, body, p, d0, d1, d2):
     """Velocity of the body's point p (world) along the direction d."""
-    R, v, x = state.R[body], state.v[body], state.x[body]
+    R, v, x = Rs[body], vs[body], xs[body]
     o0 = R[0, 0] * v[3] + R[0, 1] * v[4] + R[0, 2] * v[5]
     o1 = R[1, 0] * v[3] + R[1, 1] * v[4] + R[1, 2] * v[5]
     o2 = R[2, 0] * v[3] + R[2, 1] * v[4] + R[2, 2] * v[5]

@@ -12,41 +12,66 @@ RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ARC_CYLINDER = range(5)
 POSITION, CONTACT_FORCE = range(2)
 
 
-class Model(NamedTuple):
-    """Constants of a run. ``nb`` moving bodies, ``nc`` contacts; units of the mechanism file."""
+class Bodies(NamedTuple):
+    """``nb`` moving bodies; units of the mechanism file."""
 
     mass: np.ndarray  # (nb,)
     inertia: np.ndarray  # (nb, 3, 3) about the centre of mass, body axes
     inverse_root: np.ndarray  # (nb, 3, 3) L^-1 with inertia = L L'
-    gravity: np.ndarray  # (3,)
 
-    contact_kind: np.ndarray  # (nc,) int64
-    contact_a: np.ndarray  # (nc,) int64, the body pushed along +N
-    contact_b: np.ndarray  # (nc,) int64
+
+class Contacts(NamedTuple):
+    """``nc`` potential contacts."""
+
+    kind: np.ndarray  # (nc,) int64
+    a: np.ndarray  # (nc,) int64, the body pushed along +N
+    b: np.ndarray  # (nc,) int64
     geometry_a: np.ndarray  # (nc, 11) see contacts.py
     geometry_b: np.ndarray  # (nc, 11)
     clearance: np.ndarray  # (nc,) radial clearance of a ring in a bore; minus the contact offset elsewhere
+
+
+class Laws(NamedTuple):
+    """What happens at the contacts."""
+
     mu: np.ndarray  # (nc,)
     restitution: np.ndarray  # (nc,)
 
+
+class Loads(NamedTuple):
+    """Forces and torques."""
+
+    gravity: np.ndarray  # (3,)
     spring_body: np.ndarray  # (ns, 2) int64
-    spring_point: np.ndarray  # (ns, 2, 3)
+    spring_point: np.ndarray  # (ns, 6) the two points
     spring_law: np.ndarray  # (ns, 3) stiffness, free length, damping
     torsion_body: np.ndarray  # (nt, 2) int64
     torsion_frame: np.ndarray  # (nt, 2, 4) quaternion of each body's own frame in the state's
     torsion_axis: np.ndarray  # (nt, 3) in the frame of the first
     torsion_law: np.ndarray  # (nt, 4) stiffness, angle without torque, damping, angle at the start
     force_body: np.ndarray  # (nf,) int64
-    force_point: np.ndarray  # (nf, 3)
-    force_vector: np.ndarray  # (nf, 2, 3) force and torque
+    force_vector: np.ndarray  # (nf, 9) point, force, torque
     force_in_body: np.ndarray  # (nf,) bool: components in body axes
     force_phase: np.ndarray  # (nf, n_phase) bool
 
-    response_kind: np.ndarray  # (nr,) int64
-    response_body: np.ndarray  # (nr, 3) int64: from, to, direction; or the contact's number in the first
-    response_point: np.ndarray  # (nr, 4, 3): from, its axis (0: a point), to, direction
-    response_offset: np.ndarray  # (nr,)
 
+class Responses(NamedTuple):
+    """What is measured."""
+
+    kind: np.ndarray  # (nr,) int64
+    body: np.ndarray  # (nr, 3) int64: from, to, direction; or the contact's number in the first
+    point: np.ndarray  # (nr, 12): from, its axis (0: a point), to, direction
+    offset: np.ndarray  # (nr,)
+
+
+class Model(NamedTuple):
+    """Constants of a run. Kernels get the part they need: every array of a call costs compile time."""
+
+    bodies: Bodies
+    contacts: Contacts
+    laws: Laws
+    loads: Loads
+    responses: Responses
     phase_duration: np.ndarray  # (n_phase,) inf: until rest
 
 
@@ -66,14 +91,17 @@ class Scratch(NamedTuple):
     """Work space of a step."""
 
     wrench: np.ndarray  # (nb + 1, 6) force and torque about the centre of mass, world axes
+    free: np.ndarray  # (nb + 1, 6) twist at the end of the step, without contact impulses
+    gap: np.ndarray  # (nc,) at mid-step
     point: np.ndarray  # (nc, 3) contact points
     frame: np.ndarray  # (nc, 3, 3) rows N, T1, T2
-    before: np.ndarray  # (nb + 1, 6) twist at the start of the step
-    free: np.ndarray  # (nb + 1, 6) twist at its end, without contact impulses
-    middle_gap: np.ndarray  # (nc,)
+    q: np.ndarray  # (nc, 3) relative velocities without impulses
+    shift: np.ndarray  # (nc,) what the impact law adds to their normal part
+    u: np.ndarray  # (nc, 3) relative velocities
     active: np.ndarray  # (nc,) bool
     index: np.ndarray  # (nc,) int64, contacts of the friction problem
-    q0: np.ndarray  # (nc, 3) free relative velocities
     values: np.ndarray  # (nr,) responses
     anchor: np.ndarray  # (nr,) responses when the present pause began
     travel: np.ndarray  # (nc,) way slipped since then
+    a: np.ndarray  # (3,)
+    b: np.ndarray  # (3,)

@@ -7,9 +7,9 @@ EULER_STEPS = 4
 
 
 @kernel
-def move(model, state, dt):
+def move(state, dt):
     """Displace every body by ``dt`` at its present twist: x += dt v, p <- p exp(dt Omega)."""
-    for body in range(model.mass.shape[0]):
+    for body in range(state.x.shape[0] - 1):
         v = state.v[body]
         for k in range(3):
             state.x[body, k] += dt * v[k]
@@ -18,19 +18,19 @@ def move(model, state, dt):
 
 
 @kernel
-def free_twist(model, state, wrench, h, free):
+def free_twist(bodies, R, twist, wrench, h, free):
     """Write the twists at the end of a step of length ``h`` under the loads alone.
 
     The gyroscopic moment is taken at the mean angular velocity, I (O+ - O) = h (M - Om x I Om), Om = (O + O+)/2: second
     order, and a free body keeps its energy and its momentum.
     """
-    for body in range(model.mass.shape[0]):
-        v, R, f, I = state.v[body], state.R[body], wrench[body], model.inertia[body]
+    for body in range(bodies.mass.shape[0]):
+        v, f, I, Q = twist[body], wrench[body], bodies.inertia[body], R[body]
         for k in range(3):
-            free[body, k] = v[k] + h * f[k] / model.mass[body]
-        m0 = R[0, 0] * f[3] + R[1, 0] * f[4] + R[2, 0] * f[5]
-        m1 = R[0, 1] * f[3] + R[1, 1] * f[4] + R[2, 1] * f[5]
-        m2 = R[0, 2] * f[3] + R[1, 2] * f[4] + R[2, 2] * f[5]
+            free[body, k] = v[k] + h * f[k] / bodies.mass[body]
+        m0 = Q[0, 0] * f[3] + Q[1, 0] * f[4] + Q[2, 0] * f[5]
+        m1 = Q[0, 1] * f[3] + Q[1, 1] * f[4] + Q[2, 1] * f[5]
+        m2 = Q[0, 2] * f[3] + Q[1, 2] * f[4] + Q[2, 2] * f[5]
         a, b, c = v[3], v[4], v[5]
         for _ in range(EULER_STEPS):
             o0, o1, o2 = 0.5 * (a + v[3]), 0.5 * (b + v[4]), 0.5 * (c + v[5])
@@ -40,7 +40,7 @@ def free_twist(model, state, wrench, h, free):
             y0 = h * (m0 - (o1 * l2 - o2 * l1))
             y1 = h * (m1 - (o2 * l0 - o0 * l2))
             y2 = h * (m2 - (o0 * l1 - o1 * l0))
-            root = model.inverse_root[body]  # I^-1 = L^-T L^-1
+            root = bodies.inverse_root[body]  # I^-1 = L^-T L^-1
             z0 = root[0, 0] * y0
             z1 = root[1, 0] * y0 + root[1, 1] * y1
             z2 = root[2, 0] * y0 + root[2, 1] * y1 + root[2, 2] * y2

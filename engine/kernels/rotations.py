@@ -7,7 +7,7 @@ from engine.kernels.jit import kernel
 
 @kernel
 def rotation_matrix(p, R):
-    """Write into ``R``, shape (3, 3), the rotation of the unit quaternion ``p``, shape (4,)."""
+    """Write into ``R``, shape (3, 3), the rotation of the unit quaternion ``p``, shape (4,): Phi(p)."""
     w, x, y, z = p[0], p[1], p[2], p[3]
     R[0, 0] = 1 - 2 * (y * y + z * z)
     R[0, 1] = 2 * (x * y - w * z)
@@ -50,14 +50,16 @@ def twist_angle(pa, pb, n0, n1, n2):
 
 
 @kernel
-def to_world(x, R, body, local, out):
-    """Write into ``out`` the world position of the point ``local`` of a body: x + R local."""
+def to_world(x, R, body, row, k, out):
+    """Write into ``out`` the world position of the body's point ``row[k : k + 3]``: x + R p."""
+    a, b, c = row[k], row[k + 1], row[k + 2]
     for i in range(3):
-        out[i] = x[body, i] + R[body, i, 0] * local[0] + R[body, i, 1] * local[1] + R[body, i, 2] * local[2]
+        out[i] = x[body, i] + R[body, i, 0] * a + R[body, i, 1] * b + R[body, i, 2] * c
 
 
 @kernel
-def turn_to_world(R, body, local, out):
-    """Write into ``out`` the world components of the direction ``local`` of a body: R local."""
+def turn_to_world(R, body, row, k, out):
+    """Write into ``out`` the world components of the body's direction ``row[k : k + 3]``: R d."""
+    a, b, c = row[k], row[k + 1], row[k + 2]
     for i in range(3):
-        out[i] = R[body, i, 0] * local[0] + R[body, i, 1] * local[1] + R[body, i, 2] * local[2]
+        out[i] = R[body, i, 0] * a + R[body, i, 1] * b + R[body, i, 2] * c

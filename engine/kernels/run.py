@@ -5,12 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from engine.friction.arrays import CONVERGED
-from engine.kernels.contacts import find_contacts
 from engine.kernels.jit import kernel
 from engine.kernels.model import CONTACT_FORCE
 from engine.kernels.responses import measure
 from engine.kernels.step import step
 
+LOADED = 1e-3  # of the largest impulse: a contact that carries load
 OK, NOT_CONVERGED, PENETRATION, DIVERGED, STOPPED = range(5)
 
 
@@ -23,7 +23,6 @@ class Control(NamedTuple):
     penetration: float  # largest gap violation after a step
     window: float  # nothing measured moves for so long: at rest
     drift: float  # what a length may move meanwhile and count as unmoved
-    force_drift: float  # the same for a contact force, relative
     full_horizon: bool  # go on to the horizon even at rest
 
 
@@ -55,11 +54,7 @@ def run(model, state, work, problem, control, certificate, stop):
 
     ``stop``, shape (1,) uint8, is set from another thread to end the run (time limit, cancel).
     """
-    h = control.step
-    t = 0.0
-    u = np.zeros(3)
-    p = np.zeros(3)
-    find_contacts(model, state, state.gap, work.point, work.frame)
+    h, t = control.step, 0.0
     certificate.settled[0] = True
     for phase in range(model.phase_duration.shape[0]):
         certificate.phase[0] = phase
@@ -69,7 +64,7 @@ def run(model, state, work, problem, control, certificate, stop):
         stay = not until_rest or (control.full_horizon and phase == model.phase_duration.shape[0] - 1)
         while t < end - 0.5 * h and (stay or not settled):
             status, residual, worst, where, iterations = step(
-                model, state, work, problem, phase, h, control.tolerance, control.penetration, u
+                model, state, work, problem, phase, h, control.tolerance, control.penetration
             )
             t += h
             certificate.steps[0] += 1
@@ -78,17 +73,16 @@ def run(model, state, work, problem, control, certificate, stop):
             certificate.time[0] = t
             certificate.residual[0] = max(residual, certificate.residual[0])
             certificate.penetration[0] = max(worst, certificate.penetration[0])
-            certificate.status[0] = _verdict(state, status, worst, control, stop)
+            certificate.status[0] = _verdict(state.v, status, worst, control.penetration, stop[0])
             if certificate.status[0] != OK:
                 certificate.contact[0] = where
                 certificate.settled[0] = False
                 return
-            measure(model, state, h, work.values, u, p)
-            moved = _moved(model, state, work, control)
+            measure(model.responses, state.x, state.R, state.r, h, work.values, work.a, work.b)
+            moved = _moved(model.responses.kind, state, work, control)
             pause = 0.0 if moved or pause < 0.0 else pause + h
             if moved or pause == 0.0:
-                work.anchor[:] = work.values
-                work.travel[:] = 0.0
+                _drop_anchor(work)
             settled = pause >= control.window
         certificate.settled[0] = certificate.settled[0] and (settled or not until_rest)
         if until_rest and not settled:
@@ -96,36 +90,45 @@ def run(model, state, work, problem, control, certificate, stop):
 
 
 @kernel
-def _verdict(state, status, worst, control, stop):
+def _verdict(v, status, worst, penetration, stop):
     """Judge the step just made."""
-    if not np.isfinite(state.v).all() or not np.isfinite(state.x).all():
+    for body in range(v.shape[0]):
+        for k in range(6):
+            if not abs(v[body, k]) < np.inf:
+                return DIVERGED
+    if not worst < np.inf:
         return DIVERGED
     if status != CONVERGED:
         return NOT_CONVERGED
-    if worst > control.penetration:
+    if worst > penetration:
         return PENETRATION
-    if stop[0] != 0:
-        return STOPPED
-    return OK
+    return STOPPED if stop != 0 else OK
 
 
 @kernel
-def _moved(model, state, work, control):
-    """Has anything that matters moved since the anchor: a response, or a contact that carries load?
-
-    Bodies without load may drift on for ever (a rod that spins slowly between its bearings): they do not count.
-    """
-    moved = False
+def _drop_anchor(work):
+    """Note where everything is now."""
     for i in range(work.values.shape[0]):
-        allowed = control.drift
-        if model.response_kind[i] == CONTACT_FORCE:
-            allowed = control.force_drift * max(abs(work.values[i]), abs(work.anchor[i]))
-        moved = moved or abs(work.values[i] - work.anchor[i]) > allowed
-    load = 0.0
+        work.anchor[i] = work.values[i]
+    for i in range(work.travel.shape[0]):
+        work.travel[i] = 0.0
+
+
+@kernel
+def _moved(kind, state, work, control):
+    """Has anything that matters moved since the anchor: a measured length, or a contact that carries load?
+
+    Bodies without load may drift on for ever (a rod that spins slowly between its bearings): they do not count. Contact
+    forces do not count either: with everything sticking they may wander inside their indeterminacy.
+    """
+    moved, load = False, 0.0
+    for i in range(work.values.shape[0]):
+        if kind[i] != CONTACT_FORCE:
+            moved = moved or not abs(work.values[i] - work.anchor[i]) <= control.drift
     for i in range(state.slip.shape[0]):
         load = max(load, state.r[i, 0])
     for i in range(state.slip.shape[0]):
-        if state.r[i, 0] > 1e-3 * load:
+        if state.r[i, 0] > LOADED * load:
             work.travel[i] += control.step * state.slip[i]
             moved = moved or work.travel[i] > control.drift
     return moved

@@ -1,23 +1,25 @@
 """One time step of length h: Moreau's midpoint rule with combined projection (paper, eqs. 20-22)."""
 
 from engine.friction.arrays import CONVERGED
+from engine.friction.solver import solve_friction
 from engine.kernels.contacts import find_contacts
 from engine.kernels.jit import kernel
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist, move
-from engine.kernels.projection import project_positions
+from engine.kernels.projection import ROUNDS, displace, gather_projection, worst_penetration
 from engine.kernels.velocity import (
     first_active_set,
     free_relative_velocities,
+    gather,
     grow_active_set,
-    solve_velocities,
+    scatter,
 )
 
 GROWTH_ROUNDS = 20
 
 
 @kernel
-def step(model, state, work, problem, phase, h, tolerance, penetration, u):
+def step(model, state, work, problem, phase, h, tolerance, penetration):
     """Advance ``state`` by ``h``.
 
     Returns
@@ -27,19 +29,38 @@ def step(model, state, work, problem, phase, h, tolerance, penetration, u):
     worst, where : largest penetration left, and its contact
     iterations : of the friction solver
     """
-    work.before[:] = state.v
-    move(model, state, 0.5 * h)
-    apply_loads(model, state, phase, work.wrench, u, work.point[0])
-    free_twist(model, state, work.wrench, h, work.free)
-    find_contacts(model, state, work.middle_gap, work.point, work.frame)
-    free_relative_velocities(model, state, work)
-    first_active_set(model, state, work, h)
+    bodies, contacts, laws = model.bodies, model.contacts, model.laws
+    velocities = 6 * bodies.mass.shape[0]
+
+    # free motion to mid-step, and to the end of the step without impulses
+    move(state, 0.5 * h)
+    apply_loads(bodies, model.loads, state, phase, work.wrench, work.a, work.b)
+    free_twist(bodies, state.R, state.v, work.wrench, h, work.free)
+
+    # impulses at the contacts found at mid-step; the active set grows until nothing passes through it
+    find_contacts(contacts, state.x, state.R, work.gap, work.point, work.frame)
+    free_relative_velocities(contacts, laws, state, work, h)
+    first_active_set(laws, work, state.r, h)
     status, residual, iterations = CONVERGED, 0.0, 0
     for _ in range(GROWTH_ROUNDS):
-        status, spent, residual = solve_velocities(model, state, work, problem, h, tolerance, u)
+        n = gather(bodies, contacts, laws, state, work, problem)
+        status, spent, residual = solve_friction(velocities, n, problem, tolerance)
         iterations += spent
-        if status != CONVERGED or grow_active_set(model, state, work, h, u) == 0:
+        scatter(bodies, state, work, n, problem)
+        if status != CONVERGED or grow_active_set(contacts, state, work, h) == 0:
             break
-    move(model, state, 0.5 * h)
-    worst, where = project_positions(model, state, work, problem, penetration)
+
+    # the second half of the displacement, and out of what penetration the linearisation left
+    move(state, 0.5 * h)
+    worst, where = 0.0, -1
+    for _ in range(ROUNDS):
+        find_contacts(contacts, state.x, state.R, state.gap, work.point, work.frame)
+        worst, where = worst_penetration(state.gap)
+        if worst <= 0.5 * penetration or not worst < 1e300:
+            break
+        n = gather_projection(bodies, contacts, state, work, worst, problem)
+        solved, _, _ = solve_friction(velocities, n, problem, 1e-8)
+        if solved != CONVERGED:
+            break
+        displace(bodies, state, work, problem.w)
     return status, residual, worst, where, iterations

@@ -1,83 +1,85 @@
-"""Velocity stage: impulses and the twist at the end of the step, with the impact law and Coulomb friction (eq. 21)."""
+"""Velocity stage: which contacts take part, their friction problem, and the twists it gives (eqs. 6, 21, 22)."""
 
 import numpy as np
 
-from engine.friction.solver import solve_friction
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.jit import kernel
 
 
 @kernel
-def free_relative_velocities(model, state, work):
-    """Write each contact's relative velocity without impulses, plus the shift its impact law asks for.
+def free_relative_velocities(contacts, laws, state, work, h):
+    """Write each contact's relative velocity without impulses, ``work.q``, and its impact law's shift, ``work.shift``.
 
-    Without restitution a contact may close in the step but not overshoot: u_N + 2 max(g_N, 0)/h >= 0 at mid-step. The
-    shift for that is added by `solve_velocities`. With restitution the law is Newton's, u_N + e u_N^- >= 0 (eq. 6).
+    Without restitution a contact may close within the step but not overshoot, u_N + 2 max(g_N, 0)/h >= 0 from mid-step
+    on. With restitution the law is Newton's, u_N + e u_N^- >= 0 (eq. 6).
     """
-    for i in range(model.mu.shape[0]):
-        relative_velocity(model, state, i, work.point[i], work.frame[i], work.free, work.q0[i])
+    for i in range(laws.mu.shape[0]):
+        a, b = contacts.a[i], contacts.b[i]
+        relative_velocity(state.x, state.R, a, b, work.point, work.frame, work.free, i, work.q)
+        if laws.restitution[i] > 0.0:
+            relative_velocity(state.x, state.R, a, b, work.point, work.frame, state.v, i, work.u)
+            work.shift[i] = min(laws.restitution[i] * work.u[i, 0], 0.0)
+        else:
+            work.shift[i] = max(2 * work.gap[i] / h, 0.0)
 
 
 @kernel
-def impact_shift(model, state, work, i, h, u):
-    """Return what the normal velocity of contact i may be below zero at most; ``u`` is work space, shape (3,)."""
-    if model.restitution[i] > 0.0:
-        relative_velocity(model, state, i, work.point[i], work.frame[i], work.before, u)
-        return min(model.restitution[i] * u[0], 0.0)
-    return max(2 * work.middle_gap[i] / h, 0.0)
-
-
-@kernel
-def first_active_set(model, state, work, h):
-    """Activate contacts that pressed in the last step or would pass through each other without an impulse."""
-    for i in range(model.mu.shape[0]):
-        gap, approach = work.middle_gap[i], 0.5 * h * work.q0[i, 0]
-        if model.restitution[i] > 0.0:
+def first_active_set(laws, work, r, h):
+    """Activate contacts that would pass through each other without an impulse, or that pressed in the last step."""
+    for i in range(laws.mu.shape[0]):
+        gap, approach = work.gap[i], 0.5 * h * work.q[i, 0]
+        if laws.restitution[i] > 0.0:
             work.active[i] = gap <= 0.0
         else:
-            work.active[i] = gap + approach <= 0.0 or (state.r[i, 0] > 0.0 and gap <= 2 * abs(approach))
+            work.active[i] = gap + approach <= 0.0 or (r[i, 0] > 0.0 and gap <= 2 * abs(approach))
         if not work.active[i]:
-            state.r[i, 0] = state.r[i, 1] = state.r[i, 2] = 0.0
+            r[i, 0], r[i, 1], r[i, 2] = 0.0, 0.0, 0.0
 
 
 @kernel
-def solve_velocities(model, state, work, problem, h, tolerance, u):
-    """Solve the friction problem of the active contacts; write impulses to ``state.r``, twists to ``state.v``.
-
-    Returns the solver's status, its iterations and its residual.
-    """
+def gather(bodies, contacts, laws, state, work, problem):
+    """Write the friction problem of the active contacts; return their number."""
     n = 0
-    for i in range(model.mu.shape[0]):
+    for i in range(laws.mu.shape[0]):
         if work.active[i]:
             work.index[n] = i
-            problem.count[n] = whitened_rows(
-                model, state, i, work.point[i], work.frame[i], problem.column[n], problem.G[n]
-            )
-            problem.mu[n] = model.mu[i]
+            whitened_rows(
+                bodies, state.x, state.R, contacts.a[i], contacts.b[i], work.point, work.frame, i, problem.rows, n
+            )  # fmt: skip
+            problem.mu[n] = laws.mu[i]
             for k in range(3):
-                problem.q[n, k] = work.q0[i, k]
+                problem.q[n, k] = work.q[i, k]
                 problem.r[n, k] = state.r[i, k]
-            problem.q[n, 0] += impact_shift(model, state, work, i, h, u)
+            problem.q[n, 0] += work.shift[i]
             n += 1
-    status, iterations, residual = solve_friction(6 * model.mass.shape[0], n, problem, tolerance)
-    for j in range(n):
-        for k in range(3):
-            state.r[work.index[j], k] = problem.r[j, k]
-        state.slip[work.index[j]] = np.sqrt(problem.u[j, 1] ** 2 + problem.u[j, 2] ** 2)
-    state.v[:] = work.free
-    add_whitened(model, problem.w, state.v)
-    return status, iterations, residual
+    return n
 
 
 @kernel
-def grow_active_set(model, state, work, h, u):
+def scatter(bodies, state, work, n, problem):
+    """Take impulses, slip speeds and twists from the solved problem."""
+    for j in range(n):
+        i = work.index[j]
+        for k in range(3):
+            state.r[i, k] = problem.r[j, k]
+        state.slip[i] = np.sqrt(problem.u[j, 1] ** 2 + problem.u[j, 2] ** 2)
+    for body in range(bodies.mass.shape[0]):
+        for k in range(6):
+            state.v[body, k] = work.free[body, k]
+    add_whitened(bodies, problem.w, state.v)
+
+
+@kernel
+def grow_active_set(contacts, state, work, h):
     """Activate every contact that the new twists would drive into penetration (eq. 22); return how many."""
     added = 0
-    for i in range(model.mu.shape[0]):
+    for i in range(work.active.shape[0]):
         if work.active[i]:
             continue
-        relative_velocity(model, state, i, work.point[i], work.frame[i], state.v, u)
-        if u[0] < 0.0 and work.middle_gap[i] + 0.5 * h * u[0] < 0.0:
+        relative_velocity(
+            state.x, state.R, contacts.a[i], contacts.b[i], work.point, work.frame, state.v, i, work.u
+        )
+        if work.u[i, 0] < 0.0 and work.gap[i] + 0.5 * h * work.u[i, 0] < 0.0:
             work.active[i] = True
             added += 1
     return added
