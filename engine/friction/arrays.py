@@ -48,12 +48,13 @@ class FrictionArrays(NamedTuple):
     kept: np.ndarray  # (nc, 3) impulses of the best attempt
     best: np.ndarray  # (nc, 3) impulses of the smallest residual within an attempt
     q0: np.ndarray  # (nc,) normal part of q while q holds a given shift
+    shift: np.ndarray  # (nc,) that shift
 
 
 def friction_arrays(n: int, nc: int, k: int) -> FrictionArrays:
     """Allocate a problem of ``nc`` contacts on ``n`` velocities, at most ``k`` of them per contact."""
     shapes = {
-        "mu": (nc,), "scale": (nc,), "q0": (nc,), "A": (nc, 3, 3), "W": (nc, 3, 3), "AG": (3, k),
+        "mu": (nc,), "scale": (nc,), "q0": (nc,), "shift": (nc,), "A": (nc, 3, 3), "W": (nc, 3, 3), "AG": (3, k),
         "w": (n,), "dw": (n,), "lag": (n,), "K": (n, n),
     }  # fmt: skip
     rows = Rows(np.zeros((nc, k), np.int64), np.zeros(nc, np.int64), np.zeros((nc, 3, k)))
