@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from engine.errors import MechanismError
 from engine.friction.arrays import FrictionArrays, friction_arrays
@@ -77,8 +79,9 @@ def assemble(mechanism: Mechanism) -> Assembly:
     MechanismError
         If parts interpenetrate at the start pose.
     """
-    frames, state = _bodies(mechanism)
-    moving = [b for b in mechanism.bodies.values() if not b.fixed]
+    order = _order(mechanism)
+    frames, state = _bodies(mechanism, order)
+    moving = [mechanism.bodies[name] for name in order]
     inertia = np.array([b.inertia for b in moving], float).reshape(-1, 3, 3)
     names, contacts, laws = _contacts(mechanism, frames)
     mass = np.array([b.mass for b in moving], float)
@@ -96,8 +99,8 @@ def assemble(mechanism: Mechanism) -> Assembly:
         phase_duration=np.array([np.inf if p.duration is None else p.duration for p in mechanism.phases]),
     )
     nb, nc, nr = len(moving), len(names), len(mechanism.responses)
-    state = state._replace(r=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc))
-    assembly = Assembly(model, state, _scratch(nb, nc, nr), friction_arrays(6 * nb, nc, 12), tuple(names))
+    state = state._replace(r=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc), speed=np.full(1, np.inf))
+    assembly = Assembly(model, state, _scratch(nb, nc, nr), friction_arrays(6 * nb, nc, 2, 12, _band(contacts, nb)), tuple(names))
     _refuse_interpenetration(mechanism, assembly)
     return assembly
 
@@ -107,9 +110,8 @@ def _quaternion(axis: Iterable[float], angle: float) -> Array:
     return np.concatenate(([np.cos(angle / 2)], np.sin(angle / 2) * n / np.linalg.norm(n)))
 
 
-def _bodies(mechanism: Mechanism) -> tuple[dict[str, _Frame], State]:
+def _bodies(mechanism: Mechanism, moving: list[str]) -> tuple[dict[str, _Frame], State]:
     """Place every body; fixed ones share the ground, whose frame is the world."""
-    moving = [name for name, b in mechanism.bodies.items() if not b.fixed]
     nb = len(moving)
     x, p, R, v = np.zeros((nb + 1, 3)), np.zeros((nb + 1, 4)), np.zeros((nb + 1, 3, 3)), np.zeros((nb + 1, 6))
     p[nb, 0] = 1.0
@@ -127,7 +129,7 @@ def _bodies(mechanism: Mechanism) -> tuple[dict[str, _Frame], State]:
         x[i], p[i], R[i] = np.array(body.origin) + rotation @ centre, q, rotation
         v[i] = [*body.velocity, *body.angular_velocity]
     empty = np.zeros(0)
-    return frames, State(x, p, R, v, empty, empty, empty)
+    return frames, State(x, p, R, v, empty, empty, empty, empty)
 
 
 def _tangent(n: Array) -> Array:
@@ -177,6 +179,24 @@ def _contacts(mechanism: Mechanism, frames: dict[str, _Frame]) -> tuple[list[str
         clearance=np.array(clearance, float),
     )
     return names, contacts, Laws(np.ascontiguousarray(laws[:, 0]), np.ascontiguousarray(laws[:, 1]))
+
+
+def _band(contacts: Contacts, nb: int) -> int:
+    """Return how far apart the velocities of one contact can lie."""
+    moving = (contacts.a < nb) & (contacts.b < nb)
+    return 6 * int(np.abs(contacts.a - contacts.b)[moving].max(initial=0)) + 5
+
+
+def _order(mechanism: Mechanism) -> list[str]:
+    """Return the moving bodies in the order that keeps those in contact near each other (Cuthill-McKee)."""
+    moving = [name for name, body in mechanism.bodies.items() if not body.fixed]
+    number = {name: i for i, name in enumerate(moving)}
+    pairs = [(j.bearing.body, j.journal.body) for j in mechanism.joints.values()]
+    pairs += [(c.a.body, c.b.body) for c in mechanism.contacts.values()]
+    links = np.array([(number[a], number[b]) for a, b in pairs if a in number and b in number], int).reshape(-1, 2)
+    n = len(moving)
+    graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(n, n)).tocsr()
+    return [moving[i] for i in reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True)]
 
 
 def _law(mechanism: Mechanism, pair: Any) -> tuple[float, float]:

@@ -69,7 +69,8 @@ def simulate(
     ----------
     mechanism : the description, see `load_mechanism`
     values : what to change in it, e.g. ``{"J1": 0.05, "springs.A3.preload": 0.9}``
-    step, horizon : override the description's ``[simulation]`` [its unit of time]
+    step : one fixed step, in the place of the description's steps [its unit of time]
+    horizon : override the description's ``[simulation]`` [its unit of time]
     full_horizon : do not stop at rest in the last phase
 
     Raises
@@ -82,6 +83,9 @@ def simulate(
     settings = {"simulation.step": step, "simulation.horizon": horizon}
     changes = {**(values or {}), **{key: value for key, value in settings.items() if value is not None}}
     mechanism = set_values(mechanism, changes) if changes else mechanism
+    if step is not None:
+        fixed = mechanism.simulation.model_copy(update={"adaptive": None})
+        mechanism = mechanism.model_copy(update={"simulation": fixed})
     return _execute(mechanism, assemble(mechanism), full_horizon)
 
 
@@ -108,10 +112,18 @@ def _execute(mechanism: Mechanism, assembly: "Assembly", full_horizon: bool) -> 
     from engine.kernels.run import OK, Control, new_certificate, run
 
     sim = mechanism.simulation
+    adaptive = sim.adaptive
     control = Control(
-        sim.step, sim.horizon, sim.tolerance, sim.penetration,
-        sim.rest.window, sim.rest.drift, full_horizon,
-    )  # fmt: skip
+        step=sim.step,
+        longest=max(sim.step, adaptive.longest) if adaptive else sim.step,
+        travel=adaptive.travel if adaptive else np.inf,
+        horizon=sim.horizon,
+        tolerance=sim.tolerance,
+        penetration=sim.penetration,
+        window=sim.rest.window,
+        drift=sim.rest.drift,
+        full_horizon=full_horizon,
+    )
     record = new_certificate()
     stop = np.zeros(1, np.uint8)
     timer = threading.Timer(sim.wall_limit, stop.__setitem__, (0, 1))

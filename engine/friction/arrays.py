@@ -11,16 +11,22 @@ import numpy as np
 
 from engine.kernels.jit import kernel
 
+BODY = 6  # velocities of a body
+
 CONVERGED = 0
 NOT_CONVERGED = 1
 
 
 class Rows(NamedTuple):
-    """The rows of G: contact i touches the ``count[i]`` velocities ``column[i, :count[i]]``."""
+    """The rows of G. Contact i touches runs of velocities, one for each body: ``start[i, s]`` ... + ``width[i, s]``.
 
-    column: np.ndarray  # (nc, k) int64
-    count: np.ndarray  # (nc,) int64
+    ``G[i]`` holds the columns of its runs one after the other.
+    """
+
+    start: np.ndarray  # (nc, ns) int64
+    width: np.ndarray  # (nc, ns) int64, 0: no such run
     G: np.ndarray  # (nc, 3, k) rows (N, T1, T2)
+    band: np.ndarray  # (1,) int64, the farthest two velocities of one contact
 
 
 class FrictionArrays(NamedTuple):
@@ -51,13 +57,14 @@ class FrictionArrays(NamedTuple):
     shift: np.ndarray  # (nc,) that shift
 
 
-def friction_arrays(n: int, nc: int, k: int) -> FrictionArrays:
-    """Allocate a problem of ``nc`` contacts on ``n`` velocities, at most ``k`` of them per contact."""
+def friction_arrays(n: int, nc: int, runs: int, k: int, band: int) -> FrictionArrays:
+    """Allocate a problem of ``nc`` contacts on ``n`` velocities, each touching at most ``k`` in at most ``runs`` runs."""
     shapes = {
         "mu": (nc,), "scale": (nc,), "q0": (nc,), "shift": (nc,), "A": (nc, 3, 3), "W": (nc, 3, 3), "AG": (3, k),
         "w": (n,), "dw": (n,), "lag": (n,), "K": (n, n),
     }  # fmt: skip
-    rows = Rows(np.zeros((nc, k), np.int64), np.zeros(nc, np.int64), np.zeros((nc, 3, k)))
+    start, width = np.zeros((2, nc, runs), np.int64)
+    rows = Rows(start, width, np.zeros((nc, 3, k)), np.array([band], np.int64))
     return FrictionArrays(rows, *(np.zeros(shapes.get(name, (nc, 3))) for name in FrictionArrays._fields[1:]))
 
 
@@ -73,9 +80,11 @@ def measure_scales(nc, rows, scale):
     """Write each contact's mean Delassus diagonal; return their mean."""
     mean = 0.0
     for i in range(nc):
-        s = 0.0
+        s, width = 0.0, 0
+        for run in range(rows.width.shape[1]):
+            width += rows.width[i, run]
         for k in range(3):
-            for a in range(rows.count[i]):
+            for a in range(width):
                 s += rows.G[i, k, a] * rows.G[i, k, a]
         mean += s
         scale[i] = s / 3 if s > 0.0 else 1.0
@@ -95,19 +104,26 @@ def velocity_of(nc, rows, r, w):
 @kernel
 def add_impulse(rows, i, r0, r1, r2, w):
     """Add G_i' r to a vector of velocities."""
-    for a in range(rows.count[i]):
-        w[rows.column[i, a]] += rows.G[i, 0, a] * r0 + rows.G[i, 1, a] * r1 + rows.G[i, 2, a] * r2
+    a = 0
+    for run in range(rows.width.shape[1]):
+        first, width = rows.start[i, run], rows.width[i, run]
+        for k in range(width):
+            w[first + k] += rows.G[i, 0, a + k] * r0 + rows.G[i, 1, a + k] * r1 + rows.G[i, 2, a + k] * r2
+        a += width
 
 
 @kernel
 def relative(rows, i, w):
     """Return the three components of G_i w."""
-    u0, u1, u2 = 0.0, 0.0, 0.0
-    for a in range(rows.count[i]):
-        y = w[rows.column[i, a]]
-        u0 += rows.G[i, 0, a] * y
-        u1 += rows.G[i, 1, a] * y
-        u2 += rows.G[i, 2, a] * y
+    u0, u1, u2, a = 0.0, 0.0, 0.0, 0
+    for run in range(rows.width.shape[1]):
+        first, width = rows.start[i, run], rows.width[i, run]
+        for k in range(width):
+            y = w[first + k]
+            u0 += rows.G[i, 0, a + k] * y
+            u1 += rows.G[i, 1, a + k] * y
+            u2 += rows.G[i, 2, a + k] * y
+        a += width
     return u0, u1, u2
 
 
@@ -121,10 +137,10 @@ def finish(nc, rows, q, r, w, u):
 
 
 @kernel
-def start_system(n, K):
-    """Write the identity: the whitened mass matrix."""
+def start_system(n, band, K):
+    """Write the identity, the whitened mass matrix, inside the band."""
     for i in range(n):
-        for j in range(n):
+        for j in range(max(i - band, 0), min(i + band + 1, n)):
             K[i, j] = 0.0
         K[i, i] = 1.0
 
@@ -132,40 +148,60 @@ def start_system(n, K):
 @kernel
 def add_block(rows, i, A, AG, K):
     """Add G_i' A G_i to the system, for the 3 x 3 block A of contact i."""
-    m = rows.count[i]
-    for a in range(m):
-        g0, g1, g2 = rows.G[i, 0, a], rows.G[i, 1, a], rows.G[i, 2, a]
-        for k in range(3):
-            AG[k, a] = A[i, k, 0] * g0 + A[i, k, 1] * g1 + A[i, k, 2] * g2
-    for a in range(m):
-        g0, g1, g2, row = rows.G[i, 0, a], rows.G[i, 1, a], rows.G[i, 2, a], rows.column[i, a]
-        for c in range(m):
-            K[row, rows.column[i, c]] += g0 * AG[0, c] + g1 * AG[1, c] + g2 * AG[2, c]
+    G, a, runs = rows.G, 0, rows.width.shape[1]
+    for run in range(runs):
+        for j in range(a, a + rows.width[i, run]):
+            g0, g1, g2 = G[i, 0, j], G[i, 1, j], G[i, 2, j]
+            AG[0, j] = A[i, 0, 0] * g0 + A[i, 0, 1] * g1 + A[i, 0, 2] * g2
+            AG[1, j] = A[i, 1, 0] * g0 + A[i, 1, 1] * g1 + A[i, 1, 2] * g2
+            AG[2, j] = A[i, 2, 0] * g0 + A[i, 2, 1] * g1 + A[i, 2, 2] * g2
+        a += rows.width[i, run]
+    a = 0
+    for run in range(runs):
+        c = 0
+        for other in range(runs):
+            if rows.width[i, run] == BODY and rows.width[i, other] == BODY:  # known size: unrolled by the compiler
+                _add_outer(BODY, BODY, i, rows.start[i, run], rows.start[i, other], a, c, G, AG, K)
+            else:
+                _add_outer(
+                    rows.width[i, run], rows.width[i, other], i, rows.start[i, run], rows.start[i, other], a, c, G, AG, K
+                )  # fmt: skip
+            c += rows.width[i, other]
+        a += rows.width[i, run]
 
 
 @kernel
-def factorise(n, K):
-    """Replace K by its factors L U, stepping over zeros; no pivoting, the symmetric part is positive definite."""
+def _add_outer(m, n, i, row, column, a, c, G, AG, K):
+    """Add the m x n part of G_i' (A G_i) to the system at (row, column)."""
+    for j in range(m):
+        g0, g1, g2 = G[i, 0, a + j], G[i, 1, a + j], G[i, 2, a + j]
+        for k in range(n):
+            K[row + j, column + k] += g0 * AG[0, c + k] + g1 * AG[1, c + k] + g2 * AG[2, c + k]
+
+
+@kernel
+def factorise(n, band, K):
+    """Replace K by its factors L U inside the band; no pivoting, the symmetric part is positive definite."""
     for k in range(n):
-        pivot = 1 / K[k, k]
-        for i in range(k + 1, n):
+        pivot, last = 1 / K[k, k], min(k + band + 1, n)
+        for i in range(k + 1, last):
             if K[i, k] != 0.0:
                 f = K[i, k] * pivot
                 K[i, k] = f
-                for j in range(k + 1, n):
+                for j in range(k + 1, last):
                     K[i, j] -= f * K[k, j]
 
 
 @kernel
-def substitute(n, K, x):
+def substitute(n, band, K, x):
     """Solve L U x = x in place."""
     for i in range(n):
         s = x[i]
-        for j in range(i):
+        for j in range(max(i - band, 0), i):
             s -= K[i, j] * x[j]
         x[i] = s
     for i in range(n - 1, -1, -1):
         s = x[i]
-        for j in range(i + 1, n):
+        for j in range(i + 1, min(i + band + 1, n)):
             s -= K[i, j] * x[j]
         x[i] = s / K[i, i]

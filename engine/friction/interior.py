@@ -103,7 +103,7 @@ def _to_impulse(i, mu, scale, x, r):
 def _scaled_system(n, nc, p, coupled):
     """Scale at the present point: write W, the misses and the factorised system; return the mean of x . y."""
     gap, x, y = 0.0, p.x, p.y
-    start_system(n, p.K)
+    start_system(n, p.rows.band[0], p.K)
     for i in range(nc):
         mu, c, f = p.mu[i], 1 / max(1.0, p.mu[i]), 1 / p.scale[i]
         u0, u1, u2 = relative(p.rows, i, p.w)
@@ -129,7 +129,7 @@ def _scaled_system(n, nc, p, coupled):
                 p.A[i, k, 0], p.A[i, k, 1], p.A[i, k, 2] = 0.0, 0.0, 0.0
             p.A[i, 0, 0] = f * x[i, 0] / y[i, 0]
         add_block(p.rows, i, p.A, p.AG, p.K)
-    factorise(n, p.K)
+    factorise(n, p.rows.band[0], p.K)
     return gap / nc
 
 
@@ -200,7 +200,7 @@ def _direction(n, nc, p, coupled):
             add_impulse(p.rows, i, f * d0 / p.mu[i], f * d1, f * d2, rhs)
         else:
             add_impulse(p.rows, i, f * (b[i, 0] + p.x[i, 0] / p.y[i, 0] * m[i, 0]), 0.0, 0.0, rhs)
-    substitute(n, p.K, rhs)
+    substitute(n, p.rows.band[0], p.K, rhs)
     step = 1e3
     for i in range(nc):
         mu, c = p.mu[i], 1 / max(1.0, p.mu[i])

@@ -54,7 +54,7 @@ def newton(n, nc, p, mean, tolerance, limit):
 def _direction(n, nc, p):
     """Write Newton's direction: impulses into dx, relative velocities into dy; return the merit, the sum of squares."""
     rhs = p.dw
-    start_system(n, p.K)
+    start_system(n, p.rows.band[0], p.K)
     for k in range(n):
         rhs[k] = 0.0
     merit = 0.0
@@ -62,8 +62,8 @@ def _direction(n, nc, p):
         merit += _eliminate(i, p.mu[i], p.scale[i], p.r, p.u, p.A, p.b)
         add_block(p.rows, i, p.A, p.AG, p.K)
         add_impulse(p.rows, i, -p.b[i, 0], -p.b[i, 1], -p.b[i, 2], rhs)
-    factorise(n, p.K)
-    substitute(n, p.K, rhs)
+    factorise(n, p.rows.band[0], p.K)
+    substitute(n, p.rows.band[0], p.K, rhs)
     for i in range(nc):
         d0, d1, d2 = relative(p.rows, i, rhs)
         for k in range(3):

@@ -111,13 +111,20 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
 
 
 def _sparse_rows(G: Array, n: int) -> Any:
-    """Store of each contact's rows only the columns that are not zero."""
+    """Store of each contact's rows only the runs of columns that are not zero."""
     from engine.friction.arrays import friction_arrays
 
     columns = [np.flatnonzero(np.abs(rows).max(axis=0) > 0) for rows in G]
-    arrays = friction_arrays(n, len(G), max((len(c) for c in columns), default=1))
+    runs = [np.split(c, np.flatnonzero(np.diff(c) > 1) + 1) if c.size else [] for c in columns]
+    arrays = friction_arrays(
+        n,
+        len(G),
+        max(map(len, runs), default=1) or 1,
+        max(map(len, columns), default=1) or 1,
+        max((int(c[-1] - c[0]) for c in columns if c.size), default=0),
+    )
     for i, c in enumerate(columns):
-        arrays.rows.count[i] = len(c)
-        arrays.rows.column[i, : len(c)] = c
         arrays.rows.G[i, :, : len(c)] = G[i][:, c]
+        for j, run in enumerate(runs[i]):
+            arrays.rows.start[i, j], arrays.rows.width[i, j] = run[0], len(run)
     return arrays

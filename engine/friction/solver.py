@@ -13,7 +13,7 @@ from engine.friction.interior import interior_point
 from engine.friction.newton import newton
 from engine.kernels.jit import kernel
 
-FIRST_STEPS = 16
+FIRST_STEPS = 40
 POLISH_STEPS = 30
 INTERIOR_STEPS = 60
 SHIFTS = 40

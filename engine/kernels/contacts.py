@@ -184,8 +184,10 @@ def whitened_rows(bodies, x, R, a, b, point, frame, i, rows, j):
     n, G, root = 0, rows.G, bodies.inverse_root
     for side in range(2):
         body = a if side == 0 else b
+        rows.start[j, side], rows.width[j, side] = 6 * body, 0
         if body >= bodies.mass.shape[0]:
             continue
+        rows.width[j, side] = 6
         sign = 1.0 - 2.0 * side
         s = sign / np.sqrt(bodies.mass[body])
         d0, d1, d2 = point[i, 0] - x[body, 0], point[i, 1] - x[body, 1], point[i, 2] - x[body, 2]
@@ -199,10 +201,7 @@ def whitened_rows(bodies, x, R, a, b, point, frame, i, rows, j):
             G[j, k, n + 3] = sign * root[body, 0, 0] * b0
             G[j, k, n + 4] = sign * (root[body, 1, 0] * b0 + root[body, 1, 1] * b1)
             G[j, k, n + 5] = sign * (root[body, 2, 0] * b0 + root[body, 2, 1] * b1 + root[body, 2, 2] * b2)
-        for k in range(6):
-            rows.column[j, n + k] = 6 * body + k
         n += 6
-    rows.count[j] = n
 
 
 @kernel

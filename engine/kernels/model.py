@@ -85,6 +85,7 @@ class State(NamedTuple):
     r: np.ndarray  # (nc, 3) contact impulses of the last step, (N, T1, T2)
     slip: np.ndarray  # (nc,) relative speed at the contacts that pressed in the last step
     gap: np.ndarray  # (nc,)
+    speed: np.ndarray  # (1,) of the fastest contact point relative to its partner, at the end of the step
 
 
 class Scratch(NamedTuple):

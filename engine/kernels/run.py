@@ -17,7 +17,9 @@ OK, NOT_CONVERGED, PENETRATION, DIVERGED, STOPPED = range(5)
 class Control(NamedTuple):
     """Settings of a run; lengths and times in the mechanism's units."""
 
-    step: float
+    step: float  # the shortest, and the only one unless longest is larger
+    longest: float  # longest step
+    travel: float  # the step doubles while no contact point moves farther than this in one
     horizon: float  # longest simulated time
     tolerance: float  # relative residual of every friction problem
     penetration: float  # largest gap violation after a step
@@ -62,7 +64,9 @@ def run(model, state, work, problem, control, certificate, stop):
         until_rest = model.phase_duration[phase] == np.inf
         pause, settled = -1.0, False
         stay = not until_rest or (control.full_horizon and phase == model.phase_duration.shape[0] - 1)
-        while t < end - 0.5 * h and (stay or not settled):
+        while t < end - 0.5 * control.step and (stay or not settled):
+            before, h = h, min(_next_step(h, state.speed[0], control), end - t)
+            _scale_impulses(state.r, h / before)
             status, residual, worst, where, iterations = step(
                 model, state, work, problem, phase, h, control.tolerance, control.penetration
             )
@@ -79,7 +83,7 @@ def run(model, state, work, problem, control, certificate, stop):
                 certificate.settled[0] = False
                 return
             measure(model.responses, state.x, state.R, state.r, h, work.values, work.a, work.b)
-            moved = _moved(model.responses.kind, state, work, control)
+            moved = _moved(model.responses.kind, state, work, h, control.drift)
             pause = 0.0 if moved or pause < 0.0 else pause + h
             if moved or pause == 0.0:
                 _drop_anchor(work)
@@ -87,6 +91,24 @@ def run(model, state, work, problem, control, certificate, stop):
         certificate.settled[0] = certificate.settled[0] and (settled or not until_rest)
         if until_rest and not settled:
             return
+
+
+@kernel
+def _next_step(h, speed, control):
+    """Return the next step: halved until the fastest contact point moves little enough in it, at most doubled."""
+    h = min(2 * h, control.longest)
+    while h > control.step and h * speed > control.travel:
+        h = max(0.5 * h, control.step)
+    return h
+
+
+@kernel
+def _scale_impulses(r, factor):
+    """Turn the last step's impulses into a guess for a step of another length."""
+    if factor != 1.0:
+        for i in range(r.shape[0]):
+            for k in range(3):
+                r[i, k] *= factor
 
 
 @kernel
@@ -115,7 +137,7 @@ def _drop_anchor(work):
 
 
 @kernel
-def _moved(kind, state, work, control):
+def _moved(kind, state, work, h, drift):
     """Has anything that matters moved since the anchor: a measured length, or a contact that carries load?
 
     Bodies without load may drift on for ever (a rod that spins slowly between its bearings): they do not count. Contact
@@ -124,11 +146,11 @@ def _moved(kind, state, work, control):
     moved, load = False, 0.0
     for i in range(work.values.shape[0]):
         if kind[i] != CONTACT_FORCE:
-            moved = moved or not abs(work.values[i] - work.anchor[i]) <= control.drift
+            moved = moved or not abs(work.values[i] - work.anchor[i]) <= drift
     for i in range(state.slip.shape[0]):
         load = max(load, state.r[i, 0])
     for i in range(state.slip.shape[0]):
         if state.r[i, 0] > LOADED * load:
-            work.travel[i] += control.step * state.slip[i]
-            moved = moved or work.travel[i] > control.drift
+            work.travel[i] += h * state.slip[i]
+            moved = moved or work.travel[i] > drift
     return moved

@@ -6,7 +6,7 @@ from engine.kernels.contacts import find_contacts
 from engine.kernels.jit import kernel
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist, move
-from engine.kernels.projection import ROUNDS, displace, gather_projection, worst_penetration
+from engine.kernels.projection import ROUNDS, TOLERANCE, displace, gather_projection, worst_penetration
 from engine.kernels.velocity import (
     first_active_set,
     free_relative_velocities,
@@ -59,7 +59,7 @@ def step(model, state, work, problem, phase, h, tolerance, penetration):
         if worst <= 0.5 * penetration or not worst < 1e300:
             break
         n = gather_projection(bodies, contacts, state, work, worst, problem)
-        solved, _, _ = solve_friction(velocities, n, problem, 1e-8)
+        solved, _, _ = solve_friction(velocities, n, problem, TOLERANCE)
         if solved != CONVERGED:
             break
         displace(bodies, state, work, problem.w)

@@ -72,14 +72,14 @@ def scatter(bodies, state, work, n, problem):
 @kernel
 def grow_active_set(contacts, state, work, h):
     """Activate every contact that the new twists would drive into penetration (eq. 22); return how many."""
-    added = 0
+    added, fastest = 0, 0.0
     for i in range(work.active.shape[0]):
-        if work.active[i]:
-            continue
         relative_velocity(
             state.x, state.R, contacts.a[i], contacts.b[i], work.point, work.frame, state.v, i, work.u
         )
-        if work.u[i, 0] < 0.0 and work.gap[i] + 0.5 * h * work.u[i, 0] < 0.0:
+        fastest = max(fastest, work.u[i, 0] ** 2 + work.u[i, 1] ** 2 + work.u[i, 2] ** 2)
+        if not work.active[i] and work.u[i, 0] < 0.0 and work.gap[i] + 0.5 * h * work.u[i, 0] < 0.0:
             work.active[i] = True
             added += 1
+    state.speed[0] = np.sqrt(fastest)
     return added

@@ -21,16 +21,24 @@ from engine.mechanism.responses import Response, ValidityCondition
 
 
 class Rest(Model):
-    """When a phase has come to rest: nothing that is measured moves for a while."""
+    """When a phase has come to rest: nothing that is measured, and no contact that carries load, moves for a while."""
 
     window: Annotated[Number, Field(gt=0), Quantity("time")] = Field(
-        description="how long nothing measured may move, a number > 0"
+        description="how long nothing may move, a number > 0"
     )
     drift: Annotated[Number, Field(gt=0), Quantity("length")] = Field(
-        description="what a measured length may move meanwhile, a number > 0"
+        description="what a measured length may change, and a loaded contact slip, meanwhile: a number > 0"
     )
-    force_drift: Annotated[Number, Field(gt=0), Quantity("number")] = Field(
-        default=1e-3, description="what a measured force may change meanwhile, relative, a number > 0"
+
+
+class Adaptive(Model):
+    """Longer steps while everything is slow."""
+
+    longest: Annotated[Number, Field(gt=0), Quantity("time")] = Field(
+        description="the longest time step, a number > 0; the shortest is step"
+    )
+    travel: Annotated[Number, Field(gt=0), Quantity("length")] = Field(
+        description="how far a contact point may move in a step longer than the shortest, a number > 0"
     )
 
 
@@ -50,7 +58,10 @@ class Simulation(Model):
     wall_limit: Annotated[Number, Field(gt=0), Quantity("real time")] = Field(
         default=60.0, description="the longest real time of a run, a number > 0; then its status is timeout"
     )
-    rest: Rest = Field(description="the stop criterion: { window, drift, force_drift }")
+    adaptive: Adaptive | None = Field(
+        default=None, description="longer steps while everything is slow: { longest, travel }; default: one fixed step"
+    )
+    rest: Rest = Field(description="the stop criterion: { window, drift }")
 
 
 class Phase(Model):
