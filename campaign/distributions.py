@@ -60,9 +60,7 @@ class Distribution(BaseModel):
         """Return the support, an infinite end replaced by the quantile with probability 1e-6 beyond it."""
         low, high = self.support()
         tails = self.ppf(np.array([TAIL, 1.0 - TAIL]))
-        return (low if np.isfinite(low) else float(tails[0])), (
-            high if np.isfinite(high) else float(tails[1])
-        )
+        return (low if np.isfinite(low) else float(tails[0])), (high if np.isfinite(high) else float(tails[1]))
 
 
 class Continuous(Distribution):
@@ -267,9 +265,7 @@ class Constant(Distribution):
         return f"constant {self.value:g}"
 
 
-Variable = Annotated[
-    TruncatedNormal | Normal | Uniform | Triangular | Constant, Field(discriminator="distribution")
-]
+Variable = Annotated[TruncatedNormal | Normal | Uniform | Triangular | Constant, Field(discriminator="distribution")]
 
 
 def _ordered(lower: float, upper: float) -> None:

@@ -65,15 +65,11 @@ def _text(error: Mapping[str, Any], keys: list[str], model: type[BaseModel]) -> 
         case "value_error":
             return str(error["ctx"]["error"])
         case "string_pattern_mismatch":
-            return (
-                "allowed: up to 60 letters, digits, - and _, the first a letter or digit; rename the campaign"
-            )
+            return "allowed: up to 60 letters, digits, - and _, the first a letter or digit; rename the campaign"
         case "too_short":
             return "no variable; add at least one table [variables.NAME]"
         case "float_type" | "int_type":
-            return (
-                f"must be {'a whole' if error['type'] == 'int_type' else 'a'} number, written without quotes"
-            )
+            return f"must be {'a whole' if error['type'] == 'int_type' else 'a'} number, written without quotes"
         case "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
             remedy = "enlarge it" if error["type"].startswith("greater") else "reduce it"
             return f"{_must(error)}; {remedy}"

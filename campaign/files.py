@@ -65,9 +65,7 @@ class Files:
                 self.fs.rm_file(probe)
         except Exception as error:  # every file system has its own
             reason = error.strerror if isinstance(error, OSError) and error.strerror else error
-            raise SpecError(
-                f"store {self.url}: not writable ({reason}); name a folder you may write to"
-            ) from error
+            raise SpecError(f"store {self.url}: not writable ({reason}); name a folder you may write to") from error
 
     def read(self, name: str) -> bytes:
         """Return a file's content; FileNotFoundError if it is not there, StoreError if it cannot be read."""
@@ -90,9 +88,7 @@ class Files:
         except (FileNotFoundError, NotADirectoryError):
             return []
         except OSError as error:
-            raise StoreError(
-                f"store {self.url}: {folder or 'the store'} cannot be listed ({error})"
-            ) from error
+            raise StoreError(f"store {self.url}: {folder or 'the store'} cannot be listed ({error})") from error
         return sorted(str(entry).rstrip("/").rsplit("/", 1)[-1] for entry in entries)
 
     def write(self, name: str, content: bytes, *, exclusive: bool = False) -> bool:

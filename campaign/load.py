@@ -131,9 +131,7 @@ def _read(path: Path) -> dict[str, Any]:
             raise SpecError(f"campaign {path}: larger than 1 MB; name a campaign file in TOML")
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise SpecError(
-            f"campaign {path}: cannot be read ({error.strerror}); name a readable file"
-        ) from error
+        raise SpecError(f"campaign {path}: cannot be read ({error.strerror}); name a readable file") from error
     except UnicodeDecodeError as error:
         raise SpecError(f"campaign {path}: not UTF-8 text ({error}); save it as UTF-8") from error
     except tomllib.TOMLDecodeError as error:
@@ -187,9 +185,7 @@ def _target_faults(name: str, target: str, variable: Distribution, mechanism: Me
         try:
             check(mechanism, {target: value})
         except MechanismError as error:
-            yield fault(
-                keys, None, f"reaches {target} = {value:g}, which {mechanism.name} refuses: {_reason(error)}"
-            )
+            yield fault(keys, None, f"reaches {target} = {value:g}, which {mechanism.name} refuses: {_reason(error)}")
 
 
 def _full_key(target: str) -> str:

@@ -86,9 +86,7 @@ class Plan:
             batches = tuple((int(first), int(count)) for first, count in content["batches"])
             plan = cls(content["campaign"], spec, mechanism, content["engine_build"], batches)
         except (ValueError, KeyError, TypeError) as error:
-            raise StoreError(
-                f"plan.json cannot be read: {error}; restore it, or run in a new store"
-            ) from error
+            raise StoreError(f"plan.json cannot be read: {error}; restore it, or run in a new store") from error
         if plan.campaign_id != _identity(spec, mechanism, plan.engine_build):
             raise StoreError(
                 "plan.json was changed after it was written: its content no longer has the id"

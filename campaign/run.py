@@ -76,9 +76,7 @@ def submit(store: Store, campaign: Campaign, batch_size: int | None = None) -> P
     wanted = make_plan(campaign, batch_size)
     plan = store.create_plan(wanted)
     if batch_size is not None and plan.batches != wanted.batches:
-        logger.warning(
-            "the campaign is planned already: its batches of %d samples are kept", plan.batches[0][1]
-        )
+        logger.warning("the campaign is planned already: its batches of %d samples are kept", plan.batches[0][1])
     return plan
 
 
@@ -138,9 +136,7 @@ def run_campaign(
     return Outcome(plan, scan, plan.spec.samples - present, perf_counter() - start)
 
 
-def _compute(
-    store: Store, plan: Plan, task: Task, missing: list[int], workers: int, watcher: Watcher
-) -> None:
+def _compute(store: Store, plan: Plan, task: Task, missing: list[int], workers: int, watcher: Watcher) -> None:
     """Compute batches on local workers, and those that kill workers apart from the others."""
 
     def tell(done: Done) -> None:

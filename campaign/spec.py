@@ -57,9 +57,7 @@ class Response(_Table):
         if self.nominal is not None and (self.lsl is not None or self.usl is not None):
             raise ValueError("nominal and tolerance already say lsl and usl; give one pair or the other")
         if self.lsl is not None and self.usl is not None and not self.lsl < self.usl:
-            raise ValueError(
-                f"lsl = {self.lsl:g} is not below usl = {self.usl:g}; exchange or widen the limits"
-            )
+            raise ValueError(f"lsl = {self.lsl:g} is not below usl = {self.usl:g}; exchange or widen the limits")
         return self
 
     def limits(self) -> tuple[float | None, float | None, float | None]:

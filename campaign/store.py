@@ -150,9 +150,7 @@ class Store:
         for batch, reason in scan.bad.items():
             name = part_name(plan, batch)
             self.files.rename(name, f"{name}.bad")
-            logger.warning(
-                "%s %s: set aside as %s.bad and computed again", name, reason, name.rsplit("/")[-1]
-            )
+            logger.warning("%s %s: set aside as %s.bad and computed again", name, reason, name.rsplit("/")[-1])
 
     def table(self, campaign_id: str | None = None) -> pa.Table:
         """Return the rows of a campaign, sorted by sample.
@@ -191,9 +189,7 @@ def count_statuses(scan: Scan) -> dict[str, int]:
 def warn_of_bad_parts(plan: Plan, scan: Scan) -> None:
     """Say which parts a reader leaves out."""
     for batch, reason in scan.bad.items():
-        logger.warning(
-            "%s %s: left out; run the campaign again to replace it", part_name(plan, batch), reason
-        )
+        logger.warning("%s %s: left out; run the campaign again to replace it", part_name(plan, batch), reason)
 
 
 def _batch_numbers(names: Sequence[str]) -> set[int]:

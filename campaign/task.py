@@ -71,9 +71,7 @@ def run_batch(task: Task, batch: int) -> Done:
         table = store.read_part(plan, batch)
     except (FileNotFoundError, BadPart):
         first, count = plan.batches[batch]
-        table = rows_to_table(
-            plan, [_row(plan, task.simulate, sample) for sample in range(first, first + count)]
-        )
+        table = rows_to_table(plan, [_row(plan, task.simulate, sample) for sample in range(first, first + count)])
         store.write_part(plan, batch, table)
     return {"batch": batch, "statuses": dict(Counter(table["status"].to_pylist()))}
 

@@ -30,6 +30,7 @@ from engine.kernels.model import (
     State,
 )
 from engine.kernels.rotations import rotation_matrix
+from engine.mechanism.loads import Force, Torque
 from engine.mechanism.models import Mechanism
 from engine.mechanism.quantities import Quantity
 
@@ -56,7 +57,7 @@ class Assembly:
 
 @dataclass(frozen=True)
 class _Frame:
-    """A body's own frame inside the state's: index, position and rotation of the frame, from the state's origin."""
+    """A body's own frame inside the state's: index, position and rotation, from the state's origin."""
 
     index: int
     origin: Array
@@ -64,7 +65,7 @@ class _Frame:
     quaternion: Array
 
     def point(self, p: Iterable[float]) -> Array:
-        return self.origin + self.rotation @ np.asarray(p, float)
+        return np.asarray(self.origin + self.rotation @ np.asarray(p, float))
 
     def direction(self, d: Iterable[float]) -> Array:
         v = self.rotation @ np.asarray(d, float)
@@ -100,7 +101,13 @@ def assemble(mechanism: Mechanism) -> Assembly:
     )
     nb, nc, nr = len(moving), len(names), len(mechanism.responses)
     state = state._replace(r=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc), speed=np.full(1, np.inf))
-    assembly = Assembly(model, state, _scratch(nb, nc, nr), friction_arrays(6 * nb, nc, 2, 12, _band(contacts, nb)), tuple(names))
+    assembly = Assembly(
+        model,
+        state,
+        _scratch(nb, nc, nr),
+        friction_arrays(6 * nb, nc, 2, 12, _band(contacts, nb)),
+        tuple(names),
+    )
     _refuse_interpenetration(mechanism, assembly)
     return assembly
 
@@ -133,13 +140,13 @@ def _bodies(mechanism: Mechanism, moving: list[str]) -> tuple[dict[str, _Frame],
 
 
 def _tangent(n: Array) -> Array:
-    """A unit vector across n."""
+    """Return a unit vector across n."""
     t = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
     return np.asarray(t / np.linalg.norm(t))
 
 
 def _contacts(mechanism: Mechanism, frames: dict[str, _Frame]) -> tuple[list[str], Contacts, Laws]:
-    """Return the contacts' names, their arrays and laws: two or more rings for a joint with clearance, then the contacts."""
+    """Return the contacts' names, arrays and laws: the rings of the joints with clearance, then the contacts."""
     names: list[str] = []
     kinds: list[int] = []
     bodies: list[tuple[int, int]] = []
@@ -267,15 +274,15 @@ def _constant_loads(mechanism: Mechanism, frames: dict[str, _Frame]) -> dict[str
     """Return constant forces (with their points) and torques, each with the phases in which it acts."""
     phases = [p.name for p in mechanism.phases]
     body, vector, in_body, active = [], [], [], []
-    for load in [*mechanism.forces.values(), *mechanism.torques.values()]:
+    loads: list[Force | Torque] = [*mechanism.forces.values(), *mechanism.torques.values()]
+    for load in loads:
         frame = frames[load.body]
-        is_force = hasattr(load, "force")
         turn = frame.rotation if load.frame == "body" else np.eye(3)
         body.append(frame.index)
-        point = frame.point(load.point) if is_force else np.zeros(3)
-        zero = np.zeros(3)
-        force, torque = (turn @ load.force, zero) if is_force else (zero, turn @ load.torque)
-        vector.append([*point, *force, *torque])
+        if isinstance(load, Force):
+            vector.append([*frame.point(load.point), *(turn @ load.force), *np.zeros(3)])
+        else:
+            vector.append([*np.zeros(6), *(turn @ load.torque)])
         in_body.append(load.frame == "body")
         active.append([load.phases is None or name in load.phases for name in phases])
     return {
@@ -303,7 +310,7 @@ def _responses(mechanism: Mechanism, frames: dict[str, _Frame], contacts: list[s
             point[i, 0:3] = frames[start.body].point(start.axis.point)
             point[i, 3:6] = frames[start.body].direction(start.axis.axis)
         else:
-            point[i, 0:3] = frames[start.body].point(start.point)
+            point[i, 0:3] = frames[start.body].point(start.point or (0.0, 0.0, 0.0))
         point[i, 6:9], point[i, 9:12] = frames[end.body].point(end.point), turned.direction(way.vector)
     return Responses(kind, body, point, offset)
 
@@ -321,7 +328,7 @@ def _scratch(nb: int, nc: int, nr: int) -> Scratch:
         shift=np.zeros(nc),
         u=contacts[2],
         active=np.zeros(nc, bool),
-        index=np.zeros(nc, np.int64),
+        chosen=np.zeros(nc, np.int64),
         values=np.zeros(nr),
         anchor=np.zeros(nr),
         travel=np.zeros(nc),
@@ -351,8 +358,8 @@ def _overlap(mechanism: Mechanism, name: str, gap: float, clearance: float) -> s
     joint = name.split(".")[0]
     if joint in mechanism.joints:
         return (
-            f"joints.{joint}.radial_clearance = {clearance:.6g} {unit}: the journal lies {clearance - gap:.6g} {unit} off "
-            f"its bearing's centre at the start; allowed: at least {clearance - gap:.6g} {unit}, or move the bodies"
+            f"joints.{joint}.radial_clearance = {clearance:.6g} {unit}: the journal lies {clearance - gap:.6g} {unit} "
+            f"off its bearing's centre at the start; allowed: at least {clearance - gap:.6g} {unit}, or move the bodies"
         )
     return (
         f"contacts.{name}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"

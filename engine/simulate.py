@@ -3,6 +3,7 @@
 The compiled kernels are imported by the functions that need them: Numba alone takes longer to load than a description.
 """
 
+import math
 import threading
 import time
 from collections.abc import Mapping
@@ -29,7 +30,7 @@ class Certificate:
     wall_s : real time [s]
     max_residual : largest relative residual of a friction problem (see `engine.friction`)
     max_penetration : largest gap violation left after a step, in the mechanism's unit of length
-    settled : every phase that ends at rest came to rest before the horizon
+    settled : at rest at the end
     iterations : Newton steps of the friction solver, all steps together
     """
 
@@ -126,6 +127,17 @@ def _execute(mechanism: Mechanism, assembly: "Assembly", full_horizon: bool) -> 
     )
     record = new_certificate()
     stop = np.zeros(1, np.uint8)
+    if not run.signatures:  # compile, or load from the cache, before the clock starts: a run to the horizon 0
+        run(
+            assembly.model,
+            assembly.state,
+            assembly.work,
+            assembly.problem,
+            control._replace(horizon=0.0),
+            record,
+            stop,
+        )
+        record = new_certificate()
     timer = threading.Timer(sim.wall_limit, stop.__setitem__, (0, 1))
     timer.daemon = True
     start = time.perf_counter()
@@ -145,8 +157,10 @@ def _execute(mechanism: Mechanism, assembly: "Assembly", full_horizon: bool) -> 
     )
     measured = dict(zip(mechanism.responses, map(float, assembly.work.values), strict=True))
     code = int(record.status[0])
+    if code == OK and certificate.settled:
+        measured |= _forces_at_rest(mechanism, assembly, int(record.phase[0]))
     if code == OK:
-        status, message = _judge(mechanism, certificate, measured, full_horizon)
+        status, message = _judge(mechanism, measured, bool(record.completed[0]) or full_horizon)
     else:
         where = assembly.contact_names[int(record.contact[0])] if record.contact[0] >= 0 else "no contact"
         status, message = _failure(mechanism, code, where, certificate)
@@ -157,20 +171,40 @@ def _unit(mechanism: Mechanism, quantity: str) -> str:
     return Quantity(quantity).unit(mechanism.units)
 
 
-def _judge(
-    mechanism: Mechanism, certificate: Certificate, measured: Mapping[str, float], full_horizon: bool
-) -> tuple[Status, str]:
-    """Judge a run that reached its end: at rest, and within the validity conditions?"""
+def _forces_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int) -> dict[str, float]:
+    """Return the contact forces among the responses as the pose at rest determines them; NaN if it does not."""
+    from engine.equilibrium import forces_at_rest
+
+    wanted = {name: r.contact for name, r in mechanism.responses.items() if r.type == "contact_force"}
+    if not wanted:
+        return {}
+    sim = mechanism.simulation
+    forces = forces_at_rest(assembly, phase, sim.step, sim.penetration)
+    at = assembly.contact_names.index
+    return {name: math.nan if forces is None else float(forces[at(contact), 0]) for name, contact in wanted.items()}
+
+
+def _judge(mechanism: Mechanism, measured: Mapping[str, float], completed: bool) -> tuple[Status, str]:
+    """Judge a run without failure: have its phases ended, and is the result within the validity conditions."""
     unit, sim = _unit(mechanism, "time"), mechanism.simulation
-    if not certificate.settled and not full_horizon:
+    if not completed:
         return "not_converged", (
-            f"not at rest at the horizon of {sim.horizon:g} {unit}: for {sim.rest.window:g} {unit} no measured length may "
-            f"move by {sim.rest.drift:g} {_unit(mechanism, 'length')}; raise simulation.horizon, or give the phase a duration"
+            f"not at rest at the horizon of {sim.horizon:g} {unit}: for {sim.rest.window:g} {unit} no measured length "
+            f"may move by {sim.rest.drift:g} {_unit(mechanism, 'length')}; raise simulation.horizon, or give the phase "
+            "a duration"
+        )
+    if any(math.isnan(value) for value in measured.values()):
+        return (
+            "not_converged",
+            "at rest, but no contact forces were found that balance the loads at this pose",
         )
     for condition in mechanism.validity:
         if not condition.holds(measured):
             value, of = measured[condition.response], mechanism.response_units()[condition.response]
-            return "invalid", f"validity condition {condition} is broken: {condition.response} = {value:.6g} {of}"
+            return (
+                "invalid",
+                f"validity condition {condition} is broken: {condition.response} = {value:.6g} {of}",
+            )
     return "ok", ""
 
 
@@ -184,7 +218,8 @@ def _failure(mechanism: Mechanism, code: int, where: str, certificate: Certifica
         return "diverged", f"the motion is not finite {at}; a smaller simulation.step may help"
     if code == NOT_CONVERGED:
         return "not_converged", (
-            f"friction problem: residual {certificate.max_residual:.3g} {at}; allowed: simulation.tolerance = {sim.tolerance:g}"
+            f"friction problem: residual {certificate.max_residual:.3g} {at}; "
+            f"allowed: simulation.tolerance = {sim.tolerance:g}"
         )
     if code == PENETRATION:
         return "not_converged", (

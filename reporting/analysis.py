@@ -268,9 +268,7 @@ def _statuses(samples: Samples) -> tuple[StatusCount, ...]:
 
 def _failures(spec: ReportSpec, samples: Samples) -> tuple[FailedSample, ...]:
     """List the first failed samples, each with the command that repeats it to the last bit of its inputs."""
-    start = (
-        spec.simulate or f"clearcap simulate {shlex.quote(spec.provenance.get('mechanism', spec.campaign))}"
-    )
+    start = spec.simulate or f"clearcap simulate {shlex.quote(spec.provenance.get('mechanism', spec.campaign))}"
     return tuple(
         FailedSample(
             sample=int(samples.sample[row]),

@@ -200,9 +200,7 @@ def _shape(z: NDArray[np.float64]) -> dict[str, float]:
     return numbers
 
 
-def _indices(
-    mean: float | None, std: float | None, lsl: float | None, usl: float | None
-) -> dict[str, float | None]:
+def _indices(mean: float | None, std: float | None, lsl: float | None, usl: float | None) -> dict[str, float | None]:
     """Return Cp, Cpk, Cpl, Cpu (eqs. 28, 29) and Cc (eq. 30)."""
     cpl = (mean - lsl) / (3 * std) if mean is not None and std and lsl is not None else None
     cpu = (usl - mean) / (3 * std) if mean is not None and std and usl is not None else None
@@ -260,9 +258,7 @@ def _observed(
     return numbers
 
 
-def _expected(
-    mean: float | None, std: float | None, lsl: float | None, usl: float | None
-) -> dict[str, float]:
+def _expected(mean: float | None, std: float | None, lsl: float | None, usl: float | None) -> dict[str, float]:
     """Return the ppm of a normal distribution per side that has a limit, and their sum."""
     if mean is None or std is None or (lsl is None and usl is None):
         return {}

@@ -191,9 +191,7 @@ def _finish(axes: "Axes", name: str, unit: str) -> None:
     """Label both axes with units and leave the bars standing on the ground."""
     bare = unit in ("", "1")
     axes.set_xlabel(name if bare else f"{name} [{unit}]")
-    axes.set_ylabel(
-        "density" if bare else f"density [1/{unit}]" if " " not in unit else f"density [1/({unit})]"
-    )
+    axes.set_ylabel("density" if bare else f"density [1/{unit}]" if " " not in unit else f"density [1/({unit})]")
     axes.margins(x=0.04)
     axes.set_ylim(bottom=0)
     axes.ticklabel_format(axis="x", useOffset=False)
@@ -222,16 +220,12 @@ def _inline(document: str, label: str, prefix: str) -> str:
     from markupsafe import escape
 
     svg = document[document.index("<svg") :]
-    svg = re.sub(
-        r"<metadata>.*?</metadata>\s*|<style[^>]*>.*?</style>\s*|<!--.*?-->\s*", "", svg, flags=re.DOTALL
-    )
+    svg = re.sub(r"<metadata>.*?</metadata>\s*|<style[^>]*>.*?</style>\s*|<!--.*?-->\s*", "", svg, flags=re.DOTALL)
     used = set(re.findall(r'(?:href="#|url\(#)([^")]+)', svg))
     tag = re.sub(r"[^A-Za-z0-9-]", lambda match: f"_{ord(match[0]):x}", prefix)
     svg = re.sub(r' id="([^"]+)"', lambda match: f' id="{tag}-{match[1]}"' if match[1] in used else "", svg)
     svg = re.sub(r'(href="#|url\(#)', rf"\g<1>{tag}-", svg)
     box = re.search(r'viewBox="[^"]+"', svg)
     assert box is not None
-    start = (
-        f'<svg {box[0]} role="img" aria-label="{escape(label)}" xmlns:xlink="http://www.w3.org/1999/xlink">'
-    )
+    start = f'<svg {box[0]} role="img" aria-label="{escape(label)}" xmlns:xlink="http://www.w3.org/1999/xlink">'
     return re.sub(r"^<svg[^>]*>", lambda _: start, svg).strip()

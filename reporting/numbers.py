@@ -55,9 +55,7 @@ def ppm(value: float | None) -> str:
 
 def percent(share: float | None) -> str:
     """Return a share as percent with two decimals, never 0 or 100 unless it is."""
-    return (
-        NONE if share is None else f"{fixed(100 * share, 0 if share in (0, 1) else 2, (0.0, 100.0))}\u00a0%"
-    )
+    return NONE if share is None else f"{fixed(100 * share, 0 if share in (0, 1) else 2, (0.0, 100.0))}\u00a0%"
 
 
 def significant(value: float | None, digits: int = 3) -> str:

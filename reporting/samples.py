@@ -61,9 +61,7 @@ def read_samples(table: "pyarrow.Table", spec: ReportSpec) -> Samples:
     _check_rows(sample, spec.requested)
     status = _strings(table, "status")
     if "" in status:
-        raise ReportError(
-            f"sample {sample[int(np.argmax(status == ''))]} has no status; repair or recompute its batch"
-        )
+        raise ReportError(f"sample {sample[int(np.argmax(status == ''))]} has no status; repair or recompute its batch")
     ok = status == OK
     values = {variable.name: _numbers(table, variable.name) for variable in spec.variables}
     for response in spec.responses:
@@ -86,9 +84,7 @@ def _check_columns(table: "pyarrow.Table", spec: ReportSpec) -> None:
     names = [variable.name for variable in spec.variables] + [response.name for response in spec.responses]
     repeated = [name for name, count in Counter([*names, *CERTIFICATE]).items() if count > 1]
     if repeated:
-        raise ReportError(
-            f"{repeated[0]!r} names more than one variable, response or column of the certificate"
-        )
+        raise ReportError(f"{repeated[0]!r} names more than one variable, response or column of the certificate")
     present = Counter(table.column_names)
     for name in (*CERTIFICATE, *names):
         if present[name] != 1:
@@ -107,9 +103,7 @@ def _check_rows(sample: NDArray[np.int64], requested: int) -> None:
     if repeated.size:
         raise ReportError(f"sample {repeated[0]} appears more than once; every sample may have one row")
     if sample.size > requested:
-        raise ReportError(
-            f"the table has {sample.size} rows, the campaign asked for {requested}; extend the campaign"
-        )
+        raise ReportError(f"the table has {sample.size} rows, the campaign asked for {requested}; extend the campaign")
 
 
 def _numbers(table: "pyarrow.Table", name: str) -> NDArray[np.float64]:
@@ -120,9 +114,7 @@ def _numbers(table: "pyarrow.Table", name: str) -> NDArray[np.float64]:
     kind = column.type
     if pyarrow.types.is_null(kind):  # a column of a table in which every run failed
         return np.full(len(column), np.nan)
-    if not (
-        pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind) or pyarrow.types.is_boolean(kind)
-    ):
+    if not (pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind) or pyarrow.types.is_boolean(kind)):
         raise ReportError(f"column {name!r} holds {kind}; numbers are needed")
     if name == "sample" and column.null_count:
         raise ReportError(f"column 'sample' has {column.null_count} empty rows; every row needs its number")
@@ -138,9 +130,7 @@ def _strings(table: "pyarrow.Table", name: str) -> NDArray[np.str_]:
     kind = column.type
     if pyarrow.types.is_dictionary(kind):
         column, kind = column.cast(kind.value_type), kind.value_type
-    if not (
-        pyarrow.types.is_string(kind) or pyarrow.types.is_large_string(kind) or pyarrow.types.is_null(kind)
-    ):
+    if not (pyarrow.types.is_string(kind) or pyarrow.types.is_large_string(kind) or pyarrow.types.is_null(kind)):
         raise ReportError(f"column {name!r} holds {kind}; text is needed")
     return np.array([text or "" for text in column.to_pylist()], dtype=np.str_)
 

@@ -153,9 +153,7 @@ def _enough(responses: "tuple[ResponseAnalysis, ...]") -> Check:
         text += f"; about {numbers.grouped(round(needed, 2 - len(str(needed))))} samples would make it ±5 %"
     unsure = [r.spec.name for r, _ in known if not r.certain]
     if unsure:
-        text += (
-            f". The interval reaches another verdict for {', '.join(unsure)}: it takes more samples to decide"
-        )
+        text += f". The interval reaches another verdict for {', '.join(unsure)}: it takes more samples to decide"
     return Check("Enough samples", "attention" if unsure else "good", f"{text}.", widths[at])
 
 
@@ -167,13 +165,10 @@ def _shape(responses: "tuple[ResponseAnalysis, ...]") -> Check:
     odd = [
         r.spec.name
         for r in known
-        if abs(r.capability.skewness or 0.0) > SKEWNESS_BAR
-        or abs(r.capability.kurtosis or 0.0) > KURTOSIS_BAR
+        if abs(r.capability.skewness or 0.0) > SKEWNESS_BAR or abs(r.capability.kurtosis or 0.0) > KURTOSIS_BAR
     ]
     if odd:
-        text = (
-            f"Not close to normal: {', '.join(odd)}. Trust the observed ppm there, not Cpk and expected ppm."
-        )
+        text = f"Not close to normal: {', '.join(odd)}. Trust the observed ppm there, not Cpk and expected ppm."
         return Check("Shape", "attention", text, float(len(odd)))
     bars = f"|skewness| up to {SKEWNESS_BAR}, |excess kurtosis| up to {KURTOSIS_BAR:g}"
     return Check("Shape", "good", f"Every response with limits is close to normal ({bars}).", 0.0)
@@ -197,9 +192,7 @@ def _inputs(variables: "tuple[VariableAnalysis, ...]") -> Check:
         f"Means and sigmas are within {errors_off} standard errors of "
         f"what was asked (farthest: {worst}); no value is outside its bounds."
     )
-    return Check(
-        "Inputs as asked", "good" if known[worst] <= INPUT_ERRORS_BAR else "attention", text, known[worst]
-    )
+    return Check("Inputs as asked", "good" if known[worst] <= INPUT_ERRORS_BAR else "attention", text, known[worst])
 
 
 def input_errors(variable: "VariableAnalysis") -> float | None:

@@ -50,9 +50,7 @@ def write_report(table: "pyarrow.Table", spec: ReportSpec, folder: Path) -> dict
         folder.mkdir(parents=True, exist_ok=True)
         return {kind: str(_replace(folder / name, text)) for kind, (name, text) in texts.items()}
     except OSError as error:
-        raise ReportError(
-            f"report folder {folder}: {error.strerror or error}; name a folder you may write"
-        ) from error
+        raise ReportError(f"report folder {folder}: {error.strerror or error}; name a folder you may write") from error
 
 
 def _replace(path: Path, text: str) -> Path:

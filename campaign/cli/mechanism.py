@@ -72,12 +72,10 @@ def _description(mechanism: Any) -> dict[str, Any]:
         "bodies": len(mechanism.bodies),
         "contacts": len(mechanism.contacts),
         "clearances": {
-            name: {"value": mechanism.value(name), "unit": mechanism.unit_of(name)}
-            for name in mechanism.joints
+            name: {"value": mechanism.value(name), "unit": mechanism.unit_of(name)} for name in mechanism.joints
         },
         "responses": {
-            name: {"title": response.title, "unit": units[name]}
-            for name, response in mechanism.responses.items()
+            name: {"title": response.title, "unit": units[name]} for name, response in mechanism.responses.items()
         },
         "validity": [str(condition) for condition in mechanism.validity],
     }

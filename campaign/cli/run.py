@@ -33,9 +33,7 @@ def run(
 
     opened = open_store(store)
     if not opened.files.shared:
-        raise SpecError(
-            f"store {store}: workers cannot reach the memory of this process; name a folder or a URL"
-        )
+        raise SpecError(f"store {store}: workers cannot reach the memory of this process; name a folder or a URL")
     asked = load_campaign(campaign, samples=samples, seed=seed)
     opened.files.check_writable()
     from rich.console import Console

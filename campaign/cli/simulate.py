@@ -12,14 +12,10 @@ def simulate(
     mechanism: Annotated[str, typer.Argument(help="A shipped mechanism or a mechanism file.")],
     changes: Annotated[
         list[str] | None,
-        typer.Option(
-            "--set", metavar="KEY=VALUE", help="Set a joint's clearance or any key; may be repeated."
-        ),
+        typer.Option("--set", metavar="KEY=VALUE", help="Set a joint's clearance or any key; may be repeated."),
     ] = None,
     step: Annotated[float | None, typer.Option(help="Time step, instead of the file's.")] = None,
-    horizon: Annotated[
-        float | None, typer.Option(help="Longest simulated time, instead of the file's.")
-    ] = None,
+    horizon: Annotated[float | None, typer.Option(help="Longest simulated time, instead of the file's.")] = None,
     full_horizon: Annotated[bool, typer.Option("--full-horizon", help="Go on after rest.")] = False,
     json: Json = False,
 ) -> None:
@@ -28,9 +24,7 @@ def simulate(
     from engine import load_mechanism
     from engine import simulate as simulate_once
 
-    run = simulate_once(
-        load_mechanism(mechanism), values, step=step, horizon=horizon, full_horizon=full_horizon
-    )
+    run = simulate_once(load_mechanism(mechanism), values, step=step, horizon=horizon, full_horizon=full_horizon)
     if json:
         face = {"status": run.status, "message": run.message, "responses": run.responses, "units": run.units}
         print_json({**face, "certificate": asdict(run.certificate)})

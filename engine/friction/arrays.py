@@ -58,7 +58,7 @@ class FrictionArrays(NamedTuple):
 
 
 def friction_arrays(n: int, nc: int, runs: int, k: int, band: int) -> FrictionArrays:
-    """Allocate a problem of ``nc`` contacts on ``n`` velocities, each touching at most ``k`` in at most ``runs`` runs."""
+    """Allocate ``nc`` contacts on ``n`` velocities, each touching at most ``k`` of them in at most ``runs`` runs."""
     shapes = {
         "mu": (nc,), "scale": (nc,), "q0": (nc,), "shift": (nc,), "A": (nc, 3, 3), "W": (nc, 3, 3), "AG": (3, k),
         "w": (n,), "dw": (n,), "lag": (n,), "K": (n, n),
@@ -163,9 +163,8 @@ def add_block(rows, i, A, AG, K):
             if rows.width[i, run] == BODY and rows.width[i, other] == BODY:  # known size: unrolled by the compiler
                 _add_outer(BODY, BODY, i, rows.start[i, run], rows.start[i, other], a, c, G, AG, K)
             else:
-                _add_outer(
-                    rows.width[i, run], rows.width[i, other], i, rows.start[i, run], rows.start[i, other], a, c, G, AG, K
-                )  # fmt: skip
+                m, n = rows.width[i, run], rows.width[i, other]
+                _add_outer(m, n, i, rows.start[i, run], rows.start[i, other], a, c, G, AG, K)
             c += rows.width[i, other]
         a += rows.width[i, run]
 

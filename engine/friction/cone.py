@@ -23,8 +23,8 @@ def residual(nc, mu, r, u, q, scale, coupled):
 
     sqrt(sum_i |s r_i - P_K(s r_i - (u_i + mu_i |u_T,i| N))|^2) / max(|q|, |s r|, |u|), with s = ``scale`` the mean
     diagonal of W = H M^-1 H', which makes an impulse a velocity: the number does not depend on units.
-    ``r, u, q`` have shape (nc, 3). A problem of zeros has residual 0; a NaN is returned as it is. Not ``coupled``: the shift
-    mu_i |u_T,i| is left out (the convex problem with a given shift inside q).
+    ``r, u, q`` have shape (nc, 3). A problem of zeros has residual 0; a NaN is returned as it is. Not ``coupled``: the
+    shift mu_i |u_T,i| is left out (the convex problem with a given shift inside q).
     """
     miss, q2, r2, u2 = 0.0, 0.0, 0.0, 0.0
     for i in range(nc):

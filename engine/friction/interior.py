@@ -122,7 +122,11 @@ def _scaled_system(n, nc, p, coupled):
                 s0 = _row(p.W, i, k, p.W[i, 0, 0], p.W[i, 1, 0], p.W[i, 2, 0])
                 s1 = _row(p.W, i, k, p.W[i, 0, 1], p.W[i, 1, 1], p.W[i, 2, 1])
                 s2 = _row(p.W, i, k, p.W[i, 0, 2], p.W[i, 1, 2], p.W[i, 2, 2])
-                p.A[i, k, 0], p.A[i, k, 1], p.A[i, k, 2] = row * s0, row * (t1 * s0 + mu * s1), row * (t2 * s0 + mu * s2)
+                p.A[i, k, 0], p.A[i, k, 1], p.A[i, k, 2] = (
+                    row * s0,
+                    row * (t1 * s0 + mu * s1),
+                    row * (t2 * s0 + mu * s2),
+                )
         else:
             p.miss[i, 0], p.miss[i, 1], p.miss[i, 2] = y[i, 0] - u0, 0.0, 0.0
             for k in range(3):
@@ -206,7 +210,7 @@ def _direction(n, nc, p, coupled):
         mu, c = p.mu[i], 1 / max(1.0, p.mu[i])
         d0, d1, d2 = relative(p.rows, i, rhs)
         if mu > 0.0:
-            u0, u1, u2 = relative(p.rows, i, p.w)
+            _, u1, u2 = relative(p.rows, i, p.w)
             u1, u2 = u1 + p.q[i, 1], u2 + p.q[i, 2]
             slip = np.sqrt(u1 * u1 + u2 * u2)
             if coupled and slip > 0.0:

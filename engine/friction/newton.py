@@ -1,8 +1,8 @@
 """Semismooth Newton on the natural map: one or two steps from the impulses of the step before.
 
-Coulomb's law (eq. 5) holds when r = P_K(r - (u + mu |u_T| N)), with r scaled to a velocity and P_K the projection on the
-cone. Every contact's equation is linearised and solved for its impulse, which leaves one system in the velocity w alone,
-(I + sum_i G_i' A_i G_i) dw = -sum_i G_i' b_i: as many unknowns as the mechanism has degrees of freedom, however many
+Coulomb's law (eq. 5) holds when r = P_K(r - (u + mu |u_T| N)), with r scaled to a velocity and P_K the projection on
+the cone. Every contact's equation is linearised and solved for its impulse, which leaves one system in the velocity w
+alone, (I + sum_i G_i' A_i G_i) dw = -sum_i G_i' b_i: as many unknowns as the mechanism has degrees of freedom, however many
 contacts there are and however redundant they may be.
 """
 
@@ -135,8 +135,16 @@ def _line_search(nc, p, merit):
         after = 0.0
         for i in range(nc):
             s, mu = p.scale[i], p.mu[i]
-            r0, r1, r2 = p.r[i, 0] + step * p.dx[i, 0], p.r[i, 1] + step * p.dx[i, 1], p.r[i, 2] + step * p.dx[i, 2]
-            u0, u1, u2 = p.u[i, 0] + step * p.dy[i, 0], p.u[i, 1] + step * p.dy[i, 1], p.u[i, 2] + step * p.dy[i, 2]
+            r0, r1, r2 = (
+                p.r[i, 0] + step * p.dx[i, 0],
+                p.r[i, 1] + step * p.dx[i, 1],
+                p.r[i, 2] + step * p.dx[i, 2],
+            )
+            u0, u1, u2 = (
+                p.u[i, 0] + step * p.dy[i, 0],
+                p.u[i, 1] + step * p.dy[i, 1],
+                p.u[i, 2] + step * p.dy[i, 2],
+            )
             slip = np.sqrt(u1 * u1 + u2 * u2)
             f0, f1, f2 = project(mu, s * r0 - u0 - mu * slip, s * r1 - u1, s * r2 - u2)
             after += (s * r0 - f0) ** 2 + (s * r1 - f1) ** 2 + (s * r2 - f2) ** 2

@@ -39,15 +39,11 @@ class FrictionProblem:
         n, nc = self.M.shape[0], self.mu.size
         for name, shape in {"M": (n, n), "H": (3 * nc, n), "q": (3 * nc,), "mu": (nc,)}.items():
             if getattr(self, name).shape != shape:
-                raise FrictionError(
-                    f"friction problem: {name} has shape {getattr(self, name).shape}, expected {shape}"
-                )
+                raise FrictionError(f"friction problem: {name} has shape {getattr(self, name).shape}, expected {shape}")
             if not np.isfinite(getattr(self, name)).all():
                 raise FrictionError(f"friction problem: {name} holds a number that is not finite")
         if (self.mu < 0).any():
-            raise FrictionError(
-                f"friction problem: mu[{int(self.mu.argmin())}] = {self.mu.min():g}; allowed: >= 0"
-            )
+            raise FrictionError(f"friction problem: mu[{int(self.mu.argmin())}] = {self.mu.min():g}; allowed: >= 0")
 
 
 @dataclass(frozen=True)

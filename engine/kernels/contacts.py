@@ -7,20 +7,20 @@ kind  side a            side b
 ====  ================  =================================================================================
 0     ring centre       journal: axis point (0:3), axis (3:6), radius (9)
 1     point             plane: point (0:3), normal to the free side (3:6), tangent (6:9)
-2     arc: centre (0:3), normal (3:6), middle direction (6:9), radius (9), half angle (10);  plane as above
+2     arc: centre (0:3), normal (3:6), middle (6:9), radius (9), half angle (10);  plane as above
 3     cylinder: axis point (0:3), axis (3:6), radius (9);  plane as above
 4     arc as above      cylinder: axis point (0:3), axis (3:6), radius (9)
 ====  ================  =================================================================================
 
-The gap g_N is the signed distance plus ``clearance`` (for a ring: the radial clearance minus its eccentricity). N points
-from b to a: a positive impulse r_N pushes a along +N. T1 is tied to body b (its axis, or a tangent of its plane), so a
+The gap g_N is the signed distance plus ``clearance`` (for a ring: the radial clearance minus its eccentricity). N
+points from b to a: a positive impulse r_N pushes a along +N. T1 is tied to body b (its axis, or a tangent of its plane), so a
 frame never flips. Both bodies feel the force at one common point, which keeps the moment balance exact.
 """
 
 import numpy as np
 
 from engine.kernels.jit import kernel
-from engine.kernels.model import ARC_CYLINDER, ARC_PLANE, CYLINDER_PLANE, POINT_PLANE, RING_BORE
+from engine.kernels.model import ARC_CYLINDER, ARC_PLANE, CYLINDER_PLANE, RING_BORE
 from engine.kernels.rotations import to_world, turn_to_world
 
 NEWTON_STEPS = 8

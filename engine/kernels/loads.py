@@ -35,7 +35,9 @@ def _linear_springs(loads, state, wrench, p, q):
         if length == 0.0:
             continue
         d0, d1, d2 = d0 / length, d1 / length, d2 / length
-        rate = _speed_along(state.x, state.R, state.v, b, q, d0, d1, d2) - _speed_along(state.x, state.R, state.v, a, p, d0, d1, d2)
+        rate = _speed_along(state.x, state.R, state.v, b, q, d0, d1, d2) - _speed_along(
+            state.x, state.R, state.v, a, p, d0, d1, d2
+        )
         law = loads.spring_law[i]
         force = law[0] * (law[1] - length) - law[2] * rate
         _add_force(state.x, b, q, force * d0, force * d1, force * d2, wrench)

@@ -100,7 +100,7 @@ class Scratch(NamedTuple):
     shift: np.ndarray  # (nc,) what the impact law adds to their normal part
     u: np.ndarray  # (nc, 3) relative velocities
     active: np.ndarray  # (nc,) bool
-    index: np.ndarray  # (nc,) int64, contacts of the friction problem
+    chosen: np.ndarray  # (nc,) int64, contacts of the friction problem
     values: np.ndarray  # (nr,) responses
     anchor: np.ndarray  # (nr,) responses when the present pause began
     travel: np.ndarray  # (nc,) way slipped since then

@@ -25,7 +25,7 @@ def free_twist(bodies, R, twist, wrench, h, free):
     order, and a free body keeps its energy and its momentum.
     """
     for body in range(bodies.mass.shape[0]):
-        v, f, I, Q = twist[body], wrench[body], bodies.inertia[body], R[body]
+        v, f, J, Q = twist[body], wrench[body], bodies.inertia[body], R[body]
         for k in range(3):
             free[body, k] = v[k] + h * f[k] / bodies.mass[body]
         m0 = Q[0, 0] * f[3] + Q[1, 0] * f[4] + Q[2, 0] * f[5]
@@ -34,9 +34,9 @@ def free_twist(bodies, R, twist, wrench, h, free):
         a, b, c = v[3], v[4], v[5]
         for _ in range(EULER_STEPS):
             o0, o1, o2 = 0.5 * (a + v[3]), 0.5 * (b + v[4]), 0.5 * (c + v[5])
-            l0 = I[0, 0] * o0 + I[0, 1] * o1 + I[0, 2] * o2
-            l1 = I[1, 0] * o0 + I[1, 1] * o1 + I[1, 2] * o2
-            l2 = I[2, 0] * o0 + I[2, 1] * o1 + I[2, 2] * o2
+            l0 = J[0, 0] * o0 + J[0, 1] * o1 + J[0, 2] * o2
+            l1 = J[1, 0] * o0 + J[1, 1] * o1 + J[1, 2] * o2
+            l2 = J[2, 0] * o0 + J[2, 1] * o1 + J[2, 2] * o2
             y0 = h * (m0 - (o1 * l2 - o2 * l1))
             y1 = h * (m1 - (o2 * l0 - o0 * l2))
             y2 = h * (m2 - (o0 * l1 - o1 * l0))

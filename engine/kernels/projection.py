@@ -1,7 +1,7 @@
 """Position stage: remove what is left of penetration, in the metric of the mass matrix (eq. 21, multipliers delta).
 
-Minimise 1/2 d' M d subject to g_N + G_N d >= 0 over the contacts near the violation: a friction problem with mu = 0 whose
-velocity is a displacement. The metric matters: unweighted coordinates diverge on closed loops with clearance.
+Minimise 1/2 d' M d subject to g_N + G_N d >= 0 over the contacts near the violation: a friction problem with mu = 0
+whose velocity is a displacement. The metric matters: unweighted coordinates diverge on closed loops with clearance.
 """
 
 from engine.kernels.contacts import add_whitened, whitened_rows

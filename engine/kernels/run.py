@@ -36,7 +36,8 @@ class Certificate(NamedTuple):
     iterations: np.ndarray  # (1,) int64 of the friction solver
     contact: np.ndarray  # (1,) int64 of the largest penetration left
     phase: np.ndarray  # (1,) int64 phase reached
-    settled: np.ndarray  # (1,) bool: every phase that ends at rest did
+    settled: np.ndarray  # (1,) bool: at rest at the end
+    completed: np.ndarray  # (1,) bool: every phase came to its end, those until rest to rest
     time: np.ndarray  # (1,)
     residual: np.ndarray  # (1,) largest
     penetration: np.ndarray  # (1,) largest
@@ -45,8 +46,8 @@ class Certificate(NamedTuple):
 
 def new_certificate() -> Certificate:
     """Return a blank certificate."""
-    i, f = np.int64, np.float64
-    kinds = Certificate(i, i, i, i, i, np.bool_, f, f, f, i)
+    flags, floats = {"settled", "completed"}, {"time", "residual", "penetration"}
+    kinds = [np.bool_ if name in flags else np.float64 if name in floats else np.int64 for name in Certificate._fields]
     return Certificate(*(np.zeros(1, kind) for kind in kinds))
 
 
@@ -57,7 +58,6 @@ def run(model, state, work, problem, control, certificate, stop):
     ``stop``, shape (1,) uint8, is set from another thread to end the run (time limit, cancel).
     """
     h, t = control.step, 0.0
-    certificate.settled[0] = True
     for phase in range(model.phase_duration.shape[0]):
         certificate.phase[0] = phase
         end = min(t + model.phase_duration[phase], control.horizon)
@@ -80,7 +80,6 @@ def run(model, state, work, problem, control, certificate, stop):
             certificate.status[0] = _verdict(state.v, status, worst, control.penetration, stop[0])
             if certificate.status[0] != OK:
                 certificate.contact[0] = where
-                certificate.settled[0] = False
                 return
             measure(model.responses, state.x, state.R, state.r, h, work.values, work.a, work.b)
             moved = _moved(model.responses.kind, state, work, h, control.drift)
@@ -88,9 +87,10 @@ def run(model, state, work, problem, control, certificate, stop):
             if moved or pause == 0.0:
                 _drop_anchor(work)
             settled = pause >= control.window
-        certificate.settled[0] = certificate.settled[0] and (settled or not until_rest)
+        certificate.settled[0] = settled
         if until_rest and not settled:
             return
+    certificate.completed[0] = True
 
 
 @kernel
@@ -138,7 +138,7 @@ def _drop_anchor(work):
 
 @kernel
 def _moved(kind, state, work, h, drift):
-    """Has anything that matters moved since the anchor: a measured length, or a contact that carries load?
+    """Say whether anything that matters moved since the anchor: a measured length, a contact that carries load.
 
     Bodies without load may drift on for ever (a rod that spins slowly between its bearings): they do not count. Contact
     forces do not count either: with everything sticking they may wander inside their indeterminacy.

@@ -42,7 +42,7 @@ def gather(bodies, contacts, laws, state, work, problem):
     n = 0
     for i in range(laws.mu.shape[0]):
         if work.active[i]:
-            work.index[n] = i
+            work.chosen[n] = i
             whitened_rows(
                 bodies, state.x, state.R, contacts.a[i], contacts.b[i], work.point, work.frame, i, problem.rows, n
             )  # fmt: skip
@@ -59,7 +59,7 @@ def gather(bodies, contacts, laws, state, work, problem):
 def scatter(bodies, state, work, n, problem):
     """Take impulses, slip speeds and twists from the solved problem."""
     for j in range(n):
-        i = work.index[j]
+        i = work.chosen[j]
         for k in range(3):
             state.r[i, k] = problem.r[j, k]
         state.slip[i] = np.sqrt(problem.u[j, 1] ** 2 + problem.u[j, 2] ** 2)
@@ -74,9 +74,7 @@ def grow_active_set(contacts, state, work, h):
     """Activate every contact that the new twists would drive into penetration (eq. 22); return how many."""
     added, fastest = 0, 0.0
     for i in range(work.active.shape[0]):
-        relative_velocity(
-            state.x, state.R, contacts.a[i], contacts.b[i], work.point, work.frame, state.v, i, work.u
-        )
+        relative_velocity(state.x, state.R, contacts.a[i], contacts.b[i], work.point, work.frame, state.v, i, work.u)
         fastest = max(fastest, work.u[i, 0] ** 2 + work.u[i, 1] ** 2 + work.u[i, 2] ** 2)
         if not work.active[i] and work.u[i, 0] < 0.0 and work.gap[i] + 0.5 * h * work.u[i, 0] < 0.0:
             work.active[i] = True

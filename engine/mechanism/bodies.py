@@ -60,9 +60,7 @@ class Body(Model):
         default=None,
         description="the inertia about the centre of mass in body axes: 3 x 3, or three principal moments",
     )
-    center_of_mass: Point = Field(
-        default=(0.0, 0.0, 0.0), description="the centre of mass, in the body frame"
-    )
+    center_of_mass: Point = Field(default=(0.0, 0.0, 0.0), description="the centre of mass, in the body frame")
     origin: Point = Field(default=(0.0, 0.0, 0.0), description="the origin of the body frame, in the world")
     axis: Direction = Field(default=(0.0, 0.0, 1.0), description="the axis about which the frame is turned")
     angle: Annotated[Number, Quantity("angle")] = Field(

@@ -115,9 +115,7 @@ def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem
     if kind == "union_tag_invalid":
         tag = str(context["tag"])
         known = _tags(field.annotation) if field else []
-        return Fault(
-            f"{key}.type", f"unknown type; allowed: {', '.join(known)}{did_you_mean(tag, known)}", tag
-        )
+        return Fault(f"{key}.type", f"unknown type; allowed: {', '.join(known)}{did_you_mean(tag, known)}", tag)
     if details["loc"] and details["loc"][-1] == "[key]":
         return Fault(key, "not a usable name; allowed: a letter, then letters, digits, '-', '_'; rename it")
     if isinstance(value, Mapping | BaseModel):

@@ -44,9 +44,7 @@ class TorsionSpring(Model):
     free_angle: Annotated[Number, Quantity("angle")] = Field(
         description="the rotation of b relative to a without couple (before the preload)"
     )
-    preload: Annotated[Number, Quantity("angle")] = Field(
-        default=0.0, description="an angle added to the deflection"
-    )
+    preload: Annotated[Number, Quantity("angle")] = Field(default=0.0, description="an angle added to the deflection")
     damping: Annotated[Number, Field(ge=0), Quantity("torsional damping")] = Field(
         default=0.0, description="torque per angular speed, a number >= 0"
     )

@@ -59,7 +59,8 @@ class Simulation(Model):
         default=60.0, description="the longest real time of a run, a number > 0; then its status is timeout"
     )
     adaptive: Adaptive | None = Field(
-        default=None, description="longer steps while everything is slow: { longest, travel }; default: one fixed step"
+        default=None,
+        description="longer steps while everything is slow: { longest, travel }; default: one fixed step",
     )
     rest: Rest = Field(description="the stop criterion: { window, drift }")
 

@@ -41,9 +41,7 @@ def _table(data: Any, name: str) -> Mapping[str, Any]:
 def _phases(data: Mapping[str, Any]) -> list[str]:
     """Return the names of the phases."""
     phases = data.get("phases")
-    named = (
-        [str(_table({"p": p}, "p").get("name")) for p in phases] if isinstance(phases, list | tuple) else []
-    )
+    named = [str(_table({"p": p}, "p").get("name")) for p in phases] if isinstance(phases, list | tuple) else []
     return named or ["run"]
 
 
@@ -85,9 +83,7 @@ def _used_twice(data: Mapping[str, Any]) -> Iterator[Fault]:
     contacts, joints = _table(data, "contacts"), _table(data, "joints")
     for name in contacts:
         if name in joints:
-            yield Fault(
-                f"contacts.{name}", f"joints.{name} has the same name; every name once; rename one of them"
-            )
+            yield Fault(f"contacts.{name}", f"joints.{name} has the same name; every name once; rename one of them")
     phases = _phases(data)
     for name in dict.fromkeys(phases):
         if phases.count(name) > 1:

@@ -78,9 +78,7 @@ def _finite(key: str, number: Any, unit: str) -> float:
             finite = math.inf
         if math.isfinite(finite):
             return finite
-    raise MechanismError(
-        str(Fault(key, f"not a finite number; allowed: a number in {unit}; give one", number))
-    )
+    raise MechanismError(str(Fault(key, f"not a finite number; allowed: a number in {unit}; give one", number)))
 
 
 def _replaced(mechanism: "Mechanism", key: str, number: float, unit: str) -> "Mechanism":

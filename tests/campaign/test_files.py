@@ -52,9 +52,7 @@ def test_failed_write_leaves_nothing(tmp_path, monkeypatch):
     files = Files(str(tmp_path / "s"))
     files.write("a/x", b"before")
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(
-        StoreError, match=r"a/x cannot be written \(No space left on device\); free or repair"
-    ):
+    with pytest.raises(StoreError, match=r"a/x cannot be written \(No space left on device\); free or repair"):
         files.write("a/x", b"after")
     assert files.names("a") == ["x"]
     assert files.read("a/x") == b"before"

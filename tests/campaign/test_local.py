@@ -62,9 +62,7 @@ def test_a_restarted_worker_is_like_the_first(client):
     before = {pid for pid, _ in client.run(environment).values()}
     os.kill(min(before), signal.SIGKILL)
     client.wait_for_workers(2, timeout=30)
-    while (
-        min(before) in (after := dict(client.run(environment, on_error="ignore").values())) or len(after) < 2
-    ):
+    while min(before) in (after := dict(client.run(environment, on_error="ignore").values())) or len(after) < 2:
         client.wait_for_workers(2, timeout=30)
     assert all(threads == ["1", "1", "1"] for threads in after.values())
     for pid in after:

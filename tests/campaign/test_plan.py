@@ -13,9 +13,7 @@ from campaign.plan import Plan, make_plan
 def test_same_campaign_same_id(campaign, campaign_file):
     """The id depends on content alone: not on batches, comments or how numbers are written."""
     text = campaign_file.read_text()
-    campaign_file.write_text(
-        "# a comment\n" + text.replace("0.07", "7e-2").replace("lower = 0.9", "lower = 0.90")
-    )
+    campaign_file.write_text("# a comment\n" + text.replace("0.07", "7e-2").replace("lower = 0.9", "lower = 0.90"))
     again = load_campaign(str(campaign_file))
     assert make_plan(again, 3).campaign_id == make_plan(campaign, 10).campaign_id
 
@@ -46,9 +44,7 @@ def test_another_engine_another_id(campaign, monkeypatch):
     assert make_plan(campaign).campaign_id != before
 
 
-@pytest.mark.parametrize(
-    ("samples", "size", "expected"), [(1, None, 1), (500, None, 12), (30_850, None, 100)]
-)
+@pytest.mark.parametrize(("samples", "size", "expected"), [(1, None, 1), (500, None, 12), (30_850, None, 100)])
 def test_default_batches(campaign_file, samples, size, expected):
     """A fortieth of the samples, at least 1, at most 100; every sample in exactly one batch."""
     plan = make_plan(load_campaign(str(campaign_file), samples=samples), size)

@@ -92,9 +92,7 @@ def test_finished_campaign_computes_nothing(tmp_path, campaign, monkeypatch):
 def test_killed_worker_costs_nothing(tmp_path, campaign):
     """Kill -9 of a worker in a batch: all rows, the same bits, no leftovers."""
     _, reference = start(tmp_path, "a", campaign)
-    store, outcome = start(
-        tmp_path, "b", campaign, simulate=partial(fake_engine.kills_once, str(tmp_path / "killed"))
-    )
+    store, outcome = start(tmp_path, "b", campaign, simulate=partial(fake_engine.kills_once, str(tmp_path / "killed")))
     assert (tmp_path / "killed").exists()
     assert rows(outcome).equals(rows(reference))
     names = store.files.names(f"{outcome.plan.campaign_id}/parts")

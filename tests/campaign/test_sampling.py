@@ -39,9 +39,7 @@ def test_first_values_never_change():
 
 def test_seeds_and_names_give_unrelated_streams():
     """No two streams are correlated beyond chance (n = 20,000: 5 standard errors are 0.035)."""
-    streams = [
-        uniforms(seed, name, 0, 20_000) for seed in (0, 1, 2**63 - 1) for name in ("J1", "J2", "J10", "é")
-    ]
+    streams = [uniforms(seed, name, 0, 20_000) for seed in (0, 1, 2**63 - 1) for name in ("J1", "J2", "J10", "é")]
     correlation = np.corrcoef(streams) - np.eye(len(streams))
     assert np.abs(correlation).max() < 0.035
 

@@ -18,9 +18,7 @@ def c60_spec(requested: int) -> ReportSpec:
         for name in CLEARANCES
     )
     responses = (
-        ResponseSpec(
-            "FC-1", "contact force", "N", 9.0, 16.0, None, "Akhadkar, Acary, Brogliato 2018, section 4.2"
-        ),
+        ResponseSpec("FC-1", "contact force", "N", 9.0, 16.0, None, "Akhadkar, Acary, Brogliato 2018, section 4.2"),
         ResponseSpec("FC-2", "needle - pin, X", "mm", 10.35, 10.85, 10.6, ASSUMED),
         ResponseSpec("FC-3", "needle - pin, Y", "mm", -2.45, -1.95, -2.2, ASSUMED),
         ResponseSpec("FC-4", "needle - lamage, X", "mm", 5.05, 5.55, 5.3, ASSUMED),

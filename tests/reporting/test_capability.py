@@ -27,11 +27,7 @@ def set_b() -> np.ndarray:
 
 def set_c() -> np.ndarray:
     return np.array(
-        [
-            20 + 0.1 * ((7 * i) % 11) + 0.05 * ((3 * i * j) % 7) + 0.02 * i
-            for i in range(1, 13)
-            for j in range(1, 6)
-        ]
+        [20 + 0.1 * ((7 * i) % 11) + 0.05 * ((3 * i * j) % 7) + 0.02 * i for i in range(1, 13) for j in range(1, 6)]
     )
 
 
@@ -121,9 +117,7 @@ def test_paper_fc1_and_fc6_indices_follow_from_the_moments() -> None:
     assert c.ppm_expected == pytest.approx(0.497, abs=2e-3)
 
 
-@pytest.mark.parametrize(
-    ("n", "bound"), [(1000, 2991.25), (10_000, 299.528), (30_850, 97.1017), (50_000, 59.9129)]
-)
+@pytest.mark.parametrize(("n", "bound"), [(1000, 2991.25), (10_000, 299.528), (30_850, 97.1017), (50_000, 59.9129)])
 def test_zero_rejects_still_allow_some_ppm(n: int, bound: float) -> None:
     c = capability(np.linspace(-1, 1, n), -2, 2)
     assert c.ppm_observed == 0

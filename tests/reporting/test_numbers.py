@@ -82,9 +82,7 @@ def test_significant(value, text) -> None:
     assert significant(value) == text
 
 
-@pytest.mark.parametrize(
-    ("scale", "places"), [(0.478, 3), (0.0174, 4), (120.0, 0), (1.0, 2), (0.0, 3), (None, 3)]
-)
+@pytest.mark.parametrize(("scale", "places"), [(0.478, 3), (0.0174, 4), (120.0, 0), (1.0, 2), (0.0, 3), (None, 3)])
 def test_decimals_show_three_digits_of_sigma(scale, places) -> None:
     assert decimals_for(scale) == places
 

@@ -164,12 +164,8 @@ def test_hostile_and_foreign_names_are_only_text(campaign) -> None:
 
 def test_the_same_samples_give_the_same_bytes(campaign, tmp_path: Path) -> None:
     table, spec = campaign(40, 2)
-    first = {
-        kind: Path(path).read_bytes() for kind, path in write_report(table, spec, tmp_path / "a").items()
-    }
-    second = {
-        kind: Path(path).read_bytes() for kind, path in write_report(table, spec, tmp_path / "b").items()
-    }
+    first = {kind: Path(path).read_bytes() for kind, path in write_report(table, spec, tmp_path / "a").items()}
+    second = {kind: Path(path).read_bytes() for kind, path in write_report(table, spec, tmp_path / "b").items()}
     assert first == second
 
 
@@ -242,9 +238,7 @@ def odd(table: pa.Table, spec, what: str):
         "no header, no provenance": (table, replace(spec, header={}, provenance={})),
         "constant variable": (
             table.set_column(table.schema.get_field_index("J1"), "J1", pa.array([0.07] * n)),
-            replace(
-                spec, variables=(replace(spec.variables[0], std=0.0, density=(), lower=0.07, upper=0.07),)
-            ),
+            replace(spec, variables=(replace(spec.variables[0], std=0.0, density=(), lower=0.07, upper=0.07),)),
         ),
         "bare unit": (table, replace(spec, responses=(replace(one[0], unit="1"),))),
     }[what]

@@ -10,7 +10,7 @@ def random_problem(
 ) -> FrictionProblem:
     """Make ``contacts`` contacts between ``bodies`` bodies and the ground.
 
-    kind: "static" presses the bodies together (many contacts stick), "moving" has random velocities, "impact" large ones.
+    kind: "static" presses the bodies together (many contacts stick), "moving" and "impact" have random velocities.
     """
     rng = np.random.default_rng(seed)
     n = 6 * bodies

@@ -1,0 +1,69 @@
+"""Contact forces at rest: of all that keep the balance, those of equally stiff contacts.
+
+With everything sticking the forces are not unique: friction at redundant contacts may lock in any of a continuum.
+The ones reported are the limit of contacts that are all equally, and hardly, compliant, u = -c r: the balanced
+forces inside Coulomb's cones with the least sum of squares. They follow from the pose alone, not from its history.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from engine.friction.arrays import CONVERGED, friction_arrays
+from engine.friction.solver import solve_friction
+from engine.kernels.contacts import find_contacts, whitened_rows
+from engine.kernels.loads import apply_loads
+from engine.kernels.motion import free_twist
+from engine.kernels.velocity import free_relative_velocities
+
+if TYPE_CHECKING:
+    from engine.assembly import Array, Assembly
+
+COMPLIANCE = 1e-6  # of the mean diagonal of the Delassus operator
+TOLERANCE = 1e-9
+
+
+def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: float) -> "Array | None":
+    """Return the contact forces that hold the loads of ``phase`` at the present pose.
+
+    Parameters
+    ----------
+    assembly : the mechanism, at rest; its twists are set to zero
+    phase : which constant loads act
+    h : any time; the forces are the impulses in it, by its length
+    touching_gap : contacts open by no more than this touch
+
+    Returns
+    -------
+    array, shape (nc, 3)
+        Forces (N, T1, T2); None if the contacts that touch cannot hold the loads.
+    """
+    model, state, work = assembly.model, assembly.state, assembly.work
+    bodies, contacts, laws = model.bodies, model.contacts, model.laws
+    h *= 1e-3  # so short that the free motion of an unloaded step has no gyroscopic part
+    state.v[:] = 0
+    apply_loads(bodies, model.loads, state, phase, work.wrench, work.a, work.b)
+    free_twist(bodies, state.R, state.v, work.wrench, h, work.free)
+    find_contacts(contacts, state.x, state.R, work.gap, work.point, work.frame)
+    free_relative_velocities(contacts, laws, state, work, h)
+
+    touching = np.flatnonzero((state.r[:, 0] > 0) | (work.gap <= touching_gap))
+    n, nc = 6 * bodies.mass.size, touching.size
+    # each contact's compliance is a spring of its own: three velocities that only this contact touches
+    problem = friction_arrays(n + 3 * nc, nc, runs=3, k=15, band=n + 3 * nc)
+    for j, i in enumerate(touching):
+        whitened_rows(
+            bodies, state.x, state.R, contacts.a[i], contacts.b[i], work.point, work.frame, i, problem.rows, j
+        )
+    diagonal = np.sum(problem.rows.G[:nc] ** 2) / max(3 * nc, 1)
+    widths = problem.rows.width.sum(axis=1)
+    for j in range(nc):
+        problem.rows.start[j, 2], problem.rows.width[j, 2] = n + 3 * j, 3
+        problem.rows.G[j, :, widths[j] : widths[j] + 3] = np.sqrt(COMPLIANCE * diagonal) * np.eye(3)
+    problem.mu[:], problem.q[:] = laws.mu[touching], work.q[touching]
+    status, _, _ = solve_friction(n + 3 * nc, nc, problem, TOLERANCE)
+    if status != CONVERGED:
+        return None
+    forces = np.zeros_like(state.r)
+    forces[touching] = problem.r / h
+    return forces
