@@ -1,6 +1,7 @@
 """From a plan and its rows to the report: says to reporting, in plain data, what the columns mean."""
 
 import platform
+import shlex
 import tempfile
 from pathlib import Path
 
@@ -67,6 +68,7 @@ def report_spec(plan: Plan) -> ReportSpec:
         variables=tuple(_variable(plan, name) for name in spec.variables),
         provenance=provenance(plan),
         requested=spec.samples,
+        simulate=_simulate(plan),
     )
 
 
@@ -90,6 +92,15 @@ def provenance(plan: Plan) -> dict[str, str]:
     }
 
 
+def _simulate(plan: Plan) -> str:
+    """Return the command of a single run with the campaign's settings; the inputs are still to be set."""
+    simulation = plan.spec.simulation
+    words = ["clearcap", "simulate", plan.spec.mechanism]
+    for option, value in (("--step", simulation.step), ("--horizon", simulation.horizon)):
+        words += [] if value is None else [option, repr(value)]
+    return shlex.join(words)
+
+
 def _response(plan: Plan, name: str) -> ResponseSpec:
     asked = plan.spec.responses.get(name, Response())
     lsl, usl, target = asked.limits()
@@ -98,7 +109,8 @@ def _response(plan: Plan, name: str) -> ResponseSpec:
 
 
 def _variable(plan: Plan, name: str) -> VariableSpec:
-    variable, unit = plan.spec.variables[name], plan.mechanism.unit_of(plan.spec.targets()[name])
+    variable, key = plan.spec.variables[name], plan.spec.targets()[name]
+    unit = plan.mechanism.unit_of(key)
     low, high = (None if abs(end) == float("inf") else end for end in variable.support())
     mean, std = variable.moments()
-    return VariableSpec(name, unit, variable.text(), low, high, mean, std, variable.density_points())
+    return VariableSpec(name, unit, variable.text(), low, high, mean, std, variable.density_points(), key)

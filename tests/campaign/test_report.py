@@ -2,11 +2,15 @@
 
 import json
 import secrets
+import shlex
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from campaign.errors import CampaignError
+from campaign.load import load_campaign
+from campaign.plan import make_plan
 from campaign.report import report, report_spec
 from campaign.store import open_store
 from campaign.task import Task, run_batch
@@ -28,6 +32,38 @@ def test_spec_says_limits_units_and_origin(plan):
     assert spec.provenance["seed"] == "7"
     assert spec.provenance["step"].endswith(" ms")
     assert spec.provenance["engine build"] == plan.engine_build
+
+
+def test_report_says_how_to_repeat_a_failed_run(campaign_file, tmp_path):
+    """The command of a failed sample sets keys of the mechanism, not names of variables, and the campaign's horizon."""
+    campaign_file.write_text(
+        campaign_file.read_text().replace("[variables.J1]", "[simulation]\nhorizon = 12.5\n\n[variables.J1]")
+    )
+    plan = make_plan(load_campaign(str(campaign_file)), 25)
+    store = open_store(str(tmp_path / "runs"))
+    store.create_plan(plan)
+    run_batch(Task(store.url, plan.campaign_id, plan.engine_build, partial(fake_engine.raises_above, 0.07)), 0)
+    table = store.table()
+    written = report(store, plan, table)
+    failures = json.loads(Path(written["json"]).read_text())["failures"]
+    assert 0 < len(failures) < 25
+    for failure in failures:
+        row = table.slice(failure["sample"], 1).to_pylist()[0]
+        assert shlex.split(failure["command"]) == [
+            *("clearcap", "simulate", "c60", "--horizon", "12.5"),
+            *("--set", f"J1={row['J1']!r}", "--set", f"springs.A3.preload={row['preload']!r}"),
+        ]
+
+
+@pytest.mark.parametrize(("setting", "words"), [("", []), ("step = 1e-3", ["--step", "0.001"])])
+def test_command_names_only_what_the_campaign_changes(campaign_file, setting, words):
+    """A step the campaign does not give stays the mechanism's: naming it would switch off its adaptive steps."""
+    campaign_file.write_text(
+        campaign_file.read_text().replace("[variables.J1]", f"[simulation]\n{setting}\n[variables.J1]")
+    )
+    spec = report_spec(make_plan(load_campaign(str(campaign_file))))
+    assert shlex.split(spec.simulate) == ["clearcap", "simulate", "c60", *words]
+    assert [variable.key for variable in spec.variables] == ["J1", "springs.A3.preload"]
 
 
 @pytest.mark.parametrize("kind", ["folder", "memory"])
