@@ -22,25 +22,29 @@ from engine.friction.arrays import (
 from engine.friction.cone import residual
 from engine.kernels.jit import kernel
 
-TO_BOUNDARY = 0.9
+TO_BOUNDARY = 0.95
+WARM = 1e-3  # of the load: how far inside the cones a warm start is
 STALL = 12  # steps without halving the residual
 
 
 @kernel
-def interior_point(n, nc, p, mean, tolerance, coupled, limit):
-    """Solve from scratch; leave the best impulses in ``p.r``; return the steps spent and the residual reached.
+def interior_point(n, nc, p, mean, tolerance, coupled, warm, limit):
+    """Solve; leave the best impulses in ``p.r``; return the steps spent and the residual reached.
 
+    ``warm``: start from the given impulses, moved a little inside the cones; else far inside.
     Not ``coupled``: solve the convex problem in which the shift mu |u_T| is not a function of u but given, inside q.
     """
     size = 0.0
     for i in range(nc):
         size = max(size, p.q[i, 0] ** 2 + p.q[i, 1] ** 2 + p.q[i, 2] ** 2)
     size = np.sqrt(size)
-    for k in range(n):
-        p.w[k] = 0.0
+    inside = size if not warm else WARM * size
+    if not warm:
+        for i in range(nc):
+            p.r[i, 0], p.r[i, 1], p.r[i, 2] = 0.0, 0.0, 0.0
+    finish(nc, p.rows, p.q, p.r, p.w, p.u)
     for i in range(nc):
-        p.x[i, 0], p.x[i, 1], p.x[i, 2] = size, 0.0, 0.0
-        p.y[i, 0], p.y[i, 1], p.y[i, 2] = size, 0.0, 0.0
+        _start(i, p.mu[i], p.scale[i], p.r, p.u, inside, warm, p.x, p.y)
     best, stalled, iteration = np.inf, 0, 0
     while True:
         for i in range(nc):
@@ -87,6 +91,23 @@ def interior_point(n, nc, p, mean, tolerance, coupled, limit):
     copy(nc, p.best, p.r)
     finish(nc, p.rows, p.q, p.r, p.w, p.u)
     return iteration, best
+
+
+@kernel
+def _start(i, mu, scale, r, u, inside, warm, x, y):
+    """Write the first x and y of contact i, both inside the cone."""
+    x[i, 0], x[i, 1], x[i, 2] = inside, 0.0, 0.0
+    y[i, 0], y[i, 1], y[i, 2] = inside, 0.0, 0.0
+    if warm:
+        c, slip = 1 / max(1.0, mu), np.sqrt(u[i, 1] ** 2 + u[i, 2] ** 2)
+        if mu > 0.0:
+            x[i, 1], x[i, 2] = c * scale * r[i, 1], c * scale * r[i, 2]
+            y[i, 1], y[i, 2] = c * mu * u[i, 1], c * mu * u[i, 2]
+            x[i, 0] += max(c * mu * scale * r[i, 0], np.sqrt(x[i, 1] ** 2 + x[i, 2] ** 2))
+            y[i, 0] += max(c * (u[i, 0] + mu * slip), c * mu * slip)
+        else:
+            x[i, 0] += max(scale * r[i, 0], 0.0)
+            y[i, 0] += max(u[i, 0], 0.0)
 
 
 @kernel

@@ -2,8 +2,8 @@
 
 Coulomb's law (eq. 5) holds when r = P_K(r - (u + mu |u_T| N)), with r scaled to a velocity and P_K the projection on
 the cone. Every contact's equation is linearised and solved for its impulse, which leaves one system in the velocity w
-alone, (I + sum_i G_i' A_i G_i) dw = -sum_i G_i' b_i: as many unknowns as the mechanism has degrees of freedom, however many
-contacts there are and however redundant they may be.
+alone, (I + sum_i G_i' A_i G_i) dw = -sum_i G_i' b_i: as many unknowns as the mechanism has degrees of freedom, however
+many contacts there are and however redundant they may be.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """The order in which the methods are tried: a quick one from the last solution, a sure one, a surer one.
 
 1. Newton from the given impulses: one or two steps when they are those of the step before.
-2. Interior point, then Newton from its end: problems on which Newton creeps.
+2. Interior point from where Newton creeps, then from far inside the cones; each time Newton from its end.
 3. Convex problems with a given shift s_i = mu_i |u_T,i|, repeated until the shift is that of their solution, each
    followed by Newton: the fixed point behind the existence theory of Coulomb's problem.
 """
@@ -13,7 +13,7 @@ from engine.friction.interior import interior_point
 from engine.friction.newton import newton
 from engine.kernels.jit import kernel
 
-FIRST_STEPS = 40
+FIRST_STEPS = 20
 POLISH_STEPS = 30
 INTERIOR_STEPS = 60
 SHIFTS = 40
@@ -35,9 +35,9 @@ def solve_friction(n, nc, p, tolerance):
     for i in range(nc):
         p.q0[i] = p.q[i, 0]
     total, best = 0, np.inf
-    for attempt in range(2 + SHIFTS):
+    for attempt in range(3 + SHIFTS):
         if attempt > 0:
-            spent, _ = interior_point(n, nc, p, mean, tolerance, attempt == 1, INTERIOR_STEPS)
+            spent, _ = interior_point(n, nc, p, mean, tolerance, attempt < 3, attempt == 1, INTERIOR_STEPS)
             total += spent
             for i in range(nc):  # the shift of this solution: given to the next attempt, not to Newton
                 p.shift[i] = p.mu[i] * np.sqrt(p.u[i, 1] ** 2 + p.u[i, 2] ** 2)
@@ -49,7 +49,7 @@ def solve_friction(n, nc, p, tolerance):
             copy(nc, p.r, p.kept)
         if best <= tolerance:
             break
-        if attempt > 1:
+        if attempt > 2:
             for i in range(nc):
                 p.q[i, 0] = p.q0[i] + p.shift[i]
     for i in range(nc):
