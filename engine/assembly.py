@@ -349,7 +349,8 @@ def _refuse_interpenetration(mechanism: Mechanism, assembly: Assembly) -> None:
         if not g >= -allowed
     ]
     if faults:
-        raise MechanismError("\n".join([f"{mechanism.name}: parts overlap at the start pose", *faults]))
+        lines = "\n".join(f"  {fault}" for fault in dict.fromkeys(faults))  # the rings of a joint share a fault
+        raise MechanismError(f"{mechanism.name}: parts overlap at the start pose\n{lines}")
 
 
 def _overlap(mechanism: Mechanism, name: str, gap: float, clearance: float) -> str:

@@ -13,8 +13,8 @@ kind  side a            side b
 ====  ================  =================================================================================
 
 The gap g_N is the signed distance plus ``clearance`` (for a ring: the radial clearance minus its eccentricity). N
-points from b to a: a positive impulse r_N pushes a along +N. T1 is tied to body b (its axis, or a tangent of its plane), so a
-frame never flips. Both bodies feel the force at one common point, which keeps the moment balance exact.
+points from b to a: a positive impulse r_N pushes a along +N. T1 is tied to body b (its axis, or a tangent of its
+plane), so a frame never flips. Both bodies feel the force at one common point, which keeps the moment balance exact.
 """
 
 import numpy as np
