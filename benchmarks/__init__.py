@@ -1,0 +1,10 @@
+"""Measurements of speed: `python -m benchmarks`, bounded to about two minutes on two cores.
+
+Times depend on the machine, so each table also gives them as multiples of a reference measured in the same run: the
+solution of a dense 42 x 42 system by LAPACK (as many unknowns as the C-60 has degrees of freedom).
+"""
+
+import os
+
+for _library in ("OMP", "OPENBLAS", "MKL"):  # before NumPy is imported: one thread each, as the workers have
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")

@@ -1,0 +1,69 @@
+"""`python -m benchmarks`: measure, print tables, write the numbers as JSON."""
+
+import argparse
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks import c60, campaign, friction, machine
+from engine import warm_up
+
+PARTS = ("friction", "c60", "campaign")
+
+
+def main() -> None:
+    """Measure the parts asked for."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("parts", nargs="*", help=f"any of {', '.join(PARTS)}; default: all")
+    parser.add_argument("--out", type=Path, default=Path("build/benchmarks.json"), help="default: %(default)s")
+    asked = parser.parse_args()
+    unknown = set(asked.parts) - set(PARTS)
+    if unknown:
+        parser.error(f"no such part: {', '.join(sorted(unknown))}; allowed: {', '.join(PARTS)}")
+    parts = asked.parts or PARTS
+    console = Console(width=110)
+    warm_up()  # compiling is not what is measured
+    numbers: dict[str, Any] = {"machine": machine.description()}
+    unit = numbers["machine"]["solve_42_us"]
+    _show(console, "machine", [numbers["machine"]])
+    if "friction" in parts:
+        numbers["friction"] = friction.measure(unit)
+        _show(console, "friction solver, medians", numbers["friction"])
+    if "c60" in parts:
+        numbers["c60"] = c60.measure(unit)
+        _show(console, "c60, one run after the other, medians", [numbers["c60"]])
+    if "campaign" in parts:
+        numbers["campaign"] = campaign.measure()
+        _show(console, "clearcap run against bare processes", [numbers["campaign"]])
+    asked.out.parent.mkdir(parents=True, exist_ok=True)
+    asked.out.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
+    console.print(f"written to {asked.out}")
+
+
+def _show(console: Console, title: str, rows: Sequence[dict[str, Any]]) -> None:
+    """Print rows as a table: many rows across, a single one down."""
+    table = Table(title=title, title_justify="left", min_width=40)
+    if len(rows) == 1:
+        table.show_header = False
+        table.add_column()
+        table.add_column(justify="right")
+        for name, value in rows[0].items():
+            table.add_row(name, _text(value))
+    else:
+        for name in rows[0]:
+            table.add_column(name, justify="right")
+        for row in rows:
+            table.add_row(*map(_text, row.values()))
+    console.print(table)
+
+
+def _text(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+if __name__ == "__main__":
+    main()

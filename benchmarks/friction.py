@@ -1,0 +1,60 @@
+"""The friction solver on generated problems: from nothing, and from the solution of a neighbouring problem."""
+
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from benchmarks.machine import quickest_us
+from engine.friction import FrictionProblem, solve
+from engine.friction.problem import _sparse_rows
+from engine.friction.solver import solve_friction
+from tests.engine.friction.problems import random_problem
+
+CONTACTS = (6, 12, 24, 48, 70)
+KINDS = ("static", "moving")
+SEEDS = range(8)
+CHANGE = 0.01  # of the velocities, from one problem to its neighbour
+TOLERANCE = 1e-8
+
+
+def measure(unit_us: float) -> list[dict[str, Any]]:
+    """Return a row for each kind of problem and number of contacts; ``unit_us``: the reference."""
+    return [_row(kind, contacts, unit_us) for kind in KINDS for contacts in CONTACTS]
+
+
+def _row(kind: str, contacts: int, unit_us: float) -> dict[str, Any]:
+    problems = [random_problem(seed, contacts, kind=kind) for seed in SEEDS]
+    cold = [_time(problem, np.zeros(3 * contacts)) for problem in problems]
+    warm = [_time(_neighbour(problem), solve(problem, TOLERANCE).r) for problem in problems]
+    return {
+        "kind": kind,
+        "contacts": contacts,
+        "cold us": median(us for us, _, _ in cold),
+        "in solves": median(us for us, _, _ in cold) / unit_us,
+        "iterations": median(n for _, n, _ in cold),
+        "warm us": median(us for us, _, _ in warm),
+        "warm iterations": median(n for _, n, _ in warm),
+        "solved": f"{sum(residual <= TOLERANCE for _, _, residual in cold + warm)} of {len(cold + warm)}",
+    }
+
+
+def _neighbour(problem: FrictionProblem) -> FrictionProblem:
+    """Return the problem a little later: the bodies' free velocities have changed by a hundredth."""
+    change = problem.H @ np.random.default_rng(0).standard_normal(problem.M.shape[0])
+    change *= CHANGE * np.linalg.norm(problem.q) / np.linalg.norm(change)
+    return FrictionProblem(problem.M, problem.H, problem.q + change, problem.mu)
+
+
+def _time(problem: FrictionProblem, start: np.ndarray) -> tuple[float, int, float]:
+    """Return time [us], iterations and residual of the compiled solver alone."""
+    n, nc = problem.M.shape[0], problem.mu.size
+    arrays = _sparse_rows(np.linalg.solve(np.linalg.cholesky(problem.M), problem.H.T).T.reshape(nc, 3, n), n)
+    arrays.q[:], arrays.mu[:] = problem.q.reshape(nc, 3), problem.mu
+
+    def begin() -> None:
+        arrays.r[:] = start.reshape(nc, 3)
+
+    begin()
+    _, iterations, residual = solve_friction(n, nc, arrays, TOLERANCE)
+    return quickest_us(lambda: solve_friction(n, nc, arrays, TOLERANCE), begin, repeats=5), iterations, residual

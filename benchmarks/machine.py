@@ -1,0 +1,44 @@
+"""The reference: what this machine takes for one dense solve, and what it is."""
+
+import os
+import platform
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+UNKNOWNS = 42
+
+
+def quickest_us(call: Callable[[], object], before: Callable[[], object] = lambda: None, repeats: int = 20) -> float:
+    """Return the least of several times of ``call`` [us], with ``before`` called and not timed before each."""
+    best = np.inf
+    for _ in range(repeats):
+        before()
+        start = perf_counter()
+        call()
+        best = min(best, perf_counter() - start)
+    return 1e6 * best
+
+
+def solve_us() -> float:
+    """Return the time of `numpy.linalg.solve` with 42 unknowns [us]."""
+    rng = np.random.default_rng(1)
+    A, b = rng.standard_normal((UNKNOWNS, UNKNOWNS)) + UNKNOWNS * np.eye(UNKNOWNS), rng.standard_normal(UNKNOWNS)
+    return quickest_us(lambda: np.linalg.solve(A, b), repeats=500)
+
+
+def description() -> dict[str, Any]:
+    """Return what the numbers were measured on."""
+    from campaign.local import cores
+    from engine import build_id
+
+    return {
+        "processor": platform.processor() or platform.machine(),
+        "cores": cores(),
+        "load": os.getloadavg()[0],
+        "python": platform.python_version(),
+        "engine_build": build_id(),
+        "solve_42_us": solve_us(),
+    }
