@@ -22,7 +22,8 @@ from engine.friction.arrays import (
 from engine.friction.cone import residual
 from engine.kernels.jit import kernel
 
-TO_BOUNDARY = 0.95
+TO_BOUNDARY = 0.9
+TO_BOUNDARY_WARM = 0.95
 WARM = 1e-3  # of the load: how far inside the cones a warm start is
 STALL = 12  # steps without halving the residual
 
@@ -81,7 +82,7 @@ def interior_point(n, nc, p, mean, tolerance, coupled, warm, limit):
                 _corrector(i, p.W, p.y, p.dx, p.dy, centring * gap, p.b)
             else:
                 p.b[i, 0] = (centring * gap - p.dx[i, 0] * p.dy[i, 0]) / p.y[i, 0] - p.x[i, 0]
-        step = min(1.0, TO_BOUNDARY * _direction(n, nc, p, coupled))
+        step = min(1.0, (TO_BOUNDARY_WARM if warm else TO_BOUNDARY) * _direction(n, nc, p, coupled))
         for i in range(nc):
             for k in range(3):
                 p.x[i, k] += step * p.dx[i, k]

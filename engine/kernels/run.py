@@ -10,6 +10,7 @@ from engine.kernels.model import CONTACT_FORCE
 from engine.kernels.responses import measure
 from engine.kernels.step import step
 
+HALVINGS = 4
 LOADED = 1e-3  # of the largest impulse: a contact that carries load
 OK, NOT_CONVERGED, PENETRATION, DIVERGED, STOPPED = range(5)
 
@@ -41,7 +42,7 @@ class Certificate(NamedTuple):
     time: np.ndarray  # (1,)
     residual: np.ndarray  # (1,) largest
     penetration: np.ndarray  # (1,) largest
-    iterations_max: np.ndarray  # (1,) int64 in one step
+    repeated: np.ndarray  # (1,) int64 steps repeated with half their length
 
 
 def new_certificate() -> Certificate:
@@ -52,8 +53,11 @@ def new_certificate() -> Certificate:
 
 
 @kernel
-def run(model, state, work, problem, control, certificate, stop):
+def run(model, state, backup, work, problem, control, certificate, stop):
     """Simulate until rest in the last phase, or the horizon, or a failure.
+
+    A step whose friction problem or projection is not solved is repeated with half its length, at most ``HALVINGS``
+    times; ``backup`` is a second state, to go back to.
 
     ``stop``, shape (1,) uint8, is set from another thread to end the run (time limit, cancel).
     """
@@ -67,13 +71,22 @@ def run(model, state, work, problem, control, certificate, stop):
         while t < end - 0.5 * control.step and (stay or not settled):
             before, h = h, min(_next_step(h, state.speed[0], control), end - t)
             _scale_impulses(state.r, h / before)
-            status, residual, worst, where, iterations = step(
-                model, state, work, problem, phase, h, control.tolerance, control.penetration
-            )
+            copy_state(state, backup)
+            whole = h
+            status, residual, worst, where = CONVERGED, 0.0, 0.0, -1
+            for _ in range(1 + HALVINGS):
+                status, residual, worst, where, iterations = step(
+                    model, state, work, problem, phase, h, control.tolerance, control.penetration
+                )
+                certificate.steps[0] += 1
+                certificate.iterations[0] += iterations
+                if status == CONVERGED and worst <= control.penetration:
+                    break
+                certificate.repeated[0] += 1
+                h *= 0.5
+                copy_state(backup, state)
+                _scale_impulses(state.r, h / whole)
             t += h
-            certificate.steps[0] += 1
-            certificate.iterations[0] += iterations
-            certificate.iterations_max[0] = max(iterations, certificate.iterations_max[0])
             certificate.time[0] = t
             certificate.residual[0] = max(residual, certificate.residual[0])
             certificate.penetration[0] = max(worst, certificate.penetration[0])
@@ -91,6 +104,23 @@ def run(model, state, work, problem, control, certificate, stop):
         if until_rest and not settled:
             return
     certificate.completed[0] = True
+
+
+@kernel
+def copy_state(source, target):
+    """Copy pose, twists and impulses."""
+    for body in range(source.x.shape[0]):
+        for k in range(3):
+            target.x[body, k] = source.x[body, k]
+            for j in range(3):
+                target.R[body, k, j] = source.R[body, k, j]
+        for k in range(4):
+            target.p[body, k] = source.p[body, k]
+        for k in range(6):
+            target.v[body, k] = source.v[body, k]
+    for i in range(source.r.shape[0]):
+        for k in range(3):
+            target.r[i, k] = source.r[i, k]
 
 
 @kernel
