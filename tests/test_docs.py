@@ -1,0 +1,88 @@
+"""What the pages say can be done: marked examples run, links lead somewhere, commands and options exist.
+
+An example is marked by the word `runnable` after the language of its fence. Pages with tests of their own
+(`tests/campaign`, `tests/engine/mechanism`, `tests/reporting`) have no marks.
+"""
+
+import re
+import tomllib
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+from typer.testing import CliRunner
+
+from campaign.cli import app
+from campaign.load import load_campaign
+from engine.mechanism import mechanism_from
+
+ROOT = Path(__file__).parents[1]
+PAGES = {
+    page.relative_to(ROOT).as_posix(): page.read_text("utf-8") for page in [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")]
+}
+EXAMPLES = [
+    pytest.param(language, code, id=f"{name}-{number}")
+    for name, text in PAGES.items()
+    for number, (language, code) in enumerate(re.findall(r"^```(\w+) runnable\n(.*?)^```", text, re.M | re.S))
+]
+LINKS = [
+    pytest.param(name, link, id=f"{name}-{link}")
+    for name, text in PAGES.items()
+    for link in re.findall(r"\]\(([^)\s]+)\)", text)
+    if "://" not in link
+]
+COMMANDS = sorted({line for text in PAGES.values() for line in re.findall(r"^(?:    |\$ )clearcap (.+)$", text, re.M)})
+
+
+def test_there_is_something_to_check():
+    """The patterns above find the examples, links and commands there are."""
+    assert {"README.md", "ARCHITECTURE.md", "docs/README.md"} <= set(PAGES)
+    assert {example.values[0] for example in EXAMPLES} == {"python", "toml"}
+    assert any(link.values == ("README.md", "docs/images/report.png") for link in LINKS)
+    assert {"run", "simulate", "status"} <= {command.split()[0] for command in COMMANDS}
+
+
+@pytest.mark.parametrize(("language", "code"), EXAMPLES)
+def test_example(language, code, tmp_path, capsys):
+    """Python prints what its last comment says; TOML is a campaign or a mechanism."""
+    if language == "python":
+        exec(compile(code, "example", "exec"), {})
+        said = re.search(r"# prints (.*)$", code, re.M)
+        assert capsys.readouterr().out.strip() == said[1]
+    elif "mechanism" in (data := tomllib.loads(code)):
+        path = tmp_path / "example.toml"
+        path.write_text(code)
+        assert load_campaign(str(path)).spec.name == data["name"]
+    else:
+        assert mechanism_from(data, "example").name == data["name"]
+
+
+@pytest.mark.parametrize(("page", "link"), LINKS)
+def test_link(page, link):
+    """The file of a relative link is there, and the heading after its `#`."""
+    path, _, anchor = link.partition("#")
+    target = (ROOT / page).parent / path if path else ROOT / page
+    assert target.exists()
+    if anchor:
+        headings = re.findall(r"^#+ (.+)$", target.read_text("utf-8"), re.M)
+        assert anchor in {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_command(line):
+    """Every verb shown has a help, and every option shown is one of its options."""
+    words, command = re.split(r"\s{2,}|#", line)[0].split(), get_command(app)  # behind two spaces: what the verb does
+    path = []
+    while hasattr(command, "commands") and words[len(path)] in command.commands:
+        path.append(words[len(path)])
+        command = command.commands[path[-1]]
+    assert path or words[0].startswith("--"), f"no such verb: {words[0]}"
+    assert {word for word in words if word.startswith("--")} <= {o for p in command.params for o in p.opts}
+    assert CliRunner().invoke(app, [*path, "--help"]).exit_code == 0
+
+
+def test_make_targets():
+    """Every `make` verb that a page shows is in the Makefile."""
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M))
+    shown = {verb for text in PAGES.values() for verb in re.findall(r"(?:^    |`|\$ )make ([a-z]+)", text, re.M)}
+    assert {"run", "test"} <= shown <= targets
