@@ -1,5 +1,6 @@
 """What a user writes in a campaign file, checked by models that name the key at fault."""
 
+from decimal import Decimal
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
@@ -65,7 +66,9 @@ class Response(_Table):
         if self.nominal is None or self.tolerance is None:
             return self.lsl, self.usl, self.target
         target = self.nominal if self.target is None else self.target
-        return self.nominal - self.tolerance, self.nominal + self.tolerance, target
+        # as a drawing adds them: 2.11 - 0.25 is 1.86 and not 1.8599999999999999
+        nominal, tolerance = Decimal(repr(self.nominal)), Decimal(repr(self.tolerance))
+        return float(nominal - tolerance), float(nominal + tolerance), target
 
 
 class CampaignSpec(_Table):

@@ -178,3 +178,10 @@ def test_tolerance_says_limits_and_target(campaign_file):
     """Nominal and tolerance give both limits, and the nominal as target."""
     path = replaced(campaign_file, "lsl = 9.0\nusl = 16.0", "nominal = 12.5\ntolerance = 3.5")
     assert load_campaign(path).spec.responses["FC-1"].limits() == (9.0, 16.0, 12.5)
+
+
+def test_limits_from_a_nominal_are_those_of_the_drawing():
+    """2.11 -+ 0.25 is 1.86 to 2.36, not 1.8599999999999999."""
+    from campaign.spec import Response
+
+    assert Response(nominal=2.11, tolerance=0.25).limits() == (1.86, 2.36, 2.11)
