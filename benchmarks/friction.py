@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.machine import quickest_us
 from engine.friction import FrictionProblem, solve
-from engine.friction.problem import _sparse_rows
+from engine.friction.problem import sparse_rows
 from engine.friction.solver import solve_friction
 from tests.engine.friction.problems import random_problem
 
@@ -49,7 +49,7 @@ def _neighbour(problem: FrictionProblem) -> FrictionProblem:
 def _time(problem: FrictionProblem, start: np.ndarray) -> tuple[float, int, float]:
     """Return time [us], iterations and residual of the compiled solver alone."""
     n, nc = problem.M.shape[0], problem.mu.size
-    arrays = _sparse_rows(np.linalg.solve(np.linalg.cholesky(problem.M), problem.H.T).T.reshape(nc, 3, n), n)
+    arrays = sparse_rows(np.linalg.solve(np.linalg.cholesky(problem.M), problem.H.T).T.reshape(nc, 3, n), n)
     arrays.q[:], arrays.mu[:] = problem.q.reshape(nc, 3), problem.mu
 
     def begin() -> None:

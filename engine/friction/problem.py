@@ -90,7 +90,7 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
     except np.linalg.LinAlgError:
         raise FrictionError("friction problem: M is not symmetric positive definite") from None
     G = np.linalg.solve(root, problem.H.T).T.reshape(nc, 3, n)
-    arrays = _sparse_rows(G, n)
+    arrays = sparse_rows(G, n)
     arrays.q[:] = problem.q.reshape(nc, 3)
     arrays.mu[:] = problem.mu
     if start is not None:
@@ -106,7 +106,7 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
     )
 
 
-def _sparse_rows(G: Array, n: int) -> Any:
+def sparse_rows(G: Array, n: int) -> Any:
     """Store of each contact's rows only the runs of columns that are not zero."""
     from engine.friction.arrays import friction_arrays
 
