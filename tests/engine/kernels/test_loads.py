@@ -1,0 +1,254 @@
+"""Springs, gravity and constant loads: forces against the gradient of a potential written here."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from engine.assembly import Assembly, assemble
+from engine.kernels.loads import apply_loads
+from tests.engine.small import made, place, small
+
+RNG_SEEDS = range(8)
+A_POINT, B_POINT = np.array([0.3, -0.2, 0.5]), np.array([-0.4, 0.6, 0.1])
+CENTRES = {"a": np.array([0.1, 0.2, -0.1]), "b": np.array([-0.2, 0.05, 0.15])}
+MASS = {"a": 2.0, "b": 3.0}
+LINEAR = {
+    "type": "linear",
+    "a": {"body": "a", "point": A_POINT.tolist()},
+    "b": {"body": "b", "point": B_POINT.tolist()},
+    "stiffness": 7.0,
+    "free_length": 1.2,
+}
+AXIS = np.array([1.0, -2.0, 2.0]) / 3
+TORSION = {
+    "type": "torsion",
+    "a": "a",
+    "b": "b",
+    "axis": AXIS.tolist(),
+    "stiffness": 5.0,
+    "free_angle": 0.4,
+    "preload": 0.3,
+}
+
+
+def two_bodies(**tables: Any) -> Assembly:
+    """Make two free bodies whose centres of mass are not their origins; body axes are the world's at the start."""
+    bodies = {
+        name: {"mass": MASS[name], "inertia": [1, 1.2, 1.4], "center_of_mass": centre.tolist()}
+        for name, centre in CENTRES.items()
+    }
+    return assemble(made(small(bodies=bodies, **tables)))
+
+
+def numbers(assembly: Assembly) -> list[int]:
+    """Return the numbers of a and b in the arrays, by their mass: assembly orders bodies as it likes."""
+    return np.argsort(assembly.model.bodies.mass).tolist()
+
+
+def pose(assembly: Assembly) -> tuple[np.ndarray, np.ndarray]:
+    """Return the positions and rotations of a and b."""
+    order = numbers(assembly)
+    return assembly.state.x[order], assembly.state.R[order]
+
+
+def wrench(assembly: Assembly, phase: int = 0) -> np.ndarray:
+    """Return force and torque about the centre of mass, of a and of b."""
+    model, state, work = assembly.model, assembly.state, assembly.work
+    apply_loads(model.bodies, model.loads, state, phase, work.wrench, work.a, work.b)
+    return work.wrench[numbers(assembly)]
+
+
+def scatter(assembly: Assembly, rng: np.random.Generator) -> None:
+    """Put both bodies anywhere, at rest."""
+    for body in range(2):
+        place(assembly, body, 2 * rng.normal(size=3), Rotation.random(random_state=rng))
+    assembly.state.v[:] = 0
+
+
+def gradient(assembly: Assembly, potential: Any, d: float = 1e-5) -> np.ndarray:
+    """Differentiate a potential by a shift and a turn (world axes) of each body: shape (2, 6)."""
+    slope = np.zeros((2, 6))
+    for row, body in enumerate(numbers(assembly)):
+        x = assembly.state.x[body].copy()
+        rotation = Rotation.from_matrix(assembly.state.R[body])
+        for k in range(6):
+            values = []
+            for way in (d, -d):
+                shift, spin = np.zeros(3), np.zeros(3)
+                (shift if k < 3 else spin)[k % 3] = way
+                place(assembly, body, x + shift, Rotation.from_rotvec(spin) * rotation)
+                values.append(potential(assembly))
+            slope[row, k] = (values[0] - values[1]) / (2 * d)
+        place(assembly, body, x, rotation)
+    return slope
+
+
+def length(assembly: Assembly) -> float:
+    """Distance of the linear spring's two points."""
+    x, R = pose(assembly)
+    a, b = x[0] + R[0] @ (A_POINT - CENTRES["a"]), x[1] + R[1] @ (B_POINT - CENTRES["b"])
+    return float(np.linalg.norm(b - a))
+
+
+def stretched(assembly: Assembly) -> float:
+    """Potential of the linear spring."""
+    return 0.5 * 7.0 * (length(assembly) - 1.2) ** 2
+
+
+def wound(assembly: Assembly) -> float:
+    """Potential of the torsion spring, by the rotation vector's part along the axis."""
+    _, R = pose(assembly)
+    turn = Rotation.from_matrix(R[0].T @ R[1])
+    w, v = (q := turn.as_quat(canonical=True))[3], q[:3]
+    angle = 2 * np.arctan2(v @ AXIS, w)
+    return 0.5 * 5.0 * (angle - 0.4 + 0.3) ** 2
+
+
+def check_action_is_reaction(assembly: Assembly) -> None:
+    """Assert that forces, and moments about the world's origin, sum to zero."""
+    loads, (x, _) = wrench(assembly), pose(assembly)
+    np.testing.assert_allclose(loads[:, :3].sum(axis=0), 0, atol=1e-12)
+    moment = loads[:, 3:].sum(axis=0) + np.cross(x, loads[:, :3]).sum(axis=0)
+    np.testing.assert_allclose(moment, 0, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", RNG_SEEDS)
+def test_linear_spring_is_the_gradient_of_its_energy(seed):
+    """Force and torque on both bodies, stretched or compressed, from 1/2 k (length - free length)^2."""
+    assembly = two_bodies(springs={"S": LINEAR})
+    scatter(assembly, np.random.default_rng(seed))
+    np.testing.assert_allclose(wrench(assembly), -gradient(assembly, stretched), atol=1e-7)
+    check_action_is_reaction(assembly)
+
+
+def test_linear_spring_pushes_when_compressed():
+    """The sign, by hand: points 0.5 apart, free length 1.2, k = 7: b is pushed away with 4.9."""
+    spring = {**LINEAR, "a": {"body": "a", "point": [0, 0, 0]}, "b": {"body": "b", "point": [0.5, 0, 0]}}
+    loads = wrench(two_bodies(springs={"S": spring}))
+    np.testing.assert_allclose(loads[:, :3], [[-4.9, 0, 0], [4.9, 0, 0]], atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", RNG_SEEDS)
+def test_torsion_spring_is_the_gradient_of_its_energy(seed):
+    """Body b turned about the spring's axis by any angle, the pair turned anyhow in the world."""
+    assembly, rng = two_bodies(springs={"S": TORSION}), np.random.default_rng(seed)
+    scatter(assembly, rng)
+    turn = Rotation.from_rotvec(rng.uniform(-3, 3) * AXIS)
+    x, R = pose(assembly)
+    place(assembly, numbers(assembly)[1], x[1], Rotation.from_matrix(R[0]) * turn)
+    np.testing.assert_allclose(wrench(assembly), -gradient(assembly, wound), atol=1e-7)
+    check_action_is_reaction(assembly)
+
+
+@pytest.mark.parametrize("seed", RNG_SEEDS)
+def test_torsion_spring_is_a_pure_balanced_couple_at_any_pose(seed):
+    """Also when the bodies are turned across the axis: no force, opposite torques along a's axis."""
+    assembly = two_bodies(springs={"S": TORSION})
+    scatter(assembly, np.random.default_rng(seed))
+    loads = wrench(assembly)
+    assert not loads[:, :3].any()
+    check_action_is_reaction(assembly)
+    axis = pose(assembly)[1][0] @ AXIS
+    np.testing.assert_allclose(np.cross(loads[1, 3:], axis), 0, atol=1e-12)
+    assert np.linalg.norm(loads[1, 3:]) > 1e-3
+
+
+@pytest.mark.parametrize(("start", "angle"), [(0.0, 3.0), (2.9, 3.6), (-2.9, -4.0), (3.0, 0.2), (4.0, 5.5)])
+def test_torsion_spring_counts_from_the_start_angle(start, angle):
+    """Winding past half a turn goes on winding: the branch is the one nearest to the start."""
+    data = small(
+        bodies={
+            "a": {"fixed": True},
+            "b": {"mass": 1.0, "inertia": [1, 1, 1], "axis": AXIS.tolist(), "angle": start},
+        },
+        springs={"S": TORSION},
+    )
+    assembly = assemble(made(data))
+    place(assembly, 0, np.zeros(3), Rotation.from_rotvec(angle * AXIS))
+    assert wrench(assembly)[0, 3:] @ AXIS == pytest.approx(-5.0 * (angle - 0.4 + 0.3), rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", RNG_SEEDS)
+@pytest.mark.parametrize("spring", [LINEAR, TORSION], ids=["linear", "torsion"])
+def test_damping_dissipates_and_rigid_motion_feels_none(spring, seed):
+    """The damper's power is - c rate^2, with the rate from finite differences; together as one body: nothing."""
+    damped, bare = (two_bodies(springs={"S": {**spring, "damping": c}}) for c in (0.8, 0.0))
+    for assembly in (damped, bare):
+        scatter(assembly, np.random.default_rng(seed))
+    order = numbers(damped)
+    twist, dt = np.random.default_rng(100 + seed).normal(size=(2, 6)), 1e-6
+    damped.state.v[order] = bare.state.v[order] = twist
+    x, R = pose(damped)
+    load = wrench(damped) - wrench(bare)
+    spin = np.einsum("kij,kj->ki", R, twist[:, 3:])
+    power = float((load[:, :3] * twist[:, :3]).sum() + (load[:, 3:] * spin).sum())
+    rate = float((spin[1] - spin[0]) @ (R[0] @ AXIS))
+    if spring is LINEAR:
+        lengths = []
+        for way in (dt, -dt):
+            for k in range(2):
+                turn = Rotation.from_rotvec(way * spin[k]) * Rotation.from_matrix(R[k])
+                place(bare, order[k], x[k] + way * twist[k, :3], turn)
+            lengths.append(length(bare))
+        rate = (lengths[0] - lengths[1]) / (2 * dt)
+    assert power == pytest.approx(-0.8 * rate**2, rel=1e-6)
+
+
+@pytest.mark.parametrize("spring", [LINEAR, TORSION], ids=["linear", "torsion"])
+def test_damper_feels_no_rigid_motion(spring):
+    """Both bodies moving as one: the same loads as at rest."""
+    assembly = two_bodies(springs={"S": {**spring, "damping": 0.8}})
+    scatter(assembly, np.random.default_rng(1))
+    x, R = pose(assembly)
+    at_rest, common = wrench(assembly), np.array([0.3, -0.7, 0.2])
+    for k, body in enumerate(numbers(assembly)):
+        assembly.state.v[body] = [*np.cross(common, x[k]), *(R[k].T @ common)]
+    np.testing.assert_allclose(wrench(assembly), at_rest, atol=1e-12)
+
+
+def test_gravity_is_the_weight_at_the_centre_of_mass():
+    """Each body's m g, no torque."""
+    loads = wrench(two_bodies(gravity=[1.0, 2.0, -3.0]))
+    np.testing.assert_array_equal(loads[0], [2.0, 4.0, -6.0, 0, 0, 0])
+    np.testing.assert_array_equal(loads[1], [3.0, 6.0, -9.0, 0, 0, 0])
+
+
+@pytest.mark.parametrize("seed", RNG_SEEDS)
+@pytest.mark.parametrize("frame", ["world", "body"])
+def test_constant_force_acts_at_its_point(frame, seed):
+    """F and (point - centre of mass) x F, the force in world or in body axes."""
+    force, torque = [1.0, -2.0, 0.5], [0.3, 0.1, -0.7]
+    assembly = two_bodies(
+        forces={"F": {"body": "b", "point": B_POINT.tolist(), "force": force, "frame": frame}},
+        torques={"T": {"body": "a", "torque": torque, "frame": frame}},
+    )
+    scatter(assembly, np.random.default_rng(seed))
+    (_, R), loads = pose(assembly), wrench(assembly)
+    f = R[1] @ force if frame == "body" else np.array(force)
+    t = R[0] @ torque if frame == "body" else np.array(torque)
+    np.testing.assert_allclose(loads[1, :3], f, atol=1e-14)
+    np.testing.assert_allclose(loads[1, 3:], np.cross(R[1] @ (B_POINT - CENTRES["b"]), f), atol=1e-14)
+    np.testing.assert_allclose(loads[0], [0, 0, 0, *t], atol=1e-14)
+
+
+def test_body_frame_is_the_one_of_the_file():
+    """A force in body axes turns with the frame as placed by axis and angle."""
+    body = {"mass": 1.0, "inertia": [1, 1, 1], "axis": [0, 0, 1], "angle": np.pi / 2}
+    data = small(bodies={"b": body}, forces={"F": {"body": "b", "force": [1, 0, 0], "frame": "body"}})
+    np.testing.assert_allclose(wrench(assemble(made(data)))[0, :3], [0, 1, 0], atol=1e-15)
+
+
+def test_loads_act_in_their_phases_only():
+    """One load in the first phase, one in the second, one in all."""
+    assembly = two_bodies(
+        phases=[{"name": "hold", "duration": 0.1}, {"name": "free"}],
+        forces={
+            "first": {"body": "a", "point": CENTRES["a"].tolist(), "force": [1, 0, 0], "phases": ["hold"]},
+            "all": {"body": "a", "point": CENTRES["a"].tolist(), "force": [0, 5, 0]},
+        },
+        torques={"second": {"body": "a", "torque": [0, 0, 2], "phases": ["free"]}},
+    )
+    np.testing.assert_allclose(wrench(assembly, 0)[0, [0, 1, 5]], [1, 5, 0], atol=1e-15)
+    np.testing.assert_allclose(wrench(assembly, 1)[0, [0, 1, 5]], [0, 5, 2], atol=1e-15)
