@@ -1,0 +1,102 @@
+"""The C-60 as a machine: its contact force by hand, its convergence with the step, its validity."""
+
+import numpy as np
+import pytest
+
+from engine import load_mechanism, simulate
+from tests.engine.small import shipped
+
+LENGTHS = [f"FC-{i}" for i in range(2, 7)]
+
+
+@pytest.fixture(scope="module")
+def nominal():
+    """Run the C-60 as shipped."""
+    return simulate(load_mechanism("c60"))
+
+
+@pytest.fixture(scope="module")
+def fixed():
+    """Run the C-60 with fixed steps [ms]."""
+    return {h: simulate(load_mechanism("c60"), step=h) for h in (5e-3, 2e-3, 1e-3)}
+
+
+def test_contact_force_is_the_couple_over_its_lever():
+    """Planar balance of the moving contact about the needle, from the file's numbers alone.
+
+    Without friction N = M / lever, about 13.4 N. Friction at C7 acts on the way from the needle to the contact,
+    friction in J7 on the pin's radius; which way either points is not known, so N lies in a band. Play lets the plate
+    turn, which unwinds the spring: the hand calculation is for (almost) none.
+    """
+    data = shipped("c60")
+    spring, contact, joint = data["springs"]["A3"], data["contacts"]["C7"], data["joints"]["J7"]
+    moving, plate = data["bodies"]["moving_contact"], data["bodies"]["plate"]
+    couple = spring["stiffness"] * (moving["angle"] - plate["angle"] - spring["free_angle"] + spring["preload"])
+    cylinder, angle = contact["a"]["cylinder"], moving["angle"]
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    centre = turn @ cylinder["point"][:2]
+    normal = np.array(contact["b"]["plane"]["normal"][:2])
+    touch = centre - cylinder["radius"] * normal
+    lever = abs(normal[0] * touch[1] - normal[1] * touch[0])
+    force = abs(couple) / lever
+    assert force == pytest.approx(13.4, abs=0.1)
+    mu = {name: table["friction"] for name, table in data["materials"].items()}
+    arm = mu[contact["material"]] * abs(normal @ touch) + mu[joint["material"]] * joint["journal"]["radius"]
+    low, high = abs(couple) / (lever + arm), abs(couple) / (lever - arm)
+    assert high - low < 0.9
+    tight, loose = (
+        simulate(load_mechanism("c60"), {f"J{i}": play for i in range(1, 8)}).responses["FC-1"] for play in (0.01, 0.02)
+    )
+    assert low < tight < high
+    assert low < 2 * tight - loose < high  # carried on to no play at all
+
+
+def test_every_run_is_certified(nominal, fixed):
+    """At rest, the friction problems solved to 1e-8 and no penetration above 1e-8 mm, at every step length."""
+    for run in (nominal, *fixed.values()):
+        assert run.status == "ok", run.message
+        assert run.certificate.settled
+        assert run.certificate.max_residual <= 1e-8
+        assert run.certificate.max_penetration <= 1e-8
+
+
+def test_latch_holds(nominal):
+    """The hook overlaps the bar, by less than at the unloaded start plus the play of its joints."""
+    assert 0 < nominal.responses["latch_overlap"] < 0.4576 + 2 * 0.07
+
+
+def test_lengths_agree_between_steps(nominal, fixed):
+    """Where it comes to rest: to 0.02 mm between the finer steps and the shipped ones, to 0.05 mm at 5e-3 ms.
+
+    It does not converge to the last digit: friction holds the parts wherever the motion before left them.
+    """
+
+    def apart(one, other):
+        return max(abs(one.responses[name] - other.responses[name]) for name in LENGTHS)
+
+    assert apart(fixed[2e-3], fixed[1e-3]) < 0.02
+    assert apart(nominal, fixed[1e-3]) < 0.02
+    assert apart(fixed[5e-3], fixed[1e-3]) < 0.05
+
+
+def test_stiffer_spring_presses_harder(nominal):
+    """FC-1 follows the couple of A3: 10 % more stiffness, 10 % more force within the band of friction."""
+    stiffer = simulate(load_mechanism("c60"), {"springs.A3.stiffness": 1.1 * 244.46})
+    assert stiffer.responses["FC-1"] / nominal.responses["FC-1"] == pytest.approx(1.1, abs=0.06)
+
+
+def test_latch_that_slips_is_no_result():
+    """Clearances of 0.45 mm: the hook passes the bar; the run is refused, not counted."""
+    run = simulate(load_mechanism("c60"), {f"J{i}": 0.45 for i in range(1, 8)})
+    assert run.status in ("invalid", "not_converged")
+    assert run.responses == {}
+    assert run.measured["latch_overlap"] < 0
+
+
+def test_every_extreme_of_the_clearances_holds():
+    """All joints at the paper's 0.01 mm, and at its 0.13 mm: at rest and latched."""
+    for clearance in (0.01, 0.13):
+        run = simulate(load_mechanism("c60"), {f"J{i}": clearance for i in range(1, 8)})
+        assert run.status == "ok", run.message
+        assert 9 < run.responses["FC-1"] < 16
+        assert run.responses["latch_overlap"] > 0.4
