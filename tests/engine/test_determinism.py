@@ -1,0 +1,86 @@
+"""The same bits again: in one process, in fresh ones; and the same numbers without a compiler."""
+
+import hashlib
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from engine import load_mechanism, simulate
+
+ROOT = Path(__file__).parents[2]
+SAMPLES = [
+    {},
+    {"J1": 0.05, "J2": 0.09, "J3": 0.06, "J4": 0.1, "J5": 0.04, "J6": 0.08, "J7": 0.03},
+    {"J1": 0.1, "J2": 0.02, "J3": 0.12, "J4": 0.05, "J5": 0.07, "J6": 0.03, "J7": 0.11},
+]
+
+
+def digest() -> str:
+    """Hash the C-60's responses and certificates of three samples, bit for bit."""
+    words = []
+    for sample in SAMPLES:
+        run = simulate(load_mechanism("c60"), sample)
+        words += [run.status, str(run.certificate.steps), run.certificate.max_residual.hex()]
+        words += [value.hex() for value in run.responses.values()]
+    return hashlib.sha256(" ".join(words).encode()).hexdigest()
+
+
+def fresh(code: str, **environment: str) -> str:
+    """Run Python in a process of its own and return what it prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_same_bits_again_and_in_other_processes():
+    """Three samples of the C-60, twice here and in two fresh processes."""
+    here = digest()
+    assert digest() == here
+    code = "from tests.engine.test_determinism import digest; print(digest())"
+    assert [fresh(code), fresh(code, PYTHONHASHSEED="7")] == [here, here]
+
+
+@pytest.mark.parametrize(("name", "horizon"), [("incline", 0.02), ("clearance_pendulum", 0.01)])
+def test_without_the_compiler_the_numbers_are_the_same(name, horizon):
+    """NUMBA_DISABLE_JIT=1: plain Python takes as many steps and ends at the same numbers to 1e-12."""
+    code = (
+        "import json; from engine import load_mechanism, simulate;"
+        f"run = simulate(load_mechanism({name!r}), horizon={horizon}, full_horizon=True);"
+        "print(json.dumps([run.status, run.certificate.steps, run.responses]))"
+    )
+    status, steps, plain = json.loads(fresh(code, NUMBA_DISABLE_JIT="1"))
+    run = simulate(load_mechanism(name), horizon=horizon, full_horizon=True)
+    assert (status, steps) == (run.status, run.certificate.steps)
+    np.testing.assert_allclose(list(plain.values()), list(run.responses.values()), rtol=0, atol=1e-12)
+
+
+def test_importing_the_engine_is_light():
+    """No compiler, no tables, no plots, no cluster for a process that only reads descriptions."""
+    code = (
+        "import sys, engine; engine.load_mechanism('c60').digest();"
+        "print(*sorted({'numba', 'dask', 'distributed', 'pandas', 'matplotlib', 'pyarrow'} & set(sys.modules)))"
+    )
+    assert fresh(code) == ""
+
+
+def test_one_decorator_compiles_everything():
+    """Options of the compiler stand in one place, and fast-math, which depends on the machine, nowhere."""
+    for path in sorted((ROOT / "engine").rglob("*.py")):
+        text = path.read_text("utf-8")
+        assert "fastmath" not in text, path
+        assert "parallel=True" not in text, path
+        if path.name != "jit.py":
+            assert not re.search(r"\bnjit\b|@\w*\.?jit\b|\bvectorize\b", text), path

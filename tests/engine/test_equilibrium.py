@@ -1,0 +1,151 @@
+"""Contact forces at rest: they balance the loads, lie in Coulomb's cones, and follow from the pose alone."""
+
+import numpy as np
+import pytest
+
+from engine import load_mechanism, simulate
+from engine.assembly import Assembly, assemble
+from engine.equilibrium import forces_at_rest
+from engine.kernels.loads import apply_loads
+from engine.mechanism import Mechanism
+from engine.simulate import _execute
+from tests.engine.small import FLOOR, GRAVITY, made, small
+
+
+def settled(mechanism: Mechanism) -> Assembly:
+    """Run a mechanism to rest and return its arrays."""
+    assembly = assemble(mechanism)
+    assert _execute(mechanism, assembly, False).status == "ok"
+    return assembly
+
+
+@pytest.fixture(scope="module")
+def c60() -> tuple[Mechanism, Assembly]:
+    """Return the C-60 at rest in its last phase."""
+    mechanism = load_mechanism("c60")
+    return mechanism, settled(mechanism)
+
+
+def forces(mechanism: Mechanism, assembly: Assembly) -> np.ndarray:
+    """Return the forces (N, T1, T2) at rest in the last phase."""
+    sim = mechanism.simulation
+    found = forces_at_rest(assembly, len(mechanism.phases) - 1, sim.step, sim.penetration)
+    assert found is not None
+    return found
+
+
+def unbalance(mechanism: Mechanism, assembly: Assembly, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return each body's remaining force and moment about its centre of mass, contacts and loads together."""
+    model, state, work = assembly.model, assembly.state, assembly.work
+    apply_loads(model.bodies, model.loads, state, len(mechanism.phases) - 1, work.wrench, work.a, work.b)
+    left = work.wrench.copy()
+    world = np.einsum("ckj,ck->cj", work.frame, found)
+    for c, force in enumerate(world):
+        for body, sign in ((model.contacts.a[c], 1.0), (model.contacts.b[c], -1.0)):
+            left[body, :3] += sign * force
+            left[body, 3:] += sign * np.cross(work.point[c] - state.x[body], force)
+    return left[:-1, :3], left[:-1, 3:]
+
+
+def test_c60_is_in_balance(c60):
+    """Force and moment of every body: zero to 1e-6 of the largest load."""
+    mechanism, assembly = c60
+    found = forces(mechanism, assembly)
+    force, moment = unbalance(mechanism, assembly, found)
+    assert np.abs(force).max() <= 1e-6 * np.abs(found).max()
+    largest = np.abs(unbalance(mechanism, assembly, np.zeros_like(found))[1]).max()
+    assert np.abs(moment).max() <= 1e-6 * largest
+
+
+def test_c60_forces_lie_in_their_cones(c60):
+    """Each N >= 0 and |T| <= mu N; open contacts carry nothing; some contacts use their friction."""
+    mechanism, assembly = c60
+    found, mu = forces(mechanism, assembly), assembly.model.laws.mu
+    tangential = np.linalg.norm(found[:, 1:], axis=1)
+    largest = np.abs(found).max()
+    assert found[:, 0].min() >= -1e-7 * largest
+    assert np.all(tangential <= mu * found[:, 0] + 1e-7 * largest)
+    assert not found[assembly.work.gap > 1e-6].any()
+    assert tangential.max() > 1e-3 * largest
+
+
+def test_c60_forces_do_not_depend_on_the_last_impulses(c60):
+    """Other impulses left over from the run, on the same contacts: the same forces."""
+    mechanism, assembly = c60
+    kept, first = assembly.state.r.copy(), forces(mechanism, assembly)
+    rng = np.random.default_rng(1)
+    for scale in (1e-3, 7.0, rng.uniform(0.1, 10, size=kept.shape)):
+        assembly.state.r[:] = kept * scale
+        np.testing.assert_allclose(forces(mechanism, assembly), first, atol=1e-9 * np.abs(first).max())
+    assembly.state.r[:] = kept
+
+
+def test_contact_force_of_a_run_is_the_one_at_rest(c60):
+    """FC-1 of a run is the normal force of C7 among the forces at rest."""
+    mechanism, assembly = c60
+    at = assembly.contact_names.index("C7")
+    assert simulate(mechanism).responses["FC-1"] == pytest.approx(forces(mechanism, assembly)[at, 0], rel=1e-12)
+
+
+def table(legs: list[tuple[float, float]], centre: tuple[float, float], friction: float) -> Mechanism:
+    """Describe a table on the floor with its centre of mass off the middle."""
+    return made(
+        small(
+            gravity=[0, 0, -GRAVITY],
+            bodies={
+                "ground": {"fixed": True},
+                "table": {"mass": 3.0, "inertia": [0.5, 0.6, 0.7], "center_of_mass": [*centre, 0.4]},
+            },
+            contacts={
+                f"leg_{i}": {
+                    "a": {"body": "table", "point": [*leg, 0.0]},
+                    "b": {"body": "ground", "plane": FLOOR},
+                    "friction": friction,
+                }
+                for i, leg in enumerate(legs)
+            },
+            responses={f"leg_{i}": {"type": "contact_force", "contact": f"leg_{i}"} for i in range(len(legs))},
+        )
+    )
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+@pytest.mark.parametrize("count", [4, 5, 9])
+def test_hyperstatic_table_shares_its_weight_as_equal_springs(count, friction):
+    """N_i = a + b x_i + c y_i, in balance: the forces of equal springs under a stiff top, to 1e-4."""
+    angles = np.linspace(0, 2 * np.pi, count, endpoint=False) + 0.3
+    legs = [(float(0.5 * np.cos(t)), float(0.3 * np.sin(t))) for t in angles]
+    centre = (0.05, -0.02)
+    run = simulate(table(legs, centre, friction))
+    assert run.status == "ok", run.message
+    rows = np.array([[1.0, x, y] for x, y in legs])
+    plane = np.linalg.solve(rows.T @ rows, 3.0 * GRAVITY * np.array([1.0, *centre]))
+    np.testing.assert_allclose(list(run.responses.values()), rows @ plane, rtol=1e-4)
+
+
+def test_three_legs_are_statically_determinate():
+    """By the lever rule, whatever the friction."""
+    legs, centre = [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], (0.3, 0.2)
+    run = simulate(table(legs, centre, 0.4))
+    np.testing.assert_allclose(list(run.responses.values()), 3.0 * GRAVITY * np.array([0.5, 0.3, 0.2]), rtol=1e-5)
+
+
+def test_pose_that_friction_cannot_hold_has_no_forces():
+    """A block on a slope above its angle of friction: no balance, None."""
+    mechanism = load_mechanism("incline")
+    held = settled(mechanism)
+    held.model.laws.mu[:] = 0.3
+    assert forces_at_rest(held, 0, mechanism.simulation.step, mechanism.simulation.penetration) is None
+
+
+def test_block_on_the_slope_feels_its_weight_and_friction():
+    """Corner forces of the shipped incline: sum m g cos 30 across, m g sin 30 along, the lower corners more."""
+    mechanism = load_mechanism("incline")
+    assembly = settled(mechanism)
+    found = forces(mechanism, assembly)
+    world = np.einsum("ckj,ck->cj", assembly.work.frame, found).sum(axis=0)
+    np.testing.assert_allclose(world, [0, 0, GRAVITY], atol=1e-4)
+    assert found[:, 0].sum() == pytest.approx(GRAVITY * np.cos(np.pi / 6), rel=1e-5)
+    lower, upper = found[[0, 3], 0], found[[1, 2], 0]
+    # moments about the middle of the base: (lower - upper) 0.1 = m g sin 30 0.05
+    assert lower.sum() - upper.sum() == pytest.approx(0.5 * GRAVITY * np.sin(np.pi / 6), rel=1e-4)
