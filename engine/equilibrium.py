@@ -11,16 +11,18 @@ import numpy as np
 
 from engine.friction.arrays import CONVERGED, friction_arrays
 from engine.friction.solver import solve_friction
-from engine.kernels.contacts import find_contacts, whitened_rows
+from engine.kernels.contacts import add_whitened, find_contacts, whitened_rows
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist
 from engine.kernels.velocity import free_relative_velocities
 
 if TYPE_CHECKING:
     from engine.assembly import Array, Assembly
+    from engine.kernels.model import Bodies
 
 # compliance, as a share of the mean diagonal of the Delassus operator, and the residual to reach with it: the limit is
 # good to 1e-3 N with the first; the others are for poses at the very edge of sliding, where the first is not solved
+HELD = 1e-2  # of the free motion: more than the compliance gives way by, less than any sliding
 ATTEMPTS = ((1e-6, 1e-9), (1e-7, 1e-9), (1e-6, 1e-7))
 
 
@@ -58,15 +60,33 @@ def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: flo
         )
     diagonal = np.sum(problem.rows.G[:nc] ** 2) / max(3 * nc, 1)
     widths = problem.rows.width.sum(axis=1)
-    problem.mu[:], problem.q[:] = laws.mu[touching], work.q[touching]
+    problem.mu[:] = laws.mu[touching]
+    falling = _energy_norm(bodies, work.free)
     for compliance, tolerance in ATTEMPTS:
+        problem.q[:] = work.q[touching]
         for j in range(nc):
             problem.rows.start[j, 2], problem.rows.width[j, 2] = n + 3 * j, 3
             problem.rows.G[j, :, widths[j] : widths[j] + 3] = np.sqrt(compliance * diagonal) * np.eye(3)
         problem.r[:] = 0
         status, _, _ = solve_friction(n + 3 * nc, nc, problem, tolerance)
         if status == CONVERGED:
+            held = work.free.copy()
+            add_whitened(bodies, problem.w, held)
+            if _energy_norm(bodies, held) > HELD * falling:
+                return None  # the bodies would move: friction cannot hold them
+            impulses = problem.r.copy()
+            # the springs took a share `compliance` of the load: once more, from springs that already carry these impulses
+            problem.q[:] -= compliance * diagonal * impulses
+            if solve_friction(n + 3 * nc, nc, problem, tolerance)[0] == CONVERGED:
+                impulses = problem.r
             forces = np.zeros_like(state.r)
-            forces[touching] = problem.r / h
+            forces[touching] = impulses / h
             return forces
     return None
+
+
+def _energy_norm(bodies: "Bodies", twist: "Array") -> float:
+    """Return the square root of twice the kinetic energy."""
+    v, spin = twist[:-1, :3], twist[:-1, 3:]
+    turning = np.einsum("bi,bij,bj", spin, bodies.inertia, spin)
+    return float(np.sqrt(np.sum(bodies.mass[:, None] * v**2) + turning))

@@ -129,7 +129,9 @@ def _execute(mechanism: Mechanism, assembly: "Assembly", full_horizon: bool) -> 
     stop = np.zeros(1, np.uint8)
     state, work, problem = assembly.state, assembly.work, assembly.problem
     backup = type(state)(*map(np.copy, state))
-    if not run.signatures:  # compile, or load from the cache, before the clock starts: a run to the horizon 0
+    if not getattr(
+        run, "signatures", True
+    ):  # compile, or load from the cache, before the clock starts: a run to the horizon 0
         run(assembly.model, state, backup, work, problem, control._replace(horizon=0.0), new_certificate(), stop)
     timer = threading.Timer(sim.wall_limit, stop.__setitem__, (0, 1))
     timer.daemon = True
