@@ -75,7 +75,7 @@ def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: flo
             if _energy_norm(bodies, held) > HELD * falling:
                 return None  # the bodies would move: friction cannot hold them
             impulses = problem.r.copy()
-            # the springs took a share `compliance` of the load: once more, from springs that already carry these impulses
+            # the springs gave way by a share of the load: once more, from springs that already carry these impulses
             problem.q[:] -= compliance * diagonal * impulses
             if solve_friction(n + 3 * nc, nc, problem, tolerance)[0] == CONVERGED:
                 impulses = problem.r
