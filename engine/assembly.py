@@ -32,7 +32,6 @@ from engine.kernels.model import (
 from engine.kernels.rotations import rotation_matrix
 from engine.mechanism.loads import Force, Torque
 from engine.mechanism.models import Mechanism
-from engine.mechanism.quantities import Quantity
 
 Array = NDArray[np.float64]
 
@@ -166,7 +165,7 @@ def _contacts(mechanism: Mechanism, frames: dict[str, _Frame]) -> tuple[list[str
             bodies.append((bearing.index, journal.index))
             geometry.append((a, b))
             clearance.append(joint.radial_clearance)
-            law.append(_law(mechanism, joint))
+            law.append(mechanism.contact_law(joint))
     for name, contact in mechanism.contacts.items():
         a_side, b_side = contact.sides
         names.append(name)
@@ -174,7 +173,7 @@ def _contacts(mechanism: Mechanism, frames: dict[str, _Frame]) -> tuple[list[str
         bodies.append((frames[a_side.body].index, frames[b_side.body].index))
         geometry.append((_primitive(a_side, frames), _primitive(b_side, frames)))
         clearance.append(-contact.offset)
-        law.append(_law(mechanism, contact))
+        law.append(mechanism.contact_law(contact))
     laws = np.array(law, float).reshape(-1, 2)
     pairs = np.array(bodies, np.int64).reshape(-1, 2)
     contacts = Contacts(
@@ -204,14 +203,6 @@ def _order(mechanism: Mechanism) -> list[str]:
     n = len(moving)
     graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(n, n)).tocsr()
     return [moving[i] for i in reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True)]
-
-
-def _law(mechanism: Mechanism, pair: Any) -> tuple[float, float]:
-    """Friction and restitution of a joint or contact: its own, else its material's."""
-    material = mechanism.materials.get(pair.material)
-    own = pair.friction, pair.restitution
-    shared = (material.friction, material.restitution) if material else (0.0, 0.0)
-    return tuple(s if o is None else o for o, s in zip(own, shared, strict=True))  # type: ignore[return-value]
 
 
 def _primitive(side: Any, frames: dict[str, _Frame]) -> Array:
@@ -355,7 +346,7 @@ def _refuse_interpenetration(mechanism: Mechanism, assembly: Assembly) -> None:
 
 def _overlap(mechanism: Mechanism, name: str, gap: float, clearance: float) -> str:
     """Say which pair overlaps and what would be allowed."""
-    unit = Quantity("length").unit(mechanism.units)
+    unit = mechanism.unit("length")
     joint = name.split(".")[0]
     if joint in mechanism.joints:
         return (

@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from engine.mechanism import Mechanism, set_values
-from engine.mechanism.quantities import Quantity
 
 if TYPE_CHECKING:
     from engine.assembly import Assembly
@@ -162,10 +161,6 @@ def _execute(mechanism: Mechanism, assembly: "Assembly", full_horizon: bool) -> 
     return Run(status, message, measured if status == "ok" else {}, mechanism.response_units(), certificate, measured)
 
 
-def _unit(mechanism: Mechanism, quantity: str) -> str:
-    return Quantity(quantity).unit(mechanism.units)
-
-
 def _forces_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int) -> dict[str, float]:
     """Return the contact forces among the responses as the pose at rest determines them; NaN if it does not."""
     from engine.equilibrium import forces_at_rest
@@ -181,11 +176,11 @@ def _forces_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int) -> d
 
 def _judge(mechanism: Mechanism, measured: Mapping[str, float], completed: bool) -> tuple[Status, str]:
     """Judge a run without failure: have its phases ended, and is the result within the validity conditions."""
-    unit, sim = _unit(mechanism, "time"), mechanism.simulation
+    unit, sim = mechanism.unit("time"), mechanism.simulation
     if not completed:
         return "not_converged", (
             f"not at rest at the horizon of {sim.horizon:g} {unit}: for {sim.rest.window:g} {unit} no measured length "
-            f"may move by {sim.rest.drift:g} {_unit(mechanism, 'length')}; raise simulation.horizon, or give the phase "
+            f"may move by {sim.rest.drift:g} {mechanism.unit('length')}; raise simulation.horizon, or give the phase "
             "a duration"
         )
     if any(math.isnan(value) for value in measured.values()):
@@ -208,7 +203,7 @@ def _failure(mechanism: Mechanism, code: int, where: str, certificate: Certifica
     from engine.kernels.run import DIVERGED, NOT_CONVERGED, PENETRATION
 
     sim = mechanism.simulation
-    at = f"at step {certificate.steps}, t = {certificate.time:.6g} {_unit(mechanism, 'time')}"
+    at = f"at step {certificate.steps}, t = {certificate.time:.6g} {mechanism.unit('time')}"
     if code == DIVERGED:
         return "diverged", f"the motion is not finite {at}; a smaller simulation.step may help"
     if code == NOT_CONVERGED:
@@ -218,7 +213,7 @@ def _failure(mechanism: Mechanism, code: int, where: str, certificate: Certifica
         )
     if code == PENETRATION:
         return "not_converged", (
-            f"contact {where}: penetration {certificate.max_penetration:.3g} {_unit(mechanism, 'length')} {at}; "
+            f"contact {where}: penetration {certificate.max_penetration:.3g} {mechanism.unit('length')} {at}; "
             f"allowed: simulation.penetration = {sim.penetration:g}"
         )
     return "timeout", f"stopped after {sim.wall_limit:g} s (simulation.wall_limit) {at}"
