@@ -11,7 +11,8 @@ import numpy as np
 
 from engine.friction.arrays import CONVERGED, friction_arrays
 from engine.friction.solver import solve_friction
-from engine.kernels.contacts import add_whitened, find_contacts, whitened_rows
+from engine.kernels.contacts import add_whitened, whitened_rows
+from engine.kernels.gaps import find_contacts
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist
 from engine.kernels.velocity import free_relative_velocities

@@ -10,6 +10,9 @@ import numpy as np
 
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ARC_CYLINDER = range(5)
 POSITION, CONTACT_FORCE = range(2)
+SLIDE, TURN = range(2)
+
+GEOMETRY = 11  # numbers that describe one primitive
 
 
 class Bodies(NamedTuple):
@@ -18,6 +21,7 @@ class Bodies(NamedTuple):
     mass: np.ndarray  # (nb,)
     inertia: np.ndarray  # (nb, 3, 3) about the centre of mass, body axes
     inverse_root: np.ndarray  # (nb, 3, 3) L^-1 with inertia = L L'
+    at: np.ndarray  # (nb,) int64, where each body's six velocities stand among the unknowns of a step
 
 
 class Contacts(NamedTuple):
@@ -36,6 +40,27 @@ class Laws(NamedTuple):
 
     mu: np.ndarray  # (nc,)
     restitution: np.ndarray  # (nc,)
+
+
+class TimeLaws(NamedTuple):
+    """Functions of time: cubic pieces, and a sine on top."""
+
+    first: np.ndarray  # (nl + 1,) int64, first piece of each law
+    time: np.ndarray  # (np,) where each piece begins; before the first and after the last a law is constant
+    piece: np.ndarray  # (np, 4) c0 + c1 s + c2 s^2 + c3 s^3, s from the piece's beginning
+    sine: np.ndarray  # (nl, 3) amplitude, angular frequency, phase: a sin(w t + phi) - a sin(phi)
+
+
+class Ties(NamedTuple):
+    """Bilateral constraints, one row each: ideal joints and prescribed motions (eqs. 14-16)."""
+
+    kind: np.ndarray  # (nt,) int64
+    a: np.ndarray  # (nt,) int64
+    b: np.ndarray  # (nt,) int64
+    geometry: np.ndarray  # (nt, 9) see ties.py
+    arm: np.ndarray  # (nt,) what makes a TURN's angle a length; 1 for a SLIDE
+    offset: np.ndarray  # (nt,) target at rest [length or rad]
+    law: np.ndarray  # (nt,) int64 time law that is added to it, -1: none
 
 
 class Loads(NamedTuple):
@@ -70,6 +95,8 @@ class Model(NamedTuple):
     bodies: Bodies
     contacts: Contacts
     laws: Laws
+    ties: Ties
+    time_laws: TimeLaws
     loads: Loads
     responses: Responses
     phase_duration: np.ndarray  # (n_phase,) inf: until rest

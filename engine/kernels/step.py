@@ -2,7 +2,7 @@
 
 from engine.friction.arrays import CONVERGED
 from engine.friction.solver import solve_friction
-from engine.kernels.contacts import find_contacts
+from engine.kernels.gaps import find_contacts
 from engine.kernels.jit import kernel
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist, move

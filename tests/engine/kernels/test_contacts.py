@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from engine.assembly import Assembly, assemble
 from engine.friction.arrays import friction_arrays
-from engine.kernels.contacts import find_contacts, relative_velocity, whitened_rows
+from engine.kernels.contacts import relative_velocity, whitened_rows
+from engine.kernels.gaps import find_contacts
 from tests.engine.small import made, place, small
 
 KINDS = ["ring-bore", "point-plane", "arc-plane", "cylinder-plane", "arc-cylinder"]

@@ -1,0 +1,80 @@
+"""Where bodies are: their own frames inside the state's, their order, and the pose and twists at the start."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import reverse_cuthill_mckee
+
+from engine.kernels.model import State
+from engine.kernels.rotations import rotation_matrix
+from engine.mechanism.models import Mechanism
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A body's own frame inside the state's: index, position and rotation, from the state's origin."""
+
+    index: int
+    origin: Array
+    rotation: Array
+    quaternion: Array
+
+    def point(self, p: Iterable[float]) -> Array:
+        """Return a point of the body's own frame, from the state's origin in its axes."""
+        return np.asarray(self.origin + self.rotation @ np.asarray(p, float))
+
+    def direction(self, d: Iterable[float]) -> Array:
+        """Return a direction of the body's own frame as a unit vector in the state's axes."""
+        v = self.rotation @ np.asarray(d, float)
+        return np.asarray(v / np.linalg.norm(v))
+
+
+def quaternion(axis: Iterable[float], angle: float) -> Array:
+    """Return the unit quaternion (w, x, y, z) of a rotation by ``angle`` [rad] about ``axis``."""
+    n = np.asarray(axis, float)
+    return np.concatenate(([np.cos(angle / 2)], np.sin(angle / 2) * n / np.linalg.norm(n)))
+
+
+def tangent(n: Array) -> Array:
+    """Return a unit vector across n."""
+    t = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
+    return np.asarray(t / np.linalg.norm(t))
+
+
+def order_bodies(mechanism: Mechanism) -> list[str]:
+    """Return the moving bodies in the order that keeps those in contact near each other (Cuthill-McKee)."""
+    moving = [name for name, body in mechanism.bodies.items() if not body.fixed]
+    number = {name: i for i, name in enumerate(moving)}
+    pairs = [(j.bearing.body, j.journal.body) for j in mechanism.joints.values()]
+    pairs += [(c.a.body, c.b.body) for c in mechanism.contacts.values()]
+    links = np.array([(number[a], number[b]) for a, b in pairs if a in number and b in number], int).reshape(-1, 2)
+    n = len(moving)
+    graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(n, n)).tocsr()
+    return [moving[i] for i in reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True)]
+
+
+def place_bodies(mechanism: Mechanism, moving: list[str]) -> tuple[dict[str, Frame], State]:
+    """Place every body; fixed ones share the ground, whose frame is the world."""
+    nb = len(moving)
+    x, p, R, v = np.zeros((nb + 1, 3)), np.zeros((nb + 1, 4)), np.zeros((nb + 1, 3, 3)), np.zeros((nb + 1, 6))
+    p[nb, 0] = 1.0
+    R[nb] = np.eye(3)
+    frames = {"world": Frame(nb, np.zeros(3), np.eye(3), p[nb].copy())}
+    for name, body in mechanism.bodies.items():
+        q = quaternion(body.axis, body.angle)
+        rotation = np.zeros((3, 3))
+        rotation_matrix(q, rotation)
+        if body.fixed:
+            frames[name] = Frame(nb, np.array(body.origin, float), rotation, q)
+            continue
+        i, centre = moving.index(name), np.array(body.center_of_mass, float)
+        frames[name] = Frame(i, -centre, np.eye(3), p[nb].copy())
+        x[i], p[i], R[i] = np.array(body.origin) + rotation @ centre, q, rotation
+        v[i] = [*body.velocity, *body.angular_velocity]
+    empty = np.zeros(0)
+    return frames, State(x, p, R, v, empty, empty, empty, empty)

@@ -1,0 +1,65 @@
+"""Bilateral rows as arrays, and where velocities and multipliers stand among the unknowns of a step."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.assembly.frames import Array
+from engine.kernels.model import Ties
+
+
+@dataclass(frozen=True)
+class Tie:
+    """One bilateral row between two bodies (`kernels.ties`).
+
+    Attributes
+    ----------
+    name : JOINT.ROW or the motion's name; what messages call it
+    kind : SLIDE or TURN
+    a, b : indices of the bodies
+    geometry : row of `kernels.ties`, shape (9,)
+    arm : makes a TURN's angle a length; 1 for a SLIDE
+    offset : the target of the coordinate [length or rad]
+    law : number of the time law that is added to it; -1: none
+    """
+
+    name: str
+    kind: int
+    a: int
+    b: int
+    geometry: Array
+    arm: float = 1.0
+    offset: float = 0.0
+    law: int = -1
+
+
+def tie_arrays(ties: list[Tie]) -> Ties:
+    """Return the rows as arrays."""
+    return Ties(
+        kind=np.array([tie.kind for tie in ties], np.int64),
+        a=np.array([tie.a for tie in ties], np.int64),
+        b=np.array([tie.b for tie in ties], np.int64),
+        geometry=np.array([tie.geometry for tie in ties]).reshape(-1, 9),
+        arm=np.array([tie.arm for tie in ties], float),
+        offset=np.array([tie.offset for tie in ties], float),
+        law=np.array([tie.law for tie in ties], np.int64),
+    )
+
+
+def layout(bodies: int, ties: list[Tie]) -> tuple[Array, Array]:
+    """Return where each body's velocities start, shape (nb,), and where each row's multiplier is, shape (nt,).
+
+    A multiplier comes right after the last body it touches: then the matrix of a step is banded, and elimination in
+    that order finds a pivot for every row that is not redundant.
+    """
+    at, row = np.zeros(bodies, np.int64), np.zeros(len(ties), np.int64)
+    last = [max((i for i in (tie.a, tie.b) if i < bodies), default=0) for tie in ties]
+    place = 0
+    for body in range(bodies):
+        at[body] = place
+        place += 6
+        for i, after in enumerate(last):
+            if after == body:
+                row[i] = place
+                place += 1
+    return at, row
