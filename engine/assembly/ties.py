@@ -3,9 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engine.assembly.frames import Array
 from engine.kernels.model import Ties
+
+Places = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ def tie_arrays(ties: list[Tie]) -> Ties:
     )
 
 
-def layout(bodies: int, ties: list[Tie]) -> tuple[Array, Array]:
+def layout(bodies: int, ties: list[Tie]) -> tuple[Places, Places]:
     """Return where each body's velocities start, shape (nb,), and where each row's multiplier is, shape (nt,).
 
     A multiplier comes right after the last body it touches: then the matrix of a step is banded, and elimination in

@@ -7,6 +7,7 @@ inf to be found by the caller, not an exception), no fast-math (a row must be th
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numba
 
@@ -30,4 +31,4 @@ def _cache_folder() -> str:
 
 numba.config.CACHE_DIR = _cache_folder()  # type: ignore[attr-defined]
 
-kernel = numba.njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
+kernel: Any = numba.njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
