@@ -34,7 +34,7 @@ def step(model, state, work, problem, phase, h, tolerance, penetration):
 
     # free motion to mid-step, and to the end of the step without impulses
     move(state, 0.5 * h)
-    apply_loads(bodies, model.loads, state, phase, work.wrench, work.a, work.b)
+    apply_loads(bodies, model.loads, model.time_laws, state, phase, 0.0, work.wrench, work.a, work.b)
     free_twist(bodies, state.R, state.v, work.wrench, h, work.free)
 
     # impulses at the contacts found at mid-step; the active set grows until nothing passes through it

@@ -53,10 +53,10 @@ def pose(assembly: Assembly) -> tuple[np.ndarray, np.ndarray]:
     return assembly.state.x[order], assembly.state.R[order]
 
 
-def wrench(assembly: Assembly, phase: int = 0) -> np.ndarray:
+def wrench(assembly: Assembly, phase: int = 0, t: float = 0.0) -> np.ndarray:
     """Return force and torque about the centre of mass, of a and of b."""
     model, state, work = assembly.model, assembly.state, assembly.work
-    apply_loads(model.bodies, model.loads, state, phase, work.wrench, work.a, work.b)
+    apply_loads(model.bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.a, work.b)
     return work.wrench[numbers(assembly)]
 
 
