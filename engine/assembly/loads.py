@@ -6,7 +6,7 @@ import numpy as np
 
 from engine.assembly.frames import Array, Frame, quaternion
 from engine.kernels.model import Loads
-from engine.mechanism.loads import Force, LinearSpring, Torque, TorsionSpring
+from engine.mechanism.loads import Force, LinearSpring, Torque, TorsionDamper, TorsionSpring
 from engine.mechanism.models import Mechanism
 
 ACTS = {"both": 0.0, "push": 1.0, "pull": -1.0}
@@ -46,23 +46,28 @@ def _torsion_springs(mechanism: Mechanism, frames: dict[str, Frame]) -> dict[str
     """Return the torsion springs and dampers; the angle at the start picks the branch of the angle."""
     springs = [s for s in (*mechanism.springs.values(), *mechanism.dampers.values()) if s.type == "torsion"]
     ends = [(frames[s.a], frames[s.b]) for s in springs]
-    axes = [np.asarray(s.axis, float) / np.linalg.norm(s.axis) for s in springs]
     elastic = [(s.stiffness, s.free_angle - s.preload) if isinstance(s, TorsionSpring) else (0.0, 0.0) for s in springs]
-    law = [(*k, s.damping, _start_angle(mechanism, s, axis)) for k, s, axis in zip(elastic, springs, axes, strict=True)]
+    law = [(*k, s.damping, _start_angle(mechanism, s)) for k, s in zip(elastic, springs, strict=True)]
+    axes = [a.direction(s.axis) for (a, _), s in zip(ends, springs, strict=True)]
     return {
         "torsion_body": np.array([(a.index, b.index) for a, b in ends], np.int64).reshape(-1, 2),
-        "torsion_frame": np.array([(a.quaternion, b.quaternion) for a, b in ends], float).reshape(-1, 2, 4),
         "torsion_axis": np.array(axes, float).reshape(-1, 3),
+        "torsion_turn": np.array([_turn(a.quaternion, b.quaternion) for a, b in ends], float).reshape(-1, 4),
         "torsion_law": np.array(law, float).reshape(-1, 4),
     }
 
 
-def _start_angle(mechanism: Mechanism, spring: Any, axis: Array) -> float:
+def _turn(a: Array, b: Array) -> Array:
+    """Return b times the conjugate of a: what b's attitude is multiplied with to be a's where the angle is 0."""
+    return np.array([a @ b, *(a[0] * b[1:] - b[0] * a[1:] + np.cross(a[1:], b[1:]))])
+
+
+def _start_angle(mechanism: Mechanism, spring: TorsionSpring | TorsionDamper) -> float:
     """Angle of body b's frame about the spring's axis, from body a's, as the file places them."""
     a, b = mechanism.bodies[spring.a], mechanism.bodies[spring.b]
     qa, qb = quaternion(a.axis, a.angle), quaternion(b.axis, b.angle)
     vector = qa[0] * qb[1:] - qb[0] * qa[1:] - np.cross(qa[1:], qb[1:])
-    return float(2 * np.arctan2(vector @ axis, qa @ qb))
+    return float(2 * np.arctan2(vector @ np.array(spring.axis), qa @ qb))
 
 
 def _forces(mechanism: Mechanism, frames: dict[str, Frame], laws: dict[str, int]) -> dict[str, Any]:

@@ -89,11 +89,7 @@ def _torsion_springs(loads, state, wrench, axis):
     for i in range(loads.torsion_body.shape[0]):
         a, b = loads.torsion_body[i, 0], loads.torsion_body[i, 1]
         law = loads.torsion_law[i]
-        _turn(loads.torsion_frame[i, 0], loads.torsion_axis[i], axis)
-        m0, m1, m2 = axis[0], axis[1], axis[2]
-        R = state.R[a]
-        for k in range(3):
-            axis[k] = R[k, 0] * m0 + R[k, 1] * m1 + R[k, 2] * m2
+        turn_to_world(state.R, a, loads.torsion_axis[i], 0, axis)
         rate = _spin_along(state.R, state.v, b, axis) - _spin_along(state.R, state.v, a, axis)
         torque = -law[0] * (_torsion_angle(loads, state, i) - law[1]) - law[2] * rate
         for k in range(3):
@@ -104,10 +100,15 @@ def _torsion_springs(loads, state, wrench, axis):
 @kernel
 def _torsion_angle(loads, state, i):
     """Return the angle of body b from body a about spring i's axis."""
-    a, b = loads.torsion_body[i, 0], loads.torsion_body[i, 1]
-    fa, fb, n = loads.torsion_frame[i, 0], loads.torsion_frame[i, 1], loads.torsion_axis[i]
-    angle = twist_angle(_times(state.p[a], fa), _times(state.p[b], fb), n[0], n[1], n[2])
-    turns = np.round((angle - loads.torsion_law[i, 3]) / (2 * np.pi))  # the branch nearest to the angle at the start
+    p, q, n = state.p[loads.torsion_body[i, 1]], loads.torsion_turn[i], loads.torsion_axis[i]
+    turned = (
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
+        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
+    )
+    angle = twist_angle(state.p[loads.torsion_body[i, 0]], turned, n[0], n[1], n[2])
+    turns = np.floor((angle - loads.torsion_law[i, 3]) / (2 * np.pi) + 0.5)  # the branch nearest to the start's angle
     return angle - 2 * np.pi * turns
 
 
@@ -164,23 +165,3 @@ def _speed_along(xs, Rs, vs, body, p, d0, d1, d2):
     o2 = R[2, 0] * v[3] + R[2, 1] * v[4] + R[2, 2] * v[5]
     y0, y1, y2 = p[0] - x[0], p[1] - x[1], p[2] - x[2]
     return d0 * (v[0] + o1 * y2 - o2 * y1) + d1 * (v[1] + o2 * y0 - o0 * y2) + d2 * (v[2] + o0 * y1 - o1 * y0)
-
-
-@kernel
-def _times(p, q):
-    """Quaternion product as a tuple."""
-    return (
-        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
-        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
-        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
-        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
-    )
-
-
-@kernel
-def _turn(p, v, out):
-    """Write the vector v turned by the quaternion p."""
-    c0, c1, c2 = p[2] * v[2] - p[3] * v[1], p[3] * v[0] - p[1] * v[2], p[1] * v[1] - p[2] * v[0]
-    out[0] = v[0] + 2 * (p[0] * c0 + p[2] * c2 - p[3] * c1)
-    out[1] = v[1] + 2 * (p[0] * c1 + p[3] * c0 - p[1] * c2)
-    out[2] = v[2] + 2 * (p[0] * c2 + p[1] * c1 - p[2] * c0)

@@ -278,6 +278,26 @@ def test_torsion_spring_counts_from_the_start_angle(start, angle):
 
 
 @pytest.mark.parametrize("seed", RNG_SEEDS)
+@pytest.mark.parametrize("fixed", ["a", "b"])
+def test_torsion_spring_to_a_fixed_body_that_is_turned(fixed, seed):
+    """The frames as the file places them: b turned by phi about the axis from a; then turned further."""
+    rng = np.random.default_rng(seed)
+    a, phi, more = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3)), rng.uniform(-1.5, 1.5), rng.uniform(-1, 1)
+    bodies = {}
+    for name, attitude in (("a", a), ("b", a * Rotation.from_rotvec(phi * AXIS))):
+        vector = attitude.as_rotvec()
+        angle = float(np.linalg.norm(vector))
+        own = {"fixed": True} if name == fixed else {"mass": 1.0, "inertia": [1, 1, 1]}
+        bodies[name] = {**own, "axis": (vector / angle).tolist(), "angle": angle}
+    assembly = assemble(made(small(bodies=bodies, springs={"S": TORSION})))
+    axis, sign = a.apply(AXIS), 1 if fixed == "a" else -1
+    np.testing.assert_allclose(wrench(assembly)[0, 3:], -sign * 5.0 * (phi - 0.1) * axis, atol=1e-13)
+    turn = Rotation.from_rotvec(sign * more * axis)
+    place(assembly, 0, np.zeros(3), turn * Rotation.from_matrix(assembly.state.R[0]))
+    np.testing.assert_allclose(wrench(assembly)[0, 3:], -sign * 5.0 * (phi + more - 0.1) * axis, atol=1e-13)
+
+
+@pytest.mark.parametrize("seed", RNG_SEEDS)
 @pytest.mark.parametrize("spring", [LINEAR, TORSION], ids=["linear", "torsion"])
 def test_damping_dissipates_and_rigid_motion_feels_none(spring, seed):
     """The damper's power is - c rate^2, with the rate from finite differences; together as one body: nothing."""
