@@ -156,6 +156,18 @@ def check_rate(assembly: Assembly, twist: np.ndarray, d: float) -> None:
     assert rate == pytest.approx((after - rows(assembly)[0][0]) / (2 * d), abs=1e-8)
 
 
+def test_directions_are_in_the_frame_of_a_fixed_body_too():
+    """The ground's axes are the world's, a fixed body's are not: b led and turned along its directions."""
+    attitude = Rotation.from_rotvec([0.4, -0.8, 1.1])
+    frame = {"fixed": True, "axis": attitude.as_rotvec().tolist(), "angle": float(attitude.magnitude())}
+    bodies = {"a": frame, "b": {"mass": 3.0, "inertia": [2.0, 2.5, 3.0]}}
+    assembly = assemble(made(small(bodies=bodies, motions={"S": SLIDE, "T": TURN})))
+    place(assembly, 0, 0.8 * attitude.apply(WAY), Rotation.identity())
+    assert rows(assembly)[0] == pytest.approx([0.8, 0.0], abs=1e-14)
+    place(assembly, 0, np.zeros(3), Rotation.from_rotvec(0.8 * attitude.apply(AXIS)))
+    assert rows(assembly)[0][1] == pytest.approx(0.8 * np.sqrt(7.5 / 6.0), abs=1e-14)
+
+
 def test_six_motions_drive_a_body_fully():
     """Three ways and three angles, in the order of the file: six rows of rank 6."""
     axes = np.eye(3).tolist()
