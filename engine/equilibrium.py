@@ -26,15 +26,16 @@ HELD = 1e-2  # of the free motion: more than the compliance gives way by, less t
 ATTEMPTS = ((1e-6, 1e-9), (1e-7, 1e-9), (1e-6, 1e-7))
 
 
-def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: float) -> "Array | None":
-    """Return the contact forces that hold the loads of ``phase`` at the present pose.
+def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: float, t: float = 0.0) -> "Array | None":
+    """Return the contact forces that hold the loads of ``phase`` and time ``t`` at the present pose.
 
     Parameters
     ----------
     assembly : the mechanism, at rest; its twists are set to zero
-    phase : which constant loads act
+    phase : which forces and torques act
     h : any time; the forces are the impulses in it, by its length
     touching_gap : contacts open by no more than this touch
+    t : time since the start of the run, for loads with a time law
 
     Returns
     -------
@@ -45,7 +46,7 @@ def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: flo
     bodies, contacts, laws = model.bodies, model.contacts, model.laws
     h *= 1e-3  # so short that the free motion of an unloaded step has no gyroscopic part
     state.v[:] = 0
-    apply_loads(bodies, model.loads, state, phase, work.wrench, work.a, work.b)
+    apply_loads(bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.a, work.b)
     free_twist(bodies, state.R, state.v, work.wrench, h, 0.5, work.free)
     find_contacts(contacts, state.x, state.R, work.gap, work.point, work.frame)
 

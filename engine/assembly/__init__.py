@@ -8,12 +8,14 @@ from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.frames import Array, order_bodies, place_bodies
 from engine.assembly.joints import joint_pairs
 from engine.assembly.loads import load_arrays
+from engine.assembly.motions import motion_ties
 from engine.assembly.responses import response_arrays
 from engine.assembly.ties import Places, Tie, layout, tie_arrays, tie_runs
+from engine.assembly.time_laws import time_law_arrays
 from engine.errors import MechanismError
 from engine.friction.arrays import FrictionArrays, friction_arrays
 from engine.kernels.gaps import find_contacts
-from engine.kernels.model import Bodies, Model, Scratch, State, TimeLaws
+from engine.kernels.model import Bodies, Model, Scratch, State
 from engine.mechanism.models import Mechanism
 
 __all__ = ["Array", "Assembly", "assemble"]
@@ -45,7 +47,8 @@ def assemble(mechanism: Mechanism) -> Assembly:
     inertia = np.array([b.inertia for b in moving], float).reshape(-1, 3, 3)
     mass = np.array([b.mass for b in moving], float)
     pairs = [*joint_pairs(mechanism, frames), *contact_pairs(mechanism, frames)]
-    ties: list[Tie] = []
+    time_laws, law_numbers = time_law_arrays(mechanism)
+    ties: list[Tie] = motion_ties(mechanism, frames, state, law_numbers)
     at, multiplier = layout(len(moving), ties)
     contacts, laws = contact_arrays(pairs)
     names = [pair.name for pair in pairs]
@@ -54,8 +57,8 @@ def assemble(mechanism: Mechanism) -> Assembly:
         contacts=contacts,
         laws=laws,
         ties=tie_arrays(ties),
-        time_laws=TimeLaws(np.zeros(1, np.int64), np.zeros(0), np.zeros((0, 4)), np.zeros((0, 3))),
-        loads=load_arrays(mechanism, frames),
+        time_laws=time_laws,
+        loads=load_arrays(mechanism, frames, law_numbers),
         responses=response_arrays(mechanism, frames, names),
         phase_duration=np.array([np.inf if p.duration is None else p.duration for p in mechanism.phases]),
     )

@@ -70,14 +70,15 @@ class Loads(NamedTuple):
     gravity: np.ndarray  # (3,)
     spring_body: np.ndarray  # (ns, 2) int64
     spring_point: np.ndarray  # (ns, 6) the two points
-    spring_law: np.ndarray  # (ns, 3) stiffness, free length, damping
+    spring_law: np.ndarray  # (ns, 5) stiffness, free length, damping, preload, what it does: 1 pushes, -1 pulls, 0 both
     torsion_body: np.ndarray  # (nt, 2) int64
-    torsion_frame: np.ndarray  # (nt, 2, 4) quaternion of each body's own frame in the state's
-    torsion_axis: np.ndarray  # (nt, 3) in the frame of the first
+    torsion_axis: np.ndarray  # (nt, 3) fixed in the first body
+    torsion_turn: np.ndarray  # (nt, 4) quaternion: the second's attitude times it is the first's where the angle is 0
     torsion_law: np.ndarray  # (nt, 4) stiffness, angle without torque, damping, angle at the start
     force_body: np.ndarray  # (nf,) int64
     force_vector: np.ndarray  # (nf, 9) point, force, torque
     force_in_body: np.ndarray  # (nf,) bool: components in body axes
+    force_law: np.ndarray  # (nf,) int64 time law it is multiplied with, -1: none
     force_phase: np.ndarray  # (nf, n_phase) bool
 
 

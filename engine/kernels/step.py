@@ -41,7 +41,7 @@ def step(model, state, work, problem, control, phase, t, h):
     # free motion to within the step, and to its end without contact impulses
     move(state, begin)
     spend(contacts, state.x, state.v, begin, work.rate, work.lever, work.budget)
-    apply_loads(bodies, model.loads, state, phase, work.wrench, work.a, work.b)
+    apply_loads(bodies, model.loads, model.time_laws, state, phase, t + begin, work.wrench, work.a, work.b)
     free_twist(bodies, state.R, state.v, work.wrench, h, control.theta, work.free)
     tie_targets(ties, model.time_laws, t, h, work.target)
     hold_joints(bodies, ties, state, work, problem, h, 1.0 if control.plain else control.theta)

@@ -95,7 +95,7 @@ def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem
     unit = quantity.unit(system) if quantity else ""
     key = ".".join(path)
     if kind == "refused":
-        below = context["key"]
+        below = context.get("key")
         if below:
             value = context["value"] if context["value"] is not None else _NOTHING
             path, _, field = _locate(root, (*details["loc"], *below.split(".")))
@@ -103,7 +103,7 @@ def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem
             unit = quantity.unit(system) if quantity else ""
         elif isinstance(value, Mapping | BaseModel):
             value = _NOTHING
-        return Fault(".".join(path), context["text"], value, unit)
+        return Fault(".".join(path), details["msg"], value, unit)
     if kind == "missing":
         return Fault(key, f"missing; it is {field.description if field else 'required'}; add it")
     if kind == "extra_forbidden":
@@ -197,8 +197,8 @@ def _tags(annotation: Any) -> list[str]:
 
 
 def _tag(model: type[BaseModel]) -> str | None:
-    """Return the value of the model's ``type`` key."""
+    """Return by what pydantic tells the model from others: the value of its ``type`` key, or a key only it has."""
     field = model.model_fields.get("type")
     if field is None or get_origin(field.annotation) is not Literal:
-        return None
+        return getattr(model, "told_by", None)
     return str(get_args(field.annotation)[0])

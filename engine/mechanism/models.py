@@ -14,7 +14,8 @@ from engine.mechanism.bodies import Body
 from engine.mechanism.contacts import Contact
 from engine.mechanism.faults import Fault, faults_of
 from engine.mechanism.joints import ClearanceRevolute
-from engine.mechanism.loads import Force, Spring, Torque
+from engine.mechanism.loads import Damper, Force, Spring, Torque
+from engine.mechanism.motions import Motion
 from engine.mechanism.quantities import Quantity, UnitSystem
 from engine.mechanism.references import reference_faults
 from engine.mechanism.responses import Response, ValidityCondition
@@ -127,8 +128,10 @@ class Mechanism(Model):
     joints: dict[Name, ClearanceRevolute] = Field(default={}, description="the joints")
     contacts: dict[Name, Contact] = Field(default={}, description="the contacts")
     springs: dict[Name, Spring] = Field(default={}, description="the springs")
-    forces: dict[Name, Force] = Field(default={}, description="the constant forces")
-    torques: dict[Name, Torque] = Field(default={}, description="the constant torques")
+    dampers: dict[Name, Damper] = Field(default={}, description="the dampers")
+    forces: dict[Name, Force] = Field(default={}, description="the forces")
+    torques: dict[Name, Torque] = Field(default={}, description="the torques")
+    motions: dict[Name, Motion] = Field(default={}, description="the prescribed motions")
     responses: dict[Name, Response] = Field(default={}, description="what is read off at the end of a run")
 
     @model_validator(mode="after")

@@ -6,7 +6,13 @@ from typing import Any
 from engine.mechanism.faults import Fault, did_you_mean
 from engine.mechanism.responses import CONDITION
 
-_PAIRED = {"joints": ("bearing", "journal"), "contacts": ("a", "b"), "springs": ("a", "b")}
+_PAIRED = {
+    "joints": ("bearing", "journal"),
+    "contacts": ("a", "b"),
+    "springs": ("a", "b"),
+    "dampers": ("a", "b"),
+    "motions": ("body", "relative_to"),
+}
 
 
 def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
@@ -50,9 +56,9 @@ def _references(data: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
     for table, sides in _PAIRED.items():
         for name, entry in _table(data, table).items():
             for side in sides:
-                torsion = isinstance(entry, Mapping) and isinstance(entry.get(side), str)
-                key = f"{table}.{name}.{side}" + ("" if torsion else ".body")
-                yield "body", key, entry[side] if torsion else _table(entry, side).get("body")
+                named = isinstance(entry, Mapping) and isinstance(entry.get(side), str)
+                key = f"{table}.{name}.{side}" + ("" if named else ".body")
+                yield "body", key, entry[side] if named else _table(entry, side).get("body")
             yield "material", f"{table}.{name}.material", _table({"e": entry}, "e").get("material")
     for table in ("forces", "torques"):
         for name, entry in _table(data, table).items():
@@ -102,8 +108,9 @@ def _nothing_moves(data: Mapping[str, Any]) -> Iterator[Fault]:
             if isinstance(a, str) and a == b:
                 text = f"both sides are on {a}; allowed: two different bodies; correct one side"
                 yield Fault(f"{table}.{name}", text)
-            elif a in fixed and b in fixed:
-                text = f"{a} and {b} are both fixed; allowed: at least one that moves; remove it, or free one"
+            elif a in fixed and (b in fixed or (table == "motions" and b is None)):
+                both = f"{a} and {b or 'the world'} are both fixed"
+                text = f"{both}; allowed: at least one that moves; remove it, or free one"
                 yield Fault(f"{table}.{name}", text)
 
 
