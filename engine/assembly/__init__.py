@@ -6,13 +6,13 @@ import numpy as np
 
 from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.frames import Array, order_bodies, place_bodies
+from engine.assembly.ideal_joints import joint_ties
 from engine.assembly.joints import joint_pairs
 from engine.assembly.loads import load_arrays
 from engine.assembly.responses import response_arrays
-from engine.assembly.ties import Tie, layout, tie_arrays
-from engine.errors import MechanismError
+from engine.assembly.start import refuse_open_joints, refuse_overlap
+from engine.assembly.ties import layout, tie_arrays
 from engine.friction.arrays import FrictionArrays, friction_arrays
-from engine.kernels.gaps import find_contacts
 from engine.kernels.model import Bodies, Contacts, Model, Scratch, State, TimeLaws
 from engine.mechanism.models import Mechanism
 
@@ -36,16 +36,16 @@ def assemble(mechanism: Mechanism) -> Assembly:
     Raises
     ------
     MechanismError
-        If parts interpenetrate at the start pose.
+        If parts overlap at the start pose, or an ideal joint is open there.
     """
     order = order_bodies(mechanism)
     frames, state = place_bodies(mechanism, order)
     moving = [mechanism.bodies[name] for name in order]
     inertia = np.array([b.inertia for b in moving], float).reshape(-1, 3, 3)
-    pairs = [*joint_pairs(mechanism, frames), *contact_pairs(mechanism, frames)]
+    pairs = [*joint_pairs(mechanism, frames, state.R), *contact_pairs(mechanism, frames)]
     names = [pair.name for pair in pairs]
     contacts, laws = contact_arrays(pairs)
-    ties: list[Tie] = []
+    ties = [*joint_ties(mechanism, frames, state.R)]
     at, _ = layout(len(moving), ties)
     mass = np.array([b.mass for b in moving], float)
     model = Model(
@@ -67,7 +67,8 @@ def assemble(mechanism: Mechanism) -> Assembly:
         friction_arrays(6 * nb, nc, 2, 12, _band(contacts, nb)),
         tuple(names),
     )
-    _refuse_interpenetration(mechanism, assembly)
+    refuse_open_joints(mechanism, ties, state)
+    refuse_overlap(mechanism, contacts, names, state, assembly.work)
     return assembly
 
 
@@ -90,36 +91,6 @@ def _scratch(nb: int, nc: int, nr: int) -> Scratch:
         travel=np.zeros(nc),
         a=np.zeros(3),
         b=np.zeros(3),
-    )
-
-
-def _refuse_interpenetration(mechanism: Mechanism, assembly: Assembly) -> None:
-    """Raise if any pair of the assembled parts overlaps at the start."""
-    gap = assembly.state.gap
-    state, work = assembly.state, assembly.work
-    find_contacts(assembly.model.contacts, state.x, state.R, gap, work.point, work.frame)
-    allowed = mechanism.simulation.penetration
-    faults = [
-        _overlap(mechanism, name, float(g), assembly.model.contacts.clearance[i])
-        for i, (name, g) in enumerate(zip(assembly.contact_names, gap, strict=True))
-        if not g >= -allowed
-    ]
-    if faults:
-        lines = "\n".join(f"  {fault}" for fault in dict.fromkeys(faults))  # the rings of a joint share a fault
-        raise MechanismError(f"{mechanism.name}: parts overlap at the start pose\n{lines}")
-
-
-def _overlap(mechanism: Mechanism, name: str, gap: float, clearance: float) -> str:
-    """Say which pair overlaps and what would be allowed."""
-    unit = mechanism.unit("length")
-    joint = name.split(".")[0]
-    if joint in mechanism.joints:
-        return (
-            f"joints.{joint}.radial_clearance = {clearance:.6g} {unit}: the journal lies {clearance - gap:.6g} {unit} "
-            f"off its bearing's centre at the start; allowed: at least {clearance - gap:.6g} {unit}, or move the bodies"
-        )
-    return (
-        f"contacts.{name}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"
     )
 
 

@@ -162,7 +162,7 @@ def _locate(root: type[BaseModel], loc: Sequence[str | int]) -> tuple[list[str],
     for token in loc:
         options = _options(annotation)
         models = [o for o in options if isinstance(o, type) and issubclass(o, BaseModel)]
-        tagged = [m for m in models if len(models) > 1 and _tag(m) == token]
+        tagged = [m for m in models if len(models) > 1 and token in _tags_of(m)]
         if tagged:
             annotation = tagged[0]
             continue
@@ -193,12 +193,10 @@ def _item(options: Sequence[Any]) -> Any:
 
 def _tags(annotation: Any) -> list[str]:
     """Return the values of ``type`` among which the tables of a dict can choose."""
-    return [tag for model in _options(_item(_options(annotation))) if (tag := _tag(model))]
+    return [tag for model in _options(_item(_options(annotation))) for tag in _tags_of(model)]
 
 
-def _tag(model: type[BaseModel]) -> str | None:
-    """Return the value of the model's ``type`` key."""
+def _tags_of(model: type[BaseModel]) -> tuple[str, ...]:
+    """Return the values the model's ``type`` key may have."""
     field = model.model_fields.get("type")
-    if field is None or get_origin(field.annotation) is not Literal:
-        return None
-    return str(get_args(field.annotation)[0])
+    return get_args(field.annotation) if field is not None and get_origin(field.annotation) is Literal else ()
