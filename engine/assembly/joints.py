@@ -133,9 +133,9 @@ def _block_in_slot(joint: Any, place: Mate) -> Iterator[FaceRow]:
                 yield f"{face}{i + 1}", POINT_PLANE, (place.b, place.a), _point(place.point_b + corner), plane
 
 
-def _edges(frame: Frame, side: Slideway) -> list[Array]:
+def _edges(frame: Frame, side: Any) -> list[Array]:
     """Return the directions of a block's or slot's length, height and width."""
-    along, up = frame.direction(side.axis), frame.direction(side.normal or side.axis)
+    along, up = frame.direction(side.axis), frame.direction(side.normal)
     up = up - (up @ along) * along
     up = up / np.linalg.norm(up)
     return [along, up, np.cross(along, up)]
