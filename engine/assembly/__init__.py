@@ -6,15 +6,15 @@ import numpy as np
 
 from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.frames import Array, order_bodies, place_bodies
+from engine.assembly.ideal_joints import joint_ties
 from engine.assembly.joints import joint_pairs
 from engine.assembly.loads import load_arrays
 from engine.assembly.motions import motion_ties
 from engine.assembly.responses import response_arrays
-from engine.assembly.ties import Places, Tie, layout, tie_arrays, tie_runs
+from engine.assembly.start import refuse_open_joints, refuse_overlap
+from engine.assembly.ties import Places, layout, tie_arrays, tie_runs
 from engine.assembly.time_laws import time_law_arrays
-from engine.errors import MechanismError
 from engine.friction.arrays import FrictionArrays, friction_arrays
-from engine.kernels.gaps import find_contacts
 from engine.kernels.model import Bodies, Model, Scratch, State
 from engine.mechanism.models import Mechanism
 
@@ -39,16 +39,17 @@ def assemble(mechanism: Mechanism) -> Assembly:
     Raises
     ------
     MechanismError
-        If parts interpenetrate at the start pose.
+        If parts overlap at the start pose, or an ideal joint is open there.
     """
     order = order_bodies(mechanism)
     frames, state = place_bodies(mechanism, order)
     moving = [mechanism.bodies[name] for name in order]
     inertia = np.array([b.inertia for b in moving], float).reshape(-1, 3, 3)
     mass = np.array([b.mass for b in moving], float)
-    pairs = [*joint_pairs(mechanism, frames), *contact_pairs(mechanism, frames)]
+    pairs = [*joint_pairs(mechanism, frames, state.R), *contact_pairs(mechanism, frames)]
     time_laws, law_numbers = time_law_arrays(mechanism)
-    ties: list[Tie] = motion_ties(mechanism, frames, state, law_numbers)
+    held = [*joint_ties(mechanism, frames, state.R)]
+    ties = [*held, *motion_ties(mechanism, frames, state, law_numbers)]
     at, multiplier = layout(len(moving), ties)
     contacts, laws = contact_arrays(pairs)
     names = [pair.name for pair in pairs]
@@ -71,7 +72,8 @@ def assemble(mechanism: Mechanism) -> Assembly:
         tuple(names),
         tuple(tie.name for tie in ties),
     )
-    _refuse_interpenetration(mechanism, assembly)
+    refuse_open_joints(mechanism, held, state)
+    refuse_overlap(mechanism, contacts, names, assembly.state, assembly.work)
     return assembly
 
 
@@ -117,34 +119,4 @@ def _scratch(nb: int, nc: int, nt: int, nr: int) -> Scratch:
         kept_r=contacts[3],
         a=np.zeros(3),
         b=np.zeros(3),
-    )
-
-
-def _refuse_interpenetration(mechanism: Mechanism, assembly: Assembly) -> None:
-    """Raise if any pair of the assembled parts overlaps at the start."""
-    gap = assembly.state.gap
-    state, work = assembly.state, assembly.work
-    find_contacts(assembly.model.contacts, state.x, state.R, gap, work.point, work.frame)
-    allowed = mechanism.simulation.penetration
-    faults = [
-        _overlap(mechanism, name, float(g), assembly.model.contacts.clearance[i])
-        for i, (name, g) in enumerate(zip(assembly.contact_names, gap, strict=True))
-        if not g >= -allowed
-    ]
-    if faults:
-        lines = "\n".join(f"  {fault}" for fault in dict.fromkeys(faults))  # the rings of a joint share a fault
-        raise MechanismError(f"{mechanism.name}: parts overlap at the start pose\n{lines}")
-
-
-def _overlap(mechanism: Mechanism, name: str, gap: float, clearance: float) -> str:
-    """Say which pair overlaps and what would be allowed."""
-    unit = mechanism.unit("length")
-    joint = name.split(".")[0]
-    if joint in mechanism.joints:
-        return (
-            f"joints.{joint}.radial_clearance = {clearance:.6g} {unit}: the journal lies {clearance - gap:.6g} {unit} "
-            f"off its bearing's centre at the start; allowed: at least {clearance - gap:.6g} {unit}, or move the bodies"
-        )
-    return (
-        f"contacts.{name}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"
     )

@@ -13,7 +13,7 @@ from engine.mechanism.base import Friction, Model, Name, Number, Restitution, Ve
 from engine.mechanism.bodies import Body
 from engine.mechanism.contacts import Contact
 from engine.mechanism.faults import Fault, faults_of
-from engine.mechanism.joints import ClearanceRevolute
+from engine.mechanism.joints import AnyJoint, Joint
 from engine.mechanism.loads import Damper, Force, Spring, Torque
 from engine.mechanism.motions import Motion
 from engine.mechanism.quantities import Quantity, UnitSystem
@@ -125,7 +125,7 @@ class Mechanism(Model):
     )
     materials: dict[Name, Material] = Field(default={}, description="pairs of materials")
     bodies: dict[Name, Body] = Field(description="the rigid bodies")
-    joints: dict[Name, ClearanceRevolute] = Field(default={}, description="the joints")
+    joints: dict[Name, AnyJoint] = Field(default={}, description="the joints")
     contacts: dict[Name, Contact] = Field(default={}, description="the contacts")
     springs: dict[Name, Spring] = Field(default={}, description="the springs")
     dampers: dict[Name, Damper] = Field(default={}, description="the dampers")
@@ -145,7 +145,7 @@ class Mechanism(Model):
         """Return the unit of every response, by name."""
         return {name: response.quantity.unit(self.units) for name, response in self.responses.items()}
 
-    def contact_law(self, pair: ClearanceRevolute | Contact) -> tuple[float, float]:
+    def contact_law(self, pair: Joint | Contact) -> tuple[float, float]:
         """Return (friction, restitution) of a joint or contact: its own, else its material's."""
         own = (pair.friction, pair.restitution)
         if pair.material is None:
@@ -160,8 +160,20 @@ class Mechanism(Model):
         """Return the unit of a quantity, such as ``"length"`` or ``"time"``, in this mechanism's system."""
         return Quantity(quantity).unit(self.units)
 
+    def loose_joints(self) -> list[str]:
+        """Return the names of the joints that stand for a clearance."""
+        return [
+            name
+            for name, joint in self.joints.items()
+            if not joint.ideal and getattr(joint, joint.CLEARANCE) is not None
+        ]
+
+    def full_key(self, key: str) -> str:
+        """Return the dotted path a key stands for: a joint's name stands for its clearance."""
+        return values.full_key(self, key)
+
     def value(self, key: str) -> float:
-        """Return the number a key stands for: a joint's name (its radial clearance) or a dotted path.
+        """Return the number a key stands for: a joint's name (its clearance) or a dotted path.
 
         Raises
         ------
