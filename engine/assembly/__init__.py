@@ -55,7 +55,7 @@ def assemble(mechanism: Mechanism) -> Assembly:
         ties=tie_arrays(ties),
         time_laws=TimeLaws(np.zeros(1, np.int64), np.zeros(0), np.zeros((0, 4)), np.zeros((0, 3))),
         loads=load_arrays(mechanism, frames),
-        responses=response_arrays(mechanism, frames, names),
+        responses=response_arrays(mechanism, frames, state, names),
         phase_duration=np.array([np.inf if p.duration is None else p.duration for p in mechanism.phases]),
     )
     nb, nc, nr = len(moving), len(names), len(mechanism.responses)

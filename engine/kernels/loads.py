@@ -3,7 +3,7 @@
 import numpy as np
 
 from engine.kernels.jit import kernel
-from engine.kernels.rotations import to_world, turn_to_world, twist_angle
+from engine.kernels.rotations import times, to_world, turn_to_world, twist_angle
 
 
 @kernel
@@ -25,45 +25,58 @@ def apply_loads(bodies, loads, state, phase, wrench, a, b):
 
 @kernel
 def _linear_springs(loads, state, wrench, p, q):
-    """Push the two points apart with k (free length - length) - c d(length)/dt."""
+    """Push the two points of each spring apart."""
     for i in range(loads.spring_body.shape[0]):
-        a, b = loads.spring_body[i, 0], loads.spring_body[i, 1]
-        to_world(state.x, state.R, a, loads.spring_point[i], 0, p)
-        to_world(state.x, state.R, b, loads.spring_point[i], 3, q)
-        d0, d1, d2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-        length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-        if length == 0.0:
-            continue
-        d0, d1, d2 = d0 / length, d1 / length, d2 / length
-        rate = _speed_along(state.x, state.R, state.v, b, q, d0, d1, d2) - _speed_along(
-            state.x, state.R, state.v, a, p, d0, d1, d2
-        )
-        law = loads.spring_law[i]
-        force = law[0] * (law[1] - length) - law[2] * rate
-        _add_force(state.x, b, q, force * d0, force * d1, force * d2, wrench)
-        _add_force(state.x, a, p, -force * d0, -force * d1, -force * d2, wrench)
+        force, d0, d1, d2 = spring_force(loads, state, i, p, q)
+        _add_force(state.x, loads.spring_body[i, 1], q, force * d0, force * d1, force * d2, wrench)
+        _add_force(state.x, loads.spring_body[i, 0], p, -force * d0, -force * d1, -force * d2, wrench)
+
+
+@kernel
+def spring_force(loads, state, i, p, q):
+    """Return k (free length - length) - c d(length)/dt of spring i and its direction; ``p``, ``q``: its two points."""
+    a, b = loads.spring_body[i, 0], loads.spring_body[i, 1]
+    to_world(state.x, state.R, a, loads.spring_point[i], 0, p)
+    to_world(state.x, state.R, b, loads.spring_point[i], 3, q)
+    d0, d1, d2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+    if length == 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    d0, d1, d2 = d0 / length, d1 / length, d2 / length
+    rate = speed_along(state.x, state.R, state.v, b, q, d0, d1, d2) - speed_along(
+        state.x, state.R, state.v, a, p, d0, d1, d2
+    )
+    law = loads.spring_law[i]
+    return law[0] * (law[1] - length) - law[2] * rate, d0, d1, d2
 
 
 @kernel
 def _torsion_springs(loads, state, wrench, axis):
-    """Turn body b by -k (angle - free angle) - c rate about an axis fixed in body a; the opposite turns a."""
+    """Turn body b of each spring about its axis; the opposite turns a."""
     for i in range(loads.torsion_body.shape[0]):
         a, b = loads.torsion_body[i, 0], loads.torsion_body[i, 1]
-        law, n = loads.torsion_law[i], loads.torsion_axis[i]
-        fa, fb = loads.torsion_frame[i, 0], loads.torsion_frame[i, 1]
-        angle = twist_angle(_times(state.p[a], fa), _times(state.p[b], fb), n[0], n[1], n[2])
-        turns = np.round((angle - law[3]) / (2 * np.pi))  # the branch nearest to the angle at the start
-        angle -= 2 * np.pi * turns
-        _turn(fa, n, axis)
-        m0, m1, m2 = axis[0], axis[1], axis[2]
-        R = state.R[a]
-        for k in range(3):
-            axis[k] = R[k, 0] * m0 + R[k, 1] * m1 + R[k, 2] * m2
-        rate = _spin_along(state.R, state.v, b, axis) - _spin_along(state.R, state.v, a, axis)
-        torque = -law[0] * (angle - law[1]) - law[2] * rate
+        torque = spring_torque(loads, state, i, axis)
         for k in range(3):
             wrench[b, 3 + k] += torque * axis[k]
             wrench[a, 3 + k] -= torque * axis[k]
+
+
+@kernel
+def spring_torque(loads, state, i, axis):
+    """Return -k (angle - free angle) - c rate of torsion spring i; ``axis``: the world axis, fixed in body a."""
+    a, b = loads.torsion_body[i, 0], loads.torsion_body[i, 1]
+    law, n = loads.torsion_law[i], loads.torsion_axis[i]
+    fa, fb = loads.torsion_frame[i, 0], loads.torsion_frame[i, 1]
+    angle = twist_angle(times(state.p[a], fa), times(state.p[b], fb), n[0], n[1], n[2])
+    turns = np.round((angle - law[3]) / (2 * np.pi))  # the branch nearest to the angle at the start
+    angle -= 2 * np.pi * turns
+    _turn(fa, n, axis)
+    m0, m1, m2 = axis[0], axis[1], axis[2]
+    R = state.R[a]
+    for k in range(3):
+        axis[k] = R[k, 0] * m0 + R[k, 1] * m1 + R[k, 2] * m2
+    rate = spin_along(state.R, state.v, b, axis) - spin_along(state.R, state.v, a, axis)
+    return -law[0] * (angle - law[1]) - law[2] * rate
 
 
 @kernel
@@ -99,7 +112,7 @@ def _add_force(x, body, p, f0, f1, f2, wrench):
 
 
 @kernel
-def _spin_along(Rs, vs, body, n):
+def spin_along(Rs, vs, body, n):
     """Angular velocity about the world direction n."""
     R, v = Rs[body], vs[body]
     s = 0.0
@@ -109,7 +122,7 @@ def _spin_along(Rs, vs, body, n):
 
 
 @kernel
-def _speed_along(xs, Rs, vs, body, p, d0, d1, d2):
+def speed_along(xs, Rs, vs, body, p, d0, d1, d2):
     """Velocity of the body's point p (world) along the direction d."""
     R, v, x = Rs[body], vs[body], xs[body]
     o0 = R[0, 0] * v[3] + R[0, 1] * v[4] + R[0, 2] * v[5]
@@ -117,17 +130,6 @@ def _speed_along(xs, Rs, vs, body, p, d0, d1, d2):
     o2 = R[2, 0] * v[3] + R[2, 1] * v[4] + R[2, 2] * v[5]
     y0, y1, y2 = p[0] - x[0], p[1] - x[1], p[2] - x[2]
     return d0 * (v[0] + o1 * y2 - o2 * y1) + d1 * (v[1] + o2 * y0 - o0 * y2) + d2 * (v[2] + o0 * y1 - o1 * y0)
-
-
-@kernel
-def _times(p, q):
-    """Quaternion product as a tuple."""
-    return (
-        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
-        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
-        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
-        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
-    )
 
 
 @kernel

@@ -6,7 +6,6 @@ import numpy as np
 
 from engine.friction.arrays import CONVERGED
 from engine.kernels.jit import kernel
-from engine.kernels.model import CONTACT_FORCE
 from engine.kernels.responses import measure
 from engine.kernels.step import step
 
@@ -94,8 +93,8 @@ def run(model, state, backup, work, problem, control, certificate, stop):
             if certificate.status[0] != OK:
                 certificate.contact[0] = where
                 return
-            measure(model.responses, state.x, state.R, state.r, h, work.values, work.a, work.b)
-            moved = _moved(model.responses.kind, state, work, h, control.drift)
+            measure(model.responses, model.loads, state, work.frame, t, h, work.values, work.a, work.b)
+            moved = _moved(model.responses.measures_motion, state, work, h, control.drift)
             pause = 0.0 if moved or pause < 0.0 else pause + h
             if moved or pause == 0.0:
                 _drop_anchor(work)
@@ -167,7 +166,7 @@ def _drop_anchor(work):
 
 
 @kernel
-def _moved(kind, state, work, h, drift):
+def _moved(counts, state, work, h, drift):
     """Say whether anything that matters moved since the anchor: a measured length, a contact that carries load.
 
     Bodies without load may drift on for ever (a rod that spins slowly between its bearings): they do not count. Contact
@@ -175,7 +174,7 @@ def _moved(kind, state, work, h, drift):
     """
     moved, load = False, 0.0
     for i in range(work.values.shape[0]):
-        if kind[i] != CONTACT_FORCE:
+        if counts[i]:
             moved = moved or not abs(work.values[i] - work.anchor[i]) <= drift
     for i in range(state.slip.shape[0]):
         load = max(load, state.r[i, 0])

@@ -110,7 +110,7 @@ class Mechanism(Model):
     springs: dict[Name, Spring] = Field(default={}, description="the springs")
     forces: dict[Name, Force] = Field(default={}, description="the constant forces")
     torques: dict[Name, Torque] = Field(default={}, description="the constant torques")
-    responses: dict[Name, Response] = Field(default={}, description="what is read off at the end of a run")
+    responses: dict[Name, Response] = Field(default={}, description="what is read off")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
