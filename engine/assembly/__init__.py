@@ -58,12 +58,12 @@ def assemble(mechanism: Mechanism) -> Assembly:
         responses=response_arrays(mechanism, frames, state, names),
         phase_duration=np.array([np.inf if p.duration is None else p.duration for p in mechanism.phases]),
     )
-    nb, nc, nr = len(moving), len(names), len(mechanism.responses)
+    nb, nc = len(moving), len(names)
     state = state._replace(r=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc), speed=np.full(1, np.inf))
     assembly = Assembly(
         model,
         state,
-        _scratch(nb, nc, nr),
+        _scratch(nb, nc, model.responses.offset),
         friction_arrays(6 * nb, nc, 2, 12, _band(contacts, nb)),
         tuple(names),
     )
@@ -71,7 +71,7 @@ def assemble(mechanism: Mechanism) -> Assembly:
     return assembly
 
 
-def _scratch(nb: int, nc: int, nr: int) -> Scratch:
+def _scratch(nb: int, nc: int, offset: Array) -> Scratch:
     """Allocate the work space of a run."""
     bodies, contacts = np.zeros((2, nb + 1, 6)), np.zeros((3, nc, 3))
     return Scratch(
@@ -85,8 +85,8 @@ def _scratch(nb: int, nc: int, nr: int) -> Scratch:
         u=contacts[2],
         active=np.zeros(nc, bool),
         chosen=np.zeros(nc, np.int64),
-        values=np.zeros(nr),
-        anchor=np.zeros(nr),
+        values=offset.copy(),  # of an angle at the start: its full turns count from there
+        anchor=np.zeros(offset.size),
         travel=np.zeros(nc),
         a=np.zeros(3),
         b=np.zeros(3),

@@ -46,7 +46,7 @@ def measure(responses, loads, state, frame, t, h, values, p, q):
     ----------
     frame : (nc, 3, 3) of the contacts
     t, h : time at the end of the step, and its length
-    values : (nr,) holds those of the step before; an angle counts its full turns from there. Zeros before the start
+    values : (nr,) holds those of the step before, at the start the offsets: an angle counts its full turns from there
     p, q : work space, shape (3,)
     """
     for i in range(values.shape[0]):
