@@ -3,10 +3,10 @@
 import numpy as np
 
 from engine.assembly.frames import Frame, tangent
-from engine.assembly.ties import Tie
+from engine.assembly.ties import Tie, turning_arm
 from engine.kernels.model import SLIDE, TURN, State
 from engine.mechanism.models import Mechanism
-from engine.mechanism.motions import Motion, Translation
+from engine.mechanism.motions import Translation
 
 
 def motion_ties(mechanism: Mechanism, frames: dict[str, Frame], state: State, laws: dict[str, int]) -> list[Tie]:
@@ -28,14 +28,10 @@ def motion_ties(mechanism: Mechanism, frames: dict[str, Frame], state: State, la
         else:
             axis = against.direction(motion.about.axis)
             mark = tangent(axis)
-            row, kind, arm = [*mark, *axis, *(state.R[b].T @ state.R[a] @ mark)], TURN, _arm(mechanism, motion)
+            row, kind, arm = (
+                [*mark, *axis, *(state.R[b].T @ state.R[a] @ mark)],
+                TURN,
+                turning_arm(mechanism, [motion.body, *([motion.relative_to] if motion.relative_to else [])]),
+            )
         ties.append(Tie(name, kind, a, b, np.array(row), arm, law=laws[f"motions.{name}"]))
     return ties
-
-
-def _arm(mechanism: Mechanism, motion: Motion) -> float:
-    """Return the radius of gyration of the body that is moved, of the other one if that is fixed."""
-    body = mechanism.bodies[motion.body]
-    if body.fixed and motion.relative_to:
-        body = mechanism.bodies[motion.relative_to]
-    return float(np.sqrt(np.trace(np.array(body.inertia)) / (2 * (body.mass or np.inf))))

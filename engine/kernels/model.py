@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ARC_CYLINDER = range(5)
-POSITION, CONTACT_FORCE = range(2)
+POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME = range(8)
+CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE = range(8, 11)  # the impulses of a whole step, by its length
+END, PEAK, EVENT = range(3)
 SLIDE, TURN = range(2)
 
 GEOMETRY = 11  # numbers that describe one primitive
@@ -33,6 +35,7 @@ class Contacts(NamedTuple):
     geometry_a: np.ndarray  # (nc, 11) see contacts.py
     geometry_b: np.ndarray  # (nc, 11)
     clearance: np.ndarray  # (nc,) radial clearance of a ring in a bore; minus the contact offset elsewhere
+    reach: np.ndarray  # (nc,) farthest point of side a's primitive from its body's centre of mass
 
 
 class Laws(NamedTuple):
@@ -82,12 +85,17 @@ class Loads(NamedTuple):
 
 
 class Responses(NamedTuple):
-    """What is measured."""
+    """What is measured, and when it is reported. Rows of ``body`` and ``point``: see responses.py."""
 
     kind: np.ndarray  # (nr,) int64
-    body: np.ndarray  # (nr, 3) int64: from, to, direction; or the contact's number in the first
-    point: np.ndarray  # (nr, 12): from, its axis (0: a point), to, direction
+    body: np.ndarray  # (nr, 3) int64
+    point: np.ndarray  # (nr, 12)
     offset: np.ndarray  # (nr,)
+    measures_motion: np.ndarray  # (nr,) bool: a length or angle at the end of the run; at rest it does not change
+    at: np.ndarray  # (nr,) int64 END, PEAK or EVENT
+    from_phase: np.ndarray  # (nr,) int64, from whose beginning peaks and events are looked for
+    trigger: np.ndarray  # (nr,) int64, the response whose crossing is the event
+    limit: np.ndarray  # (nr, 2) limit of the trigger; side: 1 above it or a maximum, -1 below it or a minimum
 
 
 class Model(NamedTuple):
@@ -112,15 +120,18 @@ class State(NamedTuple):
     v: np.ndarray  # (nb + 1, 6) velocity of the centre of mass (world), angular velocity (body axes)
     r: np.ndarray  # (nc, 3) contact impulses of the last step, (N, T1, T2)
     slip: np.ndarray  # (nc,) relative speed at the contacts that pressed in the last step
-    gap: np.ndarray  # (nc,)
-    speed: np.ndarray  # (1,) of the fastest contact point relative to its partner, at the end of the step
+    gap: np.ndarray  # (nc,) at the end of the step; of contacts out of reach a lower bound
 
 
 class Scratch(NamedTuple):
     """Work space of a step."""
 
     wrench: np.ndarray  # (nb + 1, 6) force and torque about the centre of mass, world axes
-    free: np.ndarray  # (nb + 1, 6) twist at the end of the step, without contact impulses
+    free: np.ndarray  # (nb + 1, 6) twist at the end of the step without contact impulses; a displacement in projection
+    rate: np.ndarray  # (nb + 1, 2) speed and angular speed
+    budget: np.ndarray  # (nc,) what the bodies may still move until the gap could have closed
+    lever: np.ndarray  # (nc,) what body b's angular speed counts with in that
+    near: np.ndarray  # (nc,) bool, found at this pose
     gap: np.ndarray  # (nc,) at mid-step
     point: np.ndarray  # (nc, 3) contact points
     frame: np.ndarray  # (nc, 3, 3) rows N, T1, T2
@@ -129,8 +140,17 @@ class Scratch(NamedTuple):
     u: np.ndarray  # (nc, 3) relative velocities
     active: np.ndarray  # (nc,) bool
     chosen: np.ndarray  # (nc,) int64, contacts of the friction problem
-    values: np.ndarray  # (nr,) responses
+    target: np.ndarray  # (3, nt) of the bilateral rows: at the start, at the end, rate at the end
+    violation: np.ndarray  # (nt,) of the bilateral rows, a length or its rate
+    tie_point: np.ndarray  # (nt, 3)
+    tie_way: np.ndarray  # (nt, 3)
+    values: np.ndarray  # (nr,) measured at the end of the last step
+    previous: np.ndarray  # (nr,) measured at its beginning
+    reported: np.ndarray  # (nr,) the responses, each read at its own instant
     anchor: np.ndarray  # (nr,) responses when the present pause began
     travel: np.ndarray  # (nc,) way slipped since then
+    kept_pose: np.ndarray  # (nb + 1, 16) position, quaternion and rotation at the start of the step
+    kept_v: np.ndarray  # (nb + 1, 6) twists then
+    kept_r: np.ndarray  # (nc, 3) impulses then
     a: np.ndarray  # (3,)
     b: np.ndarray  # (3,)
