@@ -18,7 +18,7 @@ def motion_ties(mechanism: Mechanism, frames: dict[str, Frame], state: State, la
     laws : each time law's number, by the key of its owner
     """
     ties = []
-    for name, motion in mechanism.motions.items():
+    for key, motion in mechanism.motions.items():
         against, moved = frames[motion.relative_to or "world"], frames[motion.body]
         a, b = against.index, moved.index
         if isinstance(motion, Translation):
@@ -28,10 +28,7 @@ def motion_ties(mechanism: Mechanism, frames: dict[str, Frame], state: State, la
         else:
             axis = against.direction(motion.about.axis)
             mark = tangent(axis)
-            row, kind, arm = (
-                [*mark, *axis, *(state.R[b].T @ state.R[a] @ mark)],
-                TURN,
-                turning_arm(mechanism, [motion.body, *([motion.relative_to] if motion.relative_to else [])]),
-            )
-        ties.append(Tie(name, kind, a, b, np.array(row), arm, law=laws[f"motions.{name}"]))
+            row, kind = [*mark, *axis, *(state.R[b].T @ state.R[a] @ mark)], TURN
+            arm = turning_arm(mechanism, [name for name in (motion.relative_to, motion.body) if name])
+        ties.append(Tie(key, kind, a, b, np.array(row), arm, law=laws[f"motions.{key}"]))
     return ties
