@@ -10,7 +10,7 @@ from engine.kernels import model
 from engine.kernels.model import Responses, State
 from engine.mechanism.faults import Fault, did_you_mean
 from engine.mechanism.models import Mechanism
-from engine.mechanism.responses import Event
+from engine.mechanism.moments import Event
 
 ORIGIN = (0.0, 0.0, 0.0)
 KINDS = {

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from engine.errors import MechanismError
 from engine.mechanism.base import Model
 from engine.mechanism.faults import Fault, did_you_mean, faults_of, field_of, field_quantity
-from engine.mechanism.responses import Event
+from engine.mechanism.moments import Event
 
 if TYPE_CHECKING:
     from engine.mechanism.models import Mechanism

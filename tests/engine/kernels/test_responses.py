@@ -367,7 +367,7 @@ def test_the_force_of_the_step_before_is_no_peak_of_the_phase():
 EVENTS = [
     ({"above": 1.0}, {}, [NAN, 12.5, 12.5, 12.5]),
     ({"above": 0.5}, {}, [NAN, 12.0, 12.0, 12.0]),  # on the limit is not above it
-    ({"above": 2.0}, {}, [NAN, NAN, NAN, NAN]),
+    ({"above": 1.5}, {}, [NAN, NAN, NAN, NAN]),  # reached, and left again
     ({"below": 0.0}, {}, [10.0, 10.0, 10.0, 10.0]),  # already at the start
     ({"below": -1.5}, {}, [NAN, NAN, NAN, NAN]),
     ({"below": -1.0}, LATER, [NAN, NAN, NAN, NAN]),
