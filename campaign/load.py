@@ -101,7 +101,7 @@ def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> list[str]:
     by_target = defaultdict(list)
     for name, variable in variables.items():
         target = variable.target or name
-        by_target[_full_key(target)].append(name)
+        by_target[mechanism.full_key(target)].append(name)
         faults += _target_faults(name, target, variable, mechanism)
     for target, names in by_target.items():
         if len(names) > 1:
@@ -186,11 +186,6 @@ def _target_faults(name: str, target: str, variable: Distribution, mechanism: Me
             check(mechanism, {target: value})
         except MechanismError as error:
             yield fault(keys, None, f"reaches {target} = {value:g}, which {mechanism.name} refuses: {_reason(error)}")
-
-
-def _full_key(target: str) -> str:
-    """Return a key without the short form for a joint's radial clearance."""
-    return target if "." in target else f"joints.{target}.radial_clearance"
 
 
 def _reason(error: MechanismError) -> str:

@@ -72,7 +72,7 @@ def _description(mechanism: Any) -> dict[str, Any]:
         "bodies": len(mechanism.bodies),
         "contacts": len(mechanism.contacts),
         "clearances": {
-            name: {"value": mechanism.value(name), "unit": mechanism.unit_of(name)} for name in mechanism.joints
+            name: {"value": mechanism.value(name), "unit": mechanism.unit_of(name)} for name in mechanism.loose_joints()
         },
         "responses": {
             name: {"title": response.title, "unit": units[name]} for name, response in mechanism.responses.items()

@@ -6,14 +6,16 @@ import numpy as np
 
 from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.frames import Array, order_bodies, place_bodies
+from engine.assembly.ideal_joints import joint_ties
 from engine.assembly.joints import joint_pairs
 from engine.assembly.loads import load_arrays
+from engine.assembly.motions import motion_ties
 from engine.assembly.responses import response_arrays
-from engine.assembly.ties import Tie, layout, tie_arrays
-from engine.errors import MechanismError
+from engine.assembly.start import refuse_open_joints, refuse_overlap
+from engine.assembly.ties import Places, layout, tie_arrays, tie_runs
+from engine.assembly.time_laws import time_law_arrays
 from engine.friction.arrays import FrictionArrays, friction_arrays
-from engine.kernels.gaps import find_contacts
-from engine.kernels.model import Bodies, Contacts, Model, Scratch, State, TimeLaws
+from engine.kernels.model import Bodies, Model, Scratch, State
 from engine.mechanism.models import Mechanism
 
 __all__ = ["Array", "Assembly", "assemble"]
@@ -28,6 +30,7 @@ class Assembly:
     work: Scratch
     problem: FrictionArrays
     contact_names: tuple[str, ...]
+    tie_names: tuple[str, ...]
 
 
 def assemble(mechanism: Mechanism) -> Assembly:
@@ -36,47 +39,66 @@ def assemble(mechanism: Mechanism) -> Assembly:
     Raises
     ------
     MechanismError
-        If parts interpenetrate at the start pose.
+        If parts overlap at the start pose, or an ideal joint is open there.
     """
     order = order_bodies(mechanism)
     frames, state = place_bodies(mechanism, order)
     moving = [mechanism.bodies[name] for name in order]
     inertia = np.array([b.inertia for b in moving], float).reshape(-1, 3, 3)
-    pairs = [*joint_pairs(mechanism, frames), *contact_pairs(mechanism, frames)]
-    names = [pair.name for pair in pairs]
-    contacts, laws = contact_arrays(pairs)
-    ties: list[Tie] = []
-    at, _ = layout(len(moving), ties)
     mass = np.array([b.mass for b in moving], float)
+    pairs = [*joint_pairs(mechanism, frames, state.R), *contact_pairs(mechanism, frames)]
+    time_laws, law_numbers = time_law_arrays(mechanism)
+    held = [*joint_ties(mechanism, frames, state.R)]
+    ties = [*held, *motion_ties(mechanism, frames, state, law_numbers)]
+    at, multiplier = layout(len(moving), ties)
+    contacts, laws = contact_arrays(pairs)
+    names = [pair.name for pair in pairs]
     model = Model(
         bodies=Bodies(mass, inertia, np.linalg.inv(np.linalg.cholesky(inertia)) if moving else inertia, at),
         contacts=contacts,
         laws=laws,
         ties=tie_arrays(ties),
-        time_laws=TimeLaws(np.zeros(1, np.int64), np.zeros(0), np.zeros((0, 4)), np.zeros((0, 3))),
-        loads=load_arrays(mechanism, frames),
+        time_laws=time_laws,
+        loads=load_arrays(mechanism, frames, law_numbers),
         responses=response_arrays(mechanism, frames, state, names),
         phase_duration=np.array([np.inf if p.duration is None else p.duration for p in mechanism.phases]),
     )
-    nb, nc = len(moving), len(names)
-    state = state._replace(r=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc), speed=np.full(1, np.inf))
+    nc = len(pairs)
     assembly = Assembly(
         model,
-        state,
-        _scratch(nb, nc, model.responses.offset),
-        friction_arrays(6 * nb, nc, 2, 12, _band(contacts, nb)),
+        state._replace(r=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc)),
+        _scratch(len(moving), nc, len(ties), model.responses.offset),
+        _problem(model, multiplier),
         tuple(names),
+        tuple(tie.name for tie in ties),
     )
-    _refuse_interpenetration(mechanism, assembly)
+    refuse_open_joints(mechanism, held, state)
+    refuse_overlap(mechanism, contacts, names, assembly.state, assembly.work)
     return assembly
 
 
-def _scratch(nb: int, nc: int, offset: Array) -> Scratch:
+def _problem(model: Model, multiplier: Places) -> FrictionArrays:
+    """Allocate the friction problem of a step; the places of its bilateral rows never change."""
+    contacts, ties, at = model.contacts, model.ties, model.bodies.at
+    nb, nt = at.size, multiplier.size
+    start, width = tie_runs(ties, at)
+    spans = [abs(at[a] - at[b]) + 5 for a, b in zip(contacts.a, contacts.b, strict=True) if a < nb and b < nb]
+    spans += [place - min(start[i][width[i] > 0]) for i, place in enumerate(multiplier)]
+    problem = friction_arrays(6 * nb + nt, contacts.a.size, 2, 12, int(max(spans, default=5)), nt)
+    problem.ties.at[:], problem.ties.start[:], problem.ties.width[:] = multiplier, start, width
+    return problem
+
+
+def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
     """Allocate the work space of a run."""
-    bodies, contacts = np.zeros((2, nb + 1, 6)), np.zeros((3, nc, 3))
+    bodies, contacts = np.zeros((3, nb + 1, 6)), np.zeros((4, nc, 3))
     return Scratch(
         wrench=bodies[0],
         free=bodies[1],
+        rate=np.zeros((nb + 1, 2)),
+        budget=np.zeros(nc),
+        lever=np.zeros(nc),
+        near=np.zeros(nc, bool),
         gap=np.zeros(nc),
         point=contacts[0],
         frame=np.zeros((nc, 3, 3)),
@@ -85,45 +107,18 @@ def _scratch(nb: int, nc: int, offset: Array) -> Scratch:
         u=contacts[2],
         active=np.zeros(nc, bool),
         chosen=np.zeros(nc, np.int64),
+        target=np.zeros((3, nt)),
+        violation=np.zeros(nt),
+        tie_point=np.zeros((nt, 3)),
+        tie_way=np.zeros((nt, 3)),
         values=offset.copy(),  # of an angle at the start: its full turns count from there
+        previous=offset.copy(),
+        reported=np.full(offset.size, np.nan),
         anchor=np.zeros(offset.size),
         travel=np.zeros(nc),
+        kept_pose=np.zeros((nb + 1, 16)),
+        kept_v=bodies[2],
+        kept_r=contacts[3],
         a=np.zeros(3),
         b=np.zeros(3),
     )
-
-
-def _refuse_interpenetration(mechanism: Mechanism, assembly: Assembly) -> None:
-    """Raise if any pair of the assembled parts overlaps at the start."""
-    gap = assembly.state.gap
-    state, work = assembly.state, assembly.work
-    find_contacts(assembly.model.contacts, state.x, state.R, gap, work.point, work.frame)
-    allowed = mechanism.simulation.penetration
-    faults = [
-        _overlap(mechanism, name, float(g), assembly.model.contacts.clearance[i])
-        for i, (name, g) in enumerate(zip(assembly.contact_names, gap, strict=True))
-        if not g >= -allowed
-    ]
-    if faults:
-        lines = "\n".join(f"  {fault}" for fault in dict.fromkeys(faults))  # the rings of a joint share a fault
-        raise MechanismError(f"{mechanism.name}: parts overlap at the start pose\n{lines}")
-
-
-def _overlap(mechanism: Mechanism, name: str, gap: float, clearance: float) -> str:
-    """Say which pair overlaps and what would be allowed."""
-    unit = mechanism.unit("length")
-    joint = name.split(".")[0]
-    if joint in mechanism.joints:
-        return (
-            f"joints.{joint}.radial_clearance = {clearance:.6g} {unit}: the journal lies {clearance - gap:.6g} {unit} "
-            f"off its bearing's centre at the start; allowed: at least {clearance - gap:.6g} {unit}, or move the bodies"
-        )
-    return (
-        f"contacts.{name}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"
-    )
-
-
-def _band(contacts: Contacts, nb: int) -> int:
-    """Return how far apart the velocities of one contact can lie."""
-    moving = (contacts.a < nb) & (contacts.b < nb)
-    return 6 * int(np.abs(contacts.a - contacts.b)[moving].max(initial=0)) + 5

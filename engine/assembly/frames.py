@@ -50,7 +50,7 @@ def order_bodies(mechanism: Mechanism) -> list[str]:
     """Return the moving bodies in the order that keeps those in contact near each other (Cuthill-McKee)."""
     moving = [name for name, body in mechanism.bodies.items() if not body.fixed]
     number = {name: i for i, name in enumerate(moving)}
-    pairs = [(j.bearing.body, j.journal.body) for j in mechanism.joints.values()]
+    pairs = [(j.sides[0].body, j.sides[1].body) for j in mechanism.joints.values()]
     pairs += [(c.a.body, c.b.body) for c in mechanism.contacts.values()]
     links = np.array([(number[a], number[b]) for a, b in pairs if a in number and b in number], int).reshape(-1, 2)
     n = len(moving)
@@ -77,4 +77,4 @@ def place_bodies(mechanism: Mechanism, moving: list[str]) -> tuple[dict[str, Fra
         x[i], p[i], R[i] = np.array(body.origin) + rotation @ centre, q, rotation
         v[i] = [*body.velocity, *body.angular_velocity]
     empty = np.zeros(0)
-    return frames, State(x, p, R, v, empty, empty, empty, empty)
+    return frames, State(x, p, R, v, empty, empty, empty)

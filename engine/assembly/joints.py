@@ -1,32 +1,162 @@
-"""Joints as arrays: contact pairs of those with clearance."""
+"""Joints with play as contact pairs, named JOINT.FACE (paper, section 3.1)."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from engine.assembly.contacts import Pair
-from engine.assembly.frames import Frame, tangent
-from engine.kernels.model import GEOMETRY, RING_BORE
+from engine.assembly.frames import Array, Frame, tangent
+from engine.kernels.model import GEOMETRY, POINT_PLANE, RING_BORE
+from engine.mechanism.joints import Prismatic, Revolute
 from engine.mechanism.models import Mechanism
 
 
-def joint_pairs(mechanism: Mechanism, frames: dict[str, Frame]) -> Iterator[Pair]:
-    """Yield the contacts of the joints with clearance, named JOINT.FACE (paper, section 3.1)."""
+@dataclass(frozen=True)
+class Mate:
+    """Where the two sides of a joint are, and what the second's axis looks like from the first's.
+
+    Attributes
+    ----------
+    a, b : frames of the two bodies
+    point_a, point_b : the joint's points, from the state's origins
+    relative : rotation from a's axes to b's at the start, shape (3, 3)
+    """
+
+    a: Frame
+    b: Frame
+    point_a: Array
+    point_b: Array
+    relative: Array
+
+    def align(self, along_a: Array, along_b: Array) -> Array:
+        """Return the direction of b, or its opposite: that which points as the one of a does at the start."""
+        return along_b if (self.relative @ along_a) @ along_b >= 0 else -along_b
+
+
+def mate(joint: Any, frames: dict[str, Frame], R: Array) -> Mate:
+    """Return where the two sides of a joint are; R are the rotations of all bodies at the start."""
+    first, second = joint.sides
+    a, b = frames[first.body], frames[second.body]
+    return Mate(a, b, a.point(first.point), b.point(second.point), R[b.index].T @ R[a.index])
+
+
+def joint_pairs(mechanism: Mechanism, frames: dict[str, Frame], R: Array) -> Iterator[Pair]:
+    """Yield the contacts of the joints with play.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Ideal joints in it are passed over.
+    frames : dict
+        Frame of every body.
+    R : (nb + 1, 3, 3) array
+        Rotations at the start.
+    """
     for name, joint in mechanism.joints.items():
-        bearing, journal = frames[joint.bearing.body], frames[joint.journal.body]
-        along = bearing.direction(joint.bearing.axis)
-        axis = journal.direction(joint.journal.axis)
-        for i, (station, radius) in enumerate(zip(joint.rings, joint.radii, strict=True)):
-            a, b = np.zeros(GEOMETRY), np.zeros(GEOMETRY)
-            a[:3] = bearing.point(joint.bearing.point) + station * along
-            b[:3], b[3:6], b[6:9], b[9] = journal.point(joint.journal.point), axis, tangent(axis), radius
+        if joint.ideal:
+            continue
+        place, law = mate(joint, frames, R), mechanism.contact_law(joint)
+        for face, kind, sides, geometry_a, geometry_b in _faces(joint, place):
             yield Pair(
-                name=f"{name}.ring{i + 1}",
-                kind=RING_BORE,
-                a=bearing.index,
-                b=journal.index,
-                geometry_a=a,
-                geometry_b=b,
-                clearance=joint.radial_clearance,
-                law=mechanism.contact_law(joint),
+                name=f"{name}.{face}",
+                kind=kind,
+                a=sides[0].index,
+                b=sides[1].index,
+                geometry_a=geometry_a,
+                geometry_b=geometry_b,
+                clearance=getattr(joint, joint.face_clearance(face)),
+                law=law,
             )
+
+
+FaceRow = tuple[str, int, tuple[Frame, Frame], Array, Array]
+
+
+def _faces(joint: Any, place: Mate) -> Iterator[FaceRow]:
+    """Yield the faces of a joint: name, kind of pair, the two bodies, and their geometry rows."""
+    if isinstance(joint, Prismatic):
+        if joint.block is not None:
+            yield from _block_in_slot(joint, place)
+        elif joint.shaft is not None:
+            radii = (joint.shaft.radius,) * len(joint.shaft.rings)
+            yield from _rings(joint, place, joint.shaft.rings, radii)
+        return
+    yield from _rings(joint, place, joint.rings or (), joint.radii)
+    if isinstance(joint, Revolute) and joint.flanges is not None:
+        yield from _flanges(joint, place)
+
+
+def _rings(joint: Any, place: Mate, stations: tuple[float, ...], radii: tuple[float, ...]) -> Iterator[FaceRow]:
+    """Rings of the first side around the cylinder on the second's axis."""
+    along, axis = place.a.direction(joint.axes[0]), place.b.direction(joint.axes[1])
+    for i, (station, radius) in enumerate(zip(stations, radii, strict=True)):
+        a, b = np.zeros(GEOMETRY), np.zeros(GEOMETRY)
+        a[:3] = place.point_a + station * along
+        b[:3], b[3:6], b[6:9], b[9] = place.point_b, axis, tangent(axis), radius
+        yield f"ring{i + 1}", RING_BORE, (place.a, place.b), a, b
+
+
+def _flanges(joint: Any, place: Mate) -> Iterator[FaceRow]:
+    """Three points of each end face of the bearing against the journal's flange beyond it (paper, figure 8).
+
+    With the journal centred a flange touches its end face: the clearance is a number added to the gap.
+    """
+    along = place.a.direction(joint.axes[0])
+    axis = place.align(along, place.b.direction(joint.axes[1]))
+    zero = place.a.direction(_across(joint.axes[0]))
+    for side, station in joint.flange_stations.items():
+        toward = axis if side == "start" else -axis
+        for i in range(3):
+            angle = joint.flanges.phase + i * 2 * np.pi / 3
+            way = np.cos(angle) * zero + np.sin(angle) * np.cross(along, zero)
+            point = place.point_a + station * along + joint.flanges.radius * way
+            plane = _plane(place.point_b + station * axis, toward)
+            yield f"flange_{side}{i + 1}", POINT_PLANE, (place.a, place.b), _point(point), plane
+
+
+def _block_in_slot(joint: Any, place: Mate) -> Iterator[FaceRow]:
+    """Corners of the block against the faces of the slot, four each.
+
+    With the block centred they touch: the clearances are numbers added to the gaps.
+    """
+    half = joint.block.half_length, joint.block.half_height, joint.block.half_width
+    guide, slider = _edges(place.a, joint.guide), _edges(place.b, joint.slider)
+    slider = [place.align(g, s) for g, s in zip(guide, slider, strict=True)]
+    for k, clearance, faces in ((1, joint.clearance, ("bottom", "top")), (2, joint.width_clearance, ("left", "right"))):
+        m = 3 - k
+        for face, side in zip(faces, (-1, 1), strict=True) if clearance is not None else ():
+            plane = _plane(place.point_a + side * half[k] * guide[k], -side * guide[k])
+            for i, (p, q) in enumerate(((-1, -1), (1, -1), (1, 1), (-1, 1))):
+                corner = side * half[k] * slider[k] + p * half[0] * slider[0] + q * half[m] * slider[m]
+                yield f"{face}{i + 1}", POINT_PLANE, (place.b, place.a), _point(place.point_b + corner), plane
+
+
+def _edges(frame: Frame, side: Any) -> list[Array]:
+    """Return the directions of a block's or slot's length, height and width."""
+    along, up = frame.direction(side.axis), frame.direction(side.normal)
+    up = up - (up @ along) * along
+    up = up / np.linalg.norm(up)
+    return [along, up, np.cross(along, up)]
+
+
+def _across(axis: Any) -> Array:
+    """Return the direction across ``axis`` nearest to the first of x, y, z that is most across it."""
+    n = np.asarray(axis, float)
+    e = np.eye(3)[np.argmin(np.abs(n))]
+    return np.asarray(e - (e @ n) * n)
+
+
+def _point(p: Array) -> Array:
+    """Return the geometry row of a point."""
+    row = np.zeros(GEOMETRY)
+    row[:3] = p
+    return row
+
+
+def _plane(p: Array, normal: Array) -> Array:
+    """Return the geometry row of a plane."""
+    row = np.zeros(GEOMETRY)
+    row[:3], row[3:6], row[6:9] = p, normal, tangent(normal)
+    return row

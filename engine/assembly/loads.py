@@ -1,4 +1,4 @@
-"""Springs, forces and torques as arrays."""
+"""Springs, dampers, forces and torques as arrays."""
 
 from typing import Any
 
@@ -6,62 +6,77 @@ import numpy as np
 
 from engine.assembly.frames import Array, Frame, quaternion
 from engine.kernels.model import Loads
-from engine.mechanism.loads import Force, Torque
+from engine.mechanism.loads import Force, LinearSpring, Torque, TorsionDamper, TorsionSpring
 from engine.mechanism.models import Mechanism
 
+ACTS = {"both": 0.0, "push": 1.0, "pull": -1.0}
 
-def load_arrays(mechanism: Mechanism, frames: dict[str, Frame]) -> Loads:
-    """Return all loads as arrays."""
+
+def load_arrays(mechanism: Mechanism, frames: dict[str, Frame], laws: dict[str, int]) -> Loads:
+    """Return all loads as arrays; a damper is a spring without stiffness.
+
+    ``laws`` has each time law's number by the key of its owner.
+    """
     return Loads(
         gravity=np.array(mechanism.gravity, float),
         **_springs(mechanism, frames),
         **_torsion_springs(mechanism, frames),
-        **_constant_loads(mechanism, frames),
+        **_forces(mechanism, frames, laws),
     )
 
 
 def _springs(mechanism: Mechanism, frames: dict[str, Frame]) -> dict[str, Any]:
-    """Return the springs between two points."""
-    springs = [s for s in mechanism.springs.values() if s.type == "linear"]
+    """Return the springs and dampers between two points."""
+    springs = [s for s in (*mechanism.springs.values(), *mechanism.dampers.values()) if s.type == "linear"]
     ends = [(frames[s.a.body], s.a.point, frames[s.b.body], s.b.point) for s in springs]
+    law = [
+        (s.stiffness, s.free_length, s.damping, s.preload, ACTS[s.acts])
+        if isinstance(s, LinearSpring)
+        else (0.0, 0.0, s.damping, 0.0, 0.0)
+        for s in springs
+    ]
     return {
         "spring_body": np.array([(a.index, b.index) for a, _, b, _ in ends], np.int64).reshape(-1, 2),
         "spring_point": np.array([(*a.point(p), *b.point(q)) for a, p, b, q in ends], float).reshape(-1, 6),
-        "spring_law": np.array([(s.stiffness, s.free_length, s.damping) for s in springs], float).reshape(-1, 3),
+        "spring_law": np.array(law, float).reshape(-1, 5),
     }
 
 
 def _torsion_springs(mechanism: Mechanism, frames: dict[str, Frame]) -> dict[str, Any]:
-    """Return the torsion springs; the angle at the start picks the branch of the angle."""
-    springs = [s for s in mechanism.springs.values() if s.type == "torsion"]
+    """Return the torsion springs and dampers; the angle at the start picks the branch of the angle."""
+    springs = [s for s in (*mechanism.springs.values(), *mechanism.dampers.values()) if s.type == "torsion"]
     ends = [(frames[s.a], frames[s.b]) for s in springs]
-    axes = [np.asarray(s.axis, float) / np.linalg.norm(s.axis) for s in springs]
-    law = [
-        (s.stiffness, s.free_angle - s.preload, s.damping, _start_angle(mechanism, s, axis))
-        for s, axis in zip(springs, axes, strict=True)
-    ]
+    elastic = [(s.stiffness, s.free_angle - s.preload) if isinstance(s, TorsionSpring) else (0.0, 0.0) for s in springs]
+    law = [(*k, s.damping, _start_angle(mechanism, s)) for k, s in zip(elastic, springs, strict=True)]
+    axes = [a.direction(s.axis) for (a, _), s in zip(ends, springs, strict=True)]
     return {
         "torsion_body": np.array([(a.index, b.index) for a, b in ends], np.int64).reshape(-1, 2),
-        "torsion_frame": np.array([(a.quaternion, b.quaternion) for a, b in ends], float).reshape(-1, 2, 4),
         "torsion_axis": np.array(axes, float).reshape(-1, 3),
+        "torsion_turn": np.array([_turn(a.quaternion, b.quaternion) for a, b in ends], float).reshape(-1, 4),
         "torsion_law": np.array(law, float).reshape(-1, 4),
     }
 
 
-def _start_angle(mechanism: Mechanism, spring: Any, axis: Array) -> float:
+def _turn(a: Array, b: Array) -> Array:
+    """Return b times the conjugate of a: what b's attitude is multiplied with to be a's where the angle is 0."""
+    return np.array([a @ b, *(a[0] * b[1:] - b[0] * a[1:] + np.cross(a[1:], b[1:]))])
+
+
+def _start_angle(mechanism: Mechanism, spring: TorsionSpring | TorsionDamper) -> float:
     """Angle of body b's frame about the spring's axis, from body a's, as the file places them."""
     a, b = mechanism.bodies[spring.a], mechanism.bodies[spring.b]
     qa, qb = quaternion(a.axis, a.angle), quaternion(b.axis, b.angle)
     vector = qa[0] * qb[1:] - qb[0] * qa[1:] - np.cross(qa[1:], qb[1:])
-    return float(2 * np.arctan2(vector @ axis, qa @ qb))
+    return float(2 * np.arctan2(vector @ np.array(spring.axis), qa @ qb))
 
 
-def _constant_loads(mechanism: Mechanism, frames: dict[str, Frame]) -> dict[str, Any]:
-    """Return constant forces (with their points) and torques, each with the phases in which it acts."""
+def _forces(mechanism: Mechanism, frames: dict[str, Frame], laws: dict[str, int]) -> dict[str, Any]:
+    """Return forces (with their points) and torques, each with the phases in which it acts and its time law."""
     phases = [p.name for p in mechanism.phases]
-    body, vector, in_body, active = [], [], [], []
-    loads: list[Force | Torque] = [*mechanism.forces.values(), *mechanism.torques.values()]
-    for load in loads:
+    body, vector, in_body, active, law = [], [], [], [], []
+    loads: dict[str, Force | Torque] = {f"forces.{name}": force for name, force in mechanism.forces.items()}
+    loads |= {f"torques.{name}": torque for name, torque in mechanism.torques.items()}
+    for key, load in loads.items():
         frame = frames[load.body]
         turn = frame.rotation if load.frame == "body" else np.eye(3)
         body.append(frame.index)
@@ -71,9 +86,11 @@ def _constant_loads(mechanism: Mechanism, frames: dict[str, Frame]) -> dict[str,
             vector.append([*np.zeros(6), *(turn @ load.torque)])
         in_body.append(load.frame == "body")
         active.append([load.phases is None or name in load.phases for name in phases])
+        law.append(laws.get(key, -1))
     return {
         "force_body": np.array(body, np.int64),
         "force_vector": np.array(vector, float).reshape(-1, 9),
         "force_in_body": np.array(in_body, bool),
+        "force_law": np.array(law, np.int64),
         "force_phase": np.array(active, bool).reshape(-1, len(phases)),
     }

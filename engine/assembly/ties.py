@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from engine.assembly.frames import Array
 from engine.kernels.model import Ties
+from engine.mechanism.models import Mechanism
 
 Places = NDArray[np.int64]
 
@@ -34,6 +35,15 @@ class Tie:
     arm: float = 1.0
     offset: float = 0.0
     law: int = -1
+
+
+def turning_arm(mechanism: Mechanism, bodies: list[str]) -> float:
+    """Return what makes an angle between bodies a length: the least radius of gyration of those that move.
+
+    That radius is sqrt(trace(I) / 2m), the root of the mean squared distance of the body's mass from its centre.
+    """
+    moving = [body for body in (mechanism.bodies[name] for name in bodies) if not body.fixed]
+    return float(min(np.sqrt(np.trace(np.array(b.inertia, float)) / (2 * (b.mass or 0.0))) for b in moving))
 
 
 def tie_arrays(ties: list[Tie]) -> Ties:
@@ -66,3 +76,11 @@ def layout(bodies: int, ties: list[Tie]) -> tuple[Places, Places]:
                 row[i] = place
                 place += 1
     return at, row
+
+
+def tie_runs(ties: Ties, at: Places) -> tuple[Places, Places]:
+    """Return where the velocities of each row's two bodies start and how many they are (0: the ground), (nt, 2)."""
+    bodies = np.stack([ties.a, ties.b], axis=1).reshape(-1, 2)
+    moving = bodies < at.size
+    start = np.where(moving, at[np.where(moving, bodies, 0)] if at.size else 0, 0)
+    return start, np.where(moving, 6, 0)

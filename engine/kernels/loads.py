@@ -1,16 +1,17 @@
-"""Forces and torques on the bodies: gravity, springs between points, torsion springs, constant loads by phase."""
+"""Forces and torques on the bodies: gravity, springs and dampers along lines and about axes, loads of a time law."""
 
 import numpy as np
 
 from engine.kernels.jit import kernel
 from engine.kernels.rotations import times, to_world, turn_to_world, twist_angle
+from engine.kernels.time_laws import time_law
 
 
 @kernel
-def apply_loads(bodies, loads, state, phase, wrench, a, b):
+def apply_loads(bodies, loads, time_laws, state, phase, t, wrench, a, b):
     """Write each body's force and torque about its centre of mass, world axes, shape (nb + 1, 6).
 
-    ``a``, ``b`` are work space, shape (3,).
+    ``t`` is the time since the start of the run; ``a``, ``b`` are work space, shape (3,).
     """
     for body in range(wrench.shape[0]):
         for k in range(3):
@@ -20,7 +21,42 @@ def apply_loads(bodies, loads, state, phase, wrench, a, b):
             wrench[body, 3 + k] = 0.0
     _linear_springs(loads, state, wrench, a, b)
     _torsion_springs(loads, state, wrench, a)
-    _constant_loads(loads, state, phase, wrench, a, b)
+    _forces_and_torques(loads, time_laws, state, phase, t, wrench, a, b)
+
+
+@kernel
+def potential_energy(bodies, loads, state):
+    """Return the energy stored in gravity (0 at the world's origin) and springs (0 where they exert no force).
+
+    Forces and torques of the file are not in it: what acts by phase, by time or in body axes has no potential. The
+    couple of a torsion spring is its gradient as long as its bodies turn about its axis only.
+    """
+    energy = 0.0
+    for body in range(bodies.mass.shape[0]):
+        for k in range(3):
+            energy -= bodies.mass[body] * loads.gravity[k] * state.x[body, k]
+    for i in range(loads.spring_body.shape[0]):
+        a, b, point = loads.spring_body[i, 0], loads.spring_body[i, 1], loads.spring_point[i]
+        square = 0.0
+        for k in range(3):
+            d = state.x[b, k] - state.x[a, k]
+            for j in range(3):
+                d += state.R[b, k, j] * point[3 + j] - state.R[a, k, j] * point[j]
+            square += d * d
+        force = _elastic_force(loads.spring_law[i], np.sqrt(square))
+        if force != 0.0:  # not a damper
+            energy += 0.5 * force * force / loads.spring_law[i, 0]
+    for i in range(loads.torsion_body.shape[0]):
+        angle = _torsion_angle(loads, state, i) - loads.torsion_law[i, 1]
+        energy += 0.5 * loads.torsion_law[i, 0] * angle * angle
+    return energy
+
+
+@kernel
+def _elastic_force(law, length):
+    """Return k (free length - length) + preload; nothing the wrong way of a one-sided spring."""
+    force = law[0] * (law[1] - length) + law[3]
+    return force if law[4] * force >= 0.0 else 0.0
 
 
 @kernel
@@ -34,7 +70,10 @@ def _linear_springs(loads, state, wrench, p, q):
 
 @kernel
 def spring_force(loads, state, i, p, q):
-    """Return k (free length - length) - c d(length)/dt of spring i and its direction; ``p``, ``q``: its two points."""
+    """Return the elastic force - c d(length)/dt of spring i, and its direction; ``p``, ``q``: written, its two points.
+
+    A one-sided spring that has lifted off damps nothing.
+    """
     a, b = loads.spring_body[i, 0], loads.spring_body[i, 1]
     to_world(state.x, state.R, a, loads.spring_point[i], 0, p)
     to_world(state.x, state.R, b, loads.spring_point[i], 3, q)
@@ -47,7 +86,11 @@ def spring_force(loads, state, i, p, q):
         state.x, state.R, state.v, a, p, d0, d1, d2
     )
     law = loads.spring_law[i]
-    return law[0] * (law[1] - length) - law[2] * rate, d0, d1, d2
+    elastic = _elastic_force(law, length)
+    force = elastic - law[2] * rate
+    if law[4] != 0.0 and (elastic == 0.0 or law[4] * force < 0.0):
+        force = 0.0
+    return force, d0, d1, d2
 
 
 @kernel
@@ -63,29 +106,31 @@ def _torsion_springs(loads, state, wrench, axis):
 
 @kernel
 def spring_torque(loads, state, i, axis):
-    """Return -k (angle - free angle) - c rate of torsion spring i; ``axis``: the world axis, fixed in body a."""
-    a, b = loads.torsion_body[i, 0], loads.torsion_body[i, 1]
-    law, n = loads.torsion_law[i], loads.torsion_axis[i]
-    fa, fb = loads.torsion_frame[i, 0], loads.torsion_frame[i, 1]
-    angle = twist_angle(times(state.p[a], fa), times(state.p[b], fb), n[0], n[1], n[2])
-    turns = np.round((angle - law[3]) / (2 * np.pi))  # the branch nearest to the angle at the start
-    angle -= 2 * np.pi * turns
-    _turn(fa, n, axis)
-    m0, m1, m2 = axis[0], axis[1], axis[2]
-    R = state.R[a]
-    for k in range(3):
-        axis[k] = R[k, 0] * m0 + R[k, 1] * m1 + R[k, 2] * m2
+    """Return -k (angle - free angle) - c rate of torsion spring i; ``axis``: written, the world axis, fixed in a."""
+    a, b, law = loads.torsion_body[i, 0], loads.torsion_body[i, 1], loads.torsion_law[i]
+    turn_to_world(state.R, a, loads.torsion_axis[i], 0, axis)
     rate = spin_along(state.R, state.v, b, axis) - spin_along(state.R, state.v, a, axis)
-    return -law[0] * (angle - law[1]) - law[2] * rate
+    return -law[0] * (_torsion_angle(loads, state, i) - law[1]) - law[2] * rate
 
 
 @kernel
-def _constant_loads(loads, state, phase, wrench, p, f):
-    """Apply the forces and torques of the present phase."""
+def _torsion_angle(loads, state, i):
+    """Return the angle of body b from body a about spring i's axis."""
+    a, b, n = loads.torsion_body[i, 0], loads.torsion_body[i, 1], loads.torsion_axis[i]
+    angle = twist_angle(state.p[a], times(state.p[b], loads.torsion_turn[i]), n[0], n[1], n[2])
+    turns = np.floor((angle - loads.torsion_law[i, 3]) / (2 * np.pi) + 0.5)  # the branch nearest to the start's angle
+    return angle - 2 * np.pi * turns
+
+
+@kernel
+def _forces_and_torques(loads, time_laws, state, phase, t, wrench, p, f):
+    """Apply the forces and torques of the present phase, each times its law of time."""
     for i in range(loads.force_body.shape[0]):
         if not loads.force_phase[i, phase]:
             continue
-        body = loads.force_body[i]
+        body, factor = loads.force_body[i], 1.0
+        if loads.force_law[i] >= 0:
+            factor = time_law(time_laws, loads.force_law[i], t)
         row = loads.force_vector[i]
         to_world(state.x, state.R, body, row, 0, p)
         for part in range(2):
@@ -94,10 +139,10 @@ def _constant_loads(loads, state, phase, wrench, p, f):
             if loads.force_in_body[i]:
                 turn_to_world(state.R, body, row, k, f)
             if part == 0:
-                _add_force(state.x, body, p, f[0], f[1], f[2], wrench)
+                _add_force(state.x, body, p, factor * f[0], factor * f[1], factor * f[2], wrench)
             else:
                 for k in range(3):
-                    wrench[body, 3 + k] += f[k]
+                    wrench[body, 3 + k] += factor * f[k]
 
 
 @kernel
@@ -130,12 +175,3 @@ def speed_along(xs, Rs, vs, body, p, d0, d1, d2):
     o2 = R[2, 0] * v[3] + R[2, 1] * v[4] + R[2, 2] * v[5]
     y0, y1, y2 = p[0] - x[0], p[1] - x[1], p[2] - x[2]
     return d0 * (v[0] + o1 * y2 - o2 * y1) + d1 * (v[1] + o2 * y0 - o0 * y2) + d2 * (v[2] + o0 * y1 - o1 * y0)
-
-
-@kernel
-def _turn(p, v, out):
-    """Write the vector v turned by the quaternion p."""
-    c0, c1, c2 = p[2] * v[2] - p[3] * v[1], p[3] * v[0] - p[1] * v[2], p[1] * v[1] - p[2] * v[0]
-    out[0] = v[0] + 2 * (p[0] * c0 + p[2] * c2 - p[3] * c1)
-    out[1] = v[1] + 2 * (p[0] * c1 + p[3] * c0 - p[1] * c2)
-    out[2] = v[2] + 2 * (p[0] * c2 + p[1] * c1 - p[2] * c0)

@@ -35,6 +35,7 @@ class Contacts(NamedTuple):
     geometry_a: np.ndarray  # (nc, 11) see contacts.py
     geometry_b: np.ndarray  # (nc, 11)
     clearance: np.ndarray  # (nc,) radial clearance of a ring in a bore; minus the contact offset elsewhere
+    reach: np.ndarray  # (nc,) farthest point of side a's primitive from its body's centre of mass
 
 
 class Laws(NamedTuple):
@@ -71,14 +72,15 @@ class Loads(NamedTuple):
     gravity: np.ndarray  # (3,)
     spring_body: np.ndarray  # (ns, 2) int64
     spring_point: np.ndarray  # (ns, 6) the two points
-    spring_law: np.ndarray  # (ns, 3) stiffness, free length, damping
+    spring_law: np.ndarray  # (ns, 5) stiffness, free length, damping, preload, what it does: 1 pushes, -1 pulls, 0 both
     torsion_body: np.ndarray  # (nt, 2) int64
-    torsion_frame: np.ndarray  # (nt, 2, 4) quaternion of each body's own frame in the state's
-    torsion_axis: np.ndarray  # (nt, 3) in the frame of the first
+    torsion_axis: np.ndarray  # (nt, 3) fixed in the first body
+    torsion_turn: np.ndarray  # (nt, 4) quaternion: the second's attitude times it is the first's where the angle is 0
     torsion_law: np.ndarray  # (nt, 4) stiffness, angle without torque, damping, angle at the start
     force_body: np.ndarray  # (nf,) int64
     force_vector: np.ndarray  # (nf, 9) point, force, torque
     force_in_body: np.ndarray  # (nf,) bool: components in body axes
+    force_law: np.ndarray  # (nf,) int64 time law it is multiplied with, -1: none
     force_phase: np.ndarray  # (nf, n_phase) bool
 
 
@@ -118,15 +120,18 @@ class State(NamedTuple):
     v: np.ndarray  # (nb + 1, 6) velocity of the centre of mass (world), angular velocity (body axes)
     r: np.ndarray  # (nc, 3) contact impulses of the last step, (N, T1, T2)
     slip: np.ndarray  # (nc,) relative speed at the contacts that pressed in the last step
-    gap: np.ndarray  # (nc,)
-    speed: np.ndarray  # (1,) of the fastest contact point relative to its partner, at the end of the step
+    gap: np.ndarray  # (nc,) at the end of the step; of contacts out of reach a lower bound
 
 
 class Scratch(NamedTuple):
     """Work space of a step."""
 
     wrench: np.ndarray  # (nb + 1, 6) force and torque about the centre of mass, world axes
-    free: np.ndarray  # (nb + 1, 6) twist at the end of the step, without contact impulses
+    free: np.ndarray  # (nb + 1, 6) twist at the end of the step without contact impulses; a displacement in projection
+    rate: np.ndarray  # (nb + 1, 2) speed and angular speed
+    budget: np.ndarray  # (nc,) what the bodies may still move until the gap could have closed
+    lever: np.ndarray  # (nc,) what body b's angular speed counts with in that
+    near: np.ndarray  # (nc,) bool, found at this pose
     gap: np.ndarray  # (nc,) at mid-step
     point: np.ndarray  # (nc, 3) contact points
     frame: np.ndarray  # (nc, 3, 3) rows N, T1, T2
@@ -135,8 +140,17 @@ class Scratch(NamedTuple):
     u: np.ndarray  # (nc, 3) relative velocities
     active: np.ndarray  # (nc,) bool
     chosen: np.ndarray  # (nc,) int64, contacts of the friction problem
-    values: np.ndarray  # (nr,) responses
+    target: np.ndarray  # (3, nt) of the bilateral rows: at the start, at the end, rate at the end
+    violation: np.ndarray  # (nt,) of the bilateral rows, a length or its rate
+    tie_point: np.ndarray  # (nt, 3)
+    tie_way: np.ndarray  # (nt, 3)
+    values: np.ndarray  # (nr,) measured at the end of the last step
+    previous: np.ndarray  # (nr,) measured at its beginning
+    reported: np.ndarray  # (nr,) the responses, each read at its own instant
     anchor: np.ndarray  # (nr,) responses when the present pause began
     travel: np.ndarray  # (nc,) way slipped since then
+    kept_pose: np.ndarray  # (nb + 1, 16) position, quaternion and rotation at the start of the step
+    kept_v: np.ndarray  # (nb + 1, 6) twists then
+    kept_r: np.ndarray  # (nc, 3) impulses then
     a: np.ndarray  # (3,)
     b: np.ndarray  # (3,)

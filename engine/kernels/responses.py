@@ -19,6 +19,7 @@ JOINT_FORCE       first contact, number, direction    direction, or 0: the magni
 
 import numpy as np
 
+from engine.kernels.gaps import find_contact
 from engine.kernels.jit import kernel
 from engine.kernels.loads import speed_along, spin_along, spring_force, spring_torque
 from engine.kernels.model import (
@@ -39,12 +40,12 @@ from engine.kernels.rotations import times, to_world, turn_to_world, twist_angle
 
 
 @kernel
-def measure(responses, loads, state, frame, t, h, values, p, q):
+def measure(responses, contacts, loads, state, point, frame, t, h, values, p, q):
     """Write every response, shape (nr,), at the end of a step.
 
     Parameters
     ----------
-    frame : (nc, 3, 3) of the contacts
+    point, frame : (nc, 3), (nc, 3, 3) of the contacts; written where a gap is measured
     t, h : time at the end of the step, and its length
     values : (nr,) holds those of the step before, at the start the offsets: an angle counts its full turns from there
     p, q : work space, shape (3,)
@@ -52,7 +53,7 @@ def measure(responses, loads, state, frame, t, h, values, p, q):
     for i in range(values.shape[0]):
         kind, body, row = responses.kind[i], responses.body[i], responses.point[i]
         if kind == GAP:
-            value = state.gap[body[0]]
+            value = find_contact(contacts, state.x, state.R, body[0], point, frame)
         elif kind == SPRING_FORCE:
             value = spring_force(loads, state, body[0], p, q)[0]
         elif kind == SPRING_TORQUE:

@@ -2,9 +2,10 @@
 
 import math
 import sys
+from collections.abc import Mapping
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, StringConstraints
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StringConstraints
 from pydantic_core import PydanticCustomError
 
 from engine.mechanism.quantities import Quantity
@@ -33,6 +34,27 @@ def refuse(text: str, *, key: str = "", value: Any = None) -> PydanticCustomErro
         What stands at ``key``.
     """
     return PydanticCustomError("refused", "{text}", {"text": text, "key": key, "value": value})
+
+
+def one_of(**keys: str) -> Discriminator:
+    """Return the choice between tables that are told apart by which one of some keys they have.
+
+    Each table of the choice has the key as its tag, and as its class variable ``told_by``.
+
+    Parameters
+    ----------
+    **keys : str
+        Key -> what it means, for the error when none or several are there.
+    """
+
+    def found(value: Any) -> str | None:
+        entries = value.table() if isinstance(value, Model) else value if isinstance(value, Mapping) else {}
+        given = [key for key in keys if key in entries]
+        return given[0] if len(given) == 1 else None
+
+    meanings = ", ".join(f"{key} ({meaning})" for key, meaning in keys.items())
+    text = f"which kind is meant? allowed: exactly one of {meanings}; keep or add one"
+    return Discriminator(found, custom_error_type="refused", custom_error_message=text)
 
 
 def is_number(value: Any) -> bool:

@@ -95,7 +95,7 @@ def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem
     unit = quantity.unit(system) if quantity else ""
     key = ".".join(path)
     if kind == "refused":
-        below = context["key"]
+        below = context.get("key")
         if below:
             value = context["value"] if context["value"] is not None else _NOTHING
             path, _, field = _locate(root, (*details["loc"], *below.split(".")))
@@ -103,7 +103,7 @@ def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem
             unit = quantity.unit(system) if quantity else ""
         elif isinstance(value, Mapping | BaseModel):
             value = _NOTHING
-        return Fault(".".join(path), context["text"], value, unit)
+        return Fault(".".join(path), details["msg"], value, unit)
     if kind == "missing":
         return Fault(key, f"missing; it is {field.description if field else 'required'}; add it")
     if kind == "extra_forbidden":
@@ -162,7 +162,7 @@ def _locate(root: type[BaseModel], loc: Sequence[str | int]) -> tuple[list[str],
     for token in loc:
         options = _options(annotation)
         models = [o for o in options if isinstance(o, type) and issubclass(o, BaseModel)]
-        tagged = [m for m in models if len(options) > 1 and token in (_tag(m), m.__name__)]
+        tagged = [m for m in models if len(options) > 1 and token in (*_tags_of(m), m.__name__)]
         if tagged:
             annotation = tagged[0]
             continue
@@ -193,12 +193,13 @@ def _item(options: Sequence[Any]) -> Any:
 
 def _tags(annotation: Any) -> list[str]:
     """Return the values of ``type`` among which the tables of a dict can choose."""
-    return [tag for model in _options(_item(_options(annotation))) if (tag := _tag(model))]
+    return [tag for model in _options(_item(_options(annotation))) for tag in _tags_of(model)]
 
 
-def _tag(model: type[BaseModel]) -> str | None:
-    """Return the value of the model's ``type`` key."""
+def _tags_of(model: type[BaseModel]) -> tuple[str, ...]:
+    """Return by what pydantic tells the model from others: the values of its ``type`` key, or a key only it has."""
     field = model.model_fields.get("type")
     if field is None or get_origin(field.annotation) is not Literal:
-        return None
-    return str(get_args(field.annotation)[0])
+        told_by = getattr(model, "told_by", None)
+        return (told_by,) if told_by else ()
+    return tuple(map(str, get_args(field.annotation)))

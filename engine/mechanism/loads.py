@@ -1,4 +1,4 @@
-"""Springs, forces and torques."""
+"""Springs, dampers, forces and torques."""
 
 from typing import Annotated, Literal
 
@@ -6,12 +6,13 @@ from pydantic import Field
 
 from engine.mechanism.base import BodyPoint, Direction, Model, Name, Number, Point, Vector
 from engine.mechanism.quantities import Quantity
+from engine.mechanism.time_laws import FactorLaw
 
 Frame = Literal["world", "body"]
 
 
 class LinearSpring(Model):
-    """A force along the line of two points, k (free_length - length) - c d(length)/dt; > 0 pushes."""
+    """A force along the line of two points, k (free_length - length) + preload - c d(length)/dt; > 0 pushes."""
 
     type: Literal["linear"] = Field(description="the kind of spring")
     a: BodyPoint = Field(description="one end: { body, point }")
@@ -20,7 +21,13 @@ class LinearSpring(Model):
         description="the stiffness of the spring, a number > 0"
     )
     free_length: Annotated[Number, Field(ge=0), Quantity("length")] = Field(
-        description="the length without force, a number >= 0"
+        description="the length without force (with the preload alone), a number >= 0"
+    )
+    preload: Annotated[Number, Quantity("force")] = Field(
+        default=0.0, description="the force at free_length; > 0 pushes the ends apart"
+    )
+    acts: Literal["both", "push", "pull"] = Field(
+        default="both", description="both ways, or only while it pushes (lifts off), or only while it pulls (a rope)"
     )
     damping: Annotated[Number, Field(ge=0), Quantity("damping")] = Field(
         default=0.0, description="force per speed of its length, a number >= 0"
@@ -53,20 +60,52 @@ class TorsionSpring(Model):
 Spring = Annotated[LinearSpring | TorsionSpring, Field(discriminator="type")]
 
 
+class LinearDamper(Model):
+    """A force along the line of two points against the speed of its length, -c d(length)/dt."""
+
+    type: Literal["linear"] = Field(description="the kind of damper")
+    a: BodyPoint = Field(description="one end: { body, point }")
+    b: BodyPoint = Field(description="the other end: { body, point }")
+    damping: Annotated[Number, Field(gt=0), Quantity("damping")] = Field(
+        description="force per speed of its length, a number > 0"
+    )
+
+
+class TorsionDamper(Model):
+    """A balanced couple about an axis fixed in a, against the rotation of b relative to a: -c dphi/dt."""
+
+    type: Literal["torsion"] = Field(description="the kind of damper")
+    a: Name = Field(description="the body in which the axis is fixed")
+    b: Name = Field(description="the other body")
+    axis: Direction = Field(description="the axis of the couple, in the frame of a")
+    damping: Annotated[Number, Field(gt=0), Quantity("torsional damping")] = Field(
+        description="torque per angular speed, a number > 0"
+    )
+
+
+Damper = Annotated[LinearDamper | TorsionDamper, Field(discriminator="type")]
+
+
 class Force(Model):
-    """A constant force at a point of a body."""
+    """A force at a point of a body: constant, or times a law of time."""
 
     body: Name = Field(description="the body the force acts on")
     point: Point = Field(default=(0.0, 0.0, 0.0), description="where it acts, in the body frame")
     force: Annotated[Vector, Quantity("force")] = Field(description="the force [x, y, z]")
     frame: Frame = Field(default="world", description="the axes of the force: world or body")
+    law: FactorLaw | None = Field(
+        default=None, description="what it is multiplied with: { table } or { amplitude, frequency }; default: 1"
+    )
     phases: tuple[Name, ...] | None = Field(default=None, description="when it acts; default: in all phases")
 
 
 class Torque(Model):
-    """A constant torque on a body."""
+    """A torque on a body: constant, or times a law of time."""
 
     body: Name = Field(description="the body the torque acts on")
     torque: Annotated[Vector, Quantity("torque")] = Field(description="the torque [x, y, z]")
     frame: Frame = Field(default="world", description="the axes of the torque: world or body")
+    law: FactorLaw | None = Field(
+        default=None, description="what it is multiplied with: { table } or { amplitude, frequency }; default: 1"
+    )
     phases: tuple[Name, ...] | None = Field(default=None, description="when it acts; default: in all phases")

@@ -9,12 +9,13 @@ from pydantic_core import PydanticCustomError
 
 from engine.errors import MechanismError
 from engine.mechanism import values
-from engine.mechanism.base import Friction, Model, Name, Number, Restitution, Vector
+from engine.mechanism.base import Friction, Model, Name, Number, Restitution, Vector, is_number
 from engine.mechanism.bodies import Body
 from engine.mechanism.contacts import Contact
 from engine.mechanism.faults import Fault, faults_of
-from engine.mechanism.joints import ClearanceRevolute
-from engine.mechanism.loads import Force, Spring, Torque
+from engine.mechanism.joints import AnyJoint, Joint
+from engine.mechanism.loads import Damper, Force, Spring, Torque
+from engine.mechanism.motions import Motion
 from engine.mechanism.quantities import Quantity, UnitSystem
 from engine.mechanism.references import reference_faults
 from engine.mechanism.responses import Response, ValidityCondition
@@ -58,11 +59,30 @@ class Simulation(Model):
     wall_limit: Annotated[Number, Field(gt=0), Quantity("real time")] = Field(
         default=60.0, description="the longest real time of a run, a number > 0; then its status is timeout"
     )
+    joint_violation: Annotated[Number, Field(gt=0), Quantity("length")] = Field(
+        default=0.0,
+        validate_default=False,
+        description="the largest violation of an ideal joint after a step, a number > 0; default: penetration / 100",
+    )
+    scheme: Literal["combined", "moreau_jean"] = Field(
+        default="combined",
+        description="combined: impact law and projection of positions; moreau_jean: velocities only, gaps may drift",
+    )
+    theta: Annotated[Number, Field(ge=0.5, le=1), Quantity("number")] = Field(
+        default=0.5, description="where in a step loads and contacts are taken, 0.5 (second order) to 1 from its end"
+    )
     adaptive: Adaptive | None = Field(
         default=None,
         description="longer steps while everything is slow: { longest, travel }; default: one fixed step",
     )
     rest: Rest = Field(description="the stop criterion: { window, drift }")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_violation(cls, data: Any) -> Any:
+        if isinstance(data, dict) and "joint_violation" not in data and is_number(data.get("penetration")):
+            return {**data, "joint_violation": 0.01 * data["penetration"]}
+        return data
 
 
 class Phase(Model):
@@ -105,11 +125,13 @@ class Mechanism(Model):
     )
     materials: dict[Name, Material] = Field(default={}, description="pairs of materials")
     bodies: dict[Name, Body] = Field(description="the rigid bodies")
-    joints: dict[Name, ClearanceRevolute] = Field(default={}, description="the joints")
+    joints: dict[Name, AnyJoint] = Field(default={}, description="the joints")
     contacts: dict[Name, Contact] = Field(default={}, description="the contacts")
     springs: dict[Name, Spring] = Field(default={}, description="the springs")
-    forces: dict[Name, Force] = Field(default={}, description="the constant forces")
-    torques: dict[Name, Torque] = Field(default={}, description="the constant torques")
+    dampers: dict[Name, Damper] = Field(default={}, description="the dampers")
+    forces: dict[Name, Force] = Field(default={}, description="the forces")
+    torques: dict[Name, Torque] = Field(default={}, description="the torques")
+    motions: dict[Name, Motion] = Field(default={}, description="the prescribed motions")
     responses: dict[Name, Response] = Field(default={}, description="what is read off")
 
     @model_validator(mode="after")
@@ -123,7 +145,7 @@ class Mechanism(Model):
         """Return the unit of every response, by name."""
         return {name: response.quantity.unit(self.units) for name, response in self.responses.items()}
 
-    def contact_law(self, pair: ClearanceRevolute | Contact) -> tuple[float, float]:
+    def contact_law(self, pair: Joint | Contact) -> tuple[float, float]:
         """Return (friction, restitution) of a joint or contact: its own, else its material's."""
         own = (pair.friction, pair.restitution)
         if pair.material is None:
@@ -138,8 +160,20 @@ class Mechanism(Model):
         """Return the unit of a quantity, such as ``"length"`` or ``"time"``, in this mechanism's system."""
         return Quantity(quantity).unit(self.units)
 
+    def loose_joints(self) -> list[str]:
+        """Return the names of the joints that stand for a clearance."""
+        return [
+            name
+            for name, joint in self.joints.items()
+            if not joint.ideal and getattr(joint, joint.CLEARANCE) is not None
+        ]
+
+    def full_key(self, key: str) -> str:
+        """Return the dotted path a key stands for: a joint's name stands for its clearance."""
+        return values.full_key(self, key)
+
     def value(self, key: str) -> float:
-        """Return the number a key stands for: a joint's name (its radial clearance) or a dotted path.
+        """Return the number a key stands for: a joint's name (its clearance) or a dotted path.
 
         Raises
         ------

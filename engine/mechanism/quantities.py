@@ -12,6 +12,7 @@ _UNITS: dict[str, tuple[str, str]] = {
     "length": ("mm", "m"),
     "mass": ("g", "kg"),
     "time": ("ms", "s"),
+    "frequency": ("1/ms", "Hz"),
     "angle": ("rad", "rad"),
     "inertia": ("g mm2", "kg m2"),
     "speed": ("mm/ms", "m/s"),

@@ -6,7 +6,13 @@ from typing import Any
 from engine.mechanism.faults import Fault, did_you_mean
 from engine.mechanism.responses import CONDITION
 
-_PAIRED = {"joints": ("bearing", "journal"), "contacts": ("a", "b"), "springs": ("a", "b")}
+_PAIRED = {
+    "joints": (("bearing", "journal"), ("guide", "slider"), ("socket", "ball"), ("a", "b")),
+    "contacts": (("a", "b"),),
+    "springs": (("a", "b"),),
+    "dampers": (("a", "b"),),
+    "motions": (("body", "relative_to"),),
+}
 
 
 def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
@@ -46,14 +52,20 @@ def _phases(data: Mapping[str, Any]) -> list[str]:
     return named or ["run"]
 
 
+def _sides(table: str, entry: Any) -> tuple[str, str]:
+    """Return the keys of the two sides of a joint, contact or spring: those it has."""
+    there = entry if isinstance(entry, Mapping) else {}
+    return next((pair for pair in _PAIRED[table] if any(side in there for side in pair)), _PAIRED[table][0])
+
+
 def _references(data: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
     """Yield (kind of thing, key, name) for every name the file refers to."""
-    for table, sides in _PAIRED.items():
+    for table in _PAIRED:
         for name, entry in _table(data, table).items():
-            for side in sides:
-                torsion = isinstance(entry, Mapping) and isinstance(entry.get(side), str)
-                key = f"{table}.{name}.{side}" + ("" if torsion else ".body")
-                yield "body", key, entry[side] if torsion else _table(entry, side).get("body")
+            for side in _sides(table, entry):
+                named = isinstance(entry, Mapping) and isinstance(entry.get(side), str)
+                key = f"{table}.{name}.{side}" + ("" if named else ".body")
+                yield "body", key, entry[side] if named else _table(entry, side).get("body")
             yield "material", f"{table}.{name}.material", _table({"e": entry}, "e").get("material")
     for table in ("forces", "torques"):
         for name, entry in _table(data, table).items():
@@ -118,15 +130,16 @@ def _nothing_moves(data: Mapping[str, Any]) -> Iterator[Fault]:
     fixed = [name for name in bodies if _table(bodies, name).get("fixed") is True]
     if len(fixed) == len(bodies):
         yield Fault("bodies", "no body moves; allowed: at least one without fixed = true; add a moving body")
-    for table, (first, second) in _PAIRED.items():
+    for table in _PAIRED:
         for name, entry in _table(data, table).items():
-            ends = [_table({"e": entry}, "e").get(side) for side in (first, second)]
+            ends = [_table({"e": entry}, "e").get(side) for side in _sides(table, entry)]
             a, b = (end.get("body") if isinstance(end, Mapping) else end for end in ends)
             if isinstance(a, str) and a == b:
                 text = f"both sides are on {a}; allowed: two different bodies; correct one side"
                 yield Fault(f"{table}.{name}", text)
-            elif a in fixed and b in fixed:
-                text = f"{a} and {b} are both fixed; allowed: at least one that moves; remove it, or free one"
+            elif a in fixed and (b in fixed or (table == "motions" and b is None)):
+                both = f"{a} and {b or 'the world'} are both fixed"
+                text = f"{both}; allowed: at least one that moves; remove it, or free one"
                 yield Fault(f"{table}.{name}", text)
 
 

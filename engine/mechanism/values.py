@@ -1,8 +1,9 @@
 """One number of a mechanism by its key: read it, its unit, or set it.
 
-A key is a joint's name, which stands for its radial clearance, or the dotted path of a number in the file,
-such as `springs.A3.preload`. Setting happens once for each sample of a campaign, so only the tables on the
-way to the number are checked again, not the whole mechanism.
+A key is a joint's name, which stands for its clearance, or the dotted path of a number in the file, such as
+`springs.A3.preload`. An ideal joint has no number: what it keeps for its form with play does not act. Setting happens
+once for each sample of a campaign, so only the tables on the way to the number are checked again, not the whole
+mechanism.
 """
 
 import math
@@ -15,6 +16,7 @@ from pydantic import ValidationError
 from engine.errors import MechanismError
 from engine.mechanism.base import Model
 from engine.mechanism.faults import Fault, did_you_mean, faults_of, field_of, field_quantity
+from engine.mechanism.joints import Joint
 from engine.mechanism.moments import Event
 
 if TYPE_CHECKING:
@@ -36,9 +38,14 @@ def unit_of(mechanism: "Mechanism", key: str) -> str:
     return quantity.unit(mechanism.units) if quantity else "1"
 
 
+def full_key(mechanism: "Mechanism", key: str) -> str:
+    """Return the dotted path a key stands for; see `Mechanism.full_key`."""
+    return f"joints.{key}.{mechanism.joints[key].CLEARANCE}" if key in mechanism.joints else key
+
+
 def settable_keys(mechanism: "Mechanism") -> list[str]:
-    """Return every key that may be set: the joints' names first, then all dotted paths."""
-    return [*mechanism.joints, *_leaves(mechanism, "")]
+    """Return every key that may be set: the names of the joints with play first, then all dotted paths."""
+    return [*mechanism.loose_joints(), *_leaves(mechanism, "")]
 
 
 def set_values(mechanism: "Mechanism", changes: Mapping[str, float]) -> "Mechanism":
@@ -49,7 +56,7 @@ def set_values(mechanism: "Mechanism", changes: Mapping[str, float]) -> "Mechani
     mechanism : Mechanism
         Left as it is.
     changes : mapping
-        Key -> number, in the unit of the key; a joint's name (its radial clearance) or a dotted path.
+        Key -> number, in the unit of the key; a joint's name (its clearance) or a dotted path.
 
     Returns
     -------
@@ -111,14 +118,16 @@ def _with_item(items: Any, token: str, new: Any) -> Any:
 
 
 def _path(mechanism: "Mechanism", key: str) -> list[str]:
-    """Return the path of a key: a joint's name stands for its radial clearance."""
-    return ["joints", key, "radial_clearance"] if key in mechanism.joints else key.split(".")
+    """Return the path of a key, token by token."""
+    return full_key(mechanism, key).split(".")
 
 
 def _nodes(mechanism: "Mechanism", key: str) -> list[Any]:
     """Return what lies on the way to a number: the mechanism first, the number last."""
     nodes: list[Any] = [mechanism]
     for token in _path(mechanism, key):
+        if isinstance(nodes[-1], Joint) and nodes[-1].ideal:
+            raise MechanismError(_without_play(key, nodes[-1]))
         below = _below(nodes[-1])
         if token not in below:
             raise MechanismError(_unknown(mechanism, key))
@@ -132,17 +141,25 @@ def _nodes(mechanism: "Mechanism", key: str) -> list[Any]:
     return nodes
 
 
+def _without_play(key: str, joint: Joint) -> str:
+    """Say that an ideal joint has no clearance, and what would give it one."""
+    remedy = f'write type = "clearance_{joint.type}" into the file first' if joint.CLEARANCE else "set another number"
+    return f"{key}: a {joint.type} joint is ideal and has no play to set; {remedy}"
+
+
 def _unknown(mechanism: "Mechanism", key: str) -> str:
     """Say that no number has this key, and which keys there are."""
     joints = ", ".join(mechanism.joints) or "there is none"
     return (
-        f"{key}: unknown key; allowed: a joint ({joints}), whose radial clearance it sets, "
+        f"{key}: unknown key; allowed: a joint ({joints}), whose clearance it sets, "
         f"or the dotted path of a number in the file{did_you_mean(key, settable_keys(mechanism))}"
     )
 
 
 def _below(node: Any) -> Mapping[str, Any]:
     """Return what can be named inside ``node``."""
+    if isinstance(node, Joint) and node.ideal:
+        return {}
     if isinstance(node, Model):
         return node.table()
     if isinstance(node, tuple):

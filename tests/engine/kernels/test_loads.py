@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from engine.assembly import Assembly, assemble
-from engine.kernels.loads import apply_loads
+from engine.kernels.loads import apply_loads, potential_energy
 from tests.engine.small import made, place, small
 
 RNG_SEEDS = range(8)
@@ -53,10 +53,10 @@ def pose(assembly: Assembly) -> tuple[np.ndarray, np.ndarray]:
     return assembly.state.x[order], assembly.state.R[order]
 
 
-def wrench(assembly: Assembly, phase: int = 0) -> np.ndarray:
+def wrench(assembly: Assembly, phase: int = 0, t: float = 0.0) -> np.ndarray:
     """Return force and torque about the centre of mass, of a and of b."""
     model, state, work = assembly.model, assembly.state, assembly.work
-    apply_loads(model.bodies, model.loads, state, phase, work.wrench, work.a, work.b)
+    apply_loads(model.bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.a, work.b)
     return work.wrench[numbers(assembly)]
 
 
@@ -106,6 +106,21 @@ def wound(assembly: Assembly) -> float:
     return 0.5 * 5.0 * (angle - 0.4 + 0.3) ** 2
 
 
+def stored(assembly: Assembly) -> float:
+    """Potential energy of gravity and springs, by the kernel."""
+    return float(potential_energy(assembly.model.bodies, assembly.model.loads, assembly.state))
+
+
+def stretched_to(length: float, speed: float = 0.0, **spring: Any) -> tuple[float, float]:
+    """Return the push of a linear spring (k = 7, free length 1.2) of some length and speed, and its energy."""
+    ends = {"a": {"body": "a", "point": [0, 0, 0]}, "b": {"body": "b", "point": [length, 0, 0]}}
+    assembly = two_bodies(springs={"S": {**LINEAR, **ends, **spring}})
+    assembly.state.v[numbers(assembly)[1], 0] = speed
+    loads = wrench(assembly)
+    np.testing.assert_allclose(loads[0, :3], -loads[1, :3])
+    return float(loads[1, 0]), stored(assembly)
+
+
 def check_action_is_reaction(assembly: Assembly) -> None:
     """Assert that forces, and moments about the world's origin, sum to zero."""
     loads, (x, _) = wrench(assembly), pose(assembly)
@@ -128,6 +143,98 @@ def test_linear_spring_pushes_when_compressed():
     spring = {**LINEAR, "a": {"body": "a", "point": [0, 0, 0]}, "b": {"body": "b", "point": [0.5, 0, 0]}}
     loads = wrench(two_bodies(springs={"S": spring}))
     np.testing.assert_allclose(loads[:, :3], [[-4.9, 0, 0], [4.9, 0, 0]], atol=1e-12)
+
+
+SPRINGS = [
+    # acts, preload, length, push, energy
+    ("both", 0.0, 0.5, 4.9, 4.9**2 / 14),
+    ("both", 2.0, 0.5, 6.9, 6.9**2 / 14),
+    ("both", 0.0, 2.2, -7.0, 3.5),
+    ("push", 0.0, 0.5, 4.9, 4.9**2 / 14),
+    ("push", 0.0, 1.3, 0.0, 0.0),
+    ("push", 2.0, 1.3, 1.3, 1.3**2 / 14),
+    ("push", -2.0, 1.0, 0.0, 0.0),
+    ("pull", 0.0, 0.5, 0.0, 0.0),
+    ("pull", 0.0, 2.2, -7.0, 3.5),
+    ("pull", -2.0, 1.0, -0.6, 0.6**2 / 14),
+]
+
+
+@pytest.mark.parametrize(("acts", "preload", "length", "push", "energy"), SPRINGS)
+def test_springs_with_preload_and_of_one_way(acts, preload, length, push, energy):
+    """Force k (free length - length) + preload where the spring acts that way, by hand; energy force^2 / 2 k."""
+    found = stretched_to(length, acts=acts, preload=preload)
+    assert found == pytest.approx((push, energy), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("acts", "length", "speed", "push"),
+    [
+        ("push", 1.0, 0.5, 1.4 - 0.4),  # lengthens: the damper pulls, less than the spring pushes
+        ("push", 1.0, -0.5, 1.4 + 0.4),
+        ("push", 1.0, 3.0, 0.0),  # the damper would pull more: it lifts off
+        ("push", 1.4, -3.0, 0.0),  # has lifted off: no damping
+        ("pull", 1.4, 0.5, -1.4 - 0.4),
+        ("pull", 1.4, -3.0, 0.0),
+        ("pull", 1.0, 3.0, 0.0),  # slack
+        ("both", 1.0, 3.0, 1.4 - 2.4),
+    ],
+)
+def test_damping_of_a_spring_of_one_way_never_acts_the_other_way(acts, length, speed, push):
+    """Damping 0.8 and stiffness 7 at 0.2 from the free length, at some speed of the length."""
+    assert stretched_to(length, speed, acts=acts, damping=0.8)[0] == pytest.approx(push, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", RNG_SEEDS)
+@pytest.mark.parametrize("acts", ["both", "push", "pull"])
+def test_loads_are_the_gradient_of_the_potential_energy(acts, seed):
+    """Weight and linear springs with a preload, at any pose."""
+    spring = {**LINEAR, "free_length": 3.0, "preload": 2.0, "acts": acts}
+    assembly = two_bodies(springs={"S": spring}, gravity=[1.0, 2.0, -3.0])
+    scatter(assembly, np.random.default_rng(seed))
+    np.testing.assert_allclose(wrench(assembly), -gradient(assembly, stored), atol=1e-7)
+
+
+def test_potential_energy_by_hand():
+    """M g z of a body 5 above the origin, plus a torsion spring 0.7 from its free angle."""
+    torsion = {**TORSION, "a": "ground", "b": "c", "free_angle": -0.4, "preload": 0.3}
+    data = small(
+        bodies={"ground": {"fixed": True}, "c": {"mass": 3.0, "inertia": [1, 1, 1], "origin": [2, 0, 5]}},
+        springs={"S": torsion},
+        gravity=[0, 0, -2.0],
+    )
+    assert stored(assemble(made(data))) == pytest.approx(30.0 + 0.5 * 5.0 * 0.7**2, rel=1e-14)
+
+
+@pytest.mark.parametrize("seed", RNG_SEEDS)
+def test_torsion_couple_is_the_slope_of_the_potential_energy(seed):
+    """Along turns about the spring's axis, for the pair turned anyhow in the world."""
+    assembly, rng = two_bodies(springs={"S": TORSION}), np.random.default_rng(seed)
+    scatter(assembly, rng)
+    (x, R), b, angle, d = pose(assembly), numbers(assembly)[1], rng.uniform(-3, 3), 1e-5
+
+    def energy_at(phi: float) -> float:
+        place(assembly, b, x[1], Rotation.from_matrix(R[0]) * Rotation.from_rotvec(phi * AXIS))
+        return stored(assembly)
+
+    slope = (energy_at(angle + d) - energy_at(angle - d)) / (2 * d)
+    energy_at(angle)
+    assert wrench(assembly)[1, 3:] @ R[0] @ AXIS == pytest.approx(-slope, abs=1e-8)
+
+
+@pytest.mark.parametrize("seed", RNG_SEEDS)
+@pytest.mark.parametrize("spring", [LINEAR, TORSION], ids=["linear", "torsion"])
+def test_a_damper_is_the_damping_of_a_spring(spring, seed):
+    """A spring with damping is a spring and a damper side by side; the damper stores nothing."""
+    damper = {key: value for key, value in spring.items() if key in ("type", "a", "b", "axis")}
+    one = two_bodies(springs={"S": {**spring, "damping": 0.8}})
+    two = two_bodies(springs={"S": spring}, dampers={"D": {**damper, "damping": 0.8}})
+    for assembly in (one, two):
+        scatter(assembly, np.random.default_rng(seed))
+        assembly.state.v[:2] = np.random.default_rng(seed).normal(size=(2, 6))
+    assert np.abs(wrench(two_bodies(dampers={"D": {**damper, "damping": 0.8}}))).max() == 0, "at rest"
+    np.testing.assert_allclose(wrench(two), wrench(one), atol=1e-13)
+    assert stored(two) == stored(one)
 
 
 @pytest.mark.parametrize("seed", RNG_SEEDS)
@@ -168,6 +275,26 @@ def test_torsion_spring_counts_from_the_start_angle(start, angle):
     assembly = assemble(made(data))
     place(assembly, 0, np.zeros(3), Rotation.from_rotvec(angle * AXIS))
     assert wrench(assembly)[0, 3:] @ AXIS == pytest.approx(-5.0 * (angle - 0.4 + 0.3), rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", RNG_SEEDS)
+@pytest.mark.parametrize("fixed", ["a", "b"])
+def test_torsion_spring_to_a_fixed_body_that_is_turned(fixed, seed):
+    """The frames as the file places them: b turned by phi about the axis from a; then turned further."""
+    rng = np.random.default_rng(seed)
+    a, phi, more = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, 3)), rng.uniform(-1.5, 1.5), rng.uniform(-1, 1)
+    bodies = {}
+    for name, attitude in (("a", a), ("b", a * Rotation.from_rotvec(phi * AXIS))):
+        vector = attitude.as_rotvec()
+        angle = float(np.linalg.norm(vector))
+        own = {"fixed": True} if name == fixed else {"mass": 1.0, "inertia": [1, 1, 1]}
+        bodies[name] = {**own, "axis": (vector / angle).tolist(), "angle": angle}
+    assembly = assemble(made(small(bodies=bodies, springs={"S": TORSION})))
+    axis, sign = a.apply(AXIS), 1 if fixed == "a" else -1
+    np.testing.assert_allclose(wrench(assembly)[0, 3:], -sign * 5.0 * (phi - 0.1) * axis, atol=1e-13)
+    turn = Rotation.from_rotvec(sign * more * axis)
+    place(assembly, 0, np.zeros(3), turn * Rotation.from_matrix(assembly.state.R[0]))
+    np.testing.assert_allclose(wrench(assembly)[0, 3:], -sign * 5.0 * (phi + more - 0.1) * axis, atol=1e-13)
 
 
 @pytest.mark.parametrize("seed", RNG_SEEDS)

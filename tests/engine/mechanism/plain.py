@@ -57,8 +57,25 @@ def pendulum() -> dict[str, Any]:
                 "free_angle": 0.5,
             },
         },
-        "forces": {"weight": {"body": "link", "force": [0, -1, 0]}},
+        "dampers": {"grease": {"type": "torsion", "a": "ground", "b": "link", "axis": [0, 0, 1], "damping": 0.2}},
+        "forces": {
+            "weight": {"body": "link", "force": [0, -1, 0]},
+            "shake": {"body": "link", "force": [1, 0, 0], "law": {"amplitude": 0.5, "period": 0.1}},
+        },
         "torques": {"brake": {"body": "link", "torque": [0, 0, 1], "phases": ["hold"]}},
+        "motions": {
+            "lift": {
+                "body": "link",
+                "along": {"point": [0, -8, 0], "direction": [0, 1, 0]},
+                "law": {"table": [[0, 0], [0.5, 2]], "interpolation": "smooth"},
+            },
+            "swing": {
+                "body": "link",
+                "relative_to": "ground",
+                "about": {"axis": [0, 0, 1]},
+                "law": {"speed": 0.1},
+            },
+        },
         "responses": {
             "load": {"type": "contact_force", "contact": "stop"},
             "height": {

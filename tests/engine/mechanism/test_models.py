@@ -96,7 +96,7 @@ REFUSED = [
     ("bodies.link.fixed", "yes", "bodies.link.fixed = 'yes'", "not true or false"),
     ("bodies.b c", {"fixed": True}, "bodies.b c", "not a usable name"),
     ("bodies", 3, "bodies = 3", "not a table"),
-    ("joints.J1.type", "hinge", "joints.J1.type = 'hinge'", "'clearance_revolute'"),
+    ("joints.J1.type", "hinge", "joints.J1.type = 'hinge'", "revolute, clearance_revolute, "),
     ("joints.J1.bearing.body", "lnk", "joints.J1.bearing.body = 'lnk'", "did you mean 'link'?"),
     ("joints.J1.bearing.body", "ground", "joints.J1: both sides are on ground", "two different bodies"),
     ("joints.J1.bearing.axis", [0, 0, 0], "joints.J1.bearing.axis", "has no direction"),

@@ -1,0 +1,93 @@
+"""What must hold at the start pose: parts do not overlap, ideal joints are closed."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from engine.assembly.ties import Tie, tie_arrays, turning_arm
+from engine.errors import MechanismError
+from engine.kernels.gaps import find_contacts
+from engine.kernels.model import SLIDE, TURN, Contacts, Scratch, State
+from engine.kernels.ties import tie_violations
+from engine.mechanism.models import Mechanism
+
+JOINT_TOLERANCE = 1e-5  # how far off an ideal joint may be at the start, in arms of its bodies (hence also in rad)
+
+
+def refuse_overlap(mechanism: Mechanism, contacts: Contacts, names: list[str], state: State, work: Scratch) -> None:
+    """Write the gaps at the start into the state.
+
+    Raises
+    ------
+    MechanismError
+        If any gap is below minus the allowed penetration: one line for each contact, or clearance of a joint.
+    """
+    gap = state.gap
+    find_contacts(contacts, state.x, state.R, gap, work.point, work.frame)
+    worst: dict[str, int] = {}  # the faces of a joint that have one clearance share a fault
+    for i, name in enumerate(names):
+        if not gap[i] >= -mechanism.simulation.penetration:
+            key = _clearance_key(mechanism, name)
+            worst[key] = i if key not in worst or gap[i] < gap[worst[key]] else worst[key]
+    if worst:
+        lines = [_overlap(mechanism, key, names[i], float(gap[i]), contacts.clearance[i]) for key, i in worst.items()]
+        raise MechanismError("\n  ".join([f"{mechanism.name}: parts overlap at the start pose", *lines]))
+
+
+def _clearance_key(mechanism: Mechanism, name: str) -> str:
+    """Return the key of the number that opens a contact."""
+    joint, _, face = name.partition(".")
+    return f"joints.{joint}.{mechanism.joints[joint].face_clearance(face)}" if face else f"contacts.{name}"
+
+
+def _overlap(mechanism: Mechanism, key: str, name: str, gap: float, clearance: float) -> str:
+    """Say which pair overlaps and what would be allowed."""
+    unit = mechanism.unit("length")
+    if key == f"contacts.{name}":
+        return f"{key}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"
+    return (
+        f"{key} = {clearance:.6g} {unit}: {name.partition('.')[2]} is {clearance - gap:.6g} {unit} off its centred "
+        f"place at the start; allowed: at least {clearance - gap:.6g} {unit}, or move the bodies"
+    )
+
+
+def refuse_open_joints(mechanism: Mechanism, ties: list[Tie], state: State) -> None:
+    """Check the rows of the ideal joints.
+
+    Raises
+    ------
+    MechanismError
+        If the points of a joint are apart along a direction it holds, or its axes inclined (an angle times the arm),
+        by more than 1e-5 of the arm and more than `simulation.penetration`: one line for each.
+    """
+    if not ties:
+        return
+    rows, n = tie_arrays(ties), len(ties)
+    violation = np.zeros(n)
+    tie_violations(rows, state.x, state.R, np.zeros(n), violation, np.zeros((n, 3)), np.zeros((n, 3)))
+    joints = np.array([tie.name.partition(".")[0] for tie in ties])
+    faults: list[str] = []
+    for joint in dict.fromkeys(joints.tolist()):
+        slides, turns = (joints == joint) & (rows.kind == SLIDE), (joints == joint) & (rows.kind == TURN)
+        faults += _open(mechanism, joint, np.linalg.norm(violation[slides]), np.linalg.norm(violation[turns]))
+    if faults:
+        raise MechanismError("\n  ".join([f"{mechanism.name}: joints are open at the start pose", *faults]))
+
+
+def _open(mechanism: Mechanism, name: str, apart: Any, inclined: Any) -> Iterator[str]:
+    """Say by how much a joint's points are apart and its axes inclined [both lengths], if it is too much."""
+    joint, unit = mechanism.joints[name], mechanism.unit("length")
+    arm = turning_arm(mechanism, [side.body for side in joint.sides])
+    allowed = max(mechanism.simulation.penetration, JOINT_TOLERANCE * arm)
+    sides = " and ".join(joint.SIDES)
+    if not apart <= allowed:
+        yield (
+            f"joints.{name}: the points of {sides} are {apart:.6g} {unit} apart along what the joint holds; "
+            f"allowed: up to {allowed:.3g} {unit}; move a body, or correct one of the two points"
+        )
+    if not inclined <= allowed:
+        yield (
+            f"joints.{name}: the axes of {sides} are {inclined / arm:.6g} rad apart; "
+            f"allowed: up to {allowed / arm:.3g} rad; turn a body, or correct one of the two axes"
+        )

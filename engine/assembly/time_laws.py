@@ -1,0 +1,59 @@
+"""Laws of time as arrays: cubic pieces, and a sine on top."""
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
+
+from engine.assembly.frames import Array
+from engine.kernels.model import TimeLaws
+from engine.mechanism.models import Mechanism
+from engine.mechanism.time_laws import FactorSine, Law, Sine, Table
+
+
+def time_law_arrays(mechanism: Mechanism) -> tuple[TimeLaws, dict[str, int]]:
+    """Return all laws of time as arrays, and each one's number by the key of its owner, such as ``"forces.push"``."""
+    laws: dict[str, Law] = {
+        f"{table}.{name}": entry.law
+        for table in ("forces", "torques", "motions")
+        for name, entry in getattr(mechanism, table).items()
+        if entry.law is not None
+    }
+    pieces = [_pieces(law) for law in laws.values()]
+    rows = np.concatenate([np.zeros((0, 5)), *pieces])
+    arrays = TimeLaws(
+        first=np.cumsum([0, *map(len, pieces)], dtype=np.int64),
+        time=rows[:, 0].copy(),
+        piece=rows[:, 1:].copy(),
+        sine=np.array([_sine(law) for law in laws.values()], float).reshape(-1, 3),
+    )
+    return arrays, {owner: number for number, owner in enumerate(laws)}
+
+
+def _pieces(law: Law) -> Array:
+    """Return the time at which each piece begins and its four coefficients, shape (pieces, 5)."""
+    if isinstance(law, Table):
+        return _table(law)
+    if isinstance(law, Sine):
+        mean = law.mean + law.amplitude * np.sin(law.phase) if isinstance(law, FactorSine) else 0.0
+        return np.array([[0.0, mean, 0.0, 0.0, 0.0]])
+    return np.array([[0.0, 0.0, law.speed, 0.0, 0.0], [np.inf, 0.0, 0.0, 0.0, 0.0]])
+
+
+def _table(law: Table) -> Array:
+    """Return the pieces of a table; a smooth one is flat at both ends, where it goes on constant."""
+    t, y = np.array(law.points).T
+    rows = np.zeros((t.size, 5))
+    rows[:, 0], rows[:, 1] = t, y
+    if law.interpolation == "smooth":
+        slopes = PchipInterpolator(t, y).derivative()(t)
+        slopes[[0, -1]] = 0.0
+        rows[:-1, 2:] = CubicHermiteSpline(t, y, slopes).c[2::-1].T
+    else:
+        rows[:-1, 2] = np.diff(y) / np.diff(t)
+    return rows
+
+
+def _sine(law: Law) -> tuple[float, float, float]:
+    """Return amplitude, angular frequency and phase; zeros for a law that is no sine."""
+    if not isinstance(law, Sine):
+        return 0.0, 0.0, 0.0
+    return law.amplitude, law.angular_frequency, law.phase  # type: ignore[attr-defined]

@@ -1,0 +1,86 @@
+"""What all joints share: two sides, the word that makes one ideal or loose, and the law of its contacts."""
+
+from typing import Annotated, Any, ClassVar, Self
+
+from pydantic import Field, model_validator
+
+from engine.mechanism.base import BodyPoint, Direction, Friction, Model, Name, Restitution, is_number, refuse
+from engine.mechanism.quantities import Quantity
+
+PERPENDICULAR = 1e-5  # largest cosine of two directions that are meant to be perpendicular
+
+
+class Line(BodyPoint):
+    """A straight line that moves with a body."""
+
+    axis: Direction = Field(description="the direction of the axis, in the frame of the body")
+
+
+class Joint(Model):
+    """Base of all joints. A type with the prefix ``clearance_`` has play; the same type without it is ideal."""
+
+    SIDES: ClassVar[tuple[str, str]]
+    CLEARANCE: ClassVar[str] = ""
+    """The key a joint's name alone stands for; empty when the joint exists as an ideal one only."""
+
+    type: str = Field(description="the kind of joint")
+    material: Name | None = Field(default=None, description="the pair of materials, a table of [materials]")
+    friction: Annotated[Friction | None, Quantity("number")] = Field(
+        default=None, description="the coefficient of friction, instead of the material's"
+    )
+    restitution: Annotated[Restitution | None, Quantity("number")] = Field(
+        default=None, description="the coefficient of restitution, instead of the material's"
+    )
+
+    @property
+    def ideal(self) -> bool:
+        """Whether the joint has no play."""
+        return not self.type.startswith("clearance_")
+
+    @property
+    def sides(self) -> tuple[BodyPoint, BodyPoint]:
+        """The two sides, in the order of ``SIDES``."""
+        return getattr(self, self.SIDES[0]), getattr(self, self.SIDES[1])
+
+    @property
+    def axes(self) -> tuple[Any, Any] | None:
+        """The joint's axis in the frames of its two sides; None when it has none."""
+        first, second = self.sides
+        return (first.axis, second.axis) if isinstance(first, Line) and isinstance(second, Line) else None
+
+    def face_clearance(self, face: str) -> str:
+        """Return the key of the clearance at one of the joint's contacts, ``JOINT.face`` without the joint's name."""
+        return self.CLEARANCE
+
+    def _check_play(self) -> None:
+        """Refuse a joint with play that cannot be made of what is given."""
+
+    @model_validator(mode="after")
+    def _loose(self) -> Self:
+        if not self.ideal:
+            self._check_play()
+            if self.material is None and self.friction is None:
+                raise refuse("missing; name a pair of [materials], or give friction", key="material")
+        return self
+
+    def _need(self, *keys: str) -> None:
+        """Refuse the joint if one of the dotted ``keys`` is not given."""
+        for key in keys:
+            node: Any = self
+            *tables, last = key.split(".")
+            for table in tables:
+                node = getattr(node, table)
+            if getattr(node, last) is None:
+                what = type(node).model_fields[last].description
+                raise refuse(f"missing; it is {what}; add it, or make the joint an ideal one", key=key)
+
+
+def stations(value: Any) -> tuple[float, ...] | None:
+    """Read stations along an axis [length]: at least one, no two alike."""
+    if value is None:
+        return None
+    if not isinstance(value, list | tuple) or not value or not all(map(is_number, value)):
+        raise refuse("not a list of ring stations; allowed: one or more finite numbers; two rings carry tilt")
+    if len(set(value)) != len(value):
+        raise refuse("two rings at one station; allowed: different stations; remove one")
+    return tuple(float(s) for s in value)

@@ -1,0 +1,140 @@
+"""Laws of time: what a force is multiplied with, where a prescribed motion is. Time 0 is the start of the run."""
+
+import math
+from itertools import pairwise
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+from pydantic import BeforeValidator, Field, Tag, model_validator
+
+from engine.mechanism.base import Model, Number, is_number, one_of, refuse
+from engine.mechanism.quantities import Quantity
+
+Points = tuple[tuple[float, float], ...]
+
+
+def _points(value: Any) -> Points:
+    """Read two or more points [time, value] at increasing times."""
+    rows = value if isinstance(value, list | tuple) else ()
+    if len(rows) < 2 or not all(isinstance(p, list | tuple) and len(p) == 2 and all(map(is_number, p)) for p in rows):
+        raise refuse("not a table; allowed: two or more points [time, value] of finite numbers; write all of them")
+    points = tuple((float(t), float(y)) for t, y in rows)
+    for (before, _), (after, _) in pairwise(points):
+        if after <= before:
+            raise refuse(
+                f"time {after:g} comes after time {before:g}; allowed: increasing times; sort the points, "
+                "and write a jump as two points a short time apart"
+            )
+    return points
+
+
+class Table(Model):
+    """A law given by points; constant before the first and after the last."""
+
+    told_by: ClassVar[str] = "table"
+
+    points: Annotated[Points, BeforeValidator(_points)] = Field(
+        alias="table",
+        description="the points [time, value], two or more, at increasing times",
+        json_schema_extra={"minItems": 2},
+    )
+    interpolation: Literal["linear", "smooth"] = Field(
+        default="linear", description="between the points: linear, or smooth (monotone cubics, flat at both ends)"
+    )
+
+
+class MotionTable(Table):
+    """A table of a motion: it starts from the pose of the file."""
+
+    @model_validator(mode="after")
+    def _starts_at_the_pose(self) -> Self:
+        t, value = self.points[0]
+        if t != 0 or value != 0:
+            raise refuse(
+                f"begins with [{t:g}, {value:g}]; allowed: [0, 0], as a motion is measured from the pose of the file; "
+                "shift the table, or place the body elsewhere",
+                key="table",
+            )
+        return self
+
+
+class Sine(Model):
+    """What all sines have: how fast, and where in the period they start."""
+
+    told_by: ClassVar[str] = "amplitude"
+
+    frequency: Annotated[Number | None, Field(gt=0), Quantity("frequency")] = Field(
+        default=None, description="periods per time, a number > 0"
+    )
+    period: Annotated[Number | None, Field(gt=0), Quantity("time")] = Field(
+        default=None, description="the period, a number > 0, instead of frequency"
+    )
+    phase: Annotated[Number, Quantity("angle")] = Field(
+        default=0.0, description="the angle of the sine at the start of the run"
+    )
+
+    @property
+    def angular_frequency(self) -> float:
+        """Angle per time [rad/time]."""
+        return 2 * math.pi * (1 / self.period if self.frequency is None else self.frequency)  # type: ignore[operator]
+
+    @model_validator(mode="after")
+    def _how_fast(self) -> Self:
+        if (self.frequency is None) == (self.period is None):
+            raise refuse("how fast is it? allowed: exactly one of frequency, period; keep or add one")
+        return self
+
+
+class FactorSine(Sine):
+    """The factor mean + amplitude sin(2 pi frequency t + phase)."""
+
+    amplitude: Annotated[Number, Quantity("number")] = Field(description="the amplitude of the factor")
+    mean: Annotated[Number, Quantity("number")] = Field(
+        default=0.0, description="the factor about which the sine swings"
+    )
+
+
+class TravelSine(Sine):
+    """The way amplitude (sin(2 pi frequency t + phase) - sin(phase)): 0 at the start."""
+
+    amplitude: Annotated[Number, Quantity("length")] = Field(description="the amplitude of the way, a length")
+
+
+class TurnSine(Sine):
+    """The angle amplitude (sin(2 pi frequency t + phase) - sin(phase)): 0 at the start."""
+
+    amplitude: Annotated[Number, Quantity("angle")] = Field(description="the amplitude of the angle")
+
+
+class TravelRamp(Model):
+    """The way speed t."""
+
+    told_by: ClassVar[str] = "speed"
+
+    speed: Annotated[Number, Quantity("speed")] = Field(description="the constant speed")
+
+
+class TurnRamp(Model):
+    """The angle speed t."""
+
+    told_by: ClassVar[str] = "speed"
+
+    speed: Annotated[Number, Quantity("angular speed")] = Field(description="the constant angular speed")
+
+
+_TABLE, _SINE, _RAMP = "points of time", "a sine", "a constant speed"
+
+FactorLaw = Annotated[
+    Annotated[Table, Tag("table")] | Annotated[FactorSine, Tag("amplitude")],
+    one_of(table=_TABLE, amplitude=_SINE),
+]
+TravelLaw = Annotated[
+    Annotated[MotionTable, Tag("table")]
+    | Annotated[TravelSine, Tag("amplitude")]
+    | Annotated[TravelRamp, Tag("speed")],
+    one_of(table=_TABLE, amplitude=_SINE, speed=_RAMP),
+]
+TurnLaw = Annotated[
+    Annotated[MotionTable, Tag("table")] | Annotated[TurnSine, Tag("amplitude")] | Annotated[TurnRamp, Tag("speed")],
+    one_of(table=_TABLE, amplitude=_SINE, speed=_RAMP),
+]
+Law = Table | FactorSine | TravelSine | TurnSine | TravelRamp | TurnRamp

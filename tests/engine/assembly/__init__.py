@@ -1,0 +1,1 @@
+"""Tests of the assembly: what the arrays made of a description say."""

@@ -1,0 +1,128 @@
+"""Dampers, laws of time and prescribed motions as a user writes them: what is taken, refused, and can be set."""
+
+import contextlib
+import copy
+import json
+import tomllib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from engine.errors import MechanismError
+from engine.mechanism import Mechanism, mechanism_from, mechanism_schema, set_values, settable_keys
+from tests.engine.mechanism.plain import pendulum, put
+from tests.engine.mechanism.test_docs import EXAMPLE, PAGE
+from tests.engine.mechanism.test_models import JSON, faults
+
+SHAKE, LIFT, SWING = "forces.shake.law", "motions.lift", "motions.swing"
+
+REFUSED = [
+    ("springs.pull.acts", "press", "springs.pull.acts = 'press'", "'both', 'push' or 'pull'"),
+    ("springs.pull.preload", "1", "springs.pull.preload = '1'", "not a finite number"),
+    ("dampers.grease.damping", 0, "dampers.grease.damping = 0 N mm ms/rad", "allowed: > 0"),
+    ("dampers.grease.stiffness", 1, "dampers.grease.stiffness: unknown key", "damping"),
+    ("dampers.grease.type", "viscous", "dampers.grease.type = 'viscous'", "linear, torsion"),
+    ("dampers.grease.b", "lnk", "dampers.grease.b = 'lnk'", "did you mean 'link'?"),
+    ("dampers.grease.b", "ground", "dampers.grease: both sides are on ground", "two different bodies"),
+    (SHAKE, 3, f"{SHAKE} = 3", "exactly one of table (points of time), amplitude (a sine)"),
+    (SHAKE, {}, f"{SHAKE}: which kind is meant?", "exactly one of table"),
+    (SHAKE, {"speed": 1}, f"{SHAKE}: which kind is meant?", "exactly one of table"),
+    (f"{SHAKE}.table", [[0, 1], [1, 1]], f"{SHAKE}: which kind is meant?", "exactly one of table"),
+    (f"{SHAKE}.period", ..., f"{SHAKE}: how fast is it?", "exactly one of frequency, period"),
+    (f"{SHAKE}.frequency", 2, f"{SHAKE}: how fast is it?", "exactly one of frequency, period"),
+    (f"{SHAKE}.period", 0, f"{SHAKE}.period = 0 ms", "allowed: > 0"),
+    (f"{SHAKE}.amplitud", 1, f"{SHAKE}.amplitud: unknown key", "did you mean 'amplitude'?"),
+    (SHAKE, {"table": [[0, 1]]}, f"{SHAKE}.table = [[0, 1]]", "two or more points"),
+    (SHAKE, {"table": [0, 1]}, f"{SHAKE}.table = [0, 1]", "points [time, value]"),
+    (SHAKE, {"table": [[0, 1], [1, float("nan")]]}, f"{SHAKE}.table", "finite numbers"),
+    (SHAKE, {"table": [[0, 1], [2, 1], [2, 0]]}, f"{SHAKE}.table", "time 2 comes after time 2; allowed: increasing"),
+    (SHAKE, {"table": [[0, 1], [1, 1]], "interpolation": "cubic"}, f"{SHAKE}.interpolation", "'linear' or 'smooth'"),
+    (LIFT, 4, f"{LIFT} = 4", "exactly one of along (a translation), about (a rotation)"),
+    (f"{LIFT}.along", ..., f"{LIFT}: which kind is meant?", "exactly one of along"),
+    (f"{LIFT}.about", {"axis": [0, 0, 1]}, f"{LIFT}: which kind is meant?", "exactly one of along"),
+    (f"{LIFT}.along.direction", [0, 0, 0], f"{LIFT}.along.direction", "has no direction"),
+    (f"{LIFT}.along.direction", ..., f"{LIFT}.along.direction: missing", "in the frame of relative_to"),
+    (f"{LIFT}.law", ..., f"{LIFT}.law: missing", "{ table }, { speed } or { amplitude, frequency }"),
+    (f"{LIFT}.law.table", [[0, 1], [1, 2]], f"{LIFT}.law.table: begins with [0, 1]", "allowed: [0, 0]"),
+    (f"{LIFT}.law.table", [[1, 0], [2, 1]], f"{LIFT}.law.table: begins with [1, 0]", "allowed: [0, 0]"),
+    (f"{LIFT}.phases", ["hold"], f"{LIFT}.phases: unknown key", "body, relative_to, along, law"),
+    (f"{LIFT}.body", "ground", f"{LIFT}: ground and the world are both fixed", "at least one that moves"),
+    (f"{SWING}.body", "lnk", f"{SWING}.body = 'lnk'", "did you mean 'link'?"),
+    (f"{SWING}.relative_to", "grund", f"{SWING}.relative_to = 'grund'", "did you mean 'ground'?"),
+    (f"{SWING}.relative_to", "link", f"{SWING}: both sides are on link", "two different bodies"),
+    (f"{SWING}.law.speed", "fast", f"{SWING}.law.speed = 'fast'", "not a finite number"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "where", "allowed"), REFUSED, ids=lambda x: str(x)[:40])
+def test_a_fault_has_a_line_that_names_key_and_remedy(path, value, where, allowed):
+    """One line, and no other."""
+    (line,) = faults(put(pendulum(), path, copy.deepcopy(value)))
+    assert line.startswith(where)
+    assert allowed in line
+
+
+@given(key=st.sampled_from(sorted({path for path, *_ in REFUSED})), value=JSON)
+def test_no_value_anywhere_causes_anything_but_a_mechanism_or_its_error(key, value):
+    """No traceback, whatever is written."""
+    with contextlib.suppress(MechanismError):
+        assert isinstance(mechanism_from(put(pendulum(), key, value), "FILE"), Mechanism)
+
+
+UNITS = {
+    "springs.pull.preload": ("N", "N"),
+    "dampers.grease.damping": ("N mm ms/rad", "N m s/rad"),
+    "forces.shake.law.amplitude": ("1", "1"),
+    "forces.shake.law.mean": ("1", "1"),
+    "forces.shake.law.period": ("ms", "s"),
+    "forces.shake.law.phase": ("rad", "rad"),
+    "motions.swing.law.speed": ("rad/ms", "rad/s"),
+    "motions.lift.law.amplitude": ("mm", "m"),
+    "motions.lift.law.frequency": ("1/ms", "Hz"),
+}
+
+
+@pytest.mark.parametrize("key", UNITS)
+def test_every_single_number_can_be_set_in_its_unit(key):
+    """Read, set and read back; a translation's amplitude is a length, a rotation's speed an angular speed."""
+    data = put(pendulum(), "motions.lift.law", {"amplitude": 2.0, "frequency": 3.0})
+    mechanism, si = (mechanism_from(put(data, "units", units), "FILE") for units in ("mm-g-ms", "SI"))
+    assert (mechanism.unit_of(key), si.unit_of(key)) == UNITS[key]
+    assert key in settable_keys(mechanism)
+    assert set_values(mechanism, {key: 0.7}).value(key) == 0.7
+
+
+def test_a_value_is_checked_when_it_is_set():
+    """The other numbers of a law are checked with it."""
+    mechanism = mechanism_from(pendulum(), "FILE")
+    with pytest.raises(MechanismError, match=r"forces.shake.law.period = 0.0 ms: out of range; allowed: > 0"):
+        set_values(mechanism, {"forces.shake.law.period": 0.0})
+    with pytest.raises(MechanismError, match=r"motions.lift.law.table: not a single number"):
+        set_values(mechanism, {"motions.lift.law.table": 1.0})
+
+
+def test_dumped_and_read_again_it_is_the_same():
+    """Also where tables are told apart by a key they have."""
+    mechanism = mechanism_from(pendulum(), "FILE")
+    text = mechanism.model_dump_json(by_alias=True, exclude_none=True)
+    assert mechanism_from(json.loads(text), "JSON") == mechanism
+
+
+def test_schema_says_what_a_law_can_be():
+    """The choice between the tables, and the physical quantity of each number."""
+    schema = mechanism_schema()
+    tables = schema["$defs"]
+    law = tables["Rotation"]["properties"]["law"]
+    assert {entry["$ref"].split("/")[-1] for entry in law["oneOf"]} == {"MotionTable", "TurnSine", "TurnRamp"}
+    assert tables["TurnRamp"]["properties"]["speed"]["x-quantity"] == "angular speed"
+    assert tables["TravelSine"]["properties"]["amplitude"]["x-quantity"] == "length"
+    assert schema["properties"].keys() >= {"dampers", "motions"}
+
+
+def test_the_motions_of_the_page_load():
+    """The reference's motions, put into its example."""
+    motions = PAGE.split("```toml\n")[2].split("```")[0]
+    mechanism = mechanism_from(tomllib.loads(EXAMPLE + motions), "example")
+    assert list(mechanism.motions) == ["pull", "spin"]
+    assert mechanism.unit_of("motions.spin.law.speed") == "rad/ms"
