@@ -161,7 +161,7 @@ class ContactForce(Measured):
 
 
 class JointForce(Measured):
-    """The resultant of all contact forces of a joint with clearance, on its journal."""
+    """The resultant of all contact forces of a joint with clearance, on its second side, such as the journal."""
 
     measures = Quantity("force")
 
