@@ -11,11 +11,10 @@ import numpy as np
 
 from engine.friction.arrays import CONVERGED, friction_arrays
 from engine.friction.solver import solve_friction
-from engine.kernels.contacts import add_whitened, whitened_rows
+from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.gaps import find_contacts
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist
-from engine.kernels.velocity import free_relative_velocities
 
 if TYPE_CHECKING:
     from engine.assembly import Array, Assembly
@@ -47,18 +46,17 @@ def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: flo
     h *= 1e-3  # so short that the free motion of an unloaded step has no gyroscopic part
     state.v[:] = 0
     apply_loads(bodies, model.loads, state, phase, work.wrench, work.a, work.b)
-    free_twist(bodies, state.R, state.v, work.wrench, h, work.free)
+    free_twist(bodies, state.R, state.v, work.wrench, h, 0.5, work.free)
     find_contacts(contacts, state.x, state.R, work.gap, work.point, work.frame)
-    free_relative_velocities(contacts, laws, state, work, h)
 
     touching = np.flatnonzero((state.r[:, 0] > 0) | (work.gap <= touching_gap))
     n, nc = 6 * bodies.mass.size, touching.size
     # each contact's compliance is a spring of its own: three velocities that only this contact touches
     problem = friction_arrays(n + 3 * nc, nc, runs=3, k=15, band=n + 3 * nc)
     for j, i in enumerate(touching):
-        whitened_rows(
-            bodies, state.x, state.R, contacts.a[i], contacts.b[i], work.point, work.frame, i, problem.rows, j
-        )
+        at = (contacts.a[i], contacts.b[i], work.point, work.frame)
+        whitened_rows(bodies, state.x, state.R, *at, i, problem.rows, j)
+        relative_velocity(state.x, state.R, *at, work.free, i, work.q)
     diagonal = np.sum(problem.rows.G[:nc] ** 2) / max(3 * nc, 1)
     widths = problem.rows.width.sum(axis=1)
     problem.mu[:] = laws.mu[touching]

@@ -4,18 +4,17 @@ The compiled kernels are imported by the functions that need them: Numba alone t
 """
 
 import math
-import threading
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 from engine.mechanism import Mechanism, set_values
 
 if TYPE_CHECKING:
     from engine.assembly import Assembly
-
-Status = Literal["ok", "not_converged", "diverged", "timeout", "invalid"]
+    from engine.loop import Cancel
+    from engine.verdict import Status
 
 
 @dataclass(frozen=True)
@@ -29,8 +28,10 @@ class Certificate:
     wall_s : real time [s]
     max_residual : largest relative residual of a friction problem (see `engine.friction`)
     max_penetration : largest gap violation left after a step, in the mechanism's unit of length
+    max_violation : largest violation of an ideal joint or prescribed motion left after a step, in the same unit
     settled : at rest at the end
     iterations : Newton steps of the friction solver, all steps together
+    repeated : steps that were repeated with half their length
     """
 
     steps: int
@@ -38,15 +39,17 @@ class Certificate:
     wall_s: float
     max_residual: float
     max_penetration: float
+    max_violation: float
     settled: bool
     iterations: int
+    repeated: int
 
 
 @dataclass(frozen=True)
 class Run:
     """Result of a run; ``responses`` is empty unless ``status`` is "ok"."""
 
-    status: Status
+    status: "Status"
     message: str
     responses: dict[str, float]
     units: dict[str, str]
@@ -62,6 +65,7 @@ def simulate(
     step: float | None = None,
     horizon: float | None = None,
     full_horizon: bool = False,
+    cancel: "Cancel | None" = None,
 ) -> Run:
     """Simulate a mechanism until it is at rest and measure its responses (paper, sections 2 and 4.1).
 
@@ -72,6 +76,7 @@ def simulate(
     step : one fixed step, in the place of the description's steps [its unit of time]
     horizon : override the description's ``[simulation]`` [its unit of time]
     full_horizon : do not stop at rest in the last phase
+    cancel : a flag that ends the run when another thread sets it
 
     Raises
     ------
@@ -86,7 +91,7 @@ def simulate(
     if step is not None:
         fixed = mechanism.simulation.model_copy(update={"adaptive": None})
         mechanism = mechanism.model_copy(update={"simulation": fixed})
-    return _execute(mechanism, assemble(mechanism), full_horizon)
+    return _execute(mechanism, assemble(mechanism), full_horizon, cancel)
 
 
 def check(mechanism: Mechanism, values: Mapping[str, float] | None = None) -> None:
@@ -105,59 +110,33 @@ def warm_up() -> float:
     return time.perf_counter() - start
 
 
-def _execute(mechanism: Mechanism, assembly: "Assembly", full_horizon: bool) -> Run:
-    """Run the time loop under a time limit and translate its outcome."""
-    import numpy as np
+def _execute(mechanism: Mechanism, assembly: "Assembly", full_horizon: bool, cancel: "Cancel | None") -> Run:
+    """Run the time loop and translate its outcome."""
+    from engine.kernels import run
+    from engine.loop import control_of, drive
+    from engine.verdict import failure, judge
 
-    from engine.kernels.run import OK, Control, new_certificate, run
-
-    sim = mechanism.simulation
-    adaptive = sim.adaptive
-    control = Control(
-        step=sim.step,
-        longest=max(sim.step, adaptive.longest) if adaptive else sim.step,
-        travel=adaptive.travel if adaptive else np.inf,
-        horizon=sim.horizon,
-        tolerance=sim.tolerance,
-        penetration=sim.penetration,
-        window=sim.rest.window,
-        drift=sim.rest.drift,
-        full_horizon=full_horizon,
-    )
-    record = new_certificate()
-    stop = np.zeros(1, np.uint8)
-    state, work, problem = assembly.state, assembly.work, assembly.problem
-    backup = type(state)(*map(np.copy, state))
-    if not getattr(
-        run, "signatures", True
-    ):  # compile, or load from the cache, before the clock starts: a run to the horizon 0
-        run(assembly.model, state, backup, work, problem, control._replace(horizon=0.0), new_certificate(), stop)
-    timer = threading.Timer(sim.wall_limit, stop.__setitem__, (0, 1))
-    timer.daemon = True
     start = time.perf_counter()
-    timer.start()
-    try:
-        run(assembly.model, state, backup, work, problem, control, record, stop)
-    finally:
-        timer.cancel()
+    course = drive(assembly, control_of(mechanism, full_horizon), mechanism.simulation.wall_limit, cancel)
+    counts, reals = course.counts, course.reals
     certificate = Certificate(
-        steps=int(record.steps[0]),
-        time=float(record.time[0]),
+        steps=int(counts[run.STEPS]),
+        time=float(reals[run.TIME]),
         wall_s=time.perf_counter() - start,
-        max_residual=float(record.residual[0]),
-        max_penetration=float(record.penetration[0]),
-        settled=bool(record.settled[0]),
-        iterations=int(record.iterations[0]),
+        max_residual=float(reals[run.RESIDUAL]),
+        max_penetration=float(reals[run.WORST]),
+        max_violation=float(reals[run.OFF]),
+        settled=bool(counts[run.SETTLED]),
+        iterations=int(counts[run.ITERATIONS]),
+        repeated=int(counts[run.REPEATED]),
     )
     measured = dict(zip(mechanism.responses, map(float, assembly.work.values), strict=True))
-    code = int(record.status[0])
-    if code == OK and certificate.settled:
-        measured |= _forces_at_rest(mechanism, assembly, int(record.phase[0]))
-    if code == OK:
-        status, message = _judge(mechanism, measured, bool(record.completed[0]) or full_horizon)
+    if counts[run.STATUS] == run.OK:
+        if certificate.settled:
+            measured |= _forces_at_rest(mechanism, assembly, int(counts[run.PHASE]))
+        status, message = judge(mechanism, measured, bool(counts[run.COMPLETED]) or full_horizon)
     else:
-        where = assembly.contact_names[int(record.contact[0])] if record.contact[0] >= 0 else "no contact"
-        status, message = _failure(mechanism, code, where, certificate)
+        status, message = failure(mechanism, assembly, course)
     return Run(status, message, measured if status == "ok" else {}, mechanism.response_units(), certificate, measured)
 
 
@@ -172,48 +151,3 @@ def _forces_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int) -> d
     forces = forces_at_rest(assembly, phase, sim.step, sim.penetration)
     at = assembly.contact_names.index
     return {name: math.nan if forces is None else float(forces[at(contact), 0]) for name, contact in wanted.items()}
-
-
-def _judge(mechanism: Mechanism, measured: Mapping[str, float], completed: bool) -> tuple[Status, str]:
-    """Judge a run without failure: have its phases ended, and is the result within the validity conditions."""
-    unit, sim = mechanism.unit("time"), mechanism.simulation
-    if not completed:
-        return "not_converged", (
-            f"not at rest at the horizon of {sim.horizon:g} {unit}: for {sim.rest.window:g} {unit} no measured length "
-            f"may move by {sim.rest.drift:g} {mechanism.unit('length')}; raise simulation.horizon, or give the phase "
-            "a duration"
-        )
-    if any(math.isnan(value) for value in measured.values()):
-        return (
-            "not_converged",
-            "at rest, but no contact forces were found that balance the loads at this pose",
-        )
-    for condition in mechanism.validity:
-        if not condition.holds(measured):
-            value, of = measured[condition.response], mechanism.response_units()[condition.response]
-            return (
-                "invalid",
-                f"validity condition {condition} is broken: {condition.response} = {value:.6g} {of}",
-            )
-    return "ok", ""
-
-
-def _failure(mechanism: Mechanism, code: int, where: str, certificate: Certificate) -> tuple[Status, str]:
-    """Say what ended a run before its end, and where."""
-    from engine.kernels.run import DIVERGED, NOT_CONVERGED, PENETRATION
-
-    sim = mechanism.simulation
-    at = f"at step {certificate.steps}, t = {certificate.time:.6g} {mechanism.unit('time')}"
-    if code == DIVERGED:
-        return "diverged", f"the motion is not finite {at}; a smaller simulation.step may help"
-    if code == NOT_CONVERGED:
-        return "not_converged", (
-            f"friction problem: residual {certificate.max_residual:.3g} {at}; "
-            f"allowed: simulation.tolerance = {sim.tolerance:g}"
-        )
-    if code == PENETRATION:
-        return "not_converged", (
-            f"contact {where}: penetration {certificate.max_penetration:.3g} {mechanism.unit('length')} {at}; "
-            f"allowed: simulation.penetration = {sim.penetration:g}"
-        )
-    return "timeout", f"stopped after {sim.wall_limit:g} s (simulation.wall_limit) {at}"

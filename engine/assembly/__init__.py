@@ -11,9 +11,9 @@ from engine.assembly.joints import joint_pairs
 from engine.assembly.loads import load_arrays
 from engine.assembly.responses import response_arrays
 from engine.assembly.start import refuse_open_joints, refuse_overlap
-from engine.assembly.ties import layout, tie_arrays
+from engine.assembly.ties import Places, layout, tie_arrays, tie_runs
 from engine.friction.arrays import FrictionArrays, friction_arrays
-from engine.kernels.model import Bodies, Contacts, Model, Scratch, State, TimeLaws
+from engine.kernels.model import Bodies, Model, Scratch, State, TimeLaws
 from engine.mechanism.models import Mechanism
 
 __all__ = ["Array", "Assembly", "assemble"]
@@ -28,6 +28,7 @@ class Assembly:
     work: Scratch
     problem: FrictionArrays
     contact_names: tuple[str, ...]
+    tie_names: tuple[str, ...]
 
 
 def assemble(mechanism: Mechanism) -> Assembly:
@@ -42,12 +43,12 @@ def assemble(mechanism: Mechanism) -> Assembly:
     frames, state = place_bodies(mechanism, order)
     moving = [mechanism.bodies[name] for name in order]
     inertia = np.array([b.inertia for b in moving], float).reshape(-1, 3, 3)
-    pairs = [*joint_pairs(mechanism, frames, state.R), *contact_pairs(mechanism, frames)]
-    names = [pair.name for pair in pairs]
-    contacts, laws = contact_arrays(pairs)
-    ties = [*joint_ties(mechanism, frames, state.R)]
-    at, _ = layout(len(moving), ties)
     mass = np.array([b.mass for b in moving], float)
+    pairs = [*joint_pairs(mechanism, frames, state.R), *contact_pairs(mechanism, frames)]
+    ties = [*joint_ties(mechanism, frames, state.R)]
+    at, multiplier = layout(len(moving), ties)
+    contacts, laws = contact_arrays(pairs)
+    names = [pair.name for pair in pairs]
     model = Model(
         bodies=Bodies(mass, inertia, np.linalg.inv(np.linalg.cholesky(inertia)) if moving else inertia, at),
         contacts=contacts,
@@ -58,26 +59,42 @@ def assemble(mechanism: Mechanism) -> Assembly:
         responses=response_arrays(mechanism, frames, names),
         phase_duration=np.array([np.inf if p.duration is None else p.duration for p in mechanism.phases]),
     )
-    nb, nc, nr = len(moving), len(names), len(mechanism.responses)
-    state = state._replace(r=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc), speed=np.full(1, np.inf))
+    nc = len(pairs)
     assembly = Assembly(
         model,
-        state,
-        _scratch(nb, nc, nr),
-        friction_arrays(6 * nb, nc, 2, 12, _band(contacts, nb)),
+        state._replace(r=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc)),
+        _scratch(len(moving), nc, len(ties), len(mechanism.responses)),
+        _problem(model, multiplier),
         tuple(names),
+        tuple(tie.name for tie in ties),
     )
-    refuse_open_joints(mechanism, ties, state)
-    refuse_overlap(mechanism, contacts, names, state, assembly.work)
+    refuse_open_joints(mechanism, ties, assembly.state)
+    refuse_overlap(mechanism, contacts, names, assembly.state, assembly.work)
     return assembly
 
 
-def _scratch(nb: int, nc: int, nr: int) -> Scratch:
+def _problem(model: Model, multiplier: Places) -> FrictionArrays:
+    """Allocate the friction problem of a step; the places of its bilateral rows never change."""
+    contacts, ties, at = model.contacts, model.ties, model.bodies.at
+    nb, nt = at.size, multiplier.size
+    start, width = tie_runs(ties, at)
+    spans = [abs(at[a] - at[b]) + 5 for a, b in zip(contacts.a, contacts.b, strict=True) if a < nb and b < nb]
+    spans += [place - min(start[i][width[i] > 0]) for i, place in enumerate(multiplier)]
+    problem = friction_arrays(6 * nb + nt, contacts.a.size, 2, 12, int(max(spans, default=5)), nt)
+    problem.ties.at[:], problem.ties.start[:], problem.ties.width[:] = multiplier, start, width
+    return problem
+
+
+def _scratch(nb: int, nc: int, nt: int, nr: int) -> Scratch:
     """Allocate the work space of a run."""
-    bodies, contacts = np.zeros((2, nb + 1, 6)), np.zeros((3, nc, 3))
+    bodies, contacts = np.zeros((3, nb + 1, 6)), np.zeros((4, nc, 3))
     return Scratch(
         wrench=bodies[0],
         free=bodies[1],
+        rate=np.zeros((nb + 1, 2)),
+        budget=np.zeros(nc),
+        lever=np.zeros(nc),
+        near=np.zeros(nc, bool),
         gap=np.zeros(nc),
         point=contacts[0],
         frame=np.zeros((nc, 3, 3)),
@@ -86,15 +103,16 @@ def _scratch(nb: int, nc: int, nr: int) -> Scratch:
         u=contacts[2],
         active=np.zeros(nc, bool),
         chosen=np.zeros(nc, np.int64),
+        target=np.zeros((3, nt)),
+        violation=np.zeros(nt),
+        tie_point=np.zeros((nt, 3)),
+        tie_way=np.zeros((nt, 3)),
         values=np.zeros(nr),
         anchor=np.zeros(nr),
         travel=np.zeros(nc),
+        kept_pose=np.zeros((nb + 1, 16)),
+        kept_v=bodies[2],
+        kept_r=contacts[3],
         a=np.zeros(3),
         b=np.zeros(3),
     )
-
-
-def _band(contacts: Contacts, nb: int) -> int:
-    """Return how far apart the velocities of one contact can lie."""
-    moving = (contacts.a < nb) & (contacts.b < nb)
-    return 6 * int(np.abs(contacts.a - contacts.b)[moving].max(initial=0)) + 5

@@ -76,8 +76,14 @@ def contact_arrays(pairs: list[Pair]) -> tuple[Contacts, Laws]:
         geometry_a=np.array([pair.geometry_a for pair in pairs]).reshape(-1, GEOMETRY),
         geometry_b=np.array([pair.geometry_b for pair in pairs]).reshape(-1, GEOMETRY),
         clearance=np.array([pair.clearance for pair in pairs], float),
+        reach=np.array([reach(pair.geometry_a) for pair in pairs], float),
     )
     return contacts, Laws(np.ascontiguousarray(laws[:, 0]), np.ascontiguousarray(laws[:, 1]))
+
+
+def reach(geometry: Array) -> float:
+    """Return how far from its body's centre of mass a side a can touch: its point's distance plus its radius."""
+    return float(np.linalg.norm(geometry[:3]) + geometry[9])
 
 
 def _primitive(side: Any, frames: dict[str, Frame]) -> Array:

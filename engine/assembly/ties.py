@@ -76,3 +76,11 @@ def layout(bodies: int, ties: list[Tie]) -> tuple[Places, Places]:
                 row[i] = place
                 place += 1
     return at, row
+
+
+def tie_runs(ties: Ties, at: Places) -> tuple[Places, Places]:
+    """Return where the velocities of each row's two bodies start and how many they are (0: the ground), (nt, 2)."""
+    bodies = np.stack([ties.a, ties.b], axis=1).reshape(-1, 2)
+    moving = bodies < at.size
+    start = np.where(moving, at[np.where(moving, bodies, 0)] if at.size else 0, 0)
+    return start, np.where(moving, 6, 0)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from engine.friction.ties import Ties
 from engine.kernels.jit import kernel
 
 BODY = 6  # velocities of a body
@@ -33,6 +34,7 @@ class FrictionArrays(NamedTuple):
     """A whitened friction problem of at most ``nc`` contacts and ``n`` velocities, its unknowns and work space."""
 
     rows: Rows
+    ties: Ties
     q: np.ndarray  # (nc, 3) relative velocity without impulses, plus the law's shift
     mu: np.ndarray  # (nc,)
     r: np.ndarray  # (nc, 3) impulses: start on entry, solution on return
@@ -57,7 +59,7 @@ class FrictionArrays(NamedTuple):
     shift: np.ndarray  # (nc,) that shift
 
 
-def friction_arrays(n: int, nc: int, runs: int, k: int, band: int) -> FrictionArrays:
+def friction_arrays(n: int, nc: int, runs: int, k: int, band: int, ties: int = 0) -> FrictionArrays:
     """Allocate ``nc`` contacts on ``n`` velocities, each touching at most ``k`` of them in at most ``runs`` runs."""
     shapes = {
         "mu": (nc,), "scale": (nc,), "q0": (nc,), "shift": (nc,), "A": (nc, 3, 3), "W": (nc, 3, 3), "AG": (3, k),
@@ -65,7 +67,13 @@ def friction_arrays(n: int, nc: int, runs: int, k: int, band: int) -> FrictionAr
     }  # fmt: skip
     start, width = np.zeros((2, nc, runs), np.int64)
     rows = Rows(start, width, np.zeros((nc, 3, k)), np.array([band], np.int64))
-    return FrictionArrays(rows, *(np.zeros(shapes.get(name, (nc, 3))) for name in FrictionArrays._fields[1:]))
+    return FrictionArrays(
+        rows,
+        Ties(
+            np.zeros(ties, np.int64), np.zeros((ties, 2), np.int64), np.zeros((ties, 2), np.int64), np.zeros((ties, 12))
+        ),
+        *(np.zeros(shapes.get(name, (nc, 3))) for name in FrictionArrays._fields[2:]),
+    )
 
 
 @kernel

@@ -33,6 +33,7 @@ class Contacts(NamedTuple):
     geometry_a: np.ndarray  # (nc, 11) see contacts.py
     geometry_b: np.ndarray  # (nc, 11)
     clearance: np.ndarray  # (nc,) radial clearance of a ring in a bore; minus the contact offset elsewhere
+    reach: np.ndarray  # (nc,) farthest point of side a's primitive from its body's centre of mass
 
 
 class Laws(NamedTuple):
@@ -111,15 +112,18 @@ class State(NamedTuple):
     v: np.ndarray  # (nb + 1, 6) velocity of the centre of mass (world), angular velocity (body axes)
     r: np.ndarray  # (nc, 3) contact impulses of the last step, (N, T1, T2)
     slip: np.ndarray  # (nc,) relative speed at the contacts that pressed in the last step
-    gap: np.ndarray  # (nc,)
-    speed: np.ndarray  # (1,) of the fastest contact point relative to its partner, at the end of the step
+    gap: np.ndarray  # (nc,) at the end of the step; of contacts out of reach a lower bound
 
 
 class Scratch(NamedTuple):
     """Work space of a step."""
 
     wrench: np.ndarray  # (nb + 1, 6) force and torque about the centre of mass, world axes
-    free: np.ndarray  # (nb + 1, 6) twist at the end of the step, without contact impulses
+    free: np.ndarray  # (nb + 1, 6) twist at the end of the step without contact impulses; a displacement in projection
+    rate: np.ndarray  # (nb + 1, 2) speed and angular speed
+    budget: np.ndarray  # (nc,) what the bodies may still move until the gap could have closed
+    lever: np.ndarray  # (nc,) what body b's angular speed counts with in that
+    near: np.ndarray  # (nc,) bool, found at this pose
     gap: np.ndarray  # (nc,) at mid-step
     point: np.ndarray  # (nc, 3) contact points
     frame: np.ndarray  # (nc, 3, 3) rows N, T1, T2
@@ -128,8 +132,15 @@ class Scratch(NamedTuple):
     u: np.ndarray  # (nc, 3) relative velocities
     active: np.ndarray  # (nc,) bool
     chosen: np.ndarray  # (nc,) int64, contacts of the friction problem
+    target: np.ndarray  # (3, nt) of the bilateral rows: at the start, at the end, rate at the end
+    violation: np.ndarray  # (nt,) of the bilateral rows, a length or its rate
+    tie_point: np.ndarray  # (nt, 3)
+    tie_way: np.ndarray  # (nt, 3)
     values: np.ndarray  # (nr,) responses
     anchor: np.ndarray  # (nr,) responses when the present pause began
     travel: np.ndarray  # (nc,) way slipped since then
+    kept_pose: np.ndarray  # (nb + 1, 16) position, quaternion and rotation at the start of the step
+    kept_v: np.ndarray  # (nb + 1, 6) twists then
+    kept_r: np.ndarray  # (nc, 3) impulses then
     a: np.ndarray  # (3,)
     b: np.ndarray  # (3,)

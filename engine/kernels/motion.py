@@ -18,11 +18,11 @@ def move(state, dt):
 
 
 @kernel
-def free_twist(bodies, R, twist, wrench, h, free):
+def free_twist(bodies, R, twist, wrench, h, theta, free):
     """Write the twists at the end of a step of length ``h`` under the loads alone.
 
-    The gyroscopic moment is taken at the mean angular velocity, I (O+ - O) = h (M - Om x I Om), Om = (O + O+)/2: second
-    order, and a free body keeps its energy and its momentum.
+    The gyroscopic moment is taken within the step, I (O+ - O) = h (M - Om x I Om), Om = (1 - theta) O + theta O+: with
+    theta = 1/2 second order, and a free body keeps its energy and its momentum.
     """
     for body in range(bodies.mass.shape[0]):
         v, f, J, Q = twist[body], wrench[body], bodies.inertia[body], R[body]
@@ -33,7 +33,9 @@ def free_twist(bodies, R, twist, wrench, h, free):
         m2 = Q[0, 2] * f[3] + Q[1, 2] * f[4] + Q[2, 2] * f[5]
         a, b, c = v[3], v[4], v[5]
         for _ in range(EULER_STEPS):
-            o0, o1, o2 = 0.5 * (a + v[3]), 0.5 * (b + v[4]), 0.5 * (c + v[5])
+            o0 = v[3] + theta * (a - v[3])
+            o1 = v[4] + theta * (b - v[4])
+            o2 = v[5] + theta * (c - v[5])
             l0 = J[0, 0] * o0 + J[0, 1] * o1 + J[0, 2] * o2
             l1 = J[1, 0] * o0 + J[1, 1] * o1 + J[1, 2] * o2
             l2 = J[2, 0] * o0 + J[2, 1] * o1 + J[2, 2] * o2
@@ -48,3 +50,40 @@ def free_twist(bodies, R, twist, wrench, h, free):
             b = v[4] + root[1, 1] * z1 + root[2, 1] * z2
             c = v[5] + root[2, 2] * z2
         free[body, 3], free[body, 4], free[body, 5] = a, b, c
+
+
+@kernel
+def keep(state, work):
+    """Note pose, twists and impulses at the start of a step."""
+    for body in range(state.x.shape[0]):
+        row = work.kept_pose[body]
+        for k in range(3):
+            row[k] = state.x[body, k]
+            for j in range(3):
+                row[7 + 3 * k + j] = state.R[body, k, j]
+        for k in range(4):
+            row[3 + k] = state.p[body, k]
+        for k in range(6):
+            work.kept_v[body, k] = state.v[body, k]
+    for i in range(state.r.shape[0]):
+        for k in range(3):
+            work.kept_r[i, k] = state.r[i, k]
+
+
+@kernel
+def restore(state, work):
+    """Go back to the start of the step; every contact must be found anew."""
+    for body in range(state.x.shape[0]):
+        row = work.kept_pose[body]
+        for k in range(3):
+            state.x[body, k] = row[k]
+            for j in range(3):
+                state.R[body, k, j] = row[7 + 3 * k + j]
+        for k in range(4):
+            state.p[body, k] = row[3 + k]
+        for k in range(6):
+            state.v[body, k] = work.kept_v[body, k]
+    for i in range(state.r.shape[0]):
+        work.budget[i] = 0.0
+        for k in range(3):
+            state.r[i, k] = work.kept_r[i, k]

@@ -6,13 +6,19 @@ import numpy as np
 
 from engine.friction.arrays import CONVERGED
 from engine.kernels.jit import kernel
-from engine.kernels.model import CONTACT_FORCE
+from engine.kernels.motion import restore
+from engine.kernels.record import record
 from engine.kernels.responses import measure
+from engine.kernels.rest import moved, start_pause
 from engine.kernels.step import step
 
 HALVINGS = 4
-LOADED = 1e-3  # of the largest impulse: a contact that carries load
-OK, NOT_CONVERGED, PENETRATION, DIVERGED, STOPPED = range(5)
+
+OK, NOT_CONVERGED, PENETRATION, VIOLATION, DIVERGED, STOPPED, FULL = range(7)
+
+# what `Course.counts` and `Course.reals` hold
+STATUS, PHASE, STEPS, ITERATIONS, REPEATED, CONTACT, SETTLED, COMPLETED, STOPPED_BY, MADE = range(10)
+TIME, STEP, RESIDUAL, WORST, OFF, PAUSE, PHASE_END, FASTEST = range(8)
 
 
 class Control(NamedTuple):
@@ -21,106 +27,123 @@ class Control(NamedTuple):
     step: float  # the shortest, and the only one unless longest is larger
     longest: float  # longest step
     travel: float  # the step doubles while no contact point moves farther than this in one
+    theta: float  # share of the step after the instant of loads and contacts
+    plain: bool  # Moreau-Jean's scheme without projection
     horizon: float  # longest simulated time
     tolerance: float  # relative residual of every friction problem
     penetration: float  # largest gap violation after a step
+    violation: float  # largest violation of an ideal joint or prescribed motion after a step
     window: float  # nothing measured moves for so long: at rest
     drift: float  # what a length may move meanwhile and count as unmoved
     full_horizon: bool  # go on to the horizon even at rest
 
 
-class Certificate(NamedTuple):
-    """What a run proves of itself; one-element arrays, written by the loop."""
+class Course(NamedTuple):
+    """Where a run is, and what it proves of itself; the loop goes on from here when called again."""
 
-    status: np.ndarray  # (1,) int64, a code above
-    steps: np.ndarray  # (1,) int64
-    iterations: np.ndarray  # (1,) int64 of the friction solver
-    contact: np.ndarray  # (1,) int64 of the largest penetration left
-    phase: np.ndarray  # (1,) int64 phase reached
-    settled: np.ndarray  # (1,) bool: at rest at the end
-    completed: np.ndarray  # (1,) bool: every phase came to its end, those until rest to rest
-    time: np.ndarray  # (1,)
-    residual: np.ndarray  # (1,) largest
-    penetration: np.ndarray  # (1,) largest
-    repeated: np.ndarray  # (1,) int64 steps repeated with half their length
+    counts: np.ndarray  # (10,) int64, see above; MADE: steps that count
+    reals: np.ndarray  # (8,); WORST penetration, OFF: violation of a joint, FASTEST contact point
 
 
-def new_certificate() -> Certificate:
-    """Return a blank certificate."""
-    flags, floats = {"settled", "completed"}, {"time", "residual", "penetration"}
-    kinds = [np.bool_ if name in flags else np.float64 if name in floats else np.int64 for name in Certificate._fields]
-    return Certificate(*(np.zeros(1, kind) for kind in kinds))
+def new_course(control: Control) -> Course:
+    """Return the course of a run that has not begun."""
+    counts, reals = np.zeros(10, np.int64), np.zeros(8)
+    counts[PHASE], reals[STEP], reals[FASTEST] = -1, control.step, np.inf
+    return Course(counts, reals)
 
 
 @kernel
-def run(model, state, backup, work, problem, control, certificate, stop):
+def run(model, state, work, problem, control, course, rows, every, stop):
     """Simulate until rest in the last phase, or the horizon, or a failure.
 
     A step whose friction problem or projection is not solved is repeated with half its length, at most ``HALVINGS``
-    times; ``backup`` is a second state, to go back to.
+    times. Every ``every``-th step is written into ``rows`` (see `kernels.record`; 0: none); when they are full the
+    status is FULL, and the run goes on when called again with room in them.
 
     ``stop``, shape (1,) uint8, is set from another thread to end the run (time limit, cancel).
     """
-    h, t = control.step, 0.0
-    for phase in range(model.phase_duration.shape[0]):
-        certificate.phase[0] = phase
-        end = min(t + model.phase_duration[phase], control.horizon)
-        until_rest = model.phase_duration[phase] == np.inf
-        pause, settled = -1.0, False
-        stay = not until_rest or (control.full_horizon and phase == model.phase_duration.shape[0] - 1)
-        while t < end - 0.5 * control.step and (stay or not settled):
-            before, h = h, min(_next_step(h, state.speed[0], control), end - t)
-            _scale_impulses(state.r, h / before)
-            copy_state(state, backup)
-            whole = h
-            status, residual, worst, where = CONVERGED, 0.0, 0.0, -1
-            for _ in range(1 + HALVINGS):
-                status, residual, worst, where, iterations = step(
-                    model, state, work, problem, phase, h, control.tolerance, control.penetration
-                )
-                certificate.steps[0] += 1
-                certificate.iterations[0] += iterations
-                if status == CONVERGED and worst <= control.penetration:
-                    break
-                certificate.repeated[0] += 1
-                h *= 0.5
-                copy_state(backup, state)
-                _scale_impulses(state.r, h / whole)
-            t += h
-            certificate.time[0] = t
-            certificate.residual[0] = max(residual, certificate.residual[0])
-            certificate.penetration[0] = max(worst, certificate.penetration[0])
-            certificate.status[0] = _verdict(state.v, status, worst, control.penetration, stop[0])
-            if certificate.status[0] != OK:
-                certificate.contact[0] = where
+    n, now = course.counts, course.reals
+    n[STATUS] = OK
+    phases = model.phase_duration.shape[0]
+    if n[PHASE] < 0:
+        _next_phase(model.phase_duration, control, n, now)
+        measure(model.responses, state.x, state.R, state.r, now[STEP], work.values, work.a, work.b)
+    while n[PHASE] < phases:
+        until_rest = model.phase_duration[n[PHASE]] == np.inf
+        stay = not until_rest or (control.full_horizon and n[PHASE] == phases - 1)
+        if not (now[TIME] < now[PHASE_END] - 0.5 * control.step and (stay or n[SETTLED] == 0)):
+            if until_rest and n[SETTLED] == 0:
                 return
-            measure(model.responses, state.x, state.R, state.r, h, work.values, work.a, work.b)
-            moved = _moved(model.responses.kind, state, work, h, control.drift)
-            pause = 0.0 if moved or pause < 0.0 else pause + h
-            if moved or pause == 0.0:
-                _drop_anchor(work)
-            settled = pause >= control.window
-        certificate.settled[0] = settled
-        if until_rest and not settled:
+            _next_phase(model.phase_duration, control, n, now)
+            continue
+        if every > 0 and n[MADE] % every == 0 and record(model, state, work, now[TIME], now[STEP], rows):
+            n[STATUS] = FULL
             return
-    certificate.completed[0] = True
+        before = now[STEP]
+        now[STEP] = min(_next_step(before, now[FASTEST], control), now[PHASE_END] - now[TIME])
+        _scale_impulses(state.r, now[STEP] / before)
+        _advance(model, state, work, problem, control, n, now)
+        n[MADE] += 1
+        if n[STATUS] == OK and stop[0] != 0:
+            n[STATUS], n[STOPPED_BY] = STOPPED, stop[0]
+        if n[STATUS] != OK:
+            return
+        measure(model.responses, state.x, state.R, state.r, now[STEP], work.values, work.a, work.b)
+        _rest(model.responses.kind, state, work, control, n, now)
+    n[PHASE] = phases - 1
+    n[COMPLETED] = 1
 
 
 @kernel
-def copy_state(source, target):
-    """Copy pose, twists and impulses."""
-    for body in range(source.x.shape[0]):
-        for k in range(3):
-            target.x[body, k] = source.x[body, k]
-            for j in range(3):
-                target.R[body, k, j] = source.R[body, k, j]
-        for k in range(4):
-            target.p[body, k] = source.p[body, k]
+def _next_phase(duration, control, n, now):
+    """Enter the next phase."""
+    n[PHASE] += 1
+    if n[PHASE] < duration.shape[0]:
+        now[PHASE_END] = min(now[TIME] + duration[n[PHASE]], control.horizon)
+        now[PAUSE], n[SETTLED] = -1.0, 0
+
+
+@kernel
+def _advance(model, state, work, problem, control, n, now):
+    """Make one step, with half its length again and again if it is not solved, and judge it."""
+    status, residual, worst, where, off = CONVERGED, 0.0, 0.0, -1, 0.0
+    for attempt in range(1 + HALVINGS):
+        status, residual, worst, where, off, fastest, iterations = step(
+            model, state, work, problem, control, n[PHASE], now[TIME], now[STEP]
+        )
+        n[STEPS] += 1
+        n[ITERATIONS] += iterations
+        now[FASTEST] = fastest
+        if status == CONVERGED and worst <= control.penetration and off <= control.violation:
+            break
+        n[REPEATED] += 1
+        if attempt == HALVINGS:
+            break
+        now[STEP] *= 0.5
+        restore(state, work)
+        _scale_impulses(state.r, 0.5 ** (attempt + 1))
+    now[TIME] += now[STEP]
+    now[RESIDUAL], now[WORST], now[OFF] = max(residual, now[RESIDUAL]), max(worst, now[WORST]), max(off, now[OFF])
+    n[CONTACT] = where
+    n[STATUS] = OK
+    if not _finite(state.v) or not worst < np.inf:
+        n[STATUS] = DIVERGED
+    elif status != CONVERGED:
+        n[STATUS] = NOT_CONVERGED
+    elif not worst <= control.penetration:
+        n[STATUS] = PENETRATION
+    elif not off <= control.violation:
+        n[STATUS] = VIOLATION
+
+
+@kernel
+def _finite(v):
+    """Say whether all twists are finite numbers."""
+    for body in range(v.shape[0]):
         for k in range(6):
-            target.v[body, k] = source.v[body, k]
-    for i in range(source.r.shape[0]):
-        for k in range(3):
-            target.r[i, k] = source.r[i, k]
+            if not abs(v[body, k]) < np.inf:
+                return False
+    return True
 
 
 @kernel
@@ -142,45 +165,10 @@ def _scale_impulses(r, factor):
 
 
 @kernel
-def _verdict(v, status, worst, penetration, stop):
-    """Judge the step just made."""
-    for body in range(v.shape[0]):
-        for k in range(6):
-            if not abs(v[body, k]) < np.inf:
-                return DIVERGED
-    if not worst < np.inf:
-        return DIVERGED
-    if status != CONVERGED:
-        return NOT_CONVERGED
-    if worst > penetration:
-        return PENETRATION
-    return STOPPED if stop != 0 else OK
-
-
-@kernel
-def _drop_anchor(work):
-    """Note where everything is now."""
-    for i in range(work.values.shape[0]):
-        work.anchor[i] = work.values[i]
-    for i in range(work.travel.shape[0]):
-        work.travel[i] = 0.0
-
-
-@kernel
-def _moved(kind, state, work, h, drift):
-    """Say whether anything that matters moved since the anchor: a measured length, a contact that carries load.
-
-    Bodies without load may drift on for ever (a rod that spins slowly between its bearings): they do not count. Contact
-    forces do not count either: with everything sticking they may wander inside their indeterminacy.
-    """
-    moved, load = False, 0.0
-    for i in range(work.values.shape[0]):
-        if kind[i] != CONTACT_FORCE:
-            moved = moved or not abs(work.values[i] - work.anchor[i]) <= drift
-    for i in range(state.slip.shape[0]):
-        load = max(load, state.r[i, 0])
-    for i in range(state.slip.shape[0]):
-        if state.r[i, 0] > LOADED * load:
-            work.travel[i] += h * state.slip[i]
-            moved = moved or work.travel[i] > drift
-    return moved
+def _rest(kind, state, work, control, n, now):
+    """Measure how long nothing has moved that matters."""
+    unmoved = not moved(kind, state, work, now[STEP], control.drift)
+    now[PAUSE] = now[PAUSE] + now[STEP] if unmoved and now[PAUSE] >= 0.0 else 0.0
+    if now[PAUSE] == 0.0:
+        start_pause(work)
+    n[SETTLED] = 1 if now[PAUSE] >= control.window else 0

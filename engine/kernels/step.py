@@ -1,66 +1,76 @@
-"""One time step of length h: Moreau's midpoint rule with combined projection (paper, eqs. 20-22)."""
+"""One time step of length h: Moreau's theta-method with combined projection (paper, eqs. 20-22)."""
 
 from engine.friction.arrays import CONVERGED
 from engine.friction.solver import solve_friction
-from engine.kernels.gaps import find_contacts
 from engine.kernels.jit import kernel
+from engine.kernels.joints import align_velocities, hold_joints
 from engine.kernels.loads import apply_loads
-from engine.kernels.motion import free_twist, move
-from engine.kernels.projection import ROUNDS, TOLERANCE, displace, gather_projection, worst_penetration
+from engine.kernels.motion import free_twist, keep, move
+from engine.kernels.projection import project_positions
+from engine.kernels.ties import tie_targets
 from engine.kernels.velocity import (
     first_active_set,
     free_relative_velocities,
     gather,
     grow_active_set,
     scatter,
+    worst_contact,
 )
+from engine.kernels.watch import look_ahead, rates, spend
 
 GROWTH_ROUNDS = 20
 
 
 @kernel
-def step(model, state, work, problem, phase, h, tolerance, penetration):
-    """Advance ``state`` by ``h``.
+def step(model, state, work, problem, control, phase, t, h):
+    """Advance ``state`` by ``h`` from time ``t``.
 
     Returns
     -------
     status : of the friction solver
     residual : largest relative residual of the step's friction problems
-    worst, where : largest penetration left, and its contact
+    worst, where : largest penetration left, and the contact of it, or of the largest residual if not converged
+    off : largest joint violation left
+    fastest : relative speed of the fastest contact point
     iterations : of the friction solver
     """
-    bodies, contacts, laws = model.bodies, model.contacts, model.laws
-    velocities = 6 * bodies.mass.shape[0]
+    bodies, contacts, laws, ties = model.bodies, model.contacts, model.laws, model.ties
+    begin, rest = (1 - control.theta) * h, control.theta * h
+    keep(state, work)
 
-    # free motion to mid-step, and to the end of the step without impulses
-    move(state, 0.5 * h)
+    # free motion to within the step, and to its end without contact impulses
+    move(state, begin)
+    spend(contacts, state.x, state.v, begin, work.rate, work.lever, work.budget)
     apply_loads(bodies, model.loads, state, phase, work.wrench, work.a, work.b)
-    free_twist(bodies, state.R, state.v, work.wrench, h, work.free)
+    free_twist(bodies, state.R, state.v, work.wrench, h, control.theta, work.free)
+    tie_targets(ties, model.time_laws, t, h, work.target)
+    hold_joints(bodies, ties, state, work, problem, h, 1.0 if control.plain else control.theta)
 
-    # impulses at the contacts found at mid-step; the active set grows until nothing passes through it
-    find_contacts(contacts, state.x, state.R, work.gap, work.point, work.frame)
-    free_relative_velocities(contacts, laws, state, work, h)
-    first_active_set(laws, work, state.r, h)
-    status, residual, iterations = CONVERGED, 0.0, 0
+    # impulses at the contacts found there; the active set grows until nothing passes through it
+    rates(state.x, work.free, work.rate)
+    look_ahead(contacts, state.x, state.R, work, rest, work.gap)
+    free_relative_velocities(contacts, laws, state, work, rest, control.plain)
+    first_active_set(laws, work, state.r, rest, control.plain)
+    status, residual, iterations, fastest = CONVERGED, 0.0, 0, 0.0
     for _ in range(GROWTH_ROUNDS):
         n = gather(bodies, contacts, laws, state, work, problem)
-        status, spent, residual = solve_friction(velocities, n, problem, tolerance)
-        iterations += spent
+        if n > 0:
+            status, spent, residual = solve_friction(problem.w.shape[0], n, problem, control.tolerance)
+            iterations += spent
         scatter(bodies, state, work, n, problem)
-        if status != CONVERGED or grow_active_set(contacts, state, work, h) == 0:
+        if status != CONVERGED:
+            where = worst_contact(problem.mu, problem.r, problem.u, problem.scale, work.chosen, n)
+            return status, residual, 0.0, where, 0.0, fastest, iterations
+        added, fastest = grow_active_set(contacts, laws, state, work, rest)
+        if added == 0 or control.plain:
             break
 
-    # the second half of the displacement, and out of what penetration the linearisation left
-    move(state, 0.5 * h)
-    worst, where = 0.0, -1
-    for _ in range(ROUNDS):
-        find_contacts(contacts, state.x, state.R, state.gap, work.point, work.frame)
-        worst, where = worst_penetration(state.gap)
-        if worst <= 0.5 * penetration or not worst < 1e300:
-            break
-        n = gather_projection(bodies, contacts, state, work, worst, problem)
-        solved, _, _ = solve_friction(velocities, n, problem, TOLERANCE)
-        if solved != CONVERGED:
-            break
-        displace(bodies, state, work, problem.w)
-    return status, residual, worst, where, iterations
+    # the rest of the displacement, out of what violation the linearisation left, and twists that fit the joints there
+    move(state, rest)
+    spend(contacts, state.x, state.v, rest, work.rate, work.lever, work.budget)
+    worst, where, off = project_positions(
+        bodies, contacts, ties, state, work, problem, control.penetration, control.violation
+    )
+    if not control.plain:
+        align_velocities(bodies, ties, state, work, problem)
+    return status, residual, worst, where, off, fastest, iterations

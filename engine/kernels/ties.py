@@ -15,16 +15,19 @@ import numpy as np
 from engine.kernels.jit import kernel
 from engine.kernels.model import SLIDE
 from engine.kernels.rotations import to_world, turn_to_world
-from engine.kernels.time_laws import time_law
+from engine.kernels.time_laws import time_law, time_law_rate
 
 
 @kernel
-def tie_targets(ties, time_laws, t, target):
-    """Write the target of every row at time t, shape (nt,)."""
-    for i in range(target.shape[0]):
-        target[i] = ties.offset[i]
-        if ties.law[i] >= 0:
-            target[i] += time_law(time_laws, ties.law[i], t)
+def tie_targets(ties, time_laws, t, h, target):
+    """Write the target of every row at t, at t + h, and its rate there, shape (3, nt)."""
+    for i in range(ties.kind.shape[0]):
+        target[0, i], target[1, i], target[2, i] = ties.offset[i], ties.offset[i], 0.0
+        law = ties.law[i]
+        if law >= 0:
+            target[0, i] += time_law(time_laws, law, t)
+            target[1, i] += time_law(time_laws, law, t + h)
+            target[2, i] = time_law_rate(time_laws, law, t + h)
 
 
 @kernel

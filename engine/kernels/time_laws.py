@@ -15,3 +15,15 @@ def time_law(laws, i, t):
     s = max(t - laws.time[k], 0.0) if k < last else 0.0
     c, a, w, phi = laws.piece[k], laws.sine[i, 0], laws.sine[i, 1], laws.sine[i, 2]
     return c[0] + s * (c[1] + s * (c[2] + s * c[3])) + a * (np.sin(w * t + phi) - np.sin(phi))
+
+
+@kernel
+def time_law_rate(laws, i, t):
+    """Return the rate of law i at time t, from the right."""
+    first, last = laws.first[i], laws.first[i + 1] - 1
+    k = first
+    while k < last and t >= laws.time[k + 1]:
+        k += 1
+    s, c, a, w, phi = t - laws.time[k], laws.piece[k], laws.sine[i, 0], laws.sine[i, 1], laws.sine[i, 2]
+    rate = c[1] + s * (2 * c[2] + 3 * s * c[3]) if k < last and s >= 0.0 else 0.0
+    return rate + a * w * np.cos(w * t + phi)

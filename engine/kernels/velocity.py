@@ -2,36 +2,48 @@
 
 import numpy as np
 
+from engine.friction.cone import project
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.jit import kernel
+from engine.kernels.watch import closing, look, rates
 
 
 @kernel
-def free_relative_velocities(contacts, laws, state, work, h):
-    """Write each contact's relative velocity without impulses, ``work.q``, and its impact law's shift, ``work.shift``.
-
-    Without restitution a contact may close within the step but not overshoot, u_N + 2 max(g_N, 0)/h >= 0 from mid-step
-    on. With restitution the law is Newton's, u_N + e u_N^- >= 0 (eq. 6).
-    """
+def free_relative_velocities(contacts, laws, state, work, dt, plain):
+    """Write the relative velocities without impulses and the impact law's shifts of all near contacts."""
     for i in range(laws.mu.shape[0]):
-        a, b = contacts.a[i], contacts.b[i]
-        relative_velocity(state.x, state.R, a, b, work.point, work.frame, work.free, i, work.q)
-        if laws.restitution[i] > 0.0:
-            relative_velocity(state.x, state.R, a, b, work.point, work.frame, state.v, i, work.u)
-            work.shift[i] = min(laws.restitution[i] * work.u[i, 0], 0.0)
-        else:
-            work.shift[i] = max(2 * work.gap[i] / h, 0.0)
+        if work.near[i]:
+            free_relative_velocity(contacts, laws, state, work, dt, plain, i)
 
 
 @kernel
-def first_active_set(laws, work, r, h):
+def free_relative_velocity(contacts, laws, state, work, dt, plain, i):
+    """Write contact i's relative velocity without impulses, ``work.q``, and its law's shift, ``work.shift``.
+
+    ``dt`` is what is left of the step. Without restitution a contact may close within it but not overshoot,
+    u_N + max(g_N, 0)/dt >= 0. With restitution, and in the ``plain`` scheme, the law is Newton's, u_N + e u_N^- >= 0
+    (eq. 6).
+    """
+    a, b, e = contacts.a[i], contacts.b[i], laws.restitution[i]
+    relative_velocity(state.x, state.R, a, b, work.point, work.frame, work.free, i, work.q)
+    work.shift[i] = 0.0
+    if e > 0.0:
+        relative_velocity(state.x, state.R, a, b, work.point, work.frame, work.kept_v, i, work.u)
+        work.shift[i] = min(e * work.u[i, 0], 0.0)
+    elif not plain:
+        work.shift[i] = max(work.gap[i] / dt, 0.0)
+
+
+@kernel
+def first_active_set(laws, work, r, dt, plain):
     """Activate contacts that would pass through each other without an impulse, or that pressed in the last step."""
     for i in range(laws.mu.shape[0]):
-        gap, approach = work.gap[i], 0.5 * h * work.q[i, 0]
-        if laws.restitution[i] > 0.0:
+        gap, approach = work.gap[i], dt * work.q[i, 0]
+        if laws.restitution[i] > 0.0 or plain:
             work.active[i] = gap <= 0.0
         else:
             work.active[i] = gap + approach <= 0.0 or (r[i, 0] > 0.0 and gap <= 2 * abs(approach))
+        work.active[i] = work.active[i] and work.near[i]
         if not work.active[i]:
             r[i, 0], r[i, 1], r[i, 2] = 0.0, 0.0, 0.0
 
@@ -66,18 +78,44 @@ def scatter(bodies, state, work, n, problem):
     for body in range(bodies.mass.shape[0]):
         for k in range(6):
             state.v[body, k] = work.free[body, k]
-    add_whitened(bodies, problem.w, state.v)
+    if n > 0:
+        add_whitened(bodies, problem.w, state.v)
 
 
 @kernel
-def grow_active_set(contacts, state, work, h):
-    """Activate every contact that the new twists would drive into penetration (eq. 22); return how many."""
+def grow_active_set(contacts, laws, state, work, dt):
+    """Activate every contact that the new twists would drive into penetration (eq. 22).
+
+    Returns
+    -------
+    added : how many
+    fastest : speed of the fastest near contact point relative to its partner
+    """
     added, fastest = 0, 0.0
+    rates(state.x, state.v, work.rate)
     for i in range(work.active.shape[0]):
+        if not work.near[i]:
+            if work.budget[i] > dt * closing(contacts, work.rate, work.lever, i):
+                continue
+            look(contacts, state.x, state.R, i, work, work.gap)
+            free_relative_velocity(contacts, laws, state, work, dt, False, i)
         relative_velocity(state.x, state.R, contacts.a[i], contacts.b[i], work.point, work.frame, state.v, i, work.u)
         fastest = max(fastest, work.u[i, 0] ** 2 + work.u[i, 1] ** 2 + work.u[i, 2] ** 2)
-        if not work.active[i] and work.u[i, 0] < 0.0 and work.gap[i] + 0.5 * h * work.u[i, 0] < 0.0:
+        if not work.active[i] and work.u[i, 0] < 0.0 and work.gap[i] + dt * work.u[i, 0] < 0.0:
             work.active[i] = True
             added += 1
-    state.speed[0] = np.sqrt(fastest)
-    return added
+    return added, np.sqrt(fastest)
+
+
+@kernel
+def worst_contact(mu, r, u, scale, chosen, n):
+    """Return the contact with the largest residual of an unsolved problem, see `friction.cone.residual`."""
+    worst, where = -1.0, -1
+    for j in range(n):
+        s = scale[j]
+        slip = np.sqrt(u[j, 1] ** 2 + u[j, 2] ** 2)
+        p0, p1, p2 = project(mu[j], s * r[j, 0] - u[j, 0] - mu[j] * slip, s * r[j, 1] - u[j, 1], s * r[j, 2] - u[j, 2])
+        miss = (s * r[j, 0] - p0) ** 2 + (s * r[j, 1] - p1) ** 2 + (s * r[j, 2] - p2) ** 2
+        if not miss <= worst:  # a NaN is the worst of all
+            worst, where = miss, chosen[j]
+    return where

@@ -9,7 +9,7 @@ from pydantic_core import PydanticCustomError
 
 from engine.errors import MechanismError
 from engine.mechanism import values
-from engine.mechanism.base import Friction, Model, Name, Number, Restitution, Vector
+from engine.mechanism.base import Friction, Model, Name, Number, Restitution, Vector, is_number
 from engine.mechanism.bodies import Body
 from engine.mechanism.contacts import Contact
 from engine.mechanism.faults import Fault, faults_of
@@ -58,11 +58,30 @@ class Simulation(Model):
     wall_limit: Annotated[Number, Field(gt=0), Quantity("real time")] = Field(
         default=60.0, description="the longest real time of a run, a number > 0; then its status is timeout"
     )
+    joint_violation: Annotated[Number, Field(gt=0), Quantity("length")] = Field(
+        default=0.0,
+        validate_default=False,
+        description="the largest violation of an ideal joint after a step, a number > 0; default: penetration / 100",
+    )
+    scheme: Literal["combined", "moreau_jean"] = Field(
+        default="combined",
+        description="combined: impact law and projection of positions; moreau_jean: velocities only, gaps may drift",
+    )
+    theta: Annotated[Number, Field(ge=0.5, le=1), Quantity("number")] = Field(
+        default=0.5, description="where in a step loads and contacts are taken, 0.5 (second order) to 1 from its end"
+    )
     adaptive: Adaptive | None = Field(
         default=None,
         description="longer steps while everything is slow: { longest, travel }; default: one fixed step",
     )
     rest: Rest = Field(description="the stop criterion: { window, drift }")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_violation(cls, data: Any) -> Any:
+        if isinstance(data, dict) and "joint_violation" not in data and is_number(data.get("penetration")):
+            return {**data, "joint_violation": 0.01 * data["penetration"]}
+        return data
 
 
 class Phase(Model):

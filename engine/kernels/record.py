@@ -1,0 +1,43 @@
+"""A run step by step: one row of numbers each, into room given beforehand.
+
+A row holds, in this order: time, step, kinetic energy, potential energy; for each moving body its position (3),
+quaternion (4), velocity (3) and body-frame angular velocity (3); for each contact its gap, impulse (N, T1, T2) and
+whether it is in the index set; every response. ``rows[0, 0]`` counts the rows written so far, from ``rows[1]`` on.
+"""
+
+from engine.kernels.energy import kinetic_energy
+from engine.kernels.gaps import find_contact
+from engine.kernels.jit import kernel
+
+HEAD, BODY, CONTACT = 4, 13, 5
+
+
+def row_length(bodies: int, contacts: int, responses: int) -> int:
+    """Return how many numbers a row has."""
+    return HEAD + BODY * bodies + CONTACT * contacts + responses
+
+
+@kernel
+def record(model, state, work, t, h, rows):
+    """Write the present state as a row; return True, and write nothing, if there is no room."""
+    i = int(rows[0, 0]) + 1
+    if i >= rows.shape[0]:
+        return True
+    row, nb = rows[i], model.bodies.mass.shape[0]
+    row[0], row[1], row[2], row[3] = t, h, kinetic_energy(model.bodies, state.v), 0.0
+    at = HEAD
+    for body in range(nb):
+        for k in range(3):
+            row[at + k], row[at + 7 + k], row[at + 10 + k] = state.x[body, k], state.v[body, k], state.v[body, 3 + k]
+        for k in range(4):
+            row[at + 3 + k] = state.p[body, k]
+        at += BODY
+    for c in range(state.gap.shape[0]):
+        row[at] = find_contact(model.contacts, state.x, state.R, c, work.point, work.frame)
+        row[at + 1], row[at + 2], row[at + 3] = state.r[c, 0], state.r[c, 1], state.r[c, 2]
+        row[at + 4] = 1.0 if work.active[c] else 0.0
+        at += CONTACT
+    for k in range(work.values.shape[0]):
+        row[at + k] = work.values[k]
+    rows[0, 0] = i
+    return False

@@ -1,0 +1,104 @@
+"""Drive the compiled time loop: settings, time limit, cancelling, and the rows of a trajectory as they come."""
+
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from engine.kernels.run import FULL, Control, Course, new_course, run
+
+if TYPE_CHECKING:
+    from engine.assembly import Array, Assembly
+    from engine.mechanism import Mechanism
+
+TIMEOUT, CANCELLED = 1, 2  # what a stop flag says
+ROOM = 2_000_000  # numbers of a trajectory kept in memory before they are handed on
+
+
+class Cancel:
+    """A flag that ends a run from another thread, at its next step.
+
+    Pass it to `engine.simulate` and call `set`; the run then has the status "cancelled".
+    """
+
+    def __init__(self) -> None:
+        self.flag = np.zeros(1, np.uint8)
+
+    def set(self) -> None:
+        """End the run at its next step."""
+        self.flag[0] = CANCELLED
+
+
+def control_of(mechanism: "Mechanism", full_horizon: bool) -> Control:
+    """Return a mechanism's settings for the time loop."""
+    sim = mechanism.simulation
+    adaptive, plain = sim.adaptive, sim.scheme == "moreau_jean"
+    return Control(
+        step=sim.step,
+        longest=max(sim.step, adaptive.longest) if adaptive else sim.step,
+        travel=adaptive.travel if adaptive else np.inf,
+        theta=sim.theta,
+        plain=plain,
+        horizon=sim.horizon,
+        tolerance=sim.tolerance,
+        penetration=np.inf if plain else sim.penetration,
+        violation=np.inf if plain else sim.joint_violation,
+        window=sim.rest.window,
+        drift=sim.rest.drift,
+        full_horizon=full_horizon,
+    )
+
+
+def drive(
+    assembly: "Assembly",
+    control: Control,
+    wall_limit: float,
+    cancel: Cancel | None = None,
+    sink: "Callable[[Array], None] | None" = None,
+    every: int = 1,
+) -> Course:
+    """Run the time loop to its end.
+
+    Parameters
+    ----------
+    assembly : at its start; at its end on return
+    control : settings
+    wall_limit : real time [s] after which the run is stopped
+    cancel : a flag to stop it from another thread
+    sink : called with blocks of rows (see `kernels.record`), every ``every``-th step and the last one
+    every : see ``sink``
+    """
+    from engine.kernels.record import record, row_length
+
+    model, state, work, problem = assembly.model, assembly.state, assembly.work, assembly.problem
+    stop = (cancel or Cancel()).flag
+    course = new_course(control)
+    length = row_length(len(model.bodies.mass), len(assembly.contact_names), len(work.values))
+    rows = np.zeros((1 + (max(ROOM // length, 16) if sink else 0), length))
+    stride = every if sink else 0
+    if not getattr(run, "signatures", True):  # compile, or load from the cache, before the clock starts
+        nowhere = control._replace(horizon=0.0)
+        run(model, state, work, problem, nowhere, new_course(nowhere), rows, 0, np.zeros(1, np.uint8))
+    timer = threading.Timer(wall_limit, lambda: stop.__setitem__(0, stop[0] or TIMEOUT))
+    timer.daemon = True
+    timer.start()
+    try:
+        run(model, state, work, problem, control, course, rows, stride, stop)
+        while course.counts[0] == FULL and sink:
+            _hand_on(rows, sink)
+            run(model, state, work, problem, control, course, rows, stride, stop)
+    finally:
+        timer.cancel()
+        if sink:
+            if record(model, state, work, course.reals[0], course.reals[1], rows):
+                _hand_on(rows, sink)
+                record(model, state, work, course.reals[0], course.reals[1], rows)
+            _hand_on(rows, sink)
+    return course
+
+
+def _hand_on(rows: "Array", sink: "Callable[[Array], None]") -> None:
+    """Give the rows written so far to the sink and make room."""
+    sink(rows[1 : 1 + int(rows[0, 0])])
+    rows[0, 0] = 0

@@ -1,0 +1,66 @@
+"""What a run has come to: its status, and a message that says where and why it failed and what may help."""
+
+import math
+from collections.abc import Mapping
+from typing import Literal
+
+from engine.assembly import Assembly
+from engine.kernels import run
+from engine.kernels.run import Course
+from engine.loop import CANCELLED
+from engine.mechanism import Mechanism
+
+Status = Literal["ok", "not_converged", "diverged", "timeout", "cancelled", "invalid"]
+
+
+def judge(mechanism: Mechanism, measured: Mapping[str, float], completed: bool) -> tuple[Status, str]:
+    """Judge a run that went to its end: have its phases ended, and is the result within the validity conditions."""
+    unit, sim = mechanism.unit("time"), mechanism.simulation
+    if not completed:
+        return "not_converged", (
+            f"not at rest at the horizon of {sim.horizon:g} {unit}: for {sim.rest.window:g} {unit} no measured length "
+            f"may move by {sim.rest.drift:g} {mechanism.unit('length')}; raise simulation.horizon, or give the phase "
+            "a duration"
+        )
+    if any(math.isnan(value) for value in measured.values()):
+        return (
+            "not_converged",
+            "at rest, but no contact forces were found that balance the loads at this pose",
+        )
+    for condition in mechanism.validity:
+        if not condition.holds(measured):
+            value, of = measured[condition.response], mechanism.response_units()[condition.response]
+            return (
+                "invalid",
+                f"validity condition {condition} is broken: {condition.response} = {value:.6g} {of}",
+            )
+    return "ok", ""
+
+
+def failure(mechanism: Mechanism, assembly: Assembly, course: Course) -> tuple[Status, str]:
+    """Say what ended a run before its end, and where."""
+    sim, n, now = mechanism.simulation, course.counts, course.reals
+    length, code, contact = mechanism.unit("length"), int(n[run.STATUS]), int(n[run.CONTACT])
+    where = f"contact {assembly.contact_names[contact]}" if contact >= 0 else "no contact"
+    at = f"at step {n[run.STEPS]}, t = {now[run.TIME]:.6g} {mechanism.unit('time')}"
+    if code == run.DIVERGED:
+        return "diverged", f"the motion is not finite {at} ({where}); a smaller simulation.step may help"
+    if code == run.NOT_CONVERGED:
+        return "not_converged", (
+            f"friction problem: residual {now[run.RESIDUAL]:.3g} {at}, worst at {where}; "
+            f"allowed: simulation.tolerance = {sim.tolerance:g}"
+        )
+    if code == run.PENETRATION:
+        return "not_converged", (
+            f"{where}: penetration {now[run.WORST]:.3g} {length} {at}; "
+            f"allowed: simulation.penetration = {sim.penetration:g}"
+        )
+    if code == run.VIOLATION:
+        row = int(abs(assembly.work.violation).argmax())
+        return "not_converged", (
+            f"joint {assembly.tie_names[row]}: off by {now[run.OFF]:.3g} {length} {at}; "
+            f"allowed: simulation.joint_violation = {sim.joint_violation:g}; a smaller simulation.step may help"
+        )
+    if n[run.STOPPED_BY] == CANCELLED:
+        return "cancelled", f"cancelled {at}"
+    return "timeout", f"stopped after {sim.wall_limit:g} s (simulation.wall_limit) {at}"
