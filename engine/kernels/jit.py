@@ -1,7 +1,8 @@
 """The one decorator of every compiled kernel, and the place where compiled code is kept.
 
 Options: no GIL (a worker's heartbeat must go on), cached on disk, NumPy's error model (a division by zero is an
-inf to be found by the caller, not an exception), no fast-math (a row must be the same bits everywhere).
+inf to be found by the caller, not an exception), no fast-math (a row must be the same bits everywhere), no counting of
+references (`_nrt`: kernels allocate nothing, and without it passing a tuple of arrays costs nothing).
 """
 
 import os
@@ -30,4 +31,4 @@ def _cache_folder() -> str:
 
 numba.config.CACHE_DIR = _cache_folder()  # type: ignore[attr-defined]
 
-kernel = numba.njit(nogil=True, cache=True, error_model="numpy")
+kernel = numba.njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
