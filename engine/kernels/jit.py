@@ -31,4 +31,4 @@ def _cache_folder() -> str:
 
 numba.config.CACHE_DIR = _cache_folder()  # type: ignore[attr-defined]
 
-kernel = numba.njit(nogil=True, cache=True, error_model="numpy", _nrt=False)
+kernel = numba.njit(nogil=True, cache=True, error_model="numpy", _nrt=False)  # type: ignore[call-overload]
