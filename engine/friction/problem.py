@@ -107,20 +107,24 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
 
 
 def sparse_rows(G: Array, n: int) -> Any:
-    """Store of each contact's rows only the runs of columns that are not zero."""
+    """Store of each contact's rows only the columns that are not zero, body by body."""
     from engine.friction.arrays import friction_arrays
+    from engine.friction.banded import BODY
 
     columns = [np.flatnonzero(np.abs(rows).max(axis=0) > 0) for rows in G]
-    runs = [np.split(c, np.flatnonzero(np.diff(c) > 1) + 1) if c.size else [] for c in columns]
+    runs = [[c[c // BODY == body] for body in np.unique(c // BODY)] for c in columns]
+    runs = [[np.arange(run[0], run[-1] + 1) for run in of_contact] for of_contact in runs]
     arrays = friction_arrays(
         n,
         len(G),
         max(map(len, runs), default=1) or 1,
-        max(map(len, columns), default=1) or 1,
+        max((sum(map(len, of_contact)) for of_contact in runs), default=1) or 1,
         max((int(c[-1] - c[0]) for c in columns if c.size), default=0),
     )
-    for i, c in enumerate(columns):
-        arrays.rows.G[i, :, : len(c)] = G[i][:, c]
-        for j, run in enumerate(runs[i]):
+    for i, of_contact in enumerate(runs):
+        filled = 0
+        for j, run in enumerate(of_contact):
+            arrays.rows.G[i, :, filled : filled + len(run)] = G[i][:, run]
             arrays.rows.start[i, j], arrays.rows.width[i, j] = run[0], len(run)
+            filled += len(run)
     return arrays
