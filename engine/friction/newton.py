@@ -20,7 +20,7 @@ POOR = 0.5  # of the merit: a step that leaves more is a poor one
 
 @kernel
 def newton(n, nc, p, mean, tolerance, tau2, end, proximal, least, limit, patience):
-    """Improve the impulses ``p.r``, by ``least`` to ``limit`` steps; return the steps spent, the residual reached and tau^2.
+    """Improve ``p.r`` by ``least`` to ``limit`` steps; return the steps spent, the residual reached and tau^2.
 
     With ``tau2`` 0 the equation is the natural map. The line search is not monotone: a step may raise the merit above
     the present one, not above the last four; after ``patience`` poor steps in a row it is given up. Else the equation
