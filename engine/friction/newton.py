@@ -14,15 +14,13 @@ from engine.friction.cone import residual
 from engine.friction.ties import add_ties
 from engine.kernels.jit import kernel
 
-PROXIMAL = 1e-5
-PROXIMAL_SMOOTHED = 1e-7
 SHRINK = 0.04  # of tau^2, when the smoothed equation is met as well as its smoothing deserves
 POOR = 0.5  # of the merit: a step that leaves more is a poor one
 
 
 @kernel
-def newton(n, nc, p, mean, tolerance, tau2, end, limit, patience):
-    """Improve the impulses ``p.r``, at most ``limit`` steps; return the steps spent, the residual reached and tau^2.
+def newton(n, nc, p, mean, tolerance, tau2, end, proximal, least, limit, patience):
+    """Improve ``p.r`` by ``least`` to ``limit`` steps; return the steps spent, the residual reached and tau^2.
 
     With ``tau2`` 0 the equation is the natural map. The line search is not monotone: a step may raise the merit above
     the present one, not above the last four; after ``patience`` poor steps in a row it is given up. Else the equation
@@ -32,8 +30,10 @@ def newton(n, nc, p, mean, tolerance, tau2, end, limit, patience):
     finish(n, nc, p)
     reached = residual(nc, p.mu, p.r, p.u, p.q, mean)
     natural, iteration, poor, m1, m2, m3 = tau2 == 0.0, 0, 0, 0.0, 0.0, 0.0
-    proximal, halvings = PROXIMAL if natural else PROXIMAL_SMOOTHED, 6 if natural else 12
-    while reached > tolerance and iteration < limit and poor < patience and (natural or tau2 > end):
+    halvings = 6 if natural else 12
+    while (
+        (reached > tolerance or iteration < least) and iteration < limit and poor < patience and (natural or tau2 > end)
+    ):
         iteration += 1
         merit = _direction(n, nc, p, proximal, tau2)
         step, after = _line_search(nc, p, max(merit, m1, m2, m3), tau2, halvings)

@@ -1,7 +1,8 @@
 """The public face of the friction solver: a problem in the form of the field's collections, and its solution."""
 
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,6 +45,21 @@ class FrictionProblem:
                 raise FrictionError(f"friction problem: {name} holds a number that is not finite")
         if (self.mu < 0).any():
             raise FrictionError(f"friction problem: mu[{int(self.mu.argmin())}] = {self.mu.min():g}; allowed: >= 0")
+
+    @classmethod
+    def read(cls, path: str | Path) -> "FrictionProblem":
+        """Read a problem from an FCLIB file; see `engine.friction.fclib.read_fclib`."""
+        from engine.friction.fclib import read_fclib
+
+        return read_fclib(path)
+
+    def write(
+        self, path: str | Path, solution: "FrictionSolution | None" = None, form: Literal["global", "local"] = "global"
+    ) -> None:
+        """Write the problem, and its solution if given, to an FCLIB file; see `engine.friction.fclib.write_fclib`."""
+        from engine.friction.fclib import write_fclib
+
+        write_fclib(path, self, solution, form)
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,8 @@ from engine.friction.newton import newton
 from engine.kernels.jit import kernel
 
 NATURAL_STEPS = 20
+PROXIMAL = 1e-8  # share of a sticking contact's velocity in its equation: what makes its impulse unique
+PROXIMAL_GIVEN = 1e-5  # near a solution more of it keeps the impulses where they are
 NATURAL_PATIENCE = 4  # with the impulses of the step before; elsewhere the first poor step ends it
 INTERIOR_STEPS = 60
 SMOOTHING = (1e-2, 1.0, 10.0, 0.1, 1e-3)  # of the load, at the start of each attempt
@@ -57,7 +59,8 @@ def solve_friction(n, nc, p, tolerance):
             total += spent
         elif not given:
             smoothing, limit, patience = SMOOTHING[level], SMOOTHED_STEPS[level], 1
-        spent, reached = _follow(n, nc, p, mean, tolerance, smoothing * smoothing * load, load, limit, patience)
+        tau2, least, proximal = smoothing * smoothing * load, attempt % 2, PROXIMAL_GIVEN if given else PROXIMAL
+        spent, reached = _follow(n, nc, p, mean, tolerance, tau2, load, proximal, least, limit, patience)
         total += spent
         if reached < best:
             best = reached
@@ -71,22 +74,30 @@ def solve_friction(n, nc, p, tolerance):
 
 
 @kernel
-def _follow(n, nc, p, mean, tolerance, tau2, load, limit, patience):
-    """Follow the smoothed solutions down from tau^2, from each try the natural map; return steps and residual."""
+def _follow(n, nc, p, mean, tolerance, tau2, load, proximal, least, limit, patience):
+    """Follow the smoothed solutions down from tau^2, from each try the natural map; return steps and residual.
+
+    A solution that comes from elsewhere than the natural map gets ``least`` one step of it, which makes of a residual
+    just below the tolerance one of the last digits: forces are as good as the residual over the compliance.
+    """
     copy(nc, p.r, p.base)
-    spent, end, natural, reached = 0, NEAR * load, True, np.inf
-    while spent < limit and end > SMALLEST * load:
-        if natural:
-            steps, reached, _ = newton(n, nc, p, mean, tolerance, 0.0, 0.0, NATURAL_STEPS, patience)
-        else:
-            steps, reached, tau2 = newton(n, nc, p, mean, tolerance, tau2, end, limit - spent, 1)
+    spent, end, natural, before = 0, NEAR * load, True, np.inf
+    while True:
+        smoothed = 0.0 if natural else tau2  # one call for both: what is called twice is compiled twice
+        most = NATURAL_STEPS if natural else limit - spent
+        steps, reached, smoothed = newton(n, nc, p, mean, tolerance, smoothed, end, proximal, least, most, patience)
+        tau2 = tau2 if natural else smoothed
         spent += steps
-        if reached <= tolerance or tau2 == 0.0:
-            break
+        if natural and before <= tolerance and not reached < before:
+            copy(nc, p.base, p.r)
+            finish(n, nc, p)
+            return spent, before
+        if natural and (reached <= tolerance or tau2 == 0.0 or spent >= limit or end < SMALLEST * load):
+            return spent, reached
+        before, least, patience = reached, int(not natural), 1
         if natural:
             copy(nc, p.base, p.r)
         else:
             copy(nc, p.r, p.base)
             end *= FALL
-        natural, patience = not natural, 1
-    return spent, reached
+        natural = not natural
