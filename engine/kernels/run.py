@@ -90,7 +90,7 @@ def run(model, state, work, problem, control, course, rows, every, stop):
             return
         _measure(model, state, work, now[TIME], now[STEP])
         note(model.responses, work.values, work.previous, n[PHASE], work.reported)
-        _rest(model.responses.measures_motion, state, work, control, n, now)
+        _rest(model.responses.measures_motion, state.r, state.slip, work, control, n, now)
     n[PHASE] = phases - 1
     n[COMPLETED] = 1
 
@@ -131,7 +131,7 @@ def _advance(model, state, work, problem, control, n, now):
         if attempt == HALVINGS:
             break
         now[STEP] *= 0.5
-        restore(state, work)
+        restore(state, work.kept, work.watch.budget)
         _scale_impulses(state.r, 0.5 ** (attempt + 1))
     now[TIME] += now[STEP]
     now[RESIDUAL], now[WORST], now[OFF] = max(residual, now[RESIDUAL]), max(worst, now[WORST]), max(off, now[OFF])
@@ -176,10 +176,10 @@ def _scale_impulses(r, factor):
 
 
 @kernel
-def _rest(counts, state, work, control, n, now):
+def _rest(counts, r, slip, work, control, n, now):
     """Measure how long nothing has moved that matters."""
-    unmoved = not moved(counts, state, work, now[STEP], control.drift)
+    unmoved = not moved(counts, work.values, work.anchor, r, slip, work.travel, now[STEP], control.drift)
     now[PAUSE] = now[PAUSE] + now[STEP] if unmoved and now[PAUSE] >= 0.0 else 0.0
     if now[PAUSE] == 0.0:
-        start_pause(work)
+        start_pause(work.values, work.anchor, work.travel)
     n[SETTLED] = 1 if now[PAUSE] >= control.window else 0
