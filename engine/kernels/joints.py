@@ -7,11 +7,11 @@ second order and joints do no work; J v+ = s' with J at mid-step alone loses ene
 
 from engine.friction.ties import hold_ties, tie_down
 from engine.kernels.contacts import add_whitened
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 from engine.kernels.ties import tie_velocity, tie_violations, whitened_ties
 
 
-@kernel
+@inner
 def hold_joints(bodies, ties, x, R, before, twist, held, h, theta, tied, w):
     """Change ``twist`` by the least kinetic energy so that the joints hold at the pose (x, R).
 

@@ -1,6 +1,6 @@
 """Free motion of the bodies: half a step of displacement, and the twist without contact impulses (eqs. 11-13)."""
 
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner, kernel
 from engine.kernels.rotations import rotation_matrix, turn
 
 EULER_STEPS = 4
@@ -52,7 +52,7 @@ def free_twist(bodies, R, twist, wrench, h, theta, free):
         free[body, 3], free[body, 4], free[body, 5] = a, b, c
 
 
-@kernel
+@inner
 def keep(state, kept):
     """Note pose, twists and impulses at the start of a step."""
     for body in range(state.x.shape[0]):
@@ -70,7 +70,7 @@ def keep(state, kept):
             kept.r[i, k] = state.r[i, k]
 
 
-@kernel
+@inner
 def restore(state, kept, budget):
     """Go back to the start of the step; every contact must be found anew."""
     for body in range(state.x.shape[0]):

@@ -9,7 +9,7 @@ from engine.friction.arrays import CONVERGED
 from engine.friction.solver import solve_friction
 from engine.friction.ties import hold_ties, tie_down
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 from engine.kernels.rotations import rotation_matrix, turn
 from engine.kernels.ties import tie_violations, whitened_ties
 from engine.kernels.watch import look_around, spend
@@ -19,7 +19,7 @@ REACH = 2.0  # contacts open by less than this many times the violation take par
 TOLERANCE = 1e-4  # of a displacement problem: the next round removes what is left
 
 
-@kernel
+@inner
 def project_positions(bodies, contacts, ties, state, work, problem, penetration, violation):
     """Displace the bodies until no contact penetrates by half of ``penetration``, no joint is off by half its limit.
 
@@ -61,7 +61,7 @@ def project_positions(bodies, contacts, ties, state, work, problem, penetration,
     return worst, where, off
 
 
-@kernel
+@inner
 def largest_penetration(gap):
     """Return the largest penetration (>= 0, NaN if any gap is) and its contact."""
     worst, where = 0.0, -1
@@ -71,7 +71,7 @@ def largest_penetration(gap):
     return worst, where
 
 
-@kernel
+@inner
 def largest_violation(violation):
     """Return the largest size of a joint violation, NaN if any is."""
     off = 0.0
@@ -81,7 +81,7 @@ def largest_violation(violation):
     return off
 
 
-@kernel
+@inner
 def gather_projection(bodies, contacts, x, R, gap, within, displacement, point, frame, u, rows, mu, q, r):
     """Write the displacement problem of the contacts open by no more than ``within``; return their number."""
     n = 0
@@ -101,7 +101,7 @@ def gather_projection(bodies, contacts, x, R, gap, within, displacement, point, 
     return n
 
 
-@kernel
+@inner
 def normal_delassus(rows, j):
     """Return the normal entry of contact j's Delassus block."""
     s = 0.0
@@ -110,7 +110,7 @@ def normal_delassus(rows, j):
     return s
 
 
-@kernel
+@inner
 def displace(displacement, x, p, R):
     """Move every body by a displacement, shape (nb + 1, 6)."""
     for body in range(x.shape[0] - 1):

@@ -1,11 +1,11 @@
 """When a mechanism is at rest: no measured length and no contact that carries load moves for a while."""
 
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 
 LOADED = 1e-3  # of the largest impulse: a contact that carries load
 
 
-@kernel
+@inner
 def start_pause(values, anchor, travel):
     """Note where everything is now."""
     for i in range(values.shape[0]):
@@ -14,7 +14,7 @@ def start_pause(values, anchor, travel):
         travel[i] = 0.0
 
 
-@kernel
+@inner
 def moved(counts, values, anchor, r, slip, travel, h, drift):
     """Say whether anything that matters moved since the pause began: a measured length, a contact that carries load.
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from engine.friction.arrays import CONVERGED
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner, kernel
 from engine.kernels.motion import restore
 from engine.kernels.record import record
 from engine.kernels.responses import measure, note
@@ -95,7 +95,7 @@ def run(model, state, work, problem, control, course, rows, every, stop):
     n[COMPLETED] = 1
 
 
-@kernel
+@inner
 def _measure(model, state, work, t, h):
     """Measure everything at the end of a step."""
     for i in range(work.values.shape[0]):
@@ -105,7 +105,7 @@ def _measure(model, state, work, t, h):
     )
 
 
-@kernel
+@inner
 def _next_phase(duration, control, n, now):
     """Enter the next phase."""
     n[PHASE] += 1
@@ -114,7 +114,7 @@ def _next_phase(duration, control, n, now):
         now[PAUSE], n[SETTLED] = -1.0, 0
 
 
-@kernel
+@inner
 def _advance(model, state, work, problem, control, n, now):
     """Make one step, with half its length again and again if it is not solved, and judge it."""
     status, residual, worst, where, off = CONVERGED, 0.0, 0.0, -1, 0.0
@@ -147,7 +147,7 @@ def _advance(model, state, work, problem, control, n, now):
         n[STATUS] = VIOLATION
 
 
-@kernel
+@inner
 def _finite(v):
     """Say whether all twists are finite numbers."""
     for body in range(v.shape[0]):
@@ -157,7 +157,7 @@ def _finite(v):
     return True
 
 
-@kernel
+@inner
 def _next_step(h, speed, control):
     """Return the next step: halved until the fastest contact point moves little enough in it, at most doubled."""
     h = min(2 * h, control.longest)
@@ -166,7 +166,7 @@ def _next_step(h, speed, control):
     return h
 
 
-@kernel
+@inner
 def _scale_impulses(r, factor):
     """Turn the last step's impulses into a guess for a step of another length."""
     if factor != 1.0:
@@ -175,7 +175,7 @@ def _scale_impulses(r, factor):
                 r[i, k] *= factor
 
 
-@kernel
+@inner
 def _rest(counts, r, slip, work, control, n, now):
     """Measure how long nothing has moved that matters."""
     unmoved = not moved(counts, work.values, work.anchor, r, slip, work.travel, now[STEP], control.drift)

@@ -2,7 +2,7 @@
 
 from engine.friction.arrays import CONVERGED
 from engine.friction.solver import solve_friction
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 from engine.kernels.joints import hold_joints
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist, keep, move
@@ -21,7 +21,7 @@ from engine.kernels.watch import look_around, rates, spend
 GROWTH_ROUNDS = 20
 
 
-@kernel
+@inner
 def step(model, state, work, problem, control, phase, t, h):
     """Advance ``state`` by ``h`` from time ``t``.
 

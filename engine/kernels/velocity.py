@@ -4,11 +4,11 @@ import numpy as np
 
 from engine.friction.cone import project
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 from engine.kernels.watch import closing, look, rates
 
 
-@kernel
+@inner
 def free_relative_velocities(contacts, laws, state, work, dt, plain):
     """Write the relative velocities without impulses and the impact law's shifts of all near contacts."""
     for i in range(laws.mu.shape[0]):
@@ -19,7 +19,7 @@ def free_relative_velocities(contacts, laws, state, work, dt, plain):
             )  # fmt: skip
 
 
-@kernel
+@inner
 def free_relative_velocity(a, b, e, x, R, before, free, gap, point, frame, q, u, dt, plain, i):
     """Write contact i's relative velocity without impulses into ``q[i]``; return its law's shift.
 
@@ -34,7 +34,7 @@ def free_relative_velocity(a, b, e, x, R, before, free, gap, point, frame, q, u,
     return 0.0 if plain else max(gap[i] / dt, 0.0)
 
 
-@kernel
+@inner
 def first_active_set(laws, near, gaps, q, r, dt, plain, active):
     """Activate contacts that would pass through each other without an impulse, or that pressed in the last step."""
     for i in range(laws.mu.shape[0]):
@@ -48,7 +48,7 @@ def first_active_set(laws, near, gaps, q, r, dt, plain, active):
             r[i, 0], r[i, 1], r[i, 2] = 0.0, 0.0, 0.0
 
 
-@kernel
+@inner
 def gather(bodies, contacts, laws, x, R, guess, work, rows, mu, q, r):
     """Write the friction problem of the active contacts, ``guess`` (nc, 3) into its impulses; return their number."""
     n = 0
@@ -65,7 +65,7 @@ def gather(bodies, contacts, laws, x, R, guess, work, rows, mu, q, r):
     return n
 
 
-@kernel
+@inner
 def scatter(bodies, chosen, n, r, u, w, free, state):
     """Take impulses, slip speeds and twists from the solved problem."""
     for j in range(n):
@@ -80,7 +80,7 @@ def scatter(bodies, chosen, n, r, u, w, free, state):
         add_whitened(bodies, w, state.v)
 
 
-@kernel
+@inner
 def grow_active_set(contacts, laws, state, work, dt):
     """Activate every contact that the new twists would drive into penetration (eq. 22).
 
@@ -109,7 +109,7 @@ def grow_active_set(contacts, laws, state, work, dt):
     return added, np.sqrt(fastest)
 
 
-@kernel
+@inner
 def worst_contact(mu, r, u, scale, chosen, n):
     """Return the contact with the largest residual of an unsolved problem, see `friction.cone.residual`."""
     worst, where = -1.0, -1

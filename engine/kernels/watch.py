@@ -8,10 +8,10 @@ the contact is open. The bound is sure, hence results do not depend on it.
 import numpy as np
 
 from engine.kernels.gaps import find_contact
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 
 
-@kernel
+@inner
 def rates(twist, rate):
     """Write every body's speed and angular speed, shape (nb + 1, 2)."""
     for body in range(rate.shape[0] - 1):
@@ -20,14 +20,14 @@ def rates(twist, rate):
         rate[body, 1] = np.sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5])
 
 
-@kernel
+@inner
 def closing(a, b, reach, watch, i):
     """Return how fast contact i's gap may close at most, between bodies a and b."""
     rate = watch.rate
     return rate[a, 0] + rate[b, 0] + reach * rate[a, 1] + watch.lever[i] * rate[b, 1]
 
 
-@kernel
+@inner
 def spend(a, b, reach, twist, dt, watch):
     """Take a displacement ``dt`` times the twists from every contact's budget."""
     rates(twist, watch.rate)
@@ -35,7 +35,7 @@ def spend(a, b, reach, twist, dt, watch):
         watch.budget[i] -= dt * closing(a[i], b[i], reach[i], watch, i)
 
 
-@kernel
+@inner
 def look(contacts, x, R, i, watch, gap, point, frame):
     """Find contact i at the pose (x, R): its gap, point, frame, and its budget anew."""
     gap[i] = find_contact(contacts, x, R, i, point, frame)
@@ -45,7 +45,7 @@ def look(contacts, x, R, i, watch, gap, point, frame):
     watch.lever[i] = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2) + contacts.reach[i] + 2 * abs(gap[i])
 
 
-@kernel
+@inner
 def look_around(contacts, x, R, watch, dt, distance, gap, point, frame):
     """Find the contacts whose gap could be within ``distance`` after ``dt`` at the speeds ``watch.rate``.
 
