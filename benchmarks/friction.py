@@ -32,6 +32,7 @@ def _row(kind: str, contacts: int, unit_us: float) -> dict[str, Any]:
         "contacts": contacts,
         "cold us": median(us for us, _, _ in cold),
         "in solves": median(us for us, _, _ in cold) / unit_us,
+        "slowest us": max(us for us, _, _ in cold),
         "iterations": median(n for _, n, _ in cold),
         "warm us": median(us for us, _, _ in warm),
         "warm iterations": median(n for _, n, _ in warm),

@@ -4,6 +4,8 @@ import numpy as np
 
 from engine.kernels.jit import kernel
 
+LARGEST = 1e7
+
 
 @kernel
 def project(mu, r0, r1, r2):
@@ -24,7 +26,9 @@ def residual(nc, mu, r, u, q, scale):
 
     sqrt(sum_i |s r_i - P_K(s r_i - (u_i + mu_i |u_T,i| N))|^2) / max(|q|, |s r|, |u|), with s = ``scale`` the mean
     diagonal of W = H M^-1 H', which makes an impulse a velocity: the number does not depend on units.
-    ``r, u, q`` have shape (nc, 3). A problem of zeros has residual 0; a NaN is returned as it is.
+    ``r, u, q`` have shape (nc, 3). A problem of zeros has residual 0; a NaN is returned as it is. Where |s r| is more
+    than ``LARGEST`` times |q| and |u| the residual is 1: impulses that grow without end, as they do where there is no
+    solution, swallow the velocities beside them and would meet any tolerance.
     """
     miss, q2, r2, u2 = 0.0, 0.0, 0.0, 0.0
     for i in range(nc):
@@ -38,4 +42,6 @@ def residual(nc, mu, r, u, q, scale):
     size = max(q2, r2, u2)
     if size == 0.0:
         return 0.0
+    if r2 > LARGEST * LARGEST * max(q2, u2):
+        return 1.0
     return np.sqrt(miss / size)

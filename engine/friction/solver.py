@@ -16,16 +16,16 @@ from engine.friction.interior import interior_point
 from engine.friction.newton import newton
 from engine.kernels.jit import kernel
 
-NATURAL_STEPS = 20
+NATURAL_STEPS = 30
 PROXIMAL = 1e-8  # share of a sticking contact's velocity in its equation: what makes its impulse unique
-PROXIMAL_GIVEN = 1e-5  # near a solution more of it keeps the impulses where they are
-NATURAL_PATIENCE = 4  # with the impulses of the step before; elsewhere the first poor step ends it
+PROXIMAL_GIVEN = 1e-4  # near a solution more of it keeps the impulses where they are
+NATURAL_PATIENCE = 5  # with the impulses of the step before; elsewhere the first poor step ends it
 INTERIOR_STEPS = 60
 SMOOTHING = (1e-2, 1.0, 10.0, 0.1, 1e-3)  # of the load, at the start of each attempt
 SMOOTHED_STEPS = (60, 100, 200, 200, 200)
 INSIDE = (0.1, 10.0, 1.0, 1e-2, 100.0)  # of the load: how far inside the cones an interior-point attempt starts
-NEAR = 1e-6  # of the load squared: tau^2 at which the natural map is tried, and again each time it fell by FALL
-FALL = 1e-4
+NEAR = 1e-8  # of the load squared: tau^2 at which the natural map is tried, and again each time it fell by FALL
+FALL = 1e-2
 SMALLEST = 1e-30
 
 
@@ -81,7 +81,8 @@ def _follow(n, nc, p, mean, tolerance, tau2, load, proximal, least, limit, patie
     just below the tolerance one of the last digits: forces are as good as the residual over the compliance.
     """
     copy(nc, p.r, p.base)
-    spent, end, natural, before = 0, NEAR * load, True, np.inf
+    natural = tau2 == 0.0 or 3 * nc <= n  # from nothing only where impulses are hardly redundant: elsewhere it fails
+    spent, end, before = 0, NEAR * load, np.inf
     while True:
         smoothed = 0.0 if natural else tau2  # one call for both: what is called twice is compiled twice
         most = NATURAL_STEPS if natural else limit - spent

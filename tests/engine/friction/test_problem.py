@@ -96,6 +96,36 @@ def test_residual_does_not_depend_on_units(length, mass, time, seed):
     assert solve(other).converged
 
 
+@pytest.mark.parametrize("load", [1e-12, 1e12])
+def test_any_size_of_load(load):
+    """The solution is as large as the load, to the last digits."""
+    problem = random_problem(4, 24)
+    scaled = FrictionProblem(problem.M, problem.H, load * problem.q, problem.mu)
+    a, b = solve(problem), solve(scaled)
+    assert b.converged
+    np.testing.assert_allclose(b.u, load * a.u, atol=1e-6 * load * np.abs(a.u).max())
+
+
+def test_mixed_coefficients_of_friction():
+    """None, little and much friction side by side."""
+    for seed in range(6):
+        problem = random_problem(seed, 24)
+        rng = np.random.default_rng(seed)
+        mu = 10 ** rng.uniform(-3, 1, 24) * (rng.random(24) < 0.8)
+        problem = FrictionProblem(problem.M, problem.H, problem.q, mu)
+        solution = solve(problem)
+        assert solution.converged, (seed, solution.residual)
+        assert natural_map_residual(problem, solution.r) <= 1.001e-8
+
+
+def test_what_has_no_solution_is_not_called_solved():
+    """Two walls that close on a particle: ever larger impulses do not stop them, and do not pass for a solution."""
+    H = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    solution = solve(FrictionProblem(np.eye(3), H, [-1.0, 0, 0, -1.0, 0, 0], [0.3, 0.3]))
+    assert not solution.converged
+    assert solution.residual > 1e-8
+
+
 def test_zero_load_and_no_contacts():
     """Nothing to do is done at once."""
     problem = random_problem(0, 4)
