@@ -71,13 +71,20 @@ class ClearanceRevolute(Model):
         default=None,
         description="the largest clearance the bore as drawn allows",
     )
-    material: Name | None = Field(default=None, description="the pair of materials, a table of [materials]")
+    material: Name | None = Field(
+        default=None, description="the pair of materials, a table of [materials]; default: that between the bodies'"
+    )
     friction: Annotated[Friction | None, Quantity("number")] = Field(
         default=None, description="the coefficient of friction, instead of the material's"
     )
     restitution: Annotated[Restitution | None, Quantity("number")] = Field(
         default=None, description="the coefficient of restitution, instead of the material's"
     )
+
+    @property
+    def sides(self) -> tuple[Bearing, Journal]:
+        """The two sides."""
+        return self.bearing, self.journal
 
     @property
     def radii(self) -> tuple[float, ...]:
@@ -114,6 +121,4 @@ class ClearanceRevolute(Model):
                 key="radial_clearance",
                 value=self.radial_clearance,
             )
-        if self.material is None and self.friction is None:
-            raise refuse("missing; name a pair of [materials], or give friction", key="material")
         return self
