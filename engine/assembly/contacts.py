@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.assembly.frames import Array, Frame
-from engine.assembly.primitives import ring_on_journal, row_a, row_b
+from engine.assembly.primitives import rows
 from engine.kernels.model import (
     ARC_PLANE,
     CYLINDER_PLANE,
@@ -69,20 +69,15 @@ def contact_pairs(mechanism: Mechanism, frames: dict[str, Frame]) -> Iterator[Pa
     """Yield the contacts of the file's [contacts]."""
     for name, contact in mechanism.contacts.items():
         a, b = contact.sides
-        frame_a, frame_b = frames[a.body], frames[b.body]
-        if contact.kind == "ring-cylinder":
-            geometry_a, geometry_b, clearance = ring_on_journal(a, b, (frame_a, frame_b))
-        else:
-            geometry_a, skin = row_a(a, frame_a)
-            geometry_b, clearance = row_b(b, frame_b), -skin
+        geometry_a, geometry_b, clearance = rows(contact, frames[a.body], frames[b.body])
         yield Pair(
             name=name,
             kind=KINDS[contact.kind],
-            a=frame_a.index,
-            b=frame_b.index,
+            a=frames[a.body].index,
+            b=frames[b.body].index,
             geometry_a=geometry_a,
             geometry_b=geometry_b,
-            clearance=clearance - contact.offset,
+            clearance=clearance,
             law=mechanism.contact_law(contact),
         )
 

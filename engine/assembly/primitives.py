@@ -7,13 +7,28 @@ import numpy as np
 
 from engine.assembly.frames import Array, Frame, tangent
 from engine.kernels.model import GEOMETRY
-from engine.mechanism.contacts import Side
+from engine.mechanism.contacts import Contact, Side
 
 ENDLESS = math.inf
 
 
-def row_a(side: Side, frame: Frame) -> tuple[Array, float]:
-    """Return the row of a contact's side a, and its skin: the radius of a sphere, a ring or a rounded edge."""
+def rows(contact: Contact, frame_a: Frame, frame_b: Frame) -> tuple[Array, Array, float]:
+    """Return the rows of a contact's two sides, shape (GEOMETRY,) each, and what is added to their distance.
+
+    That is minus the contact's offset and minus the skin of side a, the radius of a sphere or of a rounded edge; for a
+    ring around a cylinder it is the radial clearance between them.
+    """
+    a, b = contact.sides
+    row, skin = _row_a(a, frame_a)
+    if contact.kind == "ring-cylinder":
+        pin = b.primitive
+        n = frame_b.direction(pin.axis)
+        return row, _row(frame_b.point(pin.point), n, tangent(n), pin.radius), skin - pin.radius - contact.offset
+    return row, _row_b(b, frame_b), -skin - contact.offset
+
+
+def _row_a(side: Side, frame: Frame) -> tuple[Array, float]:
+    """Return the row of side a, and its skin."""
     shape = side.primitive
     if side.kind == "point":
         return _row(frame.point(shape)), 0.0
@@ -27,8 +42,8 @@ def row_a(side: Side, frame: Frame) -> tuple[Array, float]:
     return _row(frame.point(shape.point), n, tangent(n), shape.radius, math.pi), 0.0
 
 
-def row_b(side: Side, frame: Frame) -> Array:
-    """Return the row of a contact's side b: place, axis, tangent and bounds."""
+def _row_b(side: Side, frame: Frame) -> Array:
+    """Return the row of side b: place, axis, tangent and bounds."""
     shape = side.primitive
     if side.kind in ("sphere", "socket"):
         pole = np.array([0.0, 0.0, 1.0])
@@ -46,14 +61,6 @@ def row_b(side: Side, frame: Frame) -> Array:
     depth = min(shape.half_lengths) if shape.depth is None else shape.depth
     e = _across(n, frame.direction(shape.along))
     return _row(frame.point(shape.centre), n, e, *shape.half_lengths, -depth, 0.0)
-
-
-def ring_on_journal(centre: Side, journal: Side, frames: tuple[Frame, Frame]) -> tuple[Array, Array, float]:
-    """Return both rows of a ring around a cylinder, and the radial clearance between them."""
-    ring, pin = centre.primitive, journal.primitive
-    n = frames[1].direction(pin.axis)
-    a, b = _row(frames[0].point(ring.centre)), _row(frames[1].point(pin.point), n, tangent(n), pin.radius)
-    return a, b, ring.radius - pin.radius
 
 
 def _row(*numbers: Any) -> Array:

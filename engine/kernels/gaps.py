@@ -27,7 +27,7 @@ keeps the moment balance exact.
 
 import numpy as np
 
-from engine.kernels.arcs import angle_on_arc
+from engine.kernels.arcs import nearest_on_arc
 from engine.kernels.jit import kernel
 from engine.kernels.model import ARC_PLANE, CYLINDER_PLANE, ON_BALL, ON_RECTANGLE, ON_ROUND, RING_BORE
 from engine.kernels.rotations import to_world, turn_to_world
@@ -35,9 +35,8 @@ from engine.kernels.solids import box, section
 from engine.kernels.vectors import dot, split, vector_product, world_direction, world_point
 
 NOWHERE = 1e-150  # a distance whose square is still a number; below it, a direction is taken from the body
-NEARLY = 1e-6  # on the axis: its share of the way along it, below which a distance across needs care
+NEARLY = 1e-4  # share of a vector left across an axis, below which rounding is taken out once more
 BACK = 1e-6  # square of the angle from the back of a face, within which its tangent is not carried round
-UPRIGHT = 1e-3  # the same for a cylinder on its end: sine of the angle between axis and normal
 
 
 @kernel
@@ -113,7 +112,7 @@ def on_plane(contacts, x, R, i, kind, point, frame):
         along = n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2]
         k0, k1, k2 = n[0] - along * axis[0], n[1] - along * axis[1], n[2] - along * axis[2]
         across = np.sqrt(k0 * k0 + k1 * k1 + k2 * k2)
-        if across < UPRIGHT:  # what rounding left along the axis would be lowered by the radius
+        if across < NEARLY:  # what rounding left along the axis would be lowered by the radius
             rest = k0 * axis[0] + k1 * axis[1] + k2 * axis[2]
             k0, k1, k2 = k0 - rest * axis[0], k1 - rest * axis[1], k2 - rest * axis[2]
             across = np.sqrt(k0 * k0 + k1 * k1 + k2 * k2)
@@ -148,38 +147,37 @@ def on_solid(contacts, x, R, i, kind, point, frame):
     ew, W = split(w, axis)
     ee, E = split(e, axis)
     fe, F = split(f, axis)
-    c, s = 0.0, 0.0
+    y = vector_product(z, t)
+    c, s, searched, normal = 0.0, 0.0, False, z
     if r > 0.0:
-        angle = angle_on_arc(kind, gb, r, ga[10], W, E, F, ew, ee, fe, t, vector_product(z, t))
+        angle, searched, normal = nearest_on_arc(kind, gb, r, ga[10], W, E, F, ew, ee, fe, t, y)
         c, s = r * np.cos(angle), r * np.sin(angle)
     D = (W[0] + c * E[0] + s * F[0], W[1] + c * E[1] + s * F[1], W[2] + c * E[2] + s * F[2])
-    height = ew + c * ee + s * fe
+    height, outward = ew + c * ee + s * fe, -1.0 if gb[9] > 0.0 else 1.0
     if kind == ON_RECTANGLE:
-        y = vector_product(z, t)
-        gap, n_x, n_y, n_z = box(gb, dot(D, t), dot(D, y), height)
-        D, rho, n_rho = (n_x * t[0] + n_y * y[0], n_x * t[1] + n_y * y[1], n_x * t[2] + n_y * y[2]), 1.0, 1.0
+        gap, n = box(gb, dot(D, t), dot(D, y), height)
+        n = normal if searched else n
+        D = (n[0] * t[0] + n[1] * y[0], n[0] * t[1] + n[1] * y[1], n[0] * t[2] + n[1] * y[2])
+        rho, n_rho, n_z = 1.0, 1.0, n[2]
     else:
-        if dot(D, D) < (NEARLY * height) ** 2:  # what rounding left along the axis would lean the frame
+        if dot(D, D) < NEARLY**2 * (dot(w, w) + r * r):  # what rounding left along the axis would lean the frame
             D = split(D, axis)[1]
         rho = np.sqrt(dot(D, D))
         gap, n_rho, n_z = section(gb, rho, height)
+        if searched:
+            n_rho, n_z = outward * np.sqrt(max(1.0 - normal[2] ** 2, 0.0)), normal[2]
         if rho <= NOWHERE:  # on the axis any direction is the nearest one; take one tied to the solid
             D, rho = t, 1.0
-    q0, q1, q2 = n_rho * D[0] / rho, n_rho * D[1] / rho, n_rho * D[2] / rho
-    n = frame[0]
-    n[0], n[1], n[2] = q0 + n_z * z[0], q1 + n_z * z[1], q2 + n_z * z[2]
-    point[0] = centre[0] + (c * e[0] + s * f[0] - gap * n_rho * D[0] / rho - gap * n_z * z[0])
-    point[1] = centre[1] + (c * e[1] + s * f[1] - gap * n_rho * D[1] / rho - gap * n_z * z[1])
-    point[2] = centre[2] + (c * e[2] + s * f[2] - gap * n_rho * D[2] / rho - gap * n_z * z[2])
-    t1 = frame[1]
+    N, T1 = frame[0], frame[1]
+    for k in range(3):
+        N[k] = n_rho * D[k] / rho + n_z * z[k]
+        point[k] = centre[k] + (c * e[k] + s * f[k] - gap * n_rho * D[k] / rho - gap * n_z * z[k])
     if kind == ON_ROUND:  # T1 along the axis, on the ends along a radius
-        o = -1.0 if gb[9] > 0.0 else 1.0
-        t1[0] = o * (n_rho * z[0] - n_z * D[0] / rho)
-        t1[1] = o * (n_rho * z[1] - n_z * D[1] / rho)
-        t1[2] = o * (n_rho * z[2] - n_z * D[2] / rho)
+        for k in range(3):
+            T1[k] = outward * (n_rho * z[k] - n_z * D[k] / rho)
     else:
-        transport(z, t, n, t1)
-    cross(frame[0], frame[1], frame[2])
+        transport(z, t, N, T1)
+    cross(N, T1, frame[2])
     return gap + contacts.clearance[i]
 
 

@@ -40,13 +40,13 @@ def box(b, x, y, z):
     u_x, v_y = math.copysign(1.0, x), math.copysign(1.0, y)
     if max(u, v, w) <= 0.0:
         if w >= u and w >= v:
-            return w, 0.0, 0.0, w_z
+            return w, (0.0, 0.0, w_z)
         if u >= v:
-            return u, u_x, 0.0, 0.0
-        return v, 0.0, v_y, 0.0
+            return u, (u_x, 0.0, 0.0)
+        return v, (0.0, v_y, 0.0)
     u, v, w = max(u, 0.0), max(v, 0.0), max(w, 0.0)
     d = math.hypot(math.hypot(u, v), w)
-    return d, u_x * u / d, v_y * v / d, w_z * w / d
+    return d, (u_x * u / d, v_y * v / d, w_z * w / d)
 
 
 @kernel
@@ -57,5 +57,5 @@ def signed_distance(kind, b, x, y, z):
     rho = math.hypot(x, y)
     d, d_rho, d_z = section(b, rho, z)
     if rho == 0.0:
-        return d, d_rho, 0.0, d_z
-    return d, d_rho * x / rho, d_rho * y / rho, d_z
+        return d, (d_rho, 0.0, d_z)
+    return d, (d_rho * x / rho, d_rho * y / rho, d_z)
