@@ -136,6 +136,13 @@ def placed(*at: tuple[float, float, float], turn: Rotation | None = None) -> Pos
     return Poses((np.array(at, float), np.zeros((n, 3))), (np.tile(R, (n, 1, 1)), np.tile(np.eye(3), (n, 1, 1))))
 
 
+def elsewhere(poses: Poses, rng: np.random.Generator) -> Poses:
+    """Return both bodies moved and turned together."""
+    turn, shift = Rotation.random(random_state=rng).as_matrix(), rng.normal(size=3)
+    x, R = [x @ turn.T + shift for x in poses.x], [turn @ R for R in poses.R]
+    return Poses((x[0], x[1]), (R[0], R[1]))
+
+
 POINT = {"point": [0, 0, 0]}
 CIRCLE = {"arc": {"centre": [0, 0, 0], "normal": [0, 0, 1], "radius": 0.5}}
 FACE = {"centre": [0, 0, 0], "normal": [0, 0, 1]}
@@ -204,17 +211,26 @@ SYMMETRIC = [
 
 @pytest.mark.parametrize(("a", "b", "at", "turn", "gap"), SYMMETRIC)
 def test_concentric_parallel_and_on_the_axis(a, b, at, turn, gap):
-    """Where many points are nearest: the right gap, a whole frame, and the same a hair away from it."""
+    """Where many points are nearest: the right gap, a whole frame, and the same a hair away from it, anyhow turned."""
     rng = np.random.default_rng(3)
     contact = made(a, b)
     assert found(contact, placed(at, turn=turn))[0] == pytest.approx(gap, abs=1e-15)
     for size in (0.0, 1e-300, 1e-160, 1e-17, 1e-12, 1e-9, 1e-6):
         shift, vector = size * rng.normal(size=(2, 3))
         poses = placed(np.array(at) + shift, turn=Rotation.from_rotvec(vector) * turn)
-        g, point, frame = found(contact, poses)
-        assert g[0] == pytest.approx(gap, abs=10 * size + 1e-14)
-        assert np.all(np.isfinite(point))
-        np.testing.assert_allclose(frame[0] @ frame[0].T, np.eye(3), atol=1e-11)
+        for view in (poses, elsewhere(poses, rng)):
+            g, point, frame = found(contact, view)
+            assert g[0] == pytest.approx(gap, abs=10 * size + 1e-14)
+            assert np.all(np.isfinite(point))
+            np.testing.assert_allclose(frame[0] @ frame[0].T, np.eye(3), atol=1e-11)
+
+
+def test_frame_behind_a_plate_is_whole():
+    """Where its tangent cannot be carried to: N almost or exactly against the face's normal."""
+    rng, contact = np.random.default_rng(4), made(POINT, DISC)
+    for beyond in (0.0, 1e-16, 1e-14, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3, 1e-2):
+        frame = found(contact, elsewhere(placed((2 + beyond, beyond, -1.5)), rng))[2][0]
+        np.testing.assert_allclose(frame @ frame.T, np.eye(3), atol=1e-12)
 
 
 def test_an_arc_that_looks_away_ends_at_its_nearer_end():
