@@ -2,28 +2,43 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from engine.assembly.frames import Array, Frame, tangent
+from engine.assembly.frames import Array, Frame
+from engine.assembly.primitives import rows
 from engine.kernels.model import (
-    ARC_CYLINDER,
     ARC_PLANE,
     CYLINDER_PLANE,
     GEOMETRY,
+    ON_BALL,
+    ON_DISC,
+    ON_RECTANGLE,
+    ON_ROUND,
     POINT_PLANE,
+    RING_BORE,
     Contacts,
     Laws,
 )
+from engine.mechanism.contacts import PAIRS
 from engine.mechanism.models import Mechanism
 
-KINDS = {
-    "point-plane": POINT_PLANE,
-    "arc-plane": ARC_PLANE,
-    "cylinder-plane": CYLINDER_PLANE,
-    "arc-cylinder": ARC_CYLINDER,
+_SOLIDS = {
+    "cylinder": ON_ROUND,
+    "bore": ON_ROUND,
+    "disc": ON_DISC,
+    "rectangle": ON_RECTANGLE,
+    "sphere": ON_BALL,
+    "socket": ON_BALL,
 }
+_PLANES = {"point": POINT_PLANE, "sphere": POINT_PLANE, "arc": ARC_PLANE, "cylinder": CYLINDER_PLANE}
+
+KINDS = {
+    pair: RING_BORE if pair == "ring-cylinder" else _PLANES[first] if second == "plane" else _SOLIDS[second]
+    for pair in PAIRS
+    for first, second in [pair.split("-")]
+}
+"""The number of every supported pair of primitives."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +50,7 @@ class Pair:
     name : unique; what messages and trajectories call it
     kind : number of the pair of primitives, see `kernels.model`
     a, b : indices of the bodies
-    geometry_a, geometry_b : rows of `kernels.contacts`, shape (GEOMETRY,)
+    geometry_a, geometry_b : rows of `kernels.gaps`, shape (GEOMETRY,)
     clearance : what is added to the distance to make the gap
     law : (friction, restitution)
     """
@@ -54,14 +69,15 @@ def contact_pairs(mechanism: Mechanism, frames: dict[str, Frame]) -> Iterator[Pa
     """Yield the contacts of the file's [contacts]."""
     for name, contact in mechanism.contacts.items():
         a, b = contact.sides
+        geometry_a, geometry_b, clearance = rows(contact, frames[a.body], frames[b.body])
         yield Pair(
             name=name,
             kind=KINDS[contact.kind],
             a=frames[a.body].index,
             b=frames[b.body].index,
-            geometry_a=_primitive(a, frames),
-            geometry_b=_primitive(b, frames),
-            clearance=-contact.offset,
+            geometry_a=geometry_a,
+            geometry_b=geometry_b,
+            clearance=clearance,
             law=mechanism.contact_law(contact),
         )
 
@@ -82,25 +98,5 @@ def contact_arrays(pairs: list[Pair]) -> tuple[Contacts, Laws]:
 
 
 def reach(geometry: Array) -> float:
-    """Return how far from its body's centre of mass a side a can touch: its point's distance plus its radius."""
+    """Return how far side a's point, arc or axis is from its body's centre of mass at most; skins do not count."""
     return float(np.linalg.norm(geometry[:3]) + geometry[9])
-
-
-def _primitive(side: Any, frames: dict[str, Frame]) -> Array:
-    """Return the geometry row of one side of a contact (table in `kernels.contacts`)."""
-    frame, g = frames[side.body], np.zeros(GEOMETRY)
-    if side.kind == "point":
-        g[:3] = frame.point(side.point)
-    elif side.kind == "plane":
-        n = frame.direction(side.plane.normal)
-        g[:3], g[3:6], g[6:9] = frame.point(side.plane.point), n, tangent(n)
-    elif side.kind == "arc":
-        n, e = frame.direction(side.arc.normal), frame.direction(side.arc.middle)
-        e = e - (e @ n) * n
-        g[:3], g[3:6], g[6:9] = frame.point(side.arc.centre), n, e / np.linalg.norm(e)
-        g[9], g[10] = side.arc.radius, side.arc.half_angle
-    else:
-        n = frame.direction(side.cylinder.axis)
-        g[:3], g[3:6], g[6:9] = frame.point(side.cylinder.point), n, tangent(n)
-        g[9] = side.cylinder.radius
-    return g

@@ -1,29 +1,42 @@
-"""Signed gaps and local frames of contact pairs, in closed form (paper, sections 2.1 and 3.1).
+"""Signed gaps and local frames of contact pairs (paper, sections 2.1 and 3.1).
 
-Geometry rows, from the centre of mass in body axes:
+The kind of a pair and its geometry rows, from the centre of mass in body axes:
 
-====  ================  =================================================================================
-kind  side a            side b
-====  ================  =================================================================================
-0     ring centre       journal: axis point (0:3), axis (3:6), radius (9)
-1     point             plane: point (0:3), normal to the free side (3:6), tangent (6:9)
-2     arc: centre (0:3), normal (3:6), middle (6:9), radius (9), half angle (10);  plane as above
-3     cylinder: axis point (0:3), axis (3:6), radius (9);  plane as above
-4     arc as above      cylinder: axis point (0:3), axis (3:6), radius (9)
-====  ================  =================================================================================
+==============  ===================================================================================
+kind            side b
+==============  ===================================================================================
+RING_BORE       journal: axis point (0:3), axis (3:6), tangent (6:9), radius (9); a is a ring's centre
+POINT_PLANE     plane: point (0:3), normal to the free side (3:6), tangent (6:9)
+ARC_PLANE       the same; a is an arc
+CYLINDER_PLANE  the same; a is a cylinder, of which the circle at mid-height counts
+ON_ROUND        cylinder or bore: axis point (0:3), axis (3:6), tangent (6:9), section (9:13)
+ON_DISC         plate: centre of its face (0:3), normal (3:6), tangent (6:9), section (9:13)
+ON_RECTANGLE    plate: the same; half sides along tangent and normal x tangent (9:11), bottom and top (11:13)
+ON_BALL         sphere or socket: centre (0:3), two directions that T1 is told by (3:6, 6:9), section (9:13)
+==============  ===================================================================================
 
-The gap g_N is the signed distance plus ``clearance`` (for a ring: the radial clearance minus its eccentricity). N
-points from b to a: a positive impulse r_N pushes a along +N. T1 is tied to body b (its axis, or a tangent of its
-plane), so a frame never flips. Both bodies feel the force at one common point, which keeps the moment balance exact.
+Side a: point, centre of an arc, or axis point of a cylinder (0:3); then normal or axis (3:6), middle or tangent
+(6:9), radius (9), half angle (10). Against the solids (the last four) a point is an arc of radius 0.
+
+The gap g_N is the signed distance plus ``clearance`` (for a ring: the radial clearance minus its eccentricity; the
+radii of spheres and rounded edges are skins, subtracted there). It changes by no more than the features move against
+each other. N points from b to a: a positive impulse r_N pushes a along +N. T1 is tied to body b (its axis, or a
+tangent of its plane), so a frame never flips. Both bodies feel the force at one common point, on b's surface, which
+keeps the moment balance exact.
 """
 
 import numpy as np
 
+from engine.kernels.arcs import nearest_on_arc
 from engine.kernels.jit import kernel
-from engine.kernels.model import ARC_CYLINDER, ARC_PLANE, CYLINDER_PLANE, RING_BORE
+from engine.kernels.model import ARC_PLANE, CYLINDER_PLANE, ON_BALL, ON_RECTANGLE, ON_ROUND, RING_BORE
 from engine.kernels.rotations import to_world, turn_to_world
+from engine.kernels.solids import box, section
+from engine.kernels.vectors import dot, split, vector_product, world_direction, world_point
 
-NEWTON_STEPS = 8
+NOWHERE = 1e-150  # a distance whose square is still a number; below it, a direction is taken from the body
+NEARLY = 1e-4  # share of a vector left across an axis, below which rounding is taken out once more
+BACK = 1e-6  # square of the angle from the back of a face, within which its tangent is not carried round
 
 
 @kernel
@@ -39,9 +52,9 @@ def find_contact(contacts, x, R, i, point, frame):
     kind = contacts.kind[i]
     if kind == RING_BORE:
         return ring_in_bore(contacts, x, R, i, point[i], frame[i])
-    if kind == ARC_CYLINDER:
-        return arc_cylinder(contacts, x, R, i, point[i], frame[i])
-    return on_plane(contacts, x, R, i, kind, point[i], frame[i])
+    if kind <= CYLINDER_PLANE:
+        return on_plane(contacts, x, R, i, kind, point[i], frame[i])
+    return on_solid(contacts, x, R, i, kind, point[i], frame[i])
 
 
 @kernel
@@ -57,9 +70,13 @@ def ring_in_bore(contacts, x, R, i, point, frame):
     along = w0 * axis[0] + w1 * axis[1] + w2 * axis[2]
     w0, w1, w2 = w0 - along * axis[0], w1 - along * axis[1], w2 - along * axis[2]
     eccentricity = np.sqrt(w0 * w0 + w1 * w1 + w2 * w2)
+    if eccentricity < NEARLY * abs(along):  # what rounding left along the axis would lean the frame
+        rest = w0 * axis[0] + w1 * axis[1] + w2 * axis[2]
+        w0, w1, w2 = w0 - rest * axis[0], w1 - rest * axis[1], w2 - rest * axis[2]
+        eccentricity = np.sqrt(w0 * w0 + w1 * w1 + w2 * w2)
     for k in range(3):
         point[k] = frame[0, k] + along * axis[k]
-    if eccentricity > 0.0:
+    if eccentricity > NOWHERE:
         frame[0, 0], frame[0, 1], frame[0, 2] = -w0 / eccentricity, -w1 / eccentricity, -w2 / eccentricity
     else:  # concentric: any direction is the nearest one; take one tied to the journal
         turn_to_world(R, b, gb, 6, frame[0])
@@ -94,7 +111,15 @@ def on_plane(contacts, x, R, i, kind, point, frame):
         turn_to_world(R, a, ga, 3, axis)
         along = n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2]
         k0, k1, k2 = n[0] - along * axis[0], n[1] - along * axis[1], n[2] - along * axis[2]
-        down = ga[9] / np.sqrt(k0 * k0 + k1 * k1 + k2 * k2)
+        across = np.sqrt(k0 * k0 + k1 * k1 + k2 * k2)
+        if across < NEARLY:  # what rounding left along the axis would be lowered by the radius
+            rest = k0 * axis[0] + k1 * axis[1] + k2 * axis[2]
+            k0, k1, k2 = k0 - rest * axis[0], k1 - rest * axis[1], k2 - rest * axis[2]
+            across = np.sqrt(k0 * k0 + k1 * k1 + k2 * k2)
+        if across <= NOWHERE:  # upright: the whole circle is at one height; take the point at its tangent
+            turn_to_world(R, a, ga, 6, axis)
+            k0, k1, k2, across = axis[0], axis[1], axis[2], 1.0
+        down = ga[9] / across
         point[0] -= down * k0
         point[1] -= down * k1
         point[2] -= down * k2
@@ -109,47 +134,68 @@ def on_plane(contacts, x, R, i, kind, point, frame):
 
 
 @kernel
-def arc_cylinder(contacts, x, R, i, point, frame):
-    """Arc outside a cylinder: the arc's point nearest to the cylinder's axis, by Newton's method on its angle."""
+def on_solid(contacts, x, R, i, kind, point, frame):
+    """Point of an arc nearest to a solid: the solid's signed distance there."""
     a, b = contacts.a[i], contacts.b[i]
     ga, gb = contacts.geometry_a[i], contacts.geometry_b[i]
-    axis, e, f = frame[1], frame[0], frame[2]
-    to_world(x, R, a, ga, 0, point)
-    turn_to_world(R, b, gb, 3, axis)
-    turn_to_world(R, a, ga, 3, f)
-    turn_to_world(R, a, ga, 6, e)
-    f0, f1, f2 = f[1] * e[2] - f[2] * e[1], f[2] * e[0] - f[0] * e[2], f[0] * e[1] - f[1] * e[0]
-    e0, e1, e2 = e[0], e[1], e[2]
-    to_world(x, R, b, gb, 0, frame[0])
-    w0, w1, w2 = point[0] - frame[0, 0], point[1] - frame[0, 1], point[2] - frame[0, 2]
-    # all three vectors across the cylinder's axis: the distance is |w + r (cos E + sin F)|
-    ew, ee = w0 * axis[0] + w1 * axis[1] + w2 * axis[2], e0 * axis[0] + e1 * axis[1] + e2 * axis[2]
-    fe = f0 * axis[0] + f1 * axis[1] + f2 * axis[2]
-    W0, W1, W2 = w0 - ew * axis[0], w1 - ew * axis[1], w2 - ew * axis[2]
-    E0, E1, E2 = e0 - ee * axis[0], e1 - ee * axis[1], e2 - ee * axis[2]
-    F0, F1, F2 = f0 - fe * axis[0], f1 - fe * axis[1], f2 - fe * axis[2]
-    WE, WF = W0 * E0 + W1 * E1 + W2 * E2, W0 * F0 + W1 * F1 + W2 * F2
-    EE, FF, EF = E0 * E0 + E1 * E1 + E2 * E2, F0 * F0 + F1 * F1 + F2 * F2, E0 * F0 + E1 * F1 + E2 * F2
-    r = ga[9]
-    angle = np.arctan2(-WF, -WE)
-    for _ in range(NEWTON_STEPS):
-        c, s = np.cos(angle), np.sin(angle)
-        slope = -s * WE + c * WF + r * (s * c * (FF - EE) + (c * c - s * s) * EF)
-        curve = -c * WE - s * WF + r * ((c * c - s * s) * (FF - EE) - 4 * s * c * EF)
-        if curve <= 0.0 or abs(slope) <= 1e-15 * curve:
-            break
-        angle -= slope / curve
-    angle = min(max(angle, -ga[10]), ga[10])
-    c, s = r * np.cos(angle), r * np.sin(angle)
-    D0, D1, D2 = W0 + c * E0 + s * F0, W1 + c * E1 + s * F1, W2 + c * E2 + s * F2
-    distance = np.sqrt(D0 * D0 + D1 * D1 + D2 * D2)
-    gap = distance - gb[9]
-    point[0] += c * e0 + s * f0 - gap * D0 / distance
-    point[1] += c * e1 + s * f1 - gap * D1 / distance
-    point[2] += c * e2 + s * f2 - gap * D2 / distance
-    frame[0, 0], frame[0, 1], frame[0, 2] = D0 / distance, D1 / distance, D2 / distance
-    cross(frame[0], axis, frame[2])
+    r, e, z, t = ga[9], world_direction(R, a, ga, 6), world_direction(R, b, gb, 3), world_direction(R, b, gb, 6)
+    f = vector_product(world_direction(R, a, ga, 3), e)
+    centre, foot = world_point(x, R, a, ga), world_point(x, R, b, gb)
+    w = (centre[0] - foot[0], centre[1] - foot[1], centre[2] - foot[2])
+    # the arc is w + r (cos e + sin f): its parts along the solid's axis and across it, all across where it has none
+    axis = (0.0, 0.0, 0.0) if kind == ON_BALL else z
+    ew, W = split(w, axis)
+    ee, E = split(e, axis)
+    fe, F = split(f, axis)
+    y = vector_product(z, t)
+    c, s, searched, normal = 0.0, 0.0, False, z
+    if r > 0.0:
+        angle, searched, normal = nearest_on_arc(kind, gb, r, ga[10], W, E, F, ew, ee, fe, t, y)
+        c, s = r * np.cos(angle), r * np.sin(angle)
+    D = (W[0] + c * E[0] + s * F[0], W[1] + c * E[1] + s * F[1], W[2] + c * E[2] + s * F[2])
+    height, outward = ew + c * ee + s * fe, -1.0 if gb[9] > 0.0 else 1.0
+    if kind == ON_RECTANGLE:
+        gap, n = box(gb, dot(D, t), dot(D, y), height)
+        n = normal if searched else n
+        D = (n[0] * t[0] + n[1] * y[0], n[0] * t[1] + n[1] * y[1], n[0] * t[2] + n[1] * y[2])
+        rho, n_rho, n_z = 1.0, 1.0, n[2]
+    else:
+        if dot(D, D) < NEARLY**2 * (dot(w, w) + r * r):  # what rounding left along the axis would lean the frame
+            D = split(D, axis)[1]
+        rho = np.sqrt(dot(D, D))
+        gap, n_rho, n_z = section(gb, rho, height)
+        if searched:
+            n_rho, n_z = outward * np.sqrt(max(1.0 - normal[2] ** 2, 0.0)), normal[2]
+        if rho <= NOWHERE:  # on the axis any direction is the nearest one; take one tied to the solid
+            D, rho = t, 1.0
+    N, T1 = frame[0], frame[1]
+    for k in range(3):
+        N[k] = n_rho * D[k] / rho + n_z * z[k]
+        point[k] = centre[k] + (c * e[k] + s * f[k] - gap * n_rho * D[k] / rho - gap * n_z * z[k])
+    if kind == ON_ROUND:  # T1 along the axis, on the ends along a radius
+        for k in range(3):
+            T1[k] = outward * (n_rho * z[k] - n_z * D[k] / rho)
+    else:
+        transport(z, t, N, T1)
+    cross(N, T1, frame[2])
     return gap + contacts.clearance[i]
+
+
+@kernel
+def transport(pole, t, n, out):
+    """Write into ``out`` the tangent ``t`` turned as the shortest rotation turns ``pole`` into ``n``.
+
+    The tangent of a face at ``pole`` is thus carried round the edges without a jump, but for the very back.
+    """
+    s0, s1, s2 = pole[0] + n[0], pole[1] + n[1], pole[2] + n[2]
+    square = s0 * s0 + s1 * s1 + s2 * s2
+    if square > BACK:
+        k = 2 * (t[0] * s0 + t[1] * s1 + t[2] * s2) / square
+        out[0], out[1], out[2] = t[0] - k * s0, t[1] - k * s1, t[2] - k * s2
+    else:
+        _, (t0, t1, t2) = split(t, n)
+        k = 1 / np.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
+        out[0], out[1], out[2] = k * t0, k * t1, k * t2
 
 
 @kernel

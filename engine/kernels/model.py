@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ARC_CYLINDER = range(5)
+RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME = range(8)
 CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE = range(8, 11)  # the impulses of a whole step, by its length
 END, PEAK, EVENT = range(3)
 SLIDE, TURN = range(2)
 
-GEOMETRY = 11  # numbers that describe one primitive
+GEOMETRY = 13  # numbers that describe one primitive
 
 
 class Bodies(NamedTuple):
@@ -32,8 +32,8 @@ class Contacts(NamedTuple):
     kind: np.ndarray  # (nc,) int64
     a: np.ndarray  # (nc,) int64, the body pushed along +N
     b: np.ndarray  # (nc,) int64
-    geometry_a: np.ndarray  # (nc, 11) see contacts.py
-    geometry_b: np.ndarray  # (nc, 11)
+    geometry_a: np.ndarray  # (nc, GEOMETRY) see gaps.py
+    geometry_b: np.ndarray  # (nc, GEOMETRY)
     clearance: np.ndarray  # (nc,) radial clearance of a ring in a bore; minus the contact offset elsewhere
     reach: np.ndarray  # (nc,) farthest point of side a's primitive from its body's centre of mass
 

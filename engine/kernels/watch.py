@@ -42,7 +42,8 @@ def look(contacts, x, R, i, watch, gap, point, frame):
     watch.near[i], watch.budget[i] = True, gap[i]
     a, b = contacts.a[i], contacts.b[i]
     d0, d1, d2 = x[a, 0] - x[b, 0], x[a, 1] - x[b, 1], x[a, 2] - x[b, 2]
-    watch.lever[i] = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2) + contacts.reach[i] + 2 * abs(gap[i])
+    lever = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2) + contacts.reach[i]
+    watch.lever[i] = lever + 2 * abs(gap[i]) + abs(contacts.clearance[i])  # a skin is part of the clearance
 
 
 @inner

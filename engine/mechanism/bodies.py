@@ -5,7 +5,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from engine.mechanism.base import Direction, Model, Number, Point, Vector, is_number, refuse
+from engine.mechanism.base import Direction, Model, Name, Number, Point, Vector, is_number, refuse
 from engine.mechanism.quantities import Quantity
 
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
@@ -59,6 +59,9 @@ class Body(Model):
     ] = Field(
         default=None,
         description="the inertia about the centre of mass in body axes: 3 x 3, or three principal moments",
+    )
+    material: Name | None = Field(
+        default=None, description="the material the body is made of, as `between` of [materials] calls it"
     )
     center_of_mass: Point = Field(default=(0.0, 0.0, 0.0), description="the centre of mass, in the body frame")
     origin: Point = Field(default=(0.0, 0.0, 0.0), description="the origin of the body frame, in the world")

@@ -1,64 +1,25 @@
-"""Unilateral contacts between two named primitives, whose gap has a closed form."""
+"""Unilateral contacts between two named primitives."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from engine.mechanism.base import (
-    Direction,
-    Friction,
-    Length,
-    Model,
-    Name,
-    Number,
-    Point,
-    PositiveLength,
-    Restitution,
-    refuse,
-)
+from engine.mechanism.base import Friction, Length, Model, Name, Point, Restitution, refuse
+from engine.mechanism.primitives import Arc, Bore, Cylinder, Disc, Plane, Rectangle, Ring, Socket, Sphere
 from engine.mechanism.quantities import Quantity
 
-ContactKind = Literal["point-plane", "arc-plane", "cylinder-plane", "arc-cylinder"]
-PAIRS: tuple[ContactKind, ...] = ("point-plane", "arc-plane", "cylinder-plane", "arc-cylinder")
+PRIMITIVES = ("point", "sphere", "arc", "ring", "cylinder", "bore", "socket", "plane", "disc", "rectangle")
 
-
-class Plane(Model):
-    """A plane; its normal points to the free side."""
-
-    point: Point = Field(description="a point of the plane, in the body frame")
-    normal: Direction = Field(description="the normal of the plane, pointing to the free side")
-
-
-class Arc(Model):
-    """A circular arc, or a full circle."""
-
-    centre: Point = Field(description="the centre of the circle, in the body frame")
-    normal: Direction = Field(description="the normal of the circle's plane")
-    middle: Direction = Field(description="the direction from the centre to the middle of the arc")
-    radius: PositiveLength = Field(description="the radius of the arc, a number > 0")
-    half_angle: Annotated[Number, Field(gt=0, le=3.1415926535897936), Quantity("angle")] = Field(
-        description="half the angle the arc spans, in rad; pi for a full circle"
-    )
-
-    @model_validator(mode="after")
-    def _in_plane(self) -> Self:
-        lean = sum(n * m for n, m in zip(self.normal, self.middle, strict=True))
-        if abs(lean) > 1e-5:
-            raise refuse(
-                f"out of the arc's plane (normal . middle = {lean:.2g}); allowed: perpendicular to normal; "
-                "correct one of the two",
-                key="middle",
-                value=list(self.middle),
-            )
-        return self
-
-
-class Cylinder(Model):
-    """The outside of a cylinder; ``point`` is at mid-height of the working patch."""
-
-    point: Point = Field(description="the point of the axis at mid-height of the working patch")
-    axis: Direction = Field(description="the direction of the cylinder's axis")
-    radius: PositiveLength = Field(description="the radius of the cylinder, a number > 0")
+FLATS = ("plane", "disc", "rectangle")
+_PARTNERS = {
+    "point": (*FLATS, "cylinder", "bore", "sphere", "socket"),
+    "sphere": (*FLATS, "cylinder", "bore", "sphere", "socket"),
+    "arc": (*FLATS, "cylinder", "bore", "sphere", "socket"),
+    "cylinder": FLATS,
+    "ring": ("cylinder", "bore"),
+}
+PAIRS = tuple(f"{first}-{second}" for first, seconds in _PARTNERS.items() for second in seconds)
+"""The pairs with a gap function: side a of the kernels, then side b."""
 
 
 class Side(Model):
@@ -66,22 +27,35 @@ class Side(Model):
 
     body: Name = Field(description="the body the primitive belongs to")
     point: Annotated[Point | None, Quantity("length")] = Field(default=None, description="a point: [x, y, z]")
+    sphere: Sphere | None = Field(default=None, description="a sphere: { centre, radius }")
+    arc: Arc | None = Field(default=None, description="an arc, circle or rounded edge: { centre, normal, radius, ... }")
+    ring: Ring | None = Field(default=None, description="a ring: { centre, radius }")
+    cylinder: Cylinder | None = Field(default=None, description="a cylinder: { point, axis, radius, ... }")
+    bore: Bore | None = Field(default=None, description="the inside of a cylinder: { point, axis, radius, ... }")
+    socket: Socket | None = Field(default=None, description="the inside of a sphere: { centre, radius }")
     plane: Plane | None = Field(default=None, description="a plane: { point, normal }")
-    arc: Arc | None = Field(default=None, description="an arc: { centre, normal, middle, ... }")
-    cylinder: Cylinder | None = Field(default=None, description="a cylinder: { point, axis, radius }")
+    disc: Disc | None = Field(default=None, description="a round face: { centre, normal, radius, ... }")
+    rectangle: Rectangle | None = Field(
+        default=None, description="a rectangular face: { centre, normal, along, half_lengths, ... }"
+    )
 
     @property
     def kind(self) -> str:
-        """The primitive's kind: ``"point"``, ``"plane"``, ``"arc"`` or ``"cylinder"``."""
-        return next(kind for kind in ("point", "plane", "arc", "cylinder") if getattr(self, kind) is not None)
+        """The primitive's kind, its key: ``"point"``, ``"plane"``, ``"arc"``, ..."""
+        return next(kind for kind in PRIMITIVES if getattr(self, kind) is not None)
+
+    @property
+    def primitive(self) -> Any:
+        """The primitive itself."""
+        return getattr(self, self.kind)
 
     @model_validator(mode="after")
     def _one_primitive(self) -> Self:
-        given = [kind for kind in ("point", "plane", "arc", "cylinder") if getattr(self, kind) is not None]
+        given = [kind for kind in PRIMITIVES if getattr(self, kind) is not None]
         if len(given) != 1:
             raise refuse(
                 f"has {' and '.join(given) or 'no primitive'}; "
-                "allowed: exactly one of point, plane, arc, cylinder; keep one"
+                f"allowed: exactly one of {', '.join(PRIMITIVES)}; keep one"
             )
         return self
 
@@ -89,10 +63,12 @@ class Side(Model):
 class Contact(Model):
     """A unilateral contact with friction between two primitives; the order of a and b does not matter."""
 
-    a: Side = Field(description="one side: { body, and a point, plane, arc or cylinder }")
-    b: Side = Field(description="the other side: { body, and a point, plane, arc or cylinder }")
+    a: Side = Field(description="one side: { body, and one primitive, such as point, arc or plane }")
+    b: Side = Field(description="the other side: { body, and one primitive }")
     offset: Length = Field(default=0.0, description="a skin subtracted from the gap")
-    material: Name | None = Field(default=None, description="the pair of materials, a table of [materials]")
+    material: Name | None = Field(
+        default=None, description="the pair of materials, a table of [materials]; default: that between the bodies'"
+    )
     friction: Annotated[Friction | None, Quantity("number")] = Field(
         default=None, description="the coefficient of friction, instead of the material's"
     )
@@ -101,24 +77,58 @@ class Contact(Model):
     )
 
     @property
-    def kind(self) -> ContactKind:
+    def kind(self) -> str:
         """The pair of primitives, in the order of ``sides``: ``"point-plane"``, ``"arc-plane"``, ..."""
-        kinds = {self.a.kind, self.b.kind}
-        return next(pair for pair in PAIRS if set(pair.split("-")) == kinds)
+        return "-".join(side.kind for side in self.sides)
 
     @property
     def sides(self) -> tuple[Side, Side]:
-        """The two sides in the order ``kind`` names them, such as (arc, plane)."""
-        return (self.a, self.b) if self.a.kind == self.kind.split("-")[0] else (self.b, self.a)
+        """The two sides in the order of a supported pair, such as (arc, plane)."""
+        return (self.a, self.b) if f"{self.a.kind}-{self.b.kind}" in PAIRS else (self.b, self.a)
 
     @model_validator(mode="after")
     def _supported(self) -> Self:
-        if {self.a.kind, self.b.kind} not in [set(pair.split("-")) for pair in PAIRS]:
+        if self.kind not in PAIRS:
             raise refuse(
                 f"{self.a.kind} against {self.b.kind} has no gap function; "
-                f"allowed pairs: {', '.join(PAIRS)}; "
-                "replace one side by points or arcs of its outline"
+                f"allowed pairs: {', '.join(PAIRS)}; {_remedy({self.a.kind, self.b.kind})}"
             )
-        if self.material is None and self.friction is None:
-            raise refuse("missing; name a pair of [materials], or give friction", key="material")
         return self
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        first, second = self.sides
+        key = f"{'a' if first is self.a else 'b'}.{first.kind}"
+        one, other = first.primitive, second.primitive
+        if self.kind in ("sphere-bore", "ring-bore", "sphere-socket") and one.radius >= other.radius:
+            raise refuse(
+                f"does not fit into the {second.kind} of radius {other.radius:g}; allowed: 0 < radius < "
+                f"{other.radius:g}; make it smaller, or the {second.kind} larger",
+                key=f"{key}.radius",
+                value=one.radius,
+            )
+        if self.kind == "ring-cylinder" and one.radius <= other.radius:
+            raise refuse(
+                f"does not go round the cylinder of radius {other.radius:g}; allowed: radius > {other.radius:g}; "
+                "make it larger, or the cylinder smaller",
+                key=f"{key}.radius",
+                value=one.radius,
+            )
+        for side, partner in ((first, second), (second, first)):
+            if side.kind == "cylinder" and partner.kind in ("ring", *FLATS) and side.primitive.half_length is not None:
+                end = "its two end circles, an arc each" if partner.kind in FLATS else "arcs in place of the ring"
+                raise refuse(
+                    f"a {partner.kind} does not see the ends of a cylinder; allowed: none; remove it, or write {end}",
+                    key=f"{'a' if side is self.a else 'b'}.cylinder.half_length",
+                    value=side.primitive.half_length,
+                )
+        return self
+
+
+def _remedy(kinds: set[str]) -> str:
+    """Say what to write in place of a pair that is not supported."""
+    if kinds <= set(FLATS):
+        return "for a face on a face write three points of one, or its edges as arcs, against the other"
+    if kinds <= {"cylinder", "bore"}:
+        return "for a pin in a bore or a roller on a roller write rings, circles or spheres in place of one of them"
+    return "replace one side by points, spheres or arcs of its outline"

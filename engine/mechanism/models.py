@@ -17,7 +17,7 @@ from engine.mechanism.joints import AnyJoint, Joint
 from engine.mechanism.loads import Damper, Force, Spring, Torque
 from engine.mechanism.motions import Motion
 from engine.mechanism.quantities import Quantity, UnitSystem
-from engine.mechanism.references import reference_faults
+from engine.mechanism.references import pair_between, reference_faults
 from engine.mechanism.responses import Response, ValidityCondition
 
 
@@ -97,6 +97,11 @@ class Phase(Model):
 class Material(Model):
     """What happens between a pair of materials."""
 
+    between: tuple[Name, Name] | None = Field(
+        default=None,
+        description='the materials of the two bodies, in any order, such as ["steel", "plastic"]; where no joint or '
+        "contact between them names a pair, this one holds",
+    )
     friction: Friction = Field(description="the coefficient of friction, a number >= 0")
     restitution: Restitution = Field(default=0.0, description="the coefficient of restitution, from 0 to 1")
 
@@ -146,14 +151,17 @@ class Mechanism(Model):
         return {name: response.quantity.unit(self.units) for name, response in self.responses.items()}
 
     def contact_law(self, pair: Joint | Contact) -> tuple[float, float]:
-        """Return (friction, restitution) of a joint or contact: its own, else its material's."""
-        own = (pair.friction, pair.restitution)
-        if pair.material is None:
-            return own[0] or 0.0, own[1] or 0.0
-        material = self.materials[pair.material]
+        """Return (friction, restitution) of a joint or contact.
+
+        Its own; else those of the pair of materials it names; else those of the pair between its bodies' materials.
+        """
+        bodies = [self.bodies[side.body].material for side in pair.sides]
+        pairs = {name: material.between for name, material in self.materials.items()}
+        name = pair.material or pair_between(bodies, pairs)
+        material = self.materials[name] if name else Material(friction=0.0)
         return (
-            material.friction if own[0] is None else own[0],
-            material.restitution if own[1] is None else own[1],
+            material.friction if pair.friction is None else pair.friction,
+            material.restitution if pair.restitution is None else pair.restitution,
         )
 
     def unit(self, quantity: str) -> str:

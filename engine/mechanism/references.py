@@ -1,6 +1,6 @@
 """What no single table can see: names that must exist, names used twice, parts that cannot move."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from engine.mechanism.faults import Fault, did_you_mean
@@ -34,6 +34,7 @@ def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
         *_unknown_names(data),
         *_used_twice(data),
         *_nothing_moves(data),
+        *_unknown_laws(data),
         *_unknown_responses(data),
         *_events_of_events(data),
     ]
@@ -141,6 +142,58 @@ def _nothing_moves(data: Mapping[str, Any]) -> Iterator[Fault]:
                 both = f"{a} and {b or 'the world'} are both fixed"
                 text = f"{both}; allowed: at least one that moves; remove it, or free one"
                 yield Fault(f"{table}.{name}", text)
+
+
+def pair_between(bodies: Sequence[Any], pairs: Mapping[str, Any]) -> str | None:
+    """Return the name of the pair of materials that lies between two bodies' materials, in any order.
+
+    Parameters
+    ----------
+    bodies : sequence
+        The two materials; None where a body has none.
+    pairs : mapping
+        Name of a pair -> its two materials, or None.
+    """
+    if None in bodies:
+        return None
+    return next(
+        (name for name, two in pairs.items() if two and sorted(map(str, two)) == sorted(map(str, bodies))), None
+    )
+
+
+def _unknown_laws(data: Mapping[str, Any]) -> Iterator[Fault]:
+    """Find contacts whose friction follows from nothing, and pairs of materials that are there twice."""
+    materials = _table(data, "materials")
+    pairs = {name: _pair(_table(materials, name).get("between")) for name in materials}
+    for name, two in pairs.items():
+        first = pair_between(two or (None,), pairs)
+        if two and first != name:
+            text = f"materials.{first} is between the same two; allowed: one pair for two materials; remove one"
+            yield Fault(f"materials.{name}.between", text, list(two))
+    known = [f"{name} ({' and '.join(two)})" for name, two in pairs.items() if two]
+    for table in ("joints", "contacts"):
+        for name, entry in _table(data, table).items():
+            if not isinstance(entry, Mapping) or any(entry.get(key) is not None for key in ("material", "friction")):
+                continue
+            if table == "joints" and not str(entry.get("type")).startswith("clearance_"):
+                continue  # an ideal joint has no contacts
+            sides = [_table(entry, side).get("body") for side in _sides(table, entry)]
+            made = [_table(_table(data, "bodies"), str(body)).get("material") for body in sides]
+            if pair_between(made, pairs) is None:
+                of = " and ".join(f"{a} ({b or 'no material'})" for a, b in zip(sides, made, strict=True))
+                there = f"are {', '.join(known)}" if known else "is none"
+                text = (
+                    f"missing, and no pair of [materials] lies between {of}; with `between` there {there}; "
+                    "name a pair, or give friction, or add `between` to a pair"
+                )
+                yield Fault(f"{table}.{name}.material", text)
+
+
+def _pair(value: Any) -> tuple[str, str] | None:
+    """Return the two names of a `between`, if it is a pair of them."""
+    if isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(v, str) for v in value):
+        return value[0], value[1]
+    return None
 
 
 def _unknown_responses(data: Mapping[str, Any]) -> Iterator[Fault]:

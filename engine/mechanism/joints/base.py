@@ -24,7 +24,9 @@ class Joint(Model):
     """The key a joint's name alone stands for; empty when the joint exists as an ideal one only."""
 
     type: str = Field(description="the kind of joint")
-    material: Name | None = Field(default=None, description="the pair of materials, a table of [materials]")
+    material: Name | None = Field(
+        default=None, description="the pair of materials, a table of [materials]; default: that between the bodies'"
+    )
     friction: Annotated[Friction | None, Quantity("number")] = Field(
         default=None, description="the coefficient of friction, instead of the material's"
     )
@@ -59,8 +61,6 @@ class Joint(Model):
     def _loose(self) -> Self:
         if not self.ideal:
             self._check_play()
-            if self.material is None and self.friction is None:
-                raise refuse("missing; name a pair of [materials], or give friction", key="material")
         return self
 
     def _need(self, *keys: str) -> None:

@@ -1,0 +1,80 @@
+"""Contact primitives as geometry rows (table in `kernels.gaps`), from the centre of mass in body axes."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from engine.assembly.frames import Array, Frame, tangent
+from engine.kernels.model import GEOMETRY
+from engine.mechanism.contacts import Contact, Side
+
+ENDLESS = math.inf
+
+
+def rows(contact: Contact, frame_a: Frame, frame_b: Frame) -> tuple[Array, Array, float]:
+    """Return the rows of a contact's two sides, shape (GEOMETRY,) each, and what is added to their distance.
+
+    That is minus the contact's offset and minus the skin of side a, the radius of a sphere or of a rounded edge; for a
+    ring around a cylinder it is the radial clearance between them.
+    """
+    a, b = contact.sides
+    row, skin = _row_a(a, frame_a)
+    if contact.kind == "ring-cylinder":
+        pin = b.primitive
+        n = frame_b.direction(pin.axis)
+        return row, _row(frame_b.point(pin.point), n, tangent(n), pin.radius), skin - pin.radius - contact.offset
+    return row, _row_b(b, frame_b), -skin - contact.offset
+
+
+def _row_a(side: Side, frame: Frame) -> tuple[Array, float]:
+    """Return the row of side a, and its skin."""
+    shape = side.primitive
+    if side.kind == "point":
+        return _row(frame.point(shape)), 0.0
+    if side.kind in ("sphere", "ring"):
+        return _row(frame.point(shape.centre)), shape.radius
+    if side.kind == "arc":
+        n = frame.direction(shape.normal)
+        e = tangent(n) if shape.middle is None else _across(n, frame.direction(shape.middle))
+        return _row(frame.point(shape.centre), n, e, shape.radius, shape.half_angle), shape.edge_radius
+    n = frame.direction(shape.axis)
+    return _row(frame.point(shape.point), n, tangent(n), shape.radius, math.pi), 0.0
+
+
+def _row_b(side: Side, frame: Frame) -> Array:
+    """Return the row of side b: place, axis, tangent and bounds."""
+    shape = side.primitive
+    if side.kind in ("sphere", "socket"):
+        pole = np.array([0.0, 0.0, 1.0])
+        bounds = _walls(shape.radius, side.kind == "socket")
+        return _row(frame.point(shape.centre), pole, tangent(pole), *bounds, -ENDLESS, ENDLESS)
+    if side.kind in ("cylinder", "bore"):
+        n, half = frame.direction(shape.axis), ENDLESS if shape.half_length is None else shape.half_length
+        return _row(frame.point(shape.point), n, tangent(n), *_walls(shape.radius, side.kind == "bore"), -half, half)
+    n = frame.direction(shape.normal)
+    if side.kind == "plane":
+        return _row(frame.point(shape.point), n, tangent(n))
+    if side.kind == "disc":
+        depth = shape.radius if shape.depth is None else shape.depth
+        return _row(frame.point(shape.centre), n, tangent(n), -ENDLESS, shape.radius, -depth, 0.0)
+    depth = min(shape.half_lengths) if shape.depth is None else shape.depth
+    e = _across(n, frame.direction(shape.along))
+    return _row(frame.point(shape.centre), n, e, *shape.half_lengths, -depth, 0.0)
+
+
+def _row(*numbers: Any) -> Array:
+    """Return the numbers and vectors as a row, filled up with zeros."""
+    given = np.concatenate([np.atleast_1d(np.asarray(part, float)) for part in numbers])
+    return np.concatenate([given, np.zeros(GEOMETRY - given.size)])
+
+
+def _walls(radius: float, hollow: bool) -> tuple[float, float]:
+    """Return how near to the axis and how far from it the material of a round solid reaches."""
+    return (radius, ENDLESS) if hollow else (-ENDLESS, radius)
+
+
+def _across(n: Array, direction: Array) -> Array:
+    """Return the unit vector across n nearest to a direction."""
+    e = direction - (direction @ n) * n
+    return np.asarray(e / np.linalg.norm(e))

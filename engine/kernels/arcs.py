@@ -1,0 +1,159 @@
+"""Where an arc is nearest to a solid, as the angle from its middle.
+
+First the minimum over a larger set, in closed form or by Newton's method: over the whole circle and an unbounded
+cylinder, or over the plane of a plate's face. Where that minimum lies on the arc and on the solid, it is the minimum.
+Where it does not, the arc is searched: samples, and the stationary point between any two whose slopes enclose one.
+
+An arc that has come into a solid across an edge is deepest between two faces, where its signed distance has a kink. The
+normal there is the one combination of the faces' normals that is across the arc: the same as just before, outside.
+"""
+
+import numpy as np
+
+from engine.kernels.jit import kernel
+from engine.kernels.model import ON_BALL, ON_DISC, ON_RECTANGLE
+from engine.kernels.solids import signed_distance
+from engine.kernels.vectors import dot
+
+NEWTON_STEPS = 8
+BISECTIONS = 150
+CELL = np.pi / 32  # between two samples [rad]
+SMALLEST = 1 / 32  # of it, where samples stand closer
+UNEVEN = 3e-5  # what two samples' distances may differ from what their slopes say, as a share of the radius
+BESIDE = 1e-8  # from the point found, where the faces on both sides of an edge are asked [rad]
+OPPOSED = 0.5  # length of a combined normal; below, the faces are turned away from each other: the arc runs through
+FLAT = 1e-12  # change of slope from one sample to the next, as a share of the radius, that is only rounding
+
+
+@kernel
+def nearest_on_arc(kind, b, r, half, W, E, F, ew, ee, fe, x, y):
+    """Find where an arc is nearest to the solid ``b`` of that kind.
+
+    The arc is W + r (cos E + sin F) across the solid's axis, vectors of the world, and ew + r (cos ee + sin fe) along
+    it; x and y are the solid's own directions across.
+
+    Returns
+    -------
+    angle : -half to half [rad]
+    searched : whether it was searched for
+    normal : there, in the solid's axes
+    """
+    flat = kind in (ON_DISC, ON_RECTANGLE)
+    if flat:
+        angle = np.arctan2(-fe, -ee)
+    elif b[9] > 0.0:  # hollow: farthest from the axis
+        angle = angle_on_circle(-dot(W, E), -dot(W, F), -dot(E, E), -dot(F, F), -dot(E, F), r)
+    else:
+        angle = angle_on_circle(dot(W, E), dot(W, F), dot(E, E), dot(F, F), dot(E, F), r)
+    within = flat or abs(angle) <= half
+    angle = min(max(angle, -half), half)
+    curve = (
+        (dot(W, x), dot(W, y), ew),
+        (r * dot(E, x), r * dot(E, y), r * ee),
+        (r * dot(F, x), r * dot(F, y), r * fe),
+    )
+    _, _, normal = distance_along(kind, b, curve, angle)
+    if kind == ON_BALL or (within and normal[2] == (1.0 if flat else 0.0)):
+        return angle, False, normal
+    angle = search(kind, b, r, half, curve)
+    _, _, normal = distance_along(kind, b, curve, angle)
+    if abs(angle) < half or half >= np.pi:
+        _, slope0, n0 = distance_along(kind, b, curve, angle - BESIDE)
+        _, slope1, n1 = distance_along(kind, b, curve, angle + BESIDE)
+        if slope0 < 0.0 < slope1:
+            k0, k1 = slope1 / (slope1 - slope0), slope0 / (slope0 - slope1)
+            n = (k0 * n0[0] + k1 * n1[0], k0 * n0[1] + k1 * n1[1], k0 * n0[2] + k1 * n1[2])
+            length = np.sqrt(dot(n, n))
+            if length > OPPOSED:
+                normal = (n[0] / length, n[1] / length, n[2] / length)
+    return angle, True, normal
+
+
+@kernel
+def angle_on_circle(WE, WF, EE, FF, EF, r):
+    """Return the angle [rad] at which |W + r (cos E + sin F)| is least, from the vectors' products.
+
+    Seen along the cylinder's axis the circle is an ellipse. The point of an ellipse nearest to the origin lies in the
+    quarter, between two of its axes, that faces the origin from the ellipse's centre, and no other stationary point
+    does: Newton's method, kept inside this quarter, finds it.
+    """
+    angle = np.arctan2(-WF, -WE)
+    axis, quarter = 0.5 * np.arctan2(2 * EF, EE - FF), 0.5 * np.pi
+    low = axis + quarter * np.floor((angle - axis) / quarter)
+    high = low + quarter
+    rounding = 1e-14 * (abs(WE) + abs(WF) + r * (abs(EE) + abs(FF)))
+    for k in range(BISECTIONS):
+        c, s = np.cos(angle), np.sin(angle)
+        slope = -s * WE + c * WF + r * (s * c * (FF - EE) + (c * c - s * s) * EF)
+        curve = -c * WE - s * WF + r * ((c * c - s * s) * (FF - EE) - 4 * s * c * EF)
+        if (curve > 0.0 and abs(slope) <= 1e-15 * curve) or (k >= NEWTON_STEPS and abs(slope) <= rounding):
+            break
+        if curve > 0.0 or k > 0:  # the start may lie on a ridge, the quarter's own edge, where slopes are rounding
+            low, high = (low, angle) if slope > 0.0 else (angle, high)
+        angle -= slope / curve
+        if not (curve > 0.0 and low <= angle <= high):
+            angle = 0.5 * (low + high)
+    return angle if abs(angle) <= np.pi else angle - np.copysign(2 * np.pi, angle)
+
+
+@kernel
+def search(kind, b, r, half, curve):
+    """Return the angle of the arc's point nearest to the solid, wherever it is.
+
+    The samples stand closer where distances and slopes do not fit each other: an edge lies between, or two valleys.
+    """
+    step = CELL
+    low, angle = -half, -half
+    best, slope0, _ = distance_along(kind, b, curve, low)
+    d0 = best
+    while low < half:
+        high = min(low + step, half)
+        d, slope, _ = distance_along(kind, b, curve, high)
+        width = high - low
+        if abs(d - d0 - 0.5 * width * (slope0 + slope)) > UNEVEN * r and width > SMALLEST * CELL:
+            step = 0.5 * width
+            continue
+        if d < best:
+            best, angle = d, high
+        if slope0 < 0.0 <= slope and slope - slope0 > FLAT * r:
+            valley = stationary(kind, b, curve, low, slope0, high, slope)
+            depth, _, _ = distance_along(kind, b, curve, valley)
+            if depth < best:
+                best, angle = depth, valley
+        low, d0, slope0, step = high, d, slope, min(2 * step, CELL)
+    return angle
+
+
+@kernel
+def stationary(kind, b, curve, low, below, high, above):
+    """Return an angle where the slope, ``below`` < 0 at ``low`` and ``above`` >= 0 at ``high``, changes its sign.
+
+    By the secant, and by halves where that leaves the interval and at every third step.
+    """
+    last, slope0, angle, slope = low, below, high, above
+    for k in range(BISECTIONS):
+        new = angle - slope * (angle - last) / (slope - slope0)
+        if k % 3 == 2 or not low < new < high:
+            new = 0.5 * (low + high)
+        last, slope0 = angle, slope
+        angle = new
+        _, slope, _ = distance_along(kind, b, curve, angle)
+        if slope < 0.0:
+            low = angle
+        else:
+            high = angle
+        if slope == 0.0 or abs(angle - last) <= 1e-15 or high - low <= 1e-15:
+            break
+    return angle
+
+
+@kernel
+def distance_along(kind, b, curve, angle):
+    """Return the signed distance of the arc's point at an angle, its slope, and the normal there."""
+    c, s = np.cos(angle), np.sin(angle)
+    centre, e, f = curve
+    x = centre[0] + c * e[0] + s * f[0]
+    y = centre[1] + c * e[1] + s * f[1]
+    z = centre[2] + c * e[2] + s * f[2]
+    d, n = signed_distance(kind, b, x, y, z)
+    return d, n[0] * (c * f[0] - s * e[0]) + n[1] * (c * f[1] - s * e[1]) + n[2] * (c * f[2] - s * e[2]), n
