@@ -149,7 +149,7 @@ def _edges(frame: Frame, side: Any) -> list[Array]:
 
 
 def _ball_in_socket(joint: Spherical, place: Mate) -> FaceRow:
-    """The ball's centre in a socket of the ball's radius: centred it touches all round, with the ball as a skin."""
+    """Return the one face: the ball's centre in a socket of the ball's radius, which is then a skin."""
     socket = Side(body=joint.socket.body, socket=Socket(centre=joint.socket.point, radius=joint.ball.radius or 0.0))
     return "ball", KINDS["point-socket"], (place.b, place.a), _point(place.point_b), row_b(socket, place.a)
 
