@@ -6,12 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from engine.assembly.contacts import Pair
+from engine.assembly.contacts import KINDS, Pair
 from engine.assembly.frames import Array, Frame, tangent
-from engine.errors import MechanismError
+from engine.assembly.primitives import row_b
 from engine.kernels.model import GEOMETRY, POINT_PLANE, RING_BORE
+from engine.mechanism.contacts import Side
 from engine.mechanism.joints import Prismatic, Revolute, Spherical
 from engine.mechanism.models import Mechanism
+from engine.mechanism.primitives import Socket
 
 
 @dataclass(frozen=True)
@@ -58,13 +60,9 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, Frame], R: Array) -> Ite
     for name, joint in mechanism.joints.items():
         if joint.ideal:
             continue
-        if isinstance(joint, Spherical):
-            raise MechanismError(
-                f"joints.{name}.type = {joint.type!r}: a ball with play cannot be simulated yet; "
-                'allowed: "spherical"; make it an ideal one'
-            )
         place, law = mate(joint, frames, R), mechanism.contact_law(joint)
         for face, kind, sides, geometry_a, geometry_b in _faces(joint, place):
+            skin = joint.ball.radius if isinstance(joint, Spherical) else 0.0
             yield Pair(
                 name=f"{name}.{face}",
                 kind=kind,
@@ -72,7 +70,7 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, Frame], R: Array) -> Ite
                 b=sides[1].index,
                 geometry_a=geometry_a,
                 geometry_b=geometry_b,
-                clearance=getattr(joint, joint.face_clearance(face)),
+                clearance=getattr(joint, joint.face_clearance(face)) - skin,
                 law=law,
             )
 
@@ -88,6 +86,9 @@ def _faces(joint: Any, place: Mate) -> Iterator[FaceRow]:
         elif joint.shaft is not None:
             radii = (joint.shaft.radius,) * len(joint.shaft.rings)
             yield from _rings(joint, place, joint.shaft.rings, radii)
+        return
+    if isinstance(joint, Spherical):
+        yield _ball_in_socket(joint, place)
         return
     yield from _rings(joint, place, joint.rings or (), joint.radii)
     if isinstance(joint, Revolute) and joint.flanges is not None:
@@ -145,6 +146,12 @@ def _edges(frame: Frame, side: Any) -> list[Array]:
     up = up - (up @ along) * along
     up = up / np.linalg.norm(up)
     return [along, up, np.cross(along, up)]
+
+
+def _ball_in_socket(joint: Spherical, place: Mate) -> FaceRow:
+    """Return the one face: the ball's centre in a socket of the ball's radius, which is then a skin."""
+    socket = Side(body=joint.socket.body, socket=Socket(centre=joint.socket.point, radius=joint.ball.radius or 0.0))
+    return "ball", KINDS["point-socket"], (place.b, place.a), _point(place.point_b), row_b(socket, place.a)
 
 
 def _across(axis: Any) -> Array:

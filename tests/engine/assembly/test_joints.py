@@ -189,7 +189,7 @@ def test_cylindrical_joint_with_play_is_rings_alone():
     assert gaps(data) == pytest.approx({"J.ring1": 0.05, "J.ring2": 0.05}, abs=1e-15)
 
 
-FACES = {"revolute": 8, "cylindrical": 2, "prismatic": 16}
+FACES = {"revolute": 8, "cylindrical": 2, "prismatic": 16, "spherical": 1}
 
 
 @pytest.mark.parametrize("kind", FACES)
@@ -197,11 +197,14 @@ def test_one_word_makes_a_joint_ideal_or_loose(kind):
     """The same file with one word changed, both ways: contacts with the clearances in them, or rows."""
     for loose in (False, True):
         data = joined(kind, np.random.default_rng(21), loose=loose)
-        assembly = assemble(made(data))
+        mechanism = made(data)
+        assembly = assemble(mechanism)
         rows, faces = len(assembly.model.ties.kind), len(assembly.contact_names)
         assert (rows > 0, faces) == ((False, FACES[kind]) if loose else (True, 0))
         if loose:
-            assert assembly.state.gap.tolist() == pytest.approx(assembly.model.contacts.clearance.tolist(), abs=1e-14)
+            joint = mechanism.joints["J"]
+            play = [getattr(joint, joint.face_clearance(face.split(".")[1])) for face in assembly.contact_names]
+            assert assembly.state.gap.tolist() == pytest.approx(play, abs=1e-14)
 
 
 @pytest.mark.parametrize("key", ["material", "friction", *PLAY["revolute"], "journal.radius"])
@@ -243,11 +246,20 @@ def test_overlap_says_what_the_worst_face_needs():
         assert f"at least {max(needed[f] for f in face):.6g} m" in line
 
 
-def test_a_ball_with_play_is_refused_with_the_ideal_word():
-    """Its gap is not there yet; as an ideal joint the same table assembles."""
-    with pytest.raises(MechanismError, match=r'joints.J.type = .clearance_spherical.: .*allowed: "spherical"'):
-        assemble(made(joined("spherical", np.random.default_rng(24), loose=True)))
-    assert len(assemble(made(joined("spherical", np.random.default_rng(24)))).model.ties.kind) == 3
+def test_ball_in_a_socket():
+    """The play less the distance of the centres; the push is towards the socket's centre, on the ball's surface."""
+    joint = {
+        "type": "clearance_spherical",
+        "socket": {"body": "ground", "point": [1, 1, 1]},
+        "ball": {"body": "part", "point": [0, 0, 1], "radius": 2.0},
+        "radial_clearance": 0.3,
+    }
+    assembly = assemble(made(on_ground(joint, origin=[1.0, 1.12, -0.16], axis=[0, 0, 1], angle=0.7)))
+    state, work = assembly.state, assembly.work
+    assert assembly.contact_names == ("J.ball",)
+    assert state.gap[0] == pytest.approx(0.3 - 0.2, abs=1e-14)
+    np.testing.assert_allclose(work.frame[0, 0], [0, -0.6, 0.8], atol=1e-14)
+    np.testing.assert_allclose(work.point[0], [1, 1 + 2 * 0.6, 1 - 2 * 0.8], atol=1e-13)
 
 
 def test_rings_do_not_depend_on_where_the_mechanism_stands():
