@@ -152,24 +152,33 @@ def _execute(
         iterations=int(counts[run.ITERATIONS]),
         repeated=int(counts[run.REPEATED]),
     )
-    measured = dict(zip(mechanism.responses, map(float, assembly.work.values), strict=True))
+    if counts[run.STATUS] == run.OK and certificate.settled:
+        _measure_at_rest(mechanism, assembly, int(counts[run.PHASE]), certificate.time)
+    measured = dict(zip(mechanism.responses, map(float, assembly.work.reported), strict=True))
     if counts[run.STATUS] == run.OK:
-        if certificate.settled:
-            measured |= _forces_at_rest(mechanism, assembly, int(counts[run.PHASE]))
         status, message = judge(mechanism, measured, bool(counts[run.COMPLETED]) or full_horizon)
     else:
         status, message = failure(mechanism, assembly, course)
     return Run(status, message, measured if status == "ok" else {}, mechanism.response_units(), certificate, measured)
 
 
-def _forces_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int) -> dict[str, float]:
-    """Return the contact forces among the responses as the pose at rest determines them; NaN if it does not."""
-    from engine.equilibrium import forces_at_rest
+def _measure_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int, t: float) -> None:
+    """Measure the responses of the end once more, with the contact forces that the pose at rest determines.
 
-    wanted = {name: r.contact for name, r in mechanism.responses.items() if r.type == "contact_force"}
-    if not wanted:
-        return {}
+    They are NaN where no forces in the friction cones balance the loads.
+    """
+    from engine.equilibrium import forces_at_rest
+    from engine.kernels.model import CONTACT_FORCE, END
+    from engine.kernels.responses import measure
+
+    model, state, work = assembly.model, assembly.state, assembly.work
+    if not (model.responses.kind >= CONTACT_FORCE).any():
+        return
     sim = mechanism.simulation
-    forces = forces_at_rest(assembly, phase, sim.step, sim.penetration)
-    at = assembly.contact_names.index
-    return {name: math.nan if forces is None else float(forces[at(contact), 0]) for name, contact in wanted.items()}
+    forces = forces_at_rest(assembly, phase, sim.step, sim.penetration, t)
+    state.r[:] = math.nan if forces is None else forces
+    measure(
+        model.responses, model.contacts, model.loads, state, work.point, work.frame, t, 1.0, work.values, work.a, work.b
+    )
+    at_end = model.responses.at == END
+    work.reported[at_end] = work.values[at_end]

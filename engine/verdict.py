@@ -22,10 +22,14 @@ def judge(mechanism: Mechanism, measured: Mapping[str, float], completed: bool) 
             f"may move by {sim.rest.drift:g} {mechanism.unit('length')}; raise simulation.horizon, or give the phase "
             "a duration"
         )
-    if any(math.isnan(value) for value in measured.values()):
+    missing = [name for name, value in measured.items() if math.isnan(value)]
+    events = [name for name in missing if mechanism.responses[name].at not in ("end", "maximum", "minimum")]
+    if events:
+        return "invalid", f"{', '.join(events)}: the event it is read at (`at`) did not happen in this run"
+    if missing:
         return (
             "not_converged",
-            "at rest, but no contact forces were found that balance the loads at this pose",
+            f"{', '.join(missing)}: at rest, but no contact forces were found that balance the loads at this pose",
         )
     for condition in mechanism.validity:
         if not condition.holds(measured):

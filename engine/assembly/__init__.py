@@ -60,14 +60,14 @@ def assemble(mechanism: Mechanism) -> Assembly:
         ties=tie_arrays(ties),
         time_laws=time_laws,
         loads=load_arrays(mechanism, frames, law_numbers),
-        responses=response_arrays(mechanism, frames, names),
+        responses=response_arrays(mechanism, frames, state, names),
         phase_duration=np.array([np.inf if p.duration is None else p.duration for p in mechanism.phases]),
     )
     nc = len(pairs)
     assembly = Assembly(
         model,
         state._replace(r=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc)),
-        _scratch(len(moving), nc, len(ties), len(mechanism.responses)),
+        _scratch(len(moving), nc, len(ties), model.responses.offset),
         _problem(model, multiplier),
         tuple(names),
         tuple(tie.name for tie in ties),
@@ -89,7 +89,7 @@ def _problem(model: Model, multiplier: Places) -> FrictionArrays:
     return problem
 
 
-def _scratch(nb: int, nc: int, nt: int, nr: int) -> Scratch:
+def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
     """Allocate the work space of a run."""
     bodies, contacts = np.zeros((3, nb + 1, 6)), np.zeros((4, nc, 3))
     return Scratch(
@@ -111,8 +111,10 @@ def _scratch(nb: int, nc: int, nt: int, nr: int) -> Scratch:
         violation=np.zeros(nt),
         tie_point=np.zeros((nt, 3)),
         tie_way=np.zeros((nt, 3)),
-        values=np.zeros(nr),
-        anchor=np.zeros(nr),
+        values=offset.copy(),  # of an angle at the start: its full turns count from there
+        previous=offset.copy(),
+        reported=np.full(offset.size, np.nan),
+        anchor=np.zeros(offset.size),
         travel=np.zeros(nc),
         kept_pose=np.zeros((nb + 1, 16)),
         kept_v=bodies[2],

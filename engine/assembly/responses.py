@@ -1,29 +1,136 @@
-"""Responses as arrays."""
+"""Responses as arrays; rows of geometry: see `kernels.responses`."""
+
+from typing import Any
 
 import numpy as np
 
-from engine.assembly.frames import Frame
-from engine.kernels.model import CONTACT_FORCE, POSITION, Responses
+from engine.assembly.frames import Array, Frame
+from engine.errors import MechanismError
+from engine.kernels import model
+from engine.kernels.model import Responses, State
+from engine.mechanism.faults import Fault, did_you_mean
 from engine.mechanism.models import Mechanism
+from engine.mechanism.responses import Event
+
+ORIGIN = (0.0, 0.0, 0.0)
+KINDS = {
+    "position": model.POSITION,
+    "velocity": model.VELOCITY,
+    "angle": model.ANGLE,
+    "angular_velocity": model.ANGULAR_VELOCITY,
+    "gap": model.GAP,
+    "contact_force": model.CONTACT_FORCE,
+    "joint_force": model.JOINT_FORCE,
+    "spring_force": model.SPRING_FORCE,
+    "spring_torque": model.SPRING_TORQUE,
+    "time": model.TIME,
+}
+MOTION = ("position", "angle", "gap")
 
 
-def response_arrays(mechanism: Mechanism, frames: dict[str, Frame], contacts: list[str]) -> Responses:
-    """Return what is measured."""
-    n = len(mechanism.responses)
-    kind, body, point = np.zeros(n, np.int64), np.zeros((n, 3), np.int64), np.zeros((n, 12))
-    offset = np.zeros(n)
-    for i, response in enumerate(mechanism.responses.values()):
-        if response.type == "contact_force":
-            kind[i], body[i, 0] = CONTACT_FORCE, contacts.index(response.contact)
-            continue
-        start, end, way = response.from_, response.to, response.direction
-        turned = frames[way.body or "world"]
-        kind[i], offset[i] = POSITION, response.offset
-        body[i] = frames[start.body].index, frames[end.body].index, turned.index
-        if start.axis is not None:
-            point[i, 0:3] = frames[start.body].point(start.axis.point)
-            point[i, 3:6] = frames[start.body].direction(start.axis.axis)
-        else:
-            point[i, 0:3] = frames[start.body].point(start.point or (0.0, 0.0, 0.0))
-        point[i, 6:9], point[i, 9:12] = frames[end.body].point(end.point), turned.direction(way.vector)
-    return Responses(kind, body, point, offset)
+def response_arrays(mechanism: Mechanism, frames: dict[str, Frame], state: State, contacts: list[str]) -> Responses:
+    """Return what is measured, and when it is reported.
+
+    Parameters
+    ----------
+    frames, state : the bodies at the start pose
+    contacts : names of all contacts, in the order of the arrays
+
+    Raises
+    ------
+    MechanismError
+        If a response names a contact its joint does not have, or the force of a joint without contacts.
+    """
+    items = mechanism.responses.items()
+    _refuse_missing_contacts(mechanism, contacts)
+    what = [_measured(mechanism, response, frames, state, contacts) for _, response in items]
+    when = [_reported(mechanism, response) for _, response in items]
+    return Responses(
+        kind=np.array([kind for kind, _, _ in what], np.int64),
+        body=np.array([body for _, body, _ in what], np.int64).reshape(-1, 3),
+        point=np.array([point for _, _, point in what], float).reshape(-1, 12),
+        offset=np.array([getattr(response, "offset", 0.0) for _, response in items], float),
+        measures_motion=np.array([r.type in MOTION and r.at == "end" for _, r in items], bool),
+        at=np.array([at for at, _, _, _ in when], np.int64),
+        from_phase=np.array([phase for _, phase, _, _ in when], np.int64),
+        trigger=np.array([trigger for _, _, trigger, _ in when], np.int64),
+        limit=np.array([limit for _, _, _, limit in when], float).reshape(-1, 2),
+    )
+
+
+def _measured(
+    mechanism: Mechanism, response: Any, frames: dict[str, Frame], state: State, contacts: list[str]
+) -> tuple[int, tuple[int, int, int], Array]:
+    """Return kind, bodies (or contacts, or spring) and geometry of a response."""
+    kind, body, point = KINDS[response.type], (0, 0, 0), np.zeros(12)
+    if response.type in ("position", "velocity"):
+        body = _way(response, frames, point)
+    elif response.type in ("angle", "angular_velocity"):
+        body = _turning(response, frames, state, point)
+    elif response.type in ("spring_force", "spring_torque"):
+        alike = [name for name, s in mechanism.springs.items() if s.type == mechanism.springs[response.spring].type]
+        body = (alike.index(response.spring), 0, 0)
+    elif response.type == "joint_force":
+        own = [i for i, name in enumerate(contacts) if name.startswith(f"{response.joint}.")]
+        way = response.direction
+        turned = frames[(way and way.body) or "world"]
+        body = (own[0], len(own), turned.index)
+        point[9:12] = turned.direction(way.vector) if way else ORIGIN
+    elif response.type != "time":
+        body = (contacts.index(response.contact), 0, 0)
+        if response.type == "contact_force" and response.component == "friction":
+            kind = model.FRICTION_FORCE
+    return kind, body, point
+
+
+def _way(response: Any, frames: dict[str, Frame], point: Array) -> tuple[int, int, int]:
+    """Write where a position or velocity is measured from, to and along; return the three bodies."""
+    start, way = response.from_, response.direction
+    a, b, turned = frames[start.body if start else "world"], frames[response.to.body], frames[way.body or "world"]
+    if start is not None and start.axis is not None:
+        point[0:3], point[3:6] = a.point(start.axis.point), a.direction(start.axis.axis)
+    else:
+        point[0:3] = a.point((start and start.point) or ORIGIN)
+    point[6:9], point[9:12] = b.point(response.to.point), turned.direction(way.vector)
+    return a.index, b.index, turned.index
+
+
+def _turning(response: Any, frames: dict[str, Frame], state: State, point: Array) -> tuple[int, int, int]:
+    """Write a rotation's axis, and the start orientation of a seen from b, conj(p_b) p_a, which makes the start 0."""
+    a, b = frames[response.relative_to or "world"], frames[response.body]
+    p, q = state.p[b.index], state.p[a.index]
+    point[3:6] = a.direction(response.axis)
+    point[6] = p @ q
+    point[7:10] = p[0] * q[1:] - q[0] * p[1:] - np.cross(p[1:], q[1:])
+    return a.index, b.index, 0
+
+
+def _reported(mechanism: Mechanism, response: Any) -> tuple[int, int, int, tuple[float, float]]:
+    """Return when a response is reported: kind of moment, phase from which on, response that is watched, its limit."""
+    phases = [phase.name for phase in mechanism.phases]
+    phase = 0 if response.from_phase is None else phases.index(response.from_phase)
+    at = response.at
+    if isinstance(at, Event):
+        limit = (at.above, 1.0) if at.above is not None else (at.below or 0.0, -1.0)
+        return model.EVENT, phase, list(mechanism.responses).index(at.response), limit
+    return (model.END if at == "end" else model.PEAK), phase, 0, (0.0, -1.0 if at == "minimum" else 1.0)
+
+
+def _refuse_missing_contacts(mechanism: Mechanism, contacts: list[str]) -> None:
+    """Raise if a response reads a contact that a joint does not have."""
+    faults = []
+    for name, response in mechanism.responses.items():
+        contact, joint = getattr(response, "contact", None), getattr(response, "joint", None)
+        if contact is not None and contact not in contacts:
+            own = [c for c in contacts if c.startswith(f"{contact.partition('.')[0]}.")]
+            there = ", ".join(own) or "it has none, as an ideal joint"
+            text = f"no such contact of the joint; allowed: {there}{did_you_mean(contact, own)}"
+            faults.append(Fault(f"responses.{name}.contact", text, contact))
+        elif joint is not None and not any(c.startswith(f"{joint}.") for c in contacts):
+            text = (
+                "the joint has no contacts; allowed: joints with clearance; give it clearance, or remove the response"
+            )
+            faults.append(Fault(f"responses.{name}.joint", text, joint))
+    if faults:
+        lines = "\n".join(f"  {fault}" for fault in faults)
+        raise MechanismError(f"{mechanism.name}: responses that cannot be read\n{lines}")

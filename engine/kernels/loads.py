@@ -3,7 +3,7 @@
 import numpy as np
 
 from engine.kernels.jit import kernel
-from engine.kernels.rotations import to_world, turn_to_world, twist_angle
+from engine.kernels.rotations import times, to_world, turn_to_world, twist_angle
 from engine.kernels.time_laws import time_law
 
 
@@ -61,53 +61,63 @@ def _elastic_force(law, length):
 
 @kernel
 def _linear_springs(loads, state, wrench, p, q):
-    """Push the two points apart with the elastic force - c d(length)/dt; one that has lifted off damps nothing."""
+    """Push the two points of each spring apart."""
     for i in range(loads.spring_body.shape[0]):
-        a, b = loads.spring_body[i, 0], loads.spring_body[i, 1]
-        to_world(state.x, state.R, a, loads.spring_point[i], 0, p)
-        to_world(state.x, state.R, b, loads.spring_point[i], 3, q)
-        d0, d1, d2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-        length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
-        if length == 0.0:
-            continue
-        d0, d1, d2 = d0 / length, d1 / length, d2 / length
-        rate = _speed_along(state.x, state.R, state.v, b, q, d0, d1, d2) - _speed_along(
-            state.x, state.R, state.v, a, p, d0, d1, d2
-        )
-        law = loads.spring_law[i]
-        elastic = _elastic_force(law, length)
-        force = elastic - law[2] * rate
-        if law[4] != 0.0 and (elastic == 0.0 or law[4] * force < 0.0):
-            continue
-        _add_force(state.x, b, q, force * d0, force * d1, force * d2, wrench)
-        _add_force(state.x, a, p, -force * d0, -force * d1, -force * d2, wrench)
+        force, d0, d1, d2 = spring_force(loads, state, i, p, q)
+        _add_force(state.x, loads.spring_body[i, 1], q, force * d0, force * d1, force * d2, wrench)
+        _add_force(state.x, loads.spring_body[i, 0], p, -force * d0, -force * d1, -force * d2, wrench)
+
+
+@kernel
+def spring_force(loads, state, i, p, q):
+    """Return the elastic force - c d(length)/dt of spring i, and its direction; ``p``, ``q``: written, its two points.
+
+    A one-sided spring that has lifted off damps nothing.
+    """
+    a, b = loads.spring_body[i, 0], loads.spring_body[i, 1]
+    to_world(state.x, state.R, a, loads.spring_point[i], 0, p)
+    to_world(state.x, state.R, b, loads.spring_point[i], 3, q)
+    d0, d1, d2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    length = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+    if length == 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    d0, d1, d2 = d0 / length, d1 / length, d2 / length
+    rate = speed_along(state.x, state.R, state.v, b, q, d0, d1, d2) - speed_along(
+        state.x, state.R, state.v, a, p, d0, d1, d2
+    )
+    law = loads.spring_law[i]
+    elastic = _elastic_force(law, length)
+    force = elastic - law[2] * rate
+    if law[4] != 0.0 and (elastic == 0.0 or law[4] * force < 0.0):
+        force = 0.0
+    return force, d0, d1, d2
 
 
 @kernel
 def _torsion_springs(loads, state, wrench, axis):
-    """Turn body b by -k (angle - free angle) - c rate about an axis fixed in body a; the opposite turns a."""
+    """Turn body b of each spring about its axis; the opposite turns a."""
     for i in range(loads.torsion_body.shape[0]):
         a, b = loads.torsion_body[i, 0], loads.torsion_body[i, 1]
-        law = loads.torsion_law[i]
-        turn_to_world(state.R, a, loads.torsion_axis[i], 0, axis)
-        rate = _spin_along(state.R, state.v, b, axis) - _spin_along(state.R, state.v, a, axis)
-        torque = -law[0] * (_torsion_angle(loads, state, i) - law[1]) - law[2] * rate
+        torque = spring_torque(loads, state, i, axis)
         for k in range(3):
             wrench[b, 3 + k] += torque * axis[k]
             wrench[a, 3 + k] -= torque * axis[k]
 
 
 @kernel
+def spring_torque(loads, state, i, axis):
+    """Return -k (angle - free angle) - c rate of torsion spring i; ``axis``: written, the world axis, fixed in a."""
+    a, b, law = loads.torsion_body[i, 0], loads.torsion_body[i, 1], loads.torsion_law[i]
+    turn_to_world(state.R, a, loads.torsion_axis[i], 0, axis)
+    rate = spin_along(state.R, state.v, b, axis) - spin_along(state.R, state.v, a, axis)
+    return -law[0] * (_torsion_angle(loads, state, i) - law[1]) - law[2] * rate
+
+
+@kernel
 def _torsion_angle(loads, state, i):
     """Return the angle of body b from body a about spring i's axis."""
-    p, q, n = state.p[loads.torsion_body[i, 1]], loads.torsion_turn[i], loads.torsion_axis[i]
-    turned = (
-        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
-        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
-        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
-        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
-    )
-    angle = twist_angle(state.p[loads.torsion_body[i, 0]], turned, n[0], n[1], n[2])
+    a, b, n = loads.torsion_body[i, 0], loads.torsion_body[i, 1], loads.torsion_axis[i]
+    angle = twist_angle(state.p[a], times(state.p[b], loads.torsion_turn[i]), n[0], n[1], n[2])
     turns = np.floor((angle - loads.torsion_law[i, 3]) / (2 * np.pi) + 0.5)  # the branch nearest to the start's angle
     return angle - 2 * np.pi * turns
 
@@ -147,7 +157,7 @@ def _add_force(x, body, p, f0, f1, f2, wrench):
 
 
 @kernel
-def _spin_along(Rs, vs, body, n):
+def spin_along(Rs, vs, body, n):
     """Angular velocity about the world direction n."""
     R, v = Rs[body], vs[body]
     s = 0.0
@@ -157,7 +167,7 @@ def _spin_along(Rs, vs, body, n):
 
 
 @kernel
-def _speed_along(xs, Rs, vs, body, p, d0, d1, d2):
+def speed_along(xs, Rs, vs, body, p, d0, d1, d2):
     """Velocity of the body's point p (world) along the direction d."""
     R, v, x = Rs[body], vs[body], xs[body]
     o0 = R[0, 0] * v[3] + R[0, 1] * v[4] + R[0, 2] * v[5]

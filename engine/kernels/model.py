@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ARC_CYLINDER = range(5)
-POSITION, CONTACT_FORCE = range(2)
+POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME = range(8)
+CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE = range(8, 11)  # the impulses of a whole step, by its length
+END, PEAK, EVENT = range(3)
 SLIDE, TURN = range(2)
 
 GEOMETRY = 11  # numbers that describe one primitive
@@ -83,12 +85,17 @@ class Loads(NamedTuple):
 
 
 class Responses(NamedTuple):
-    """What is measured."""
+    """What is measured, and when it is reported. Rows of ``body`` and ``point``: see responses.py."""
 
     kind: np.ndarray  # (nr,) int64
-    body: np.ndarray  # (nr, 3) int64: from, to, direction; or the contact's number in the first
-    point: np.ndarray  # (nr, 12): from, its axis (0: a point), to, direction
+    body: np.ndarray  # (nr, 3) int64
+    point: np.ndarray  # (nr, 12)
     offset: np.ndarray  # (nr,)
+    measures_motion: np.ndarray  # (nr,) bool: a length or angle at the end of the run; at rest it does not change
+    at: np.ndarray  # (nr,) int64 END, PEAK or EVENT
+    from_phase: np.ndarray  # (nr,) int64, from whose beginning peaks and events are looked for
+    trigger: np.ndarray  # (nr,) int64, the response whose crossing is the event
+    limit: np.ndarray  # (nr, 2) limit of the trigger; side: 1 above it or a maximum, -1 below it or a minimum
 
 
 class Model(NamedTuple):
@@ -137,7 +144,9 @@ class Scratch(NamedTuple):
     violation: np.ndarray  # (nt,) of the bilateral rows, a length or its rate
     tie_point: np.ndarray  # (nt, 3)
     tie_way: np.ndarray  # (nt, 3)
-    values: np.ndarray  # (nr,) responses
+    values: np.ndarray  # (nr,) measured at the end of the last step
+    previous: np.ndarray  # (nr,) measured at its beginning
+    reported: np.ndarray  # (nr,) the responses, each read at its own instant
     anchor: np.ndarray  # (nr,) responses when the present pause began
     travel: np.ndarray  # (nc,) way slipped since then
     kept_pose: np.ndarray  # (nb + 1, 16) position, quaternion and rotation at the start of the step

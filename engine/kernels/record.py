@@ -8,6 +8,7 @@ whether it is in the index set; every response. ``rows[0, 0]`` counts the rows w
 from engine.kernels.energy import kinetic_energy
 from engine.kernels.gaps import find_contact
 from engine.kernels.jit import kernel
+from engine.kernels.loads import potential_energy
 
 HEAD, BODY, CONTACT = 4, 13, 5
 
@@ -24,7 +25,8 @@ def record(model, state, work, t, h, rows):
     if i >= rows.shape[0]:
         return True
     row, nb = rows[i], model.bodies.mass.shape[0]
-    row[0], row[1], row[2], row[3] = t, h, kinetic_energy(model.bodies, state.v), 0.0
+    row[0], row[1] = t, h
+    row[2], row[3] = kinetic_energy(model.bodies, state.v), potential_energy(model.bodies, model.loads, state)
     at = HEAD
     for body in range(nb):
         for k in range(3):

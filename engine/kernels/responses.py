@@ -1,28 +1,149 @@
-"""What is measured on the mechanism: distances between features and contact forces."""
+"""What is measured on the mechanism after each step, and what of it is reported.
 
+================  ==================================  =====================================================
+kind              body                                point, from the centre of mass in body axes
+================  ==================================  =====================================================
+POSITION          from, to, direction                 from (0:3), its axis or 0 (3:6), to (6:9), direction (9:12)
+VELOCITY          as above: its rate
+ANGLE             relative to, body                   axis (3:6); quaternion that undoes the start (6:10)
+ANGULAR_VELOCITY  as above                            axis (3:6)
+GAP               contact
+SPRING_FORCE      linear spring
+SPRING_TORQUE     torsion spring
+TIME
+CONTACT_FORCE     contact
+FRICTION_FORCE    contact
+JOINT_FORCE       first contact, number, direction    direction, or 0: the magnitude (9:12)
+================  ==================================  =====================================================
+"""
+
+import numpy as np
+
+from engine.kernels.gaps import find_contact
 from engine.kernels.jit import kernel
-from engine.kernels.model import CONTACT_FORCE
-from engine.kernels.rotations import to_world, turn_to_world
+from engine.kernels.loads import speed_along, spin_along, spring_force, spring_torque
+from engine.kernels.model import (
+    ANGLE,
+    ANGULAR_VELOCITY,
+    CONTACT_FORCE,
+    END,
+    FRICTION_FORCE,
+    GAP,
+    JOINT_FORCE,
+    PEAK,
+    SPRING_FORCE,
+    SPRING_TORQUE,
+    TIME,
+    VELOCITY,
+)
+from engine.kernels.rotations import times, to_world, turn_to_world, twist_angle
 
 
 @kernel
-def measure(responses, x, R, r, h, values, p, q):
-    """Write every response, shape (nr,), at the pose (x, R) with the impulses r; ``p``, ``q`` are work space (3,)."""
+def measure(responses, contacts, loads, state, point, frame, t, h, values, p, q):
+    """Write every response, shape (nr,), at the end of a step.
+
+    Parameters
+    ----------
+    point, frame : (nc, 3), (nc, 3, 3) of the contacts; written where a gap is measured
+    t, h : time at the end of the step, and its length
+    values : (nr,) holds those of the step before, at the start the offsets: an angle counts its full turns from there
+    p, q : work space, shape (3,)
+    """
     for i in range(values.shape[0]):
-        if responses.kind[i] == CONTACT_FORCE:
-            values[i] = r[responses.body[i, 0], 0] / h + responses.offset[i]
+        kind, body, row = responses.kind[i], responses.body[i], responses.point[i]
+        if kind == GAP:
+            value = find_contact(contacts, state.x, state.R, body[0], point, frame)
+        elif kind == SPRING_FORCE:
+            value = spring_force(loads, state, body[0], p, q)[0]
+        elif kind == SPRING_TORQUE:
+            value = spring_torque(loads, state, body[0], p)
+        elif kind == TIME:
+            value = t
+        elif kind == CONTACT_FORCE:
+            value = state.r[body[0], 0] / h
+        elif kind == FRICTION_FORCE:
+            value = np.hypot(state.r[body[0], 1], state.r[body[0], 2]) / h
+        elif kind == JOINT_FORCE:
+            value = _joint_impulse(body, row, state.R, state.r, frame, p, q) / h
+        elif kind in (ANGLE, ANGULAR_VELOCITY):
+            value = _rotation(kind, body, row, state.p, state.R, state.v, values[i] - responses.offset[i], p)
         else:
-            values[i] = _position(responses.body[i], responses.point[i], x, R, p, q) + responses.offset[i]
+            value = _position(kind, body, row, state.x, state.R, state.v, p, q)
+        values[i] = value + responses.offset[i]
 
 
 @kernel
-def _position(body, row, x, R, p, q):
-    """Component of the way from a point, or from an axis at the height of the other point, to a point."""
+def _position(kind, body, row, x, R, v, p, q):
+    """Component of the way from a point, or from an axis at the height of the other point, to a point; or its rate."""
     to_world(x, R, body[0], row, 0, p)
     to_world(x, R, body[1], row, 6, q)
     d0, d1, d2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     turn_to_world(R, body[0], row, 3, p)
-    along = d0 * p[0] + d1 * p[1] + d2 * p[2]  # 0 for a point: its axis is the zero vector
-    d0, d1, d2 = d0 - along * p[0], d1 - along * p[1], d2 - along * p[2]
+    n0, n1, n2 = p[0], p[1], p[2]
+    along = d0 * n0 + d1 * n1 + d2 * n2  # 0 for a point: its axis is the zero vector
+    d0, d1, d2 = d0 - along * n0, d1 - along * n1, d2 - along * n2
     turn_to_world(R, body[2], row, 9, p)
-    return d0 * p[0] + d1 * p[1] + d2 * p[2]
+    e0, e1, e2 = p[0], p[1], p[2]
+    if kind != VELOCITY:
+        return d0 * e0 + d1 * e1 + d2 * e2
+    p[0], p[1], p[2] = q[0] - d0, q[1] - d1, q[2] - d2  # the point or foot point the way starts from
+    ends = speed_along(x, R, v, body[1], q, e0, e1, e2) - speed_along(x, R, v, body[0], p, e0, e1, e2)
+    turning = speed_along(x, R, v, body[2], q, e0, e1, e2) - speed_along(x, R, v, body[2], p, e0, e1, e2)
+    sliding = speed_along(x, R, v, body[1], q, n0, n1, n2) - speed_along(x, R, v, body[0], q, n0, n1, n2)
+    return ends - turning - sliding * (e0 * n0 + e1 * n1 + e2 * n2)  # the foot point slides along its axis
+
+
+@kernel
+def _rotation(kind, body, row, quaternion, R, v, before, axis):
+    """Angle of a body about an axis of another since the start, on the branch nearest to ``before``; or its rate."""
+    a, b = body[0], body[1]
+    if kind == ANGULAR_VELOCITY:
+        turn_to_world(R, a, row, 3, axis)
+        return spin_along(R, v, b, axis) - spin_along(R, v, a, axis)
+    p = quaternion[a]
+    angle = twist_angle((p[0], p[1], p[2], p[3]), times(quaternion[b], row[6:10]), row[3], row[4], row[5])
+    return angle - 2 * np.pi * np.round((angle - before) / (2 * np.pi))
+
+
+@kernel
+def _joint_impulse(body, row, R, r, frame, total, way):
+    """Resultant of a joint's contact impulses on their side b, the journal: its magnitude, or a component."""
+    total[0], total[1], total[2] = 0.0, 0.0, 0.0
+    for i in range(body[0], body[0] + body[1]):
+        for k in range(3):
+            for j in range(3):
+                total[k] -= r[i, j] * frame[i, j, k]
+    turn_to_world(R, body[2], row, 9, way)
+    if way[0] == 0.0 and way[1] == 0.0 and way[2] == 0.0:
+        return np.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2)
+    return total[0] * way[0] + total[1] * way[1] + total[2] * way[2]
+
+
+@kernel
+def note(responses, values, previous, phase, reported):
+    """Bring what is reported up to date after a step of ``phase``.
+
+    Parameters
+    ----------
+    values, previous : (nr,) measured at the end of the step and at its beginning; before the first step, at the start
+    reported : (nr,) NaN before the first step, and as long as nothing is to be reported: an event that has not happened
+    """
+    for i in range(reported.shape[0]):
+        limit, side = responses.limit[i, 0], responses.limit[i, 1]
+        if responses.at[i] == END:
+            reported[i] = values[i]
+        elif phase < responses.from_phase[i]:
+            continue
+        elif responses.at[i] == PEAK:
+            if not side * reported[i] >= side * values[i]:
+                reported[i] = values[i]
+            if responses.kind[i] < CONTACT_FORCE and side * previous[i] > side * reported[i]:
+                reported[i] = previous[i]  # the beginning of the phase counts; the forces of the step before it do not
+        elif np.isnan(reported[i]):
+            j = responses.trigger[i]
+            before, after = side * (previous[j] - limit), side * (values[j] - limit)
+            if before > 0.0:
+                reported[i] = previous[i]
+            elif after > 0.0:  # the crossing, and what was measured there, by linear interpolation
+                reported[i] = previous[i] + before / (before - after) * (values[i] - previous[i])

@@ -40,6 +40,17 @@ def turn(p, a, b, c):
 
 
 @kernel
+def times(p, q):
+    """Quaternion product as a tuple."""
+    return (
+        p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
+        p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
+        p[0] * q[2] - p[1] * q[3] + p[2] * q[0] + p[3] * q[1],
+        p[0] * q[3] + p[1] * q[2] - p[2] * q[1] + p[3] * q[0],
+    )
+
+
+@kernel
 def twist_angle(pa, pb, n0, n1, n2):
     """Return the angle [rad] in (-2 pi, 2 pi) by which ``pb`` is turned from ``pa`` about the axis n of frame a."""
     w = pa[0] * pb[0] + pa[1] * pb[1] + pa[2] * pb[2] + pa[3] * pb[3]

@@ -8,7 +8,7 @@ from engine.friction.arrays import CONVERGED
 from engine.kernels.jit import kernel
 from engine.kernels.motion import restore
 from engine.kernels.record import record
-from engine.kernels.responses import measure
+from engine.kernels.responses import measure, note
 from engine.kernels.rest import moved, start_pause
 from engine.kernels.step import step
 
@@ -67,7 +67,7 @@ def run(model, state, work, problem, control, course, rows, every, stop):
     phases = model.phase_duration.shape[0]
     if n[PHASE] < 0:
         _next_phase(model.phase_duration, control, n, now)
-        measure(model.responses, state.x, state.R, state.r, now[STEP], work.values, work.a, work.b)
+        _measure(model, state, work, now[TIME], now[STEP])
     while n[PHASE] < phases:
         until_rest = model.phase_duration[n[PHASE]] == np.inf
         stay = not until_rest or (control.full_horizon and n[PHASE] == phases - 1)
@@ -88,10 +88,21 @@ def run(model, state, work, problem, control, course, rows, every, stop):
             n[STATUS], n[STOPPED_BY] = STOPPED, stop[0]
         if n[STATUS] != OK:
             return
-        measure(model.responses, state.x, state.R, state.r, now[STEP], work.values, work.a, work.b)
-        _rest(model.responses.kind, state, work, control, n, now)
+        _measure(model, state, work, now[TIME], now[STEP])
+        note(model.responses, work.values, work.previous, n[PHASE], work.reported)
+        _rest(model.responses.measures_motion, state, work, control, n, now)
     n[PHASE] = phases - 1
     n[COMPLETED] = 1
+
+
+@kernel
+def _measure(model, state, work, t, h):
+    """Measure everything at the end of a step."""
+    for i in range(work.values.shape[0]):
+        work.previous[i] = work.values[i]
+    measure(
+        model.responses, model.contacts, model.loads, state, work.point, work.frame, t, h, work.values, work.a, work.b
+    )
 
 
 @kernel
@@ -165,9 +176,9 @@ def _scale_impulses(r, factor):
 
 
 @kernel
-def _rest(kind, state, work, control, n, now):
+def _rest(counts, state, work, control, n, now):
     """Measure how long nothing has moved that matters."""
-    unmoved = not moved(kind, state, work, now[STEP], control.drift)
+    unmoved = not moved(counts, state, work, now[STEP], control.drift)
     now[PAUSE] = now[PAUSE] + now[STEP] if unmoved and now[PAUSE] >= 0.0 else 0.0
     if now[PAUSE] == 0.0:
         start_pause(work)

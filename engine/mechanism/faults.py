@@ -162,7 +162,7 @@ def _locate(root: type[BaseModel], loc: Sequence[str | int]) -> tuple[list[str],
     for token in loc:
         options = _options(annotation)
         models = [o for o in options if isinstance(o, type) and issubclass(o, BaseModel)]
-        tagged = [m for m in models if len(models) > 1 and token in _tags_of(m)]
+        tagged = [m for m in models if len(options) > 1 and token in (*_tags_of(m), m.__name__)]
         if tagged:
             annotation = tagged[0]
             continue

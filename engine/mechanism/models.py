@@ -132,7 +132,7 @@ class Mechanism(Model):
     forces: dict[Name, Force] = Field(default={}, description="the forces")
     torques: dict[Name, Torque] = Field(default={}, description="the torques")
     motions: dict[Name, Motion] = Field(default={}, description="the prescribed motions")
-    responses: dict[Name, Response] = Field(default={}, description="what is read off at the end of a run")
+    responses: dict[Name, Response] = Field(default={}, description="what is read off")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

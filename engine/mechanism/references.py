@@ -35,6 +35,7 @@ def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
         *_used_twice(data),
         *_nothing_moves(data),
         *_unknown_responses(data),
+        *_events_of_events(data),
     ]
 
 
@@ -73,9 +74,26 @@ def _references(data: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
             for phase in phases if isinstance(phases, list | tuple) else ():
                 yield "phase", f"{table}.{name}.phases", phase
     for name, entry in _table(data, "responses").items():
-        yield "contact", f"responses.{name}.contact", _table({"e": entry}, "e").get("contact")
-        for end in ("from", "to", "direction"):
-            yield "body", f"responses.{name}.{end}.body", _table(entry, end).get("body")
+        yield from _of_response(f"responses.{name}", _table({"e": entry}, "e"))
+
+
+def _of_response(key: str, entry: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
+    """Yield what a response refers to; of a contact of a joint, JOINT.FACE, only the joint is known here."""
+    contact = entry.get("contact")
+    joint, dot, _ = contact.partition(".") if isinstance(contact, str) else (contact, "", "")
+    yield "joint" if dot else "contact", f"{key}.contact", joint
+    yield "joint", f"{key}.joint", entry.get("joint")
+    yield (
+        "torsion spring" if entry.get("type") == "spring_torque" else "linear spring",
+        f"{key}.spring",
+        entry.get("spring"),
+    )
+    yield "phase", f"{key}.from_phase", entry.get("from_phase")
+    yield "response", f"{key}.at.response", _table(entry, "at").get("response")
+    for end in ("body", "relative_to"):
+        yield "body", f"{key}.{end}", entry.get(end)
+    for end in ("from", "to", "direction"):
+        yield "body", f"{key}.{end}.body", _table(entry, end).get("body")
 
 
 def _unknown_names(data: Mapping[str, Any]) -> Iterator[Fault]:
@@ -83,8 +101,13 @@ def _unknown_names(data: Mapping[str, Any]) -> Iterator[Fault]:
         "body": list(_table(data, "bodies")),
         "material": list(_table(data, "materials")),
         "contact": list(_table(data, "contacts")),
+        "joint": list(_table(data, "joints")),
+        "response": list(_table(data, "responses")),
         "phase": _phases(data),
     }
+    for type_ in ("linear", "torsion"):
+        springs = _table(data, "springs")
+        known[f"{type_} spring"] = [name for name in springs if _table(springs, name).get("type") == type_]
     for kind, key, name in _references(data):
         if isinstance(name, str) and name not in known[kind]:
             there = ", ".join(known[kind]) or "none is defined"
@@ -131,4 +154,18 @@ def _unknown_responses(data: Mapping[str, Any]) -> Iterator[Fault]:
                 "validity",
                 f"no such response; defined here: {there}{did_you_mean(match[1], known)}",
                 str(condition),
+            )
+
+
+def _events_of_events(data: Mapping[str, Any]) -> Iterator[Fault]:
+    """Find events that watch a response which is no function of time: one that is itself a peak or at an event."""
+    responses = _table(data, "responses")
+    for name in responses:
+        watched = _table(_table(responses, name), "at").get("response")
+        if isinstance(watched, str) and _table(responses, watched).get("at", "end") != "end":
+            yield Fault(
+                f"responses.{name}.at.response",
+                f"responses.{watched} is itself read at a peak or an event; allowed: responses with "
+                'at = "end"; watch one of the same kind without at',
+                watched,
             )

@@ -1,28 +1,92 @@
-"""What is read off a mechanism at the end of a run, and when a result does not count."""
+"""What is read off a mechanism, when it is read, and when a result does not count."""
 
 import operator
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field, PlainSerializer, WithJsonSchema, model_validator
+from pydantic import (
+    BeforeValidator,
+    Discriminator,
+    Field,
+    PlainSerializer,
+    StringConstraints,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)
 
-from engine.mechanism.base import BodyPoint, Direction, Length, Model, Name, Point, refuse
+from engine.mechanism.base import BodyPoint, Direction, Length, Model, Name, Number, Point, refuse
+from engine.mechanism.faults import did_you_mean
 from engine.mechanism.quantities import Quantity
 
+MOMENTS = ("end", "maximum", "minimum")
+Moment = Literal["end", "maximum", "minimum"]
+ContactName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*(\.[A-Za-z][A-Za-z0-9_-]*)?$")]
 
-class ContactForce(Model):
-    """The normal force of a contact at the end of the run."""
+
+class Event(Model):
+    """The first instant at which another response is beyond a limit."""
+
+    response: Name = Field(description="the response that is watched, a table of [responses]")
+    above: Number | None = Field(default=None, description="the limit it is above from then on, in its unit")
+    below: Number | None = Field(default=None, description="the limit it is below from then on, in its unit")
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if (self.above is None) == (self.below is None):
+            raise refuse("needs one limit; allowed: exactly one of above, below")
+        return self
+
+
+def _moment(value: Any) -> Any:
+    """Let pass a table, which is an event, and the moments that have a name."""
+    if isinstance(value, Mapping | Event) or (isinstance(value, str) and value in MOMENTS):
+        return value
+    raise refuse(
+        f"no moment of a run; allowed: {', '.join(MOMENTS)}, {{ response, above }} or {{ response, below }}"
+        f"{did_you_mean(str(value), MOMENTS)}"
+    )
+
+
+At = Annotated[
+    Annotated[Moment, Tag("Moment")] | Annotated[Event, Tag("Event")],
+    Discriminator(lambda value: "Moment" if isinstance(value, str) else "Event"),
+    BeforeValidator(_moment),
+]
+
+
+class Measured(Model):
+    """What all responses have: a title, and when in the run they are read."""
+
+    measures: ClassVar[Quantity]
 
     title: str = Field(default="", description="what the response is called in a report")
-    type: Literal["contact_force"] = Field(description="the kind of response")
-    contact: Name = Field(description="the contact, a table of [contacts]")
+    at: At = Field(
+        default="end",
+        description="when it is read: end of the run, maximum or minimum over it, or at an event "
+        "{ response, above or below }",
+    )
+    from_phase: Name | None = Field(
+        default=None, description="the phase with which the search for at begins; default: the first"
+    )
 
     @property
     def quantity(self) -> Quantity:
-        """The quantity it measures: a force."""
-        return Quantity("force")
+        """The quantity it measures."""
+        return self.measures
+
+    @model_validator(mode="after")
+    def _searched(self) -> Self:
+        if self.from_phase is not None and self.at == "end":
+            raise refuse(
+                "nothing is searched for when the response is read at the end; allowed with at = maximum, minimum "
+                "or an event; remove it, or give at",
+                key="from_phase",
+                value=self.from_phase,
+            )
+        return self
 
 
 class Axis(Model):
@@ -53,23 +117,143 @@ class ResponseDirection(Model):
     vector: Direction = Field(description="the direction [x, y, z]")
 
 
-class Position(Model):
-    """direction . (to - from) + offset at the end of the run."""
+class Position(Measured):
+    """direction . (to - from) + offset."""
 
-    title: str = Field(default="", description="what the response is called in a report")
+    measures = Quantity("length")
+
     type: Literal["position"] = Field(description="the kind of response")
     from_: Reference = Field(alias="from", description="where the measure starts: { body, point or axis }")
     to: BodyPoint = Field(description="where the measure ends: { body, point }")
     direction: ResponseDirection = Field(description="along what: { vector } or { body, vector }")
     offset: Length = Field(default=0.0, description="a length added to the measure")
 
-    @property
-    def quantity(self) -> Quantity:
-        """The quantity it measures: a length."""
-        return Quantity("length")
+
+class Velocity(Measured):
+    """The rate of direction . (to - from)."""
+
+    measures = Quantity("speed")
+
+    type: Literal["velocity"] = Field(description="the kind of response")
+    from_: Reference | None = Field(
+        default=None,
+        alias="from",
+        description="what the speed is relative to: { body, point or axis }; default: the world",
+    )
+    to: BodyPoint = Field(description="the point whose speed it is: { body, point }")
+    direction: ResponseDirection = Field(description="along what: { vector } or { body, vector }")
 
 
-Response = Annotated[ContactForce | Position, Field(discriminator="type")]
+class Turning(Measured):
+    """A body that turns about an axis of another."""
+
+    body: Name = Field(description="the body that turns")
+    relative_to: Name | None = Field(
+        default=None, description="the body in which the axis is fixed; default: the world"
+    )
+    axis: Direction = Field(description="the axis, in the frame of relative_to")
+
+    @model_validator(mode="after")
+    def _two(self) -> Self:
+        if self.body == self.relative_to:
+            raise refuse(
+                "a body does not turn relative to itself; allowed: another body, or the world; remove it",
+                key="relative_to",
+                value=self.relative_to,
+            )
+        return self
+
+
+class Angle(Turning):
+    """The angle by which a body has turned about an axis since the start, full turns included, plus an offset."""
+
+    measures = Quantity("angle")
+
+    type: Literal["angle"] = Field(description="the kind of response")
+    offset: Annotated[Number, Quantity("angle")] = Field(default=0.0, description="an angle added to the measure")
+
+
+class AngularVelocity(Turning):
+    """The angular velocity of a body about an axis."""
+
+    measures = Quantity("angular speed")
+
+    type: Literal["angular_velocity"] = Field(description="the kind of response")
+
+
+class Gap(Measured):
+    """The gap of a contact, as its gap function has it: a ring's is its clearance minus its eccentricity."""
+
+    measures = Quantity("length")
+
+    type: Literal["gap"] = Field(description="the kind of response")
+    contact: ContactName = Field(description="the contact: a table of [contacts], or one of a joint, such as J1.ring1")
+
+
+class ContactForce(Measured):
+    """The force of a contact: normal to it, or the magnitude of its friction."""
+
+    measures = Quantity("force")
+
+    type: Literal["contact_force"] = Field(description="the kind of response")
+    contact: ContactName = Field(description="the contact: a table of [contacts], or one of a joint, such as J1.ring1")
+    component: Literal["normal", "friction"] = Field(
+        default="normal", description="which part of the force: normal or friction"
+    )
+
+
+class JointForce(Measured):
+    """The resultant of all contact forces of a joint with clearance, on its journal."""
+
+    measures = Quantity("force")
+
+    type: Literal["joint_force"] = Field(description="the kind of response")
+    joint: Name = Field(description="the joint, one with clearance")
+    direction: ResponseDirection | None = Field(
+        default=None, description="the component along { vector } or { body, vector }; default: the magnitude"
+    )
+
+
+class SpringForce(Measured):
+    """The force of a linear spring; positive pushes its points apart."""
+
+    measures = Quantity("force")
+
+    type: Literal["spring_force"] = Field(description="the kind of response")
+    spring: Name = Field(description="the spring, one with type linear")
+
+
+class SpringTorque(Measured):
+    """The torque of a torsion spring on its body b, about its axis."""
+
+    measures = Quantity("torque")
+
+    type: Literal["spring_torque"] = Field(description="the kind of response")
+    spring: Name = Field(description="the spring, one with type torsion")
+
+
+class Time(Measured):
+    """The time since the start of the run: of its end, or of an event."""
+
+    measures = Quantity("time")
+
+    type: Literal["time"] = Field(description="the kind of response")
+
+    @model_validator(mode="after")
+    def _no_peak(self) -> Self:
+        if self.at in ("maximum", "minimum"):
+            raise refuse(
+                "time has no peak; allowed: end, { response, above } or { response, below }; give the event",
+                key="at",
+                value=self.at,
+            )
+        return self
+
+
+Response = Annotated[
+    Position | Velocity | Angle | AngularVelocity | Gap | ContactForce | JointForce | SpringForce | SpringTorque | Time,
+    Field(discriminator="type"),
+]
 
 CONDITION = re.compile(r"\s*([A-Za-z][A-Za-z0-9_-]*)\s*([<>])\s*(\S+)\s*")
 

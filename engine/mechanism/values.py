@@ -17,6 +17,7 @@ from engine.errors import MechanismError
 from engine.mechanism.base import Model
 from engine.mechanism.faults import Fault, did_you_mean, faults_of, field_of, field_quantity
 from engine.mechanism.joints import Joint
+from engine.mechanism.responses import Event
 
 if TYPE_CHECKING:
     from engine.mechanism.models import Mechanism
@@ -30,6 +31,8 @@ def value(mechanism: "Mechanism", key: str) -> float:
 def unit_of(mechanism: "Mechanism", key: str) -> str:
     """Return the unit of the number a key stands for; see `Mechanism.unit_of`."""
     owner = _nodes(mechanism, key)[-2]
+    if isinstance(owner, Event):
+        return mechanism.response_units()[owner.response]
     field = field_of(type(owner), _path(mechanism, key)[-1])
     quantity = field_quantity(field) if field else None
     return quantity.unit(mechanism.units) if quantity else "1"

@@ -1,0 +1,138 @@
+"""What may be read off and when: the description of responses, and what it refuses."""
+
+import json
+from typing import Any
+
+import pytest
+
+from engine.assembly import assemble
+from engine.errors import MechanismError
+from engine.mechanism import load_mechanism, mechanism_from, mechanism_schema, set_values
+from tests.engine.mechanism.plain import pendulum, put
+
+POINT = {"body": "link", "point": [0, -8, 0]}
+ALONG = {"vector": [0, 1, 0]}
+EVERY = {
+    "p": {"type": "position", "from": {"body": "ground", "point": [0, 0, 0]}, "to": POINT, "direction": ALONG},
+    "v": {"type": "velocity", "to": POINT, "direction": ALONG, "at": "maximum"},
+    "phi": {"type": "angle", "body": "link", "axis": [0, 0, 1], "offset": 0.5},
+    "spin": {"type": "angular_velocity", "body": "link", "relative_to": "ground", "axis": [0, 0, 1]},
+    "gap": {"type": "gap", "contact": "J1.ring1", "at": "minimum", "from_phase": "free"},
+    "normal": {"type": "contact_force", "contact": "stop"},
+    "rub": {"type": "contact_force", "contact": "J1.ring2", "component": "friction"},
+    "joint": {"type": "joint_force", "joint": "J1", "direction": {"body": "link", "vector": [1, 0, 0]}},
+    "spring": {"type": "spring_force", "spring": "pull"},
+    "couple": {"type": "spring_torque", "spring": "turn"},
+    "when": {"type": "time", "at": {"response": "phi", "above": 1.0}},
+}
+UNITS = {
+    "p": "mm",
+    "v": "mm/ms",
+    "phi": "rad",
+    "spin": "rad/ms",
+    "gap": "mm",
+    "normal": "N",
+    "rub": "N",
+    "joint": "N",
+    "spring": "N",
+    "couple": "N mm",
+    "when": "ms",
+}
+
+
+def described() -> dict[str, Any]:
+    """Describe a pendulum that reads everything; fresh at each call."""
+    return put(put(pendulum(), "validity", []), "responses", json.loads(json.dumps(EVERY)))
+
+
+def lines(data: dict[str, Any]) -> list[str]:
+    """Return the lines of the one error that the data cause."""
+    with pytest.raises(MechanismError) as caught:
+        mechanism_from(data, "FILE")
+    return [line.strip() for line in str(caught.value).split("\n")[1:]]
+
+
+def test_every_kind_has_its_unit_and_its_arrays():
+    """In the order of the file, with the unit of its quantity."""
+    mechanism = mechanism_from(described(), "FILE")
+    assert mechanism.response_units() == UNITS
+    assert assemble(mechanism).model.responses.kind.size == len(EVERY)
+
+
+def test_written_and_read_again_it_is_the_same():
+    """Moments as texts, events as tables."""
+    mechanism = mechanism_from(described(), "FILE")
+    again = mechanism_from(json.loads(mechanism.model_dump_json(by_alias=True, exclude_none=True)), "JSON")
+    assert again == mechanism
+    assert again.digest() == mechanism.digest()
+
+
+def test_the_limit_of_an_event_is_set_in_the_unit_of_what_is_watched():
+    """Also of one that measures something else itself."""
+    mechanism = mechanism_from(described(), "FILE")
+    assert mechanism.unit_of("responses.when.at.above") == "rad"
+    changed = set_values(mechanism, {"responses.when.at.above": 1.25})
+    assert assemble(changed).model.responses.limit[-1].tolist() == [1.25, 1.0]
+
+
+def test_shipped_mechanisms_read_at_the_end():
+    """What has no ``at`` is read when the run is over."""
+    assert {response.at for response in load_mechanism("c60").responses.values()} == {"end"}
+
+
+REFUSED = [
+    ("p.type", "hight", "p.type = 'hight'", "position, velocity, angle"),
+    ("p.at", "maximun", "p.at = 'maximun'", "did you mean 'maximum'?"),
+    ("p.at", 3, "p.at = 3", "end, maximum, minimum, { response, above }"),
+    ("p.at", {"response": "gap", "above": 1}, "p.at.response = 'gap'", "itself read at a peak or an event"),
+    ("p.at", {"response": "p", "above": 1}, "p.at.response = 'p'", 'allowed: responses with at = "end"'),
+    ("p.at", {"response": "phy", "above": 1}, "p.at.response = 'phy'", "did you mean 'phi'?"),
+    ("p.at", {"response": "phi"}, "p.at: needs one limit", "exactly one of above, below"),
+    ("p.at", {"response": "phi", "above": 1, "below": 2}, "p.at: needs one limit", "exactly one of above, below"),
+    ("p.at", {"response": "phi", "above": "1"}, "p.at.above = '1'", "not a finite number"),
+    ("p.at", {"response": "phi", "over": 1}, "p.at.over: unknown key", "response, above, below"),
+    ("p.at", {"above": 1}, "p.at.response: missing", "the response that is watched"),
+    ("p.from_phase", "free", "p.from_phase = 'free'", "maximum, minimum or an event"),
+    ("v.from_phase", "fre", "v.from_phase = 'fre'", "did you mean 'free'?"),
+    ("phi.relative_to", "link", "phi.relative_to = 'link'", "does not turn relative to itself"),
+    ("phi.relative_to", "grund", "phi.relative_to = 'grund'", "did you mean 'ground'?"),
+    ("phi.body", "lnk", "phi.body = 'lnk'", "did you mean 'link'?"),
+    ("phi.axis", [0, 0, 0], "phi.axis = [0, 0, 0]", "has no direction"),
+    ("v.to.body", "lnk", "v.to.body = 'lnk'", "did you mean 'link'?"),
+    ("v.offset", 1.0, "v.offset: unknown key", "from_phase"),
+    ("gap.contact", "J2.ring1", "gap.contact = 'J2'", "no such joint; defined here: J1"),
+    ("gap.contact", "stp", "gap.contact = 'stp'", "did you mean 'stop'?"),
+    ("gap.contact", "J1.ring 1", "gap.contact = 'J1.ring 1'", "such as J1.ring1"),
+    ("rub.component", "tangent", "rub.component = 'tangent'", "'normal' or 'friction'"),
+    ("joint.joint", "J2", "joint.joint = 'J2'", "no such joint"),
+    ("joint.direction.body", "lnk", "joint.direction.body = 'lnk'", "did you mean 'link'?"),
+    ("spring.spring", "pul", "spring.spring = 'pul'", "did you mean 'pull'?"),
+    ("spring.spring", "turn", "spring.spring = 'turn'", "no such linear spring; defined here: pull"),
+    ("couple.spring", "pull", "couple.spring = 'pull'", "no such torsion spring; defined here: turn"),
+    ("when.at", "maximum", "when.at = 'maximum'", "time has no peak"),
+]
+
+
+@pytest.mark.parametrize(("path", "value", "where", "allowed"), REFUSED, ids=lambda x: str(x)[:40])
+def test_a_fault_has_a_line_that_names_key_and_remedy(path, value, where, allowed):
+    """One line, which begins with the key."""
+    (line,) = lines(put(described(), f"responses.{path}", value))
+    assert line.startswith(f"responses.{where}")
+    assert allowed in line
+
+
+def test_a_contact_that_a_joint_does_not_have_is_refused_with_those_it_has():
+    """Only the arrays know a joint's contacts: `mechanism check` says it, and every run."""
+    with pytest.raises(MechanismError) as caught:
+        assemble(mechanism_from(put(described(), "responses.gap.contact", "J1.rng2"), "FILE"))
+    first, line = str(caught.value).split("\n")
+    assert first == "pendulum: responses that cannot be read"
+    assert line.startswith("  responses.gap.contact = 'J1.rng2': no such contact of the joint")
+    assert "J1.ring1, J1.ring2; did you mean 'J1.ring2'?" in line
+
+
+def test_schema_offers_moments_and_events():
+    """An editor can complete both forms of ``at``."""
+    at = mechanism_schema()["$defs"]["Gap"]["properties"]["at"]
+    assert {"enum": ["end", "maximum", "minimum"], "type": "string"} in at["oneOf"]
+    assert {"$ref": "#/$defs/Event"} in at["oneOf"]
