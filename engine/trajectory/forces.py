@@ -29,7 +29,7 @@ def contact_forces(trajectory: Trajectory, instants: Sequence[int]) -> tuple[Arr
     mechanism = trajectory.mechanism()
     assembly = assemble(mechanism)
     contacts, state, work = assembly.model.contacts, assembly.state, assembly.work
-    impulses = np.array([trajectory.contacts[name].impulse for name in assembly.contact_names])
+    impulses = [trajectory.contacts[name].impulse[list(instants)] for name in assembly.contact_names]
     sign = np.where(contacts.a < len(state.x) - 1, 1.0, -1.0)
     points, forces = np.zeros((2, len(instants), len(sign), 3))
     for i, row in enumerate(instants):
@@ -39,5 +39,6 @@ def contact_forces(trajectory: Trajectory, instants: Sequence[int]) -> tuple[Arr
             rotation_matrix(state.p[body], state.R[body])
         find_contacts(contacts, state.x, state.R, state.gap, work.point, work.frame)
         points[i] = work.point
-        forces[i] = np.einsum("c,ck,ckj->cj", sign / trajectory.step[row], impulses[:, row], work.frame)
+        along = np.array([impulse[i] for impulse in impulses]).reshape(-1, 3) / trajectory.step[row]
+        forces[i] = np.einsum("c,ck,ckj->cj", sign, along, work.frame)
     return points, forces
