@@ -29,6 +29,8 @@ class Recording:
 
     def __init__(self, file: Any, mechanism: Mechanism, assembly: Assembly) -> None:
         self._file = file
+        for group in ("bodies", "contacts", "responses"):
+            file.create_group(group, track_order=True)  # read in the order of the run, not of the alphabet
         self._series = [(series, _dataset(file, series)) for series in series_of(mechanism, assembly)]
 
     def append(self, rows: Array) -> None:
