@@ -35,10 +35,17 @@ def simulate(
     from engine import simulate as simulate_once
 
     loaded = load_mechanism(mechanism)
-    settings = {"step": step, "horizon": horizon, "full_horizon": full_horizon}
     with TemporaryDirectory(prefix="clearcap-") as folder:
         motion = trajectory or (Path(folder) / "motion.h5" if plot or animation else None)
-        run = simulate_once(loaded, values, **settings, trajectory=motion, every=every or 1)
+        run = simulate_once(
+            loaded,
+            values,
+            step=step,
+            horizon=horizon,
+            full_horizon=full_horizon,
+            trajectory=motion,
+            every=every or 1,
+        )
         if motion and (plot or animation):
             _draw(motion, plot, animation)
     files = {"trajectory": trajectory, "plot": plot, "animation": animation}

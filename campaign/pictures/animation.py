@@ -2,16 +2,13 @@
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from campaign.pictures.curves import heading
 from campaign.pictures.scene import scene_of
 from campaign.pictures.stage import DPI, SIZE, Stage
 from campaign.pictures.style import STYLE
 from engine import Trajectory
-
-if TYPE_CHECKING:
-    from matplotlib.animation import AbstractMovieWriter
 
 FRAMES, PER_SECOND = 90, 15
 LARGEST_PAGE = 100.0  # MB; matplotlib leaves frames out above
@@ -56,10 +53,10 @@ def animate(trajectory: Trajectory, path: Path, frames: int = FRAMES) -> None:
 
 def can_write(suffix: str) -> bool:
     """Say whether this machine can write animations with this ending."""
-    return _writer(suffix).isAvailable()
+    return bool(_writer(suffix).isAvailable())
 
 
-def _writer(suffix: str) -> "AbstractMovieWriter":
+def _writer(suffix: str) -> Any:
     from matplotlib.animation import FFMpegWriter, HTMLWriter, PillowWriter
 
     if suffix == ".html":

@@ -11,6 +11,7 @@ from scipy.spatial import ConvexHull, QhullError
 from campaign.pictures.shapes import circle, outline_of, patch
 from campaign.pictures.view import Array, View, start_rotation
 from engine import Mechanism
+from engine.mechanism.base import BodyPoint
 
 FACE_ON = 0.95  # cosine of a plane's normal to the line of sight from which on the plane is not drawn
 LEAST_PATCH = 0.05  # half side of a plane's patch beyond what is touched, in sizes of the mechanism
@@ -41,7 +42,7 @@ def part_of(mechanism: Mechanism, body: str, view: View, touched: dict[str, Arra
     ----------
     mechanism, body : which
     view : the plane it will be drawn on
-    touched : by contact, where it comes to lie in the run, in the frame of this body, (m, 3); of contacts with planes
+    touched : by contact, where it comes to lie in the run, in the frame of this body, (m, 3); NaN does not count
     size : of the mechanism [length]
     """
     turn = start_rotation(mechanism, body)
@@ -75,6 +76,12 @@ def around(points: Array) -> list[int]:
         return [int(np.argmin(along)), int(np.argmax(along))]
 
 
+def links(mechanism: Mechanism) -> list[tuple[BodyPoint, BodyPoint]]:
+    """Return the two ends of each linear spring and damper."""
+    loads = (*mechanism.springs.values(), *mechanism.dampers.values())
+    return [(load.a, load.b) for load in loads if load.type == "linear"]
+
+
 def _sides(mechanism: Mechanism, body: str) -> Iterator[tuple[str, Any]]:
     """Yield the sides of contacts that are on a body, with the contact's name."""
     for name, contact in mechanism.contacts.items():
@@ -101,10 +108,8 @@ def _points(mechanism: Mechanism, body: str) -> Iterator[tuple[float, float, flo
     """Yield the points the file names on a body: its centre of mass, joints, contacts, loads, measures."""
     yield mechanism.bodies[body].center_of_mass
     yield from (side.point for _, side in _sides(mechanism, body) if side.kind == "point")
-    ends = [side for joint in mechanism.joints.values() for side in joint.sides]
-    ends += [
-        e for s in (*mechanism.springs.values(), *mechanism.dampers.values()) if s.type == "linear" for e in (s.a, s.b)
-    ]
-    ends += [*mechanism.forces.values()]
+    ends: list[Any] = [side for joint in mechanism.joints.values() for side in joint.sides]
+    ends += [end for pair in links(mechanism) for end in pair]
+    ends += mechanism.forces.values()
     ends += [end for r in mechanism.responses.values() for key in ("from_", "to") if (end := getattr(r, key, None))]
     yield from (end.point for end in ends if end.body == body and end.point is not None)

@@ -52,7 +52,8 @@ def _stations(joint: Any) -> tuple[float, ...]:
     """Return the stations of the rings along the axis; one for a ball."""
     if joint.axes is None:
         return (0.0,)
-    return getattr(joint, "rings", None) or getattr(getattr(joint, "shaft", None), "rings", ())
+    rings: tuple[float, ...] | None = getattr(getattr(joint, "shaft", joint), "rings", None)
+    return rings or ()
 
 
 def _across(axis: Array, view: View) -> tuple[Array, Array]:

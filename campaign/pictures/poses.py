@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from campaign.pictures.view import Array, start_rotation
+from campaign.pictures.view import Array, Rows, start_rotation
 from engine import Mechanism, Trajectory
 
 
@@ -20,12 +20,16 @@ class Pose:
         """Return points of the body's frame, shape (k, 3), in the world, shape (m, k, 3)."""
         return np.asarray(self.origin[:, None] + np.einsum("mij,kj->mki", self.rotation, points))
 
+    def local(self, points: Array) -> Array:
+        """Return a point of the world at each instant, shape (m, 3), in the body's frame, shape (m, 3)."""
+        return np.asarray(np.einsum("mij,mi->mj", self.rotation, points - self.origin))
+
     def direction(self, vector: Array) -> Array:
         """Return a direction of the body's frame, shape (3,), in the world, shape (m, 3)."""
         return np.asarray(self.rotation @ vector)
 
 
-def poses(trajectory: Trajectory, mechanism: Mechanism, instants: Array) -> dict[str, Pose]:
+def poses(trajectory: Trajectory, mechanism: Mechanism, instants: Rows) -> dict[str, Pose]:
     """Return the pose of every body of the file at some rows of the trajectory, by name."""
     found = {}
     for name, body in mechanism.bodies.items():
@@ -40,7 +44,7 @@ def poses(trajectory: Trajectory, mechanism: Mechanism, instants: Array) -> dict
     return found
 
 
-def spread_rows(time: Array, count: int) -> Array:
+def spread_rows(time: Array, count: int) -> Rows:
     """Return at most ``count`` rows, the first and the last among them, as evenly spaced in time as there are any."""
     wanted = np.linspace(time[0], time[-1], count)
     return np.unique(np.searchsorted(time, wanted, side="right") - 1)

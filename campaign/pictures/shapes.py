@@ -46,7 +46,7 @@ def circle(centre: Any, normal: Any, radius: float, middle: Any = None, half_ang
 
 def square(centre: Any, a: Array, b: Array) -> Array:
     """Return the closed parallelogram with half sides a and b, shape (5, 3)."""
-    return np.asarray(centre) + np.array([a + b, b - a, -a - b, a - b, a + b])
+    return np.asarray(np.asarray(centre) + np.array([a + b, b - a, -a - b, a - b, a + b]))
 
 
 def patch(normal: Array, touched: Array, facing: Array, least: float) -> Array:
@@ -55,12 +55,12 @@ def patch(normal: Array, touched: Array, facing: Array, least: float) -> Array:
     Parameters
     ----------
     normal : of the plane
-    touched : points of it, (m, 3)
+    touched : points of it, (m, 3); NaN does not count
     facing : direction to the viewer
     least : half of its side, at least
     """
-    middle = 0.5 * (touched.min(axis=0) + touched.max(axis=0))
+    middle = 0.5 * (np.nanmin(touched, axis=0) + np.nanmax(touched, axis=0))
     along = np.cross(facing, normal)
     along = along / np.linalg.norm(along)
-    half = least + np.abs((touched - middle) @ along).max()
+    half = least + np.nanmax(np.abs((touched - middle) @ along))
     return square(middle, half * along, half * np.cross(normal, along))

@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from campaign.pictures.play import Play
-from campaign.pictures.scene import Figure as BodyFigure
-from campaign.pictures.scene import Scene
-from campaign.pictures.style import FORCE, GRID, INK, MARKERS, MUTED, PALETTE, bare
+from campaign.pictures.scene import Drawn, Scene
+from campaign.pictures.style import FORCE, INK, MARKERS, MUTED, PALETTE, bare
 from campaign.pictures.view import Array
 from engine import Trajectory
 
@@ -71,7 +70,7 @@ class Stage:
 class _Body:
     """The artists of one body."""
 
-    def __init__(self, axes: "Axes", name: str, body: BodyFigure, colour: str) -> None:
+    def __init__(self, axes: "Axes", name: str, body: Drawn, colour: str) -> None:
         self._body = body
         self._outline: Any = None
         if not body.fixed and body.outline.shape[1]:
@@ -178,7 +177,7 @@ def limits(box: Array, ends: Array) -> Array:
     flat = np.vstack([box, ends.reshape(-1, 2)])
     corners = np.array([flat.min(axis=0), flat.max(axis=0)])
     room = 0.06 * float(np.ptp(corners, axis=0).max() or 1.0)
-    return corners + np.array([[-room], [room]])
+    return np.asarray(corners + np.array([[-room], [room]]))
 
 
 def _explain_insets(figure: "Figure", rings: int) -> None:

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from engine import Mechanism
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
 
 _LEAST = np.diag([2e-3, 1e-3, 0.0])  # decides between directions that are alike: z before y before x
 
@@ -31,17 +32,13 @@ def choose_view(mechanism: Mechanism) -> View:
 
     Up is against gravity; without gravity in the plane it is z, or y for a view along z.
     """
-    axes = [
-        start_rotation(mechanism, joint.sides[0].body) @ joint.axes[0]
-        for joint in mechanism.joints.values()
-        if joint.axes
-    ]
+    joints, gravity = mechanism.joints.values(), np.array(mechanism.gravity)
+    axes = [start_rotation(mechanism, joint.sides[0].body) @ joint.axes[0] for joint in joints if joint.axes]
     if axes:
-        normal = np.linalg.eigh(_inertia(axes) - 1e-3 * _LEAST)[1][:, -1]
+        normal = _clean(np.linalg.eigh(_spread(axes) - 1e-3 * _LEAST).eigenvectors[:, -1])
     else:
-        normal = np.linalg.eigh(_inertia([*_plane_normals(mechanism), mechanism.gravity]) + _LEAST)[1][:, 0]
-    normal = _clean(normal)
-    up = _upwards(normal, np.array(mechanism.gravity))
+        normal = _clean(np.linalg.eigh(_spread([*_plane_normals(mechanism), gravity]) + _LEAST).eigenvectors[:, 0])
+    up = _upwards(normal, gravity)
     right = np.cross(up, normal)
     if right[np.argmax(np.abs(right))] < 0:  # look from the other side: the larger coordinates are to the right
         normal, right = -normal, -right
@@ -51,7 +48,7 @@ def choose_view(mechanism: Mechanism) -> View:
 def start_rotation(mechanism: Mechanism, body: str) -> Array:
     """Return the rotation from a body's own axes to the world at the start, shape (3, 3)."""
     described = mechanism.bodies[body]
-    return Rotation.from_rotvec(described.angle * np.array(described.axis)).as_matrix()
+    return np.asarray(Rotation.from_rotvec(described.angle * np.array(described.axis)).as_matrix())
 
 
 def _plane_normals(mechanism: Mechanism) -> list[Array]:
@@ -59,10 +56,10 @@ def _plane_normals(mechanism: Mechanism) -> list[Array]:
     return [start_rotation(mechanism, side.body) @ side.plane.normal for side in sides if side.plane]
 
 
-def _inertia(directions: list[Array]) -> Array:
+def _spread(directions: list[Array]) -> Array:
     """Return the sum of n n' over unit vectors n; a zero vector has no direction."""
-    units = [np.asarray(d) / np.linalg.norm(d) for d in directions if np.any(d)]
-    return np.asarray(sum((np.outer(n, n) for n in units), np.zeros((3, 3))))
+    units = [d / np.linalg.norm(d) for d in directions if d.any()]
+    return np.asarray(sum((np.outer(n, n) for n in units), np.zeros((3, 3))), float)
 
 
 def _upwards(normal: Array, gravity: Array) -> Array:

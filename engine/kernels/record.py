@@ -9,7 +9,6 @@ from engine.kernels.energy import kinetic_energy
 from engine.kernels.gaps import find_contact
 from engine.kernels.jit import kernel
 from engine.kernels.loads import potential_energy
-from engine.kernels.loads import potential_energy
 
 HEAD, BODY, CONTACT = 4, 13, 5
 
