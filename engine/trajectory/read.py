@@ -96,12 +96,7 @@ def read_trajectory(path: str | Path) -> Trajectory:
         with h5py.File(path, "r") as file:
             _check(path, file.attrs)
             return _read(file)
-    except (
-        OSError,
-        KeyError,
-        RuntimeError,
-        ValueError,
-    ) as error:  # h5py: cut short, checksum, a dataset that is not there
+    except (OSError, KeyError, RuntimeError, TypeError, ValueError) as error:  # cut short, checksum, datasets missing
         raise TrajectoryError(f"trajectory {path}: damaged ({error}); simulate again") from error
 
 
