@@ -25,20 +25,20 @@ SYMBOLS = {
 }
 
 
-def animate(trajectory: Trajectory, path: Path, frames: int = FRAMES) -> None:
+def animate(trajectory: Trajectory, path: Path, frames: int | None = None) -> None:
     """Write an animation of a run.
 
     Parameters
     ----------
     trajectory : of the run
     path : where; its ending says what: ``.gif``, ``.mp4`` (with ffmpeg) or ``.html``
-    frames : at most so many, evenly spaced in simulated time
+    frames : at most so many, evenly spaced in simulated time; default 90
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    scene = scene_of(trajectory, frames)
+    scene = scene_of(trajectory, frames or FRAMES)
     with matplotlib.rc_context({**STYLE, "axes.titley": 1.02}):  # else titles are placed anew, by measuring, each frame
         figure = Figure(figsize=SIZE, dpi=DPI)
         FigureCanvasAgg(figure)

@@ -47,4 +47,4 @@ def poses(trajectory: Trajectory, mechanism: Mechanism, instants: Rows) -> dict[
 def spread_rows(time: Array, count: int) -> Rows:
     """Return at most ``count`` rows, the first and the last among them, as evenly spaced in time as there are any."""
     wanted = np.linspace(time[0], time[-1], count)
-    return np.unique(np.searchsorted(time, wanted, side="right") - 1)
+    return np.unique(np.searchsorted(0.5 * (time[1:] + time[:-1]), wanted))

@@ -44,7 +44,7 @@ def recorded(file):
 
 @pytest.mark.parametrize("name", ["clearance_pendulum", "c60"])
 def test_recording_changes_no_bit(name, tmp_path):
-    """With and without a trajectory: the same responses and certificate, bit for bit; the same mechanism in the file."""
+    """With and without a trajectory: the same responses and certificate, bit for bit; the mechanism is in the file."""
     horizon = 0.3 if name == "clearance_pendulum" else None
     mechanism = load_mechanism(name)
     plain = simulate(mechanism, horizon=horizon, full_horizon=horizon is not None)
