@@ -60,7 +60,7 @@ def assemble(mechanism: Mechanism) -> Assembly:
         ties=tie_arrays(ties),
         time_laws=time_laws,
         loads=load_arrays(mechanism, frames, law_numbers),
-        responses=response_arrays(mechanism, frames, state, names),
+        responses=response_arrays(mechanism, frames, state, pairs),
         phase_duration=np.array([np.inf if p.duration is None else p.duration for p in mechanism.phases]),
     )
     nc = len(pairs)

@@ -8,8 +8,9 @@ import numpy as np
 
 from engine.assembly.contacts import Pair
 from engine.assembly.frames import Array, Frame, tangent
+from engine.errors import MechanismError
 from engine.kernels.model import GEOMETRY, POINT_PLANE, RING_BORE
-from engine.mechanism.joints import Prismatic, Revolute
+from engine.mechanism.joints import Prismatic, Revolute, Spherical
 from engine.mechanism.models import Mechanism
 
 
@@ -57,6 +58,11 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, Frame], R: Array) -> Ite
     for name, joint in mechanism.joints.items():
         if joint.ideal:
             continue
+        if isinstance(joint, Spherical):
+            raise MechanismError(
+                f"joints.{name}.type = {joint.type!r}: a ball with play cannot be simulated yet; "
+                'allowed: "spherical"; make it an ideal one'
+            )
         place, law = mate(joint, frames, R), mechanism.contact_law(joint)
         for face, kind, sides, geometry_a, geometry_b in _faces(joint, place):
             yield Pair(

@@ -18,20 +18,17 @@ def motion_ties(mechanism: Mechanism, frames: dict[str, Frame], state: State, la
     laws : each time law's number, by the key of its owner
     """
     ties = []
-    for name, motion in mechanism.motions.items():
-        a, b = frames[motion.relative_to or "world"].index, frames[motion.body].index
-        side = frames[motion.relative_to or "world"]
+    for key, motion in mechanism.motions.items():
+        against, moved = frames[motion.relative_to or "world"], frames[motion.body]
+        a, b = against.index, moved.index
         if isinstance(motion, Translation):
-            along, led = side.direction(motion.along.direction), frames[motion.body].point(motion.along.point)
+            along, led = against.direction(motion.along.direction), moved.point(motion.along.point)
             start = state.R[a].T @ (state.x[b] + state.R[b] @ led - state.x[a])  # where the point is, seen from a
             row, kind, arm = [*start, *along, *led], SLIDE, 1.0
         else:
-            axis = side.direction(motion.about.axis)
+            axis = against.direction(motion.about.axis)
             mark = tangent(axis)
-            row, kind, arm = (
-                [*mark, *axis, *(state.R[b].T @ state.R[a] @ mark)],
-                TURN,
-                turning_arm(mechanism, [motion.body, *([motion.relative_to] if motion.relative_to else [])]),
-            )
-        ties.append(Tie(name, kind, a, b, np.array(row), arm, law=laws[f"motions.{name}"]))
+            row, kind = [*mark, *axis, *(state.R[b].T @ state.R[a] @ mark)], TURN
+            arm = turning_arm(mechanism, [name for name in (motion.relative_to, motion.body) if name])
+        ties.append(Tie(key, kind, a, b, np.array(row), arm, law=laws[f"motions.{key}"]))
     return ties

@@ -4,13 +4,14 @@ from typing import Any
 
 import numpy as np
 
+from engine.assembly.contacts import Pair
 from engine.assembly.frames import Array, Frame
 from engine.errors import MechanismError
 from engine.kernels import model
 from engine.kernels.model import Responses, State
 from engine.mechanism.faults import Fault, did_you_mean
 from engine.mechanism.models import Mechanism
-from engine.mechanism.responses import Event
+from engine.mechanism.moments import Event
 
 ORIGIN = (0.0, 0.0, 0.0)
 KINDS = {
@@ -28,13 +29,13 @@ KINDS = {
 MOTION = ("position", "angle", "gap")
 
 
-def response_arrays(mechanism: Mechanism, frames: dict[str, Frame], state: State, contacts: list[str]) -> Responses:
+def response_arrays(mechanism: Mechanism, frames: dict[str, Frame], state: State, pairs: list[Pair]) -> Responses:
     """Return what is measured, and when it is reported.
 
     Parameters
     ----------
     frames, state : the bodies at the start pose
-    contacts : names of all contacts, in the order of the arrays
+    pairs : all contacts, in the order of the arrays
 
     Raises
     ------
@@ -42,8 +43,8 @@ def response_arrays(mechanism: Mechanism, frames: dict[str, Frame], state: State
         If a response names a contact its joint does not have, or the force of a joint without contacts.
     """
     items = mechanism.responses.items()
-    _refuse_missing_contacts(mechanism, contacts)
-    what = [_measured(mechanism, response, frames, state, contacts) for _, response in items]
+    _refuse_missing_contacts(mechanism, [pair.name for pair in pairs])
+    what = [_measured(mechanism, response, frames, state, pairs) for _, response in items]
     when = [_reported(mechanism, response) for _, response in items]
     return Responses(
         kind=np.array([kind for kind, _, _ in what], np.int64),
@@ -59,7 +60,7 @@ def response_arrays(mechanism: Mechanism, frames: dict[str, Frame], state: State
 
 
 def _measured(
-    mechanism: Mechanism, response: Any, frames: dict[str, Frame], state: State, contacts: list[str]
+    mechanism: Mechanism, response: Any, frames: dict[str, Frame], state: State, pairs: list[Pair]
 ) -> tuple[int, tuple[int, int, int], Array]:
     """Return kind, bodies (or contacts, or spring) and geometry of a response."""
     kind, body, point = KINDS[response.type], (0, 0, 0), np.zeros(12)
@@ -71,13 +72,9 @@ def _measured(
         alike = [name for name, s in mechanism.springs.items() if s.type == mechanism.springs[response.spring].type]
         body = (alike.index(response.spring), 0, 0)
     elif response.type == "joint_force":
-        own = [i for i, name in enumerate(contacts) if name.startswith(f"{response.joint}.")]
-        way = response.direction
-        turned = frames[(way and way.body) or "world"]
-        body = (own[0], len(own), turned.index)
-        point[9:12] = turned.direction(way.vector) if way else ORIGIN
+        body = _joint(mechanism, response, frames, pairs, point)
     elif response.type != "time":
-        body = (contacts.index(response.contact), 0, 0)
+        body = ([pair.name for pair in pairs].index(response.contact), 0, 0)
         if response.type == "contact_force" and response.component == "friction":
             kind = model.FRICTION_FORCE
     return kind, body, point
@@ -103,6 +100,19 @@ def _turning(response: Any, frames: dict[str, Frame], state: State, point: Array
     point[6] = p @ q
     point[7:10] = p[0] * q[1:] - q[0] * p[1:] - np.cross(p[1:], q[1:])
     return a.index, b.index, 0
+
+
+def _joint(
+    mechanism: Mechanism, response: Any, frames: dict[str, Frame], pairs: list[Pair], point: Array
+) -> tuple[int, int, int]:
+    """Write the sign with which impulses act on the joint's second side, and the direction; return the contacts."""
+    own = [i for i, pair in enumerate(pairs) if pair.name.startswith(f"{response.joint}.")]
+    second = frames[mechanism.joints[response.joint].sides[1].body]
+    way = response.direction
+    turned = frames[(way and way.body) or "world"]
+    point[0] = 1.0 if pairs[own[0]].a == second.index else -1.0  # an impulse pushes side a along +N, and b back
+    point[9:12] = turned.direction(way.vector) if way else ORIGIN
+    return own[0], len(own), turned.index
 
 
 def _reported(mechanism: Mechanism, response: Any) -> tuple[int, int, int, tuple[float, float]]:

@@ -31,7 +31,7 @@ def refuse_overlap(mechanism: Mechanism, contacts: Contacts, names: list[str], s
             key = _clearance_key(mechanism, name)
             worst[key] = i if key not in worst or gap[i] < gap[worst[key]] else worst[key]
     if worst:
-        lines = [_overlap(mechanism, key, names[i], float(gap[i]), contacts.clearance[i]) for key, i in worst.items()]
+        lines = [_overlap(mechanism, key, names[i], float(gap[i])) for key, i in worst.items()]
         raise MechanismError("\n  ".join([f"{mechanism.name}: parts overlap at the start pose", *lines]))
 
 
@@ -41,11 +41,12 @@ def _clearance_key(mechanism: Mechanism, name: str) -> str:
     return f"joints.{joint}.{mechanism.joints[joint].face_clearance(face)}" if face else f"contacts.{name}"
 
 
-def _overlap(mechanism: Mechanism, key: str, name: str, gap: float, clearance: float) -> str:
+def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
     """Say which pair overlaps and what would be allowed."""
     unit = mechanism.unit("length")
     if key == f"contacts.{name}":
         return f"{key}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"
+    clearance = mechanism.value(key)
     return (
         f"{key} = {clearance:.6g} {unit}: {name.partition('.')[2]} is {clearance - gap:.6g} {unit} off its centred "
         f"place at the start; allowed: at least {clearance - gap:.6g} {unit}, or move the bodies"

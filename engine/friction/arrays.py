@@ -1,6 +1,7 @@
 """A friction problem as arrays, with the operations every solver shares.
 
-The problem, whitened (M = I):  w = G' r,  u = G w + q,  Coulomb's law between each r_i and u_i.
+The problem, whitened (M = I), with bilateral rows J (ideal joints, drives):  w' = (v, l), B w = G' r,  u = G w + q,
+Coulomb's law between each r_i and u_i. B is the identity without such rows, see `engine.friction.ties`.
 
 Kernels get the arrays they need and not the whole tuple: every array of a call costs compile time.
 """
@@ -9,10 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engine.friction.ties import Ties
+from engine.friction.banded import ROWS_AT_ONCE
+from engine.friction.ties import Ties, release
 from engine.kernels.jit import kernel
-
-BODY = 6  # velocities of a body
 
 CONVERGED = 0
 NOT_CONVERGED = 1
@@ -27,11 +27,13 @@ class Rows(NamedTuple):
     start: np.ndarray  # (nc, ns) int64
     width: np.ndarray  # (nc, ns) int64, 0: no such run
     G: np.ndarray  # (nc, 3, k) rows (N, T1, T2)
-    band: np.ndarray  # (1,) int64, the farthest two velocities of one contact
 
 
 class FrictionArrays(NamedTuple):
-    """A whitened friction problem of at most ``nc`` contacts and ``n`` velocities, its unknowns and work space."""
+    """A whitened friction problem of at most ``nc`` contacts and ``n`` unknowns, and work space.
+
+    The unknowns w are velocities and, where there are ``ties``, the multipliers of the tied rows among them.
+    """
 
     rows: Rows
     ties: Ties
@@ -43,37 +45,43 @@ class FrictionArrays(NamedTuple):
     scale: np.ndarray  # (nc,) mean diagonal of the contact's own Delassus block
     x: np.ndarray  # (nc, 3) scaled impulses
     y: np.ndarray  # (nc, 3) scaled shifted velocities
-    dx: np.ndarray  # (nc, 3)
-    dy: np.ndarray  # (nc, 3)
     miss: np.ndarray  # (nc, 3) residual of the definition of y
-    A: np.ndarray  # (nc, 3, 3) eliminated block: dx = -b - A dy
-    W: np.ndarray  # (nc, 3, 3) scaling
+    dr: np.ndarray  # (nc, 3)
+    du: np.ndarray  # (nc, 3)
+    A: np.ndarray  # (nc, 3, 3) eliminated block: dr = -b - A du
+    Q: np.ndarray  # (nc, 3, 3) derivative of the contact's equation with respect to u
     b: np.ndarray  # (nc, 3)
     AG: np.ndarray  # (3, k)
-    K: np.ndarray  # (n, n)
+    K: np.ndarray  # (n, 2 (band + 2) + 1) system, see `banded`
     dw: np.ndarray  # (n,)
-    lag: np.ndarray  # (n,) residual of w = G' r
-    kept: np.ndarray  # (nc, 3) impulses of the best attempt
     best: np.ndarray  # (nc, 3) impulses of the smallest residual within an attempt
-    q0: np.ndarray  # (nc,) normal part of q while q holds a given shift
-    shift: np.ndarray  # (nc,) that shift
+    base: np.ndarray  # (nc, 3) impulses to go back to when the natural map fails
+    kept: np.ndarray  # (nc, 3) impulses of the best attempt
 
 
 def friction_arrays(n: int, nc: int, runs: int, k: int, band: int, ties: int = 0) -> FrictionArrays:
-    """Allocate ``nc`` contacts on ``n`` velocities, each touching at most ``k`` of them in at most ``runs`` runs."""
-    shapes = {
-        "mu": (nc,), "scale": (nc,), "q0": (nc,), "shift": (nc,), "A": (nc, 3, 3), "W": (nc, 3, 3), "AG": (3, k),
-        "w": (n,), "dw": (n,), "lag": (n,), "K": (n, n),
-    }  # fmt: skip
+    """Allocate ``nc`` contacts and ``ties`` tied rows on ``n`` unknowns.
+
+    ``band``: the farthest two unknowns of one contact or one tied row, its multiplier included; a contact touches at
+    most ``k`` velocities in at most ``runs`` runs.
+    """
+    columns = 2 * (min(band, max(n - 1, 0)) + ROWS_AT_ONCE - 1) + 1
+    shapes = {"mu": (nc,), "scale": (nc,), "A": (nc, 3, 3), "Q": (nc, 3, 3), "AG": (3, k), "w": (n,), "dw": (n,)}
+    shapes["K"] = (n, columns)
     start, width = np.zeros((2, nc, runs), np.int64)
-    rows = Rows(start, width, np.zeros((nc, 3, k)), np.array([band], np.int64))
-    return FrictionArrays(
-        rows,
-        Ties(
-            np.zeros(ties, np.int64), np.zeros((ties, 2), np.int64), np.zeros((ties, 2), np.int64), np.zeros((ties, 12))
-        ),
-        *(np.zeros(shapes.get(name, (nc, 3))) for name in FrictionArrays._fields[2:]),
+    first, count = np.zeros((2, ties, 2), np.int64)
+    tied = Ties(
+        at=np.zeros(ties, np.int64),
+        start=first,
+        width=count,
+        J=np.zeros((ties, 12)),
+        length=np.zeros(ties),
+        factors=np.zeros((n if ties else 0, columns)),
+        asked=np.zeros(n if ties else 0),
+        miss=np.zeros(n if ties else 0),
     )
+    rows = Rows(start, width, np.zeros((nc, 3, k)))
+    return FrictionArrays(rows, tied, *(np.zeros(shapes.get(name, (nc, 3))) for name in FrictionArrays._fields[2:]))
 
 
 @kernel
@@ -85,7 +93,7 @@ def copy(nc, source, target):
 
 @kernel
 def measure_scales(nc, rows, scale):
-    """Write each contact's mean Delassus diagonal; return their mean."""
+    """Write each contact's mean Delassus diagonal, as if nothing were tied; return their mean."""
     mean = 0.0
     for i in range(nc):
         s, width = 0.0, 0
@@ -101,23 +109,14 @@ def measure_scales(nc, rows, scale):
 
 
 @kernel
-def velocity_of(nc, rows, r, w):
-    """Write w = G' r."""
-    for k in range(w.shape[0]):
-        w[k] = 0.0
-    for i in range(nc):
-        add_impulse(rows, i, r[i, 0], r[i, 1], r[i, 2], w)
-
-
-@kernel
 def add_impulse(rows, i, r0, r1, r2, w):
     """Add G_i' r to a vector of velocities."""
-    a = 0
+    g0, g1, g2, a = rows.G[i, 0], rows.G[i, 1], rows.G[i, 2], 0
     for run in range(rows.width.shape[1]):
-        first, width = rows.start[i, run], rows.width[i, run]
-        for k in range(width):
-            w[first + k] += rows.G[i, 0, a + k] * r0 + rows.G[i, 1, a + k] * r1 + rows.G[i, 2, a + k] * r2
-        a += width
+        part, e0, e1, e2 = w[rows.start[i, run] :], g0[a:], g1[a:], g2[a:]
+        for k in range(rows.width[i, run]):
+            part[k] += e0[k] * r0 + e1[k] * r1 + e2[k] * r2
+        a += rows.width[i, run]
 
 
 @kernel
@@ -136,82 +135,13 @@ def relative(rows, i, w):
 
 
 @kernel
-def finish(nc, rows, q, r, w, u):
+def finish(n, nc, p):
     """Write the velocities w and u that belong to the impulses r."""
-    velocity_of(nc, rows, r, w)
-    for i in range(nc):
-        u0, u1, u2 = relative(rows, i, w)
-        u[i, 0], u[i, 1], u[i, 2] = q[i, 0] + u0, q[i, 1] + u1, q[i, 2] + u2
-
-
-@kernel
-def start_system(n, band, K):
-    """Write the identity, the whitened mass matrix, inside the band."""
-    for i in range(n):
-        for j in range(max(i - band, 0), min(i + band + 1, n)):
-            K[i, j] = 0.0
-        K[i, i] = 1.0
-
-
-@kernel
-def add_block(rows, i, A, AG, K):
-    """Add G_i' A G_i to the system, for the 3 x 3 block A of contact i.
-
-    Runs of a body are of known size, which the compiler turns into straight vector code: a third of the time.
-    """
-    G, runs, a = rows.G, rows.width.shape[1], 0
-    a00, a01, a02 = A[i, 0, 0], A[i, 0, 1], A[i, 0, 2]
-    a10, a11, a12 = A[i, 1, 0], A[i, 1, 1], A[i, 1, 2]
-    a20, a21, a22 = A[i, 2, 0], A[i, 2, 1], A[i, 2, 2]
-    for run in range(runs):
-        for j in range(a, a + rows.width[i, run]):
-            g0, g1, g2 = G[i, 0, j], G[i, 1, j], G[i, 2, j]
-            AG[0, j] = a00 * g0 + a01 * g1 + a02 * g2
-            AG[1, j] = a10 * g0 + a11 * g1 + a12 * g2
-            AG[2, j] = a20 * g0 + a21 * g1 + a22 * g2
-        a += rows.width[i, run]
-    a = 0
-    for run in range(runs):
-        row, m, c = rows.start[i, run], rows.width[i, run], 0
-        for other in range(runs):
-            column, n = rows.start[i, other], rows.width[i, other]
-            if m == BODY and n == BODY:
-                for j in range(BODY):
-                    g0, g1, g2 = G[i, 0, a + j], G[i, 1, a + j], G[i, 2, a + j]
-                    for k in range(BODY):
-                        K[row + j, column + k] += g0 * AG[0, c + k] + g1 * AG[1, c + k] + g2 * AG[2, c + k]
-            else:
-                for j in range(m):
-                    g0, g1, g2 = G[i, 0, a + j], G[i, 1, a + j], G[i, 2, a + j]
-                    for k in range(n):
-                        K[row + j, column + k] += g0 * AG[0, c + k] + g1 * AG[1, c + k] + g2 * AG[2, c + k]
-            c += n
-        a += m
-
-
-@kernel
-def factorise(n, band, K):
-    """Replace K by its factors L U inside the band; no pivoting, the symmetric part is positive definite."""
     for k in range(n):
-        pivot, last = 1 / K[k, k], min(k + band + 1, n)
-        for i in range(k + 1, last):
-            if K[i, k] != 0.0:
-                f = K[i, k] * pivot
-                K[i, k] = f
-                for j in range(k + 1, last):
-                    K[i, j] -= f * K[k, j]
-
-
-@kernel
-def substitute(n, band, K, x):
-    """Solve L U x = x in place."""
-    for i in range(n):
-        s = x[i]
-        for j in range(max(i - band, 0), i):
-            s -= K[i, j] * x[j]
-        x[i] = s
-    for i in range(n - 1, -1, -1):
-        s = x[i]
-        for j in range(i + 1, min(i + band + 1, n)):
-            s -= K[i, j] * x[j]
-        x[i] = s / K[i, i]
+        p.w[k] = 0.0
+    for i in range(nc):
+        add_impulse(p.rows, i, p.r[i, 0], p.r[i, 1], p.r[i, 2], p.w)
+    release(n, p.ties, p.w)
+    for i in range(nc):
+        u0, u1, u2 = relative(p.rows, i, p.w)
+        p.u[i, 0], p.u[i, 1], p.u[i, 2] = p.q[i, 0] + u0, p.q[i, 1] + u1, p.q[i, 2] + u2

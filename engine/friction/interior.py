@@ -1,4 +1,4 @@
-"""Interior-point method with Nesterov-Todd scaling: sure from any start, for problems on which Newton creeps.
+"""Interior-point method with Nesterov-Todd scaling: for problems on which Newton creeps.
 
 With x = c (mu r_N, r_T) s and y = c (u_N + mu |u_T|, mu u_T), c = 1/max(1, mu), s the contact's Delassus scale, the
 problem is x o y = 0 in the second-order cones. The iterates stay inside the cones and follow x o y = 2 m e, m -> 0
@@ -9,106 +9,78 @@ mu |u_T|. One system in w remains, as in `newton`; the term E is what makes Coul
 
 import numpy as np
 
-from engine.friction.arrays import (
-    add_block,
-    add_impulse,
-    copy,
-    factorise,
-    finish,
-    relative,
-    start_system,
-    substitute,
-)
+from engine.friction.arrays import add_impulse, copy, finish, relative
+from engine.friction.banded import add_block, factorise, start_system, substitute
 from engine.friction.cone import residual
+from engine.friction.ties import add_ties
 from engine.kernels.jit import kernel
 
-TO_BOUNDARY = 0.9
-TO_BOUNDARY_WARM = 0.95
-WARM = 1e-3  # of the load: how far inside the cones a warm start is
+TO_BOUNDARY = 0.95
+INSIDE = 1e-3  # of the load: how far inside the cones the first point is
 STALL = 12  # steps without halving the residual
 
 
 @kernel
-def interior_point(n, nc, p, mean, tolerance, coupled, warm, limit):
-    """Solve; leave the best impulses in ``p.r``; return the steps spent and the residual reached.
+def interior_point(n, nc, p, mean, tolerance, inside, limit):
+    """Solve from the impulses given, moved inside the cones by ``inside`` times the load.
 
-    ``warm``: start from the given impulses, moved a little inside the cones; else far inside.
-    Not ``coupled``: solve the convex problem in which the shift mu |u_T| is not a function of u but given, inside q.
+    Leaves the best impulses in ``p.r``; returns the steps spent and the residual reached.
     """
     size = 0.0
     for i in range(nc):
         size = max(size, p.q[i, 0] ** 2 + p.q[i, 1] ** 2 + p.q[i, 2] ** 2)
-    size = np.sqrt(size)
-    inside = size if not warm else WARM * size
-    if not warm:
-        for i in range(nc):
-            p.r[i, 0], p.r[i, 1], p.r[i, 2] = 0.0, 0.0, 0.0
-    finish(nc, p.rows, p.q, p.r, p.w, p.u)
+    finish(n, nc, p)
     for i in range(nc):
-        _start(i, p.mu[i], p.scale[i], p.r, p.u, inside, warm, p.x, p.y)
+        _start(i, p.mu[i], p.scale[i], p.r, p.u, inside * np.sqrt(size), p.x, p.y)
     best, stalled, iteration = np.inf, 0, 0
     while True:
         for i in range(nc):
             _to_impulse(i, p.mu[i], p.scale[i], p.x, p.r)
-        for k in range(n):
-            p.lag[k] = p.w[k]
-        finish(nc, p.rows, p.q, p.r, p.w, p.u)  # overwrites w with G' r; the iterate's own w is kept in lag
-        reached = residual(nc, p.mu, p.r, p.u, p.q, mean, coupled)
+        finish(n, nc, p)
+        reached = residual(nc, p.mu, p.r, p.u, p.q, mean)
+        stalled = 0 if reached < 0.5 * best else stalled + 1
         if reached < best:
-            stalled = 0 if reached < 0.5 * best else stalled + 1
             best = reached
             copy(nc, p.r, p.best)
-        else:
-            stalled += 1
         if not reached < np.inf or best <= tolerance or iteration == limit or stalled > STALL:
             break
         iteration += 1
-        for k in range(n):
-            own = p.lag[k]
-            p.lag[k] = own - p.w[k]
-            p.w[k] = own
-        gap = _scaled_system(n, nc, p, coupled)
+        gap = _scaled_system(n, nc, p)
         for i in range(nc):
             for k in range(3):
                 p.b[i, k] = -p.x[i, k]
-        step = min(1.0, _direction(n, nc, p, coupled))
-        ahead = 0.0
+        target = 0.0
+        for corrected in range(2):
+            step = min(1.0, (TO_BOUNDARY if corrected else 1.0) * _direction(n, nc, p))
+            if not corrected:
+                ahead = 0.0
+                for i in range(nc):
+                    for k in range(3):
+                        ahead += (p.x[i, k] + step * p.dr[i, k]) * (p.y[i, k] + step * p.du[i, k])
+                target = gap * min(max(ahead / (nc * gap), 0.0), 1.0) ** 3
+                for i in range(nc):
+                    _corrector(i, p.mu[i], p.Q, p.x, p.y, p.dr, p.du, target, p.b)
         for i in range(nc):
             for k in range(3):
-                ahead += (p.x[i, k] + step * p.dx[i, k]) * (p.y[i, k] + step * p.dy[i, k])
-        centring = min(max(ahead / (nc * gap), 0.0), 1.0) ** 3
-        for i in range(nc):
-            if p.mu[i] > 0.0:
-                _corrector(i, p.W, p.y, p.dx, p.dy, centring * gap, p.b)
-            else:
-                p.b[i, 0] = (centring * gap - p.dx[i, 0] * p.dy[i, 0]) / p.y[i, 0] - p.x[i, 0]
-        step = min(1.0, (TO_BOUNDARY_WARM if warm else TO_BOUNDARY) * _direction(n, nc, p, coupled))
-        for i in range(nc):
-            for k in range(3):
-                p.x[i, k] += step * p.dx[i, k]
-                p.y[i, k] += step * p.dy[i, k]
-        for k in range(n):
-            p.w[k] += step * p.dw[k]
+                p.x[i, k] += step * p.dr[i, k]
+                p.y[i, k] += step * p.du[i, k]
     copy(nc, p.best, p.r)
-    finish(nc, p.rows, p.q, p.r, p.w, p.u)
+    finish(n, nc, p)
     return iteration, best
 
 
 @kernel
-def _start(i, mu, scale, r, u, inside, warm, x, y):
+def _start(i, mu, scale, r, u, inside, x, y):
     """Write the first x and y of contact i, both inside the cone."""
-    x[i, 0], x[i, 1], x[i, 2] = inside, 0.0, 0.0
-    y[i, 0], y[i, 1], y[i, 2] = inside, 0.0, 0.0
-    if warm:
-        c, slip = 1 / max(1.0, mu), np.sqrt(u[i, 1] ** 2 + u[i, 2] ** 2)
-        if mu > 0.0:
-            x[i, 1], x[i, 2] = c * scale * r[i, 1], c * scale * r[i, 2]
-            y[i, 1], y[i, 2] = c * mu * u[i, 1], c * mu * u[i, 2]
-            x[i, 0] += max(c * mu * scale * r[i, 0], np.sqrt(x[i, 1] ** 2 + x[i, 2] ** 2))
-            y[i, 0] += max(c * (u[i, 0] + mu * slip), c * mu * slip)
-        else:
-            x[i, 0] += max(scale * r[i, 0], 0.0)
-            y[i, 0] += max(u[i, 0], 0.0)
+    c, slip = 1 / max(1.0, mu), np.sqrt(u[i, 1] ** 2 + u[i, 2] ** 2)
+    if mu > 0.0:
+        x[i, 1], x[i, 2] = c * scale * r[i, 1], c * scale * r[i, 2]
+        y[i, 1], y[i, 2] = c * mu * u[i, 1], c * mu * u[i, 2]
+        x[i, 0] = inside + max(c * mu * scale * r[i, 0], np.sqrt(x[i, 1] ** 2 + x[i, 2] ** 2))
+        y[i, 0] = inside + max(c * (u[i, 0] + mu * slip), c * mu * slip)
+    else:
+        x[i, 0], x[i, 1], x[i, 2] = inside + max(scale * r[i, 0], 0.0), 0.0, 0.0
+        y[i, 0], y[i, 1], y[i, 2] = inside + max(u[i, 0], 0.0), 0.0, 0.0
 
 
 @kernel
@@ -122,40 +94,39 @@ def _to_impulse(i, mu, scale, x, r):
 
 
 @kernel
-def _scaled_system(n, nc, p, coupled):
+def _scaled_system(n, nc, p):
     """Scale at the present point: write W, the misses and the factorised system; return the mean of x . y."""
-    gap, x, y = 0.0, p.x, p.y
-    start_system(n, p.rows.band[0], p.K)
+    gap, x, y, u, W = 0.0, p.x, p.y, p.u, p.Q
+    start_system(n, p.K)
+    add_ties(p.ties, p.K)
     for i in range(nc):
         mu, c, f = p.mu[i], 1 / max(1.0, p.mu[i]), 1 / p.scale[i]
-        u0, u1, u2 = relative(p.rows, i, p.w)
-        u0, u1, u2 = u0 + p.q[i, 0], u1 + p.q[i, 1], u2 + p.q[i, 2]
         gap += x[i, 0] * y[i, 0] + x[i, 1] * y[i, 1] + x[i, 2] * y[i, 2]
         if mu > 0.0:
-            slip = np.sqrt(u1 * u1 + u2 * u2) if coupled else 0.0
+            slip = np.sqrt(u[i, 1] * u[i, 1] + u[i, 2] * u[i, 2])
             t1, t2 = 0.0, 0.0
             if slip > 0.0:
-                t1, t2 = mu * u1 / slip, mu * u2 / slip
-            p.miss[i, 0] = y[i, 0] - c * (u0 + mu * slip)
-            p.miss[i, 1], p.miss[i, 2] = y[i, 1] - c * mu * u1, y[i, 2] - c * mu * u2
-            _scaling(i, x, y, p.W)
+                t1, t2 = mu * u[i, 1] / slip, mu * u[i, 2] / slip
+            p.miss[i, 0] = y[i, 0] - c * (u[i, 0] + mu * slip)
+            p.miss[i, 1], p.miss[i, 2] = y[i, 1] - c * mu * u[i, 1], y[i, 2] - c * mu * u[i, 2]
+            _scaling(i, x, y, W)
             for k in range(3):  # A = dr/dx W^2 D E: the c of dx/dr and of D cancel
                 row = f / mu if k == 0 else f
-                s0 = _row(p.W, i, k, p.W[i, 0, 0], p.W[i, 1, 0], p.W[i, 2, 0])
-                s1 = _row(p.W, i, k, p.W[i, 0, 1], p.W[i, 1, 1], p.W[i, 2, 1])
-                s2 = _row(p.W, i, k, p.W[i, 0, 2], p.W[i, 1, 2], p.W[i, 2, 2])
+                s0 = _row(W, i, k, W[i, 0, 0], W[i, 1, 0], W[i, 2, 0])
+                s1 = _row(W, i, k, W[i, 0, 1], W[i, 1, 1], W[i, 2, 1])
+                s2 = _row(W, i, k, W[i, 0, 2], W[i, 1, 2], W[i, 2, 2])
                 p.A[i, k, 0], p.A[i, k, 1], p.A[i, k, 2] = (
                     row * s0,
                     row * (t1 * s0 + mu * s1),
                     row * (t2 * s0 + mu * s2),
                 )
         else:
-            p.miss[i, 0], p.miss[i, 1], p.miss[i, 2] = y[i, 0] - u0, 0.0, 0.0
+            p.miss[i, 0], p.miss[i, 1], p.miss[i, 2] = y[i, 0] - u[i, 0], 0.0, 0.0
             for k in range(3):
                 p.A[i, k, 0], p.A[i, k, 1], p.A[i, k, 2] = 0.0, 0.0, 0.0
             p.A[i, 0, 0] = f * x[i, 0] / y[i, 0]
         add_block(p.rows, i, p.A, p.AG, p.K)
-    factorise(n, p.rows.band[0], p.K)
+    factorise(n, p.K)
     return gap / nc
 
 
@@ -187,8 +158,11 @@ def _root_determinant(x0, x1, x2):
 
 
 @kernel
-def _corrector(i, W, y, dx, dy, target, d):
+def _corrector(i, mu, W, x, y, dx, dy, target, d):
     """Write d = W l^-1 o (target e - l o l - (W^-1 dx) o (W dy)), l = W y."""
+    if mu == 0.0:
+        d[i, 0] = (target - dx[i, 0] * dy[i, 0]) / y[i, 0] - x[i, 0]
+        return
     l0, p0 = _row(W, i, 0, y[i, 0], y[i, 1], y[i, 2]), _row(W, i, 0, dy[i, 0], dy[i, 1], dy[i, 2])
     l1, p1 = _row(W, i, 1, y[i, 0], y[i, 1], y[i, 2]), _row(W, i, 1, dy[i, 0], dy[i, 1], dy[i, 2])
     l2, p2 = _row(W, i, 2, y[i, 0], y[i, 1], y[i, 2]), _row(W, i, 2, dy[i, 0], dy[i, 1], dy[i, 2])
@@ -209,11 +183,11 @@ def _corrector(i, W, y, dx, dy, target, d):
 
 
 @kernel
-def _direction(n, nc, p, coupled):
-    """Write dw, dx, dy for the right-hand sides in ``p.b``; return how far the cones allow to go."""
-    rhs, W, m, b, dx, dy = p.dw, p.W, p.miss, p.b, p.dx, p.dy
+def _direction(n, nc, p):
+    """Write dx and dy for the right-hand sides in ``p.b``; return how far the cones allow to go."""
+    W, m, b, dx, dy, u = p.Q, p.miss, p.b, p.dr, p.du, p.u
     for k in range(n):
-        rhs[k] = -p.lag[k]
+        p.dw[k] = 0.0
     for i in range(nc):
         f = max(1.0, p.mu[i]) / p.scale[i]
         if p.mu[i] > 0.0:
@@ -223,20 +197,18 @@ def _direction(n, nc, p, coupled):
             d0 = b[i, 0] + _row(W, i, 0, z0, z1, z2)
             d1 = b[i, 1] + _row(W, i, 1, z0, z1, z2)
             d2 = b[i, 2] + _row(W, i, 2, z0, z1, z2)
-            add_impulse(p.rows, i, f * d0 / p.mu[i], f * d1, f * d2, rhs)
+            add_impulse(p.rows, i, f * d0 / p.mu[i], f * d1, f * d2, p.dw)
         else:
-            add_impulse(p.rows, i, f * (b[i, 0] + p.x[i, 0] / p.y[i, 0] * m[i, 0]), 0.0, 0.0, rhs)
-    substitute(n, p.rows.band[0], p.K, rhs)
+            add_impulse(p.rows, i, f * (b[i, 0] + p.x[i, 0] / p.y[i, 0] * m[i, 0]), 0.0, 0.0, p.dw)
+    substitute(n, p.K, p.dw)
     step = 1e3
     for i in range(nc):
         mu, c = p.mu[i], 1 / max(1.0, p.mu[i])
-        d0, d1, d2 = relative(p.rows, i, rhs)
+        d0, d1, d2 = relative(p.rows, i, p.dw)
         if mu > 0.0:
-            _, u1, u2 = relative(p.rows, i, p.w)
-            u1, u2 = u1 + p.q[i, 1], u2 + p.q[i, 2]
-            slip = np.sqrt(u1 * u1 + u2 * u2)
-            if coupled and slip > 0.0:
-                d0 += mu * (u1 * d1 + u2 * d2) / slip
+            slip = np.sqrt(u[i, 1] * u[i, 1] + u[i, 2] * u[i, 2])
+            if slip > 0.0:
+                d0 += mu * (u[i, 1] * d1 + u[i, 2] * d2) / slip
             dy[i, 0] = c * d0 - m[i, 0]
             dy[i, 1], dy[i, 2] = c * mu * d1 - m[i, 1], c * mu * d2 - m[i, 2]
             z0 = _row(W, i, 0, dy[i, 0], dy[i, 1], dy[i, 2])

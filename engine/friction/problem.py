@@ -1,7 +1,8 @@
 """The public face of the friction solver: a problem in the form of the field's collections, and its solution."""
 
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,6 +45,21 @@ class FrictionProblem:
                 raise FrictionError(f"friction problem: {name} holds a number that is not finite")
         if (self.mu < 0).any():
             raise FrictionError(f"friction problem: mu[{int(self.mu.argmin())}] = {self.mu.min():g}; allowed: >= 0")
+
+    @classmethod
+    def read(cls, path: str | Path) -> "FrictionProblem":
+        """Read a problem from an FCLIB file; see `engine.friction.fclib.read_fclib`."""
+        from engine.friction.fclib import read_fclib
+
+        return read_fclib(path)
+
+    def write(
+        self, path: str | Path, solution: "FrictionSolution | None" = None, form: Literal["global", "local"] = "global"
+    ) -> None:
+        """Write the problem, and its solution if given, to an FCLIB file; see `engine.friction.fclib.write_fclib`."""
+        from engine.friction.fclib import write_fclib
+
+        write_fclib(path, self, solution, form)
 
 
 @dataclass(frozen=True)
@@ -107,20 +123,24 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
 
 
 def sparse_rows(G: Array, n: int) -> Any:
-    """Store of each contact's rows only the runs of columns that are not zero."""
+    """Store of each contact's rows only the columns that are not zero, body by body."""
     from engine.friction.arrays import friction_arrays
+    from engine.friction.banded import BODY
 
     columns = [np.flatnonzero(np.abs(rows).max(axis=0) > 0) for rows in G]
-    runs = [np.split(c, np.flatnonzero(np.diff(c) > 1) + 1) if c.size else [] for c in columns]
+    runs = [[c[c // BODY == body] for body in np.unique(c // BODY)] for c in columns]
+    runs = [[np.arange(run[0], run[-1] + 1) for run in of_contact] for of_contact in runs]
     arrays = friction_arrays(
         n,
         len(G),
         max(map(len, runs), default=1) or 1,
-        max(map(len, columns), default=1) or 1,
+        max((sum(map(len, of_contact)) for of_contact in runs), default=1) or 1,
         max((int(c[-1] - c[0]) for c in columns if c.size), default=0),
     )
-    for i, c in enumerate(columns):
-        arrays.rows.G[i, :, : len(c)] = G[i][:, c]
-        for j, run in enumerate(runs[i]):
+    for i, of_contact in enumerate(runs):
+        filled = 0
+        for j, run in enumerate(of_contact):
+            arrays.rows.G[i, :, filled : filled + len(run)] = G[i][:, run]
             arrays.rows.start[i, j], arrays.rows.width[i, j] = run[0], len(run)
+            filled += len(run)
     return arrays

@@ -13,7 +13,7 @@ SPRING_TORQUE     torsion spring
 TIME
 CONTACT_FORCE     contact
 FRICTION_FORCE    contact
-JOINT_FORCE       first contact, number, direction    direction, or 0: the magnitude (9:12)
+JOINT_FORCE       first contact, number, direction    sign of an impulse (0); direction, or 0: the magnitude (9:12)
 ================  ==================================  =====================================================
 """
 
@@ -108,12 +108,12 @@ def _rotation(kind, body, row, quaternion, R, v, before, axis):
 
 @kernel
 def _joint_impulse(body, row, R, r, frame, total, way):
-    """Resultant of a joint's contact impulses on their side b, the journal: its magnitude, or a component."""
+    """Resultant of a joint's contact impulses on its second side: the magnitude, or a component."""
     total[0], total[1], total[2] = 0.0, 0.0, 0.0
     for i in range(body[0], body[0] + body[1]):
         for k in range(3):
             for j in range(3):
-                total[k] -= r[i, j] * frame[i, j, k]
+                total[k] += row[0] * r[i, j] * frame[i, j, k]
     turn_to_world(R, body[2], row, 9, way)
     if way[0] == 0.0 and way[1] == 0.0 and way[2] == 0.0:
         return np.sqrt(total[0] ** 2 + total[1] ** 2 + total[2] ** 2)

@@ -6,55 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import (
-    BeforeValidator,
-    Discriminator,
-    Field,
-    PlainSerializer,
-    StringConstraints,
-    Tag,
-    WithJsonSchema,
-    model_validator,
-)
+from pydantic import BeforeValidator, Field, PlainSerializer, StringConstraints, WithJsonSchema, model_validator
 
 from engine.mechanism.base import BodyPoint, Direction, Length, Model, Name, Number, Point, refuse
-from engine.mechanism.faults import did_you_mean
+from engine.mechanism.moments import At
 from engine.mechanism.quantities import Quantity
 
-MOMENTS = ("end", "maximum", "minimum")
-Moment = Literal["end", "maximum", "minimum"]
 ContactName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*(\.[A-Za-z][A-Za-z0-9_-]*)?$")]
-
-
-class Event(Model):
-    """The first instant at which another response is beyond a limit."""
-
-    response: Name = Field(description="the response that is watched, a table of [responses]")
-    above: Number | None = Field(default=None, description="the limit it is above from then on, in its unit")
-    below: Number | None = Field(default=None, description="the limit it is below from then on, in its unit")
-
-    @model_validator(mode="after")
-    def _one(self) -> Self:
-        if (self.above is None) == (self.below is None):
-            raise refuse("needs one limit; allowed: exactly one of above, below")
-        return self
-
-
-def _moment(value: Any) -> Any:
-    """Let pass a table, which is an event, and the moments that have a name."""
-    if isinstance(value, Mapping | Event) or (isinstance(value, str) and value in MOMENTS):
-        return value
-    raise refuse(
-        f"no moment of a run; allowed: {', '.join(MOMENTS)}, {{ response, above }} or {{ response, below }}"
-        f"{did_you_mean(str(value), MOMENTS)}"
-    )
-
-
-At = Annotated[
-    Annotated[Moment, Tag("Moment")] | Annotated[Event, Tag("Event")],
-    Discriminator(lambda value: "Moment" if isinstance(value, str) else "Event"),
-    BeforeValidator(_moment),
-]
 
 
 class Measured(Model):
@@ -203,7 +161,7 @@ class ContactForce(Measured):
 
 
 class JointForce(Measured):
-    """The resultant of all contact forces of a joint with clearance, on its journal."""
+    """The resultant of all contact forces of a joint with clearance, on its second side, such as the journal."""
 
     measures = Quantity("force")
 

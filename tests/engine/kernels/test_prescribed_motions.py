@@ -12,6 +12,7 @@ from tests.engine.small import made, place, small
 
 SEEDS = range(6)
 AXIS, WAY, POINT = np.array([1.0, -2.0, 2.0]) / 3, np.array([2.0, 3.0, 6.0]) / 7, np.array([0.3, -0.1, 0.7])
+ARM, ARM_OF_B = np.sqrt(3.6 / 4.0), np.sqrt(7.5 / 6.0)  # least radius of gyration of the two, that of b
 TURN = {"body": "b", "relative_to": "a", "about": {"axis": AXIS.tolist()}, "law": {"speed": 0.5}}
 SLIDE = {
     "body": "b",
@@ -45,9 +46,9 @@ def rows(assembly: Assembly, t: float = 0.0) -> tuple[np.ndarray, np.ndarray, np
     """Return what is missed by every row at time t, the rows' points and their directions."""
     ties, state = assembly.model.ties, assembly.state
     n = ties.kind.size
-    target, violation, point, way = np.zeros(n), np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3))
-    tie_targets(ties, assembly.model.time_laws, t, target)
-    tie_violations(ties, state.x, state.R, target, violation, point, way)
+    target, violation, point, way = np.zeros((3, n)), np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3))
+    tie_targets(ties, assembly.model.time_laws, t, 0.0, target)
+    tie_violations(ties, state.x, state.R, target[0], violation, point, way)
     return violation, point, way
 
 
@@ -114,10 +115,9 @@ def test_rotation_counts_the_angle_about_the_axis_seen_from_the_other_body(seed)
     whole = Rotation.random(random_state=rng)
     for body in (a, b):
         place(assembly, body, rng.normal(size=3), whole * rotation(assembly, body))
-    arm = np.sqrt(7.5 / 6.0)
     assert rows(assembly, 30.0)[0] == pytest.approx([0.0], abs=1e-13)
-    assert rows(assembly, 30.4)[0] == pytest.approx([-0.2 * arm], abs=1e-12)
-    assert rows(assembly, 29.0)[0] == pytest.approx([0.5 * arm], abs=1e-12)
+    assert rows(assembly, 30.4)[0] == pytest.approx([-0.2 * ARM], abs=1e-12)
+    assert rows(assembly, 29.0)[0] == pytest.approx([0.5 * ARM], abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -137,7 +137,7 @@ def test_rate_of_a_rotation_is_exact_where_the_axis_is_kept(seed):
     twist, common = rng.normal(size=(3, 6)), rng.normal(size=3)
     twist[a, 3:] = assembly.state.R[a].T @ common
     twist[b, 3:] = assembly.state.R[b].T @ (common + 0.9 * assembly.state.R[a] @ AXIS)
-    assert tie_velocity(*row_arguments(assembly), twist, 0) == pytest.approx(0.9 * np.sqrt(7.5 / 6.0), rel=1e-12)
+    assert tie_velocity(*row_arguments(assembly), twist, 0) == pytest.approx(0.9 * ARM, rel=1e-12)
     check_rate(assembly, twist, d)
 
 
@@ -154,6 +154,18 @@ def check_rate(assembly: Assembly, twist: np.ndarray, d: float) -> None:
     after = rows(assembly)[0][0]
     moved(assembly, twist, -2 * d)
     assert rate == pytest.approx((after - rows(assembly)[0][0]) / (2 * d), abs=1e-8)
+
+
+def test_directions_are_in_the_frame_of_a_fixed_body_too():
+    """The ground's axes are the world's, a fixed body's are not: b led and turned along its directions."""
+    attitude = Rotation.from_rotvec([0.4, -0.8, 1.1])
+    frame = {"fixed": True, "axis": attitude.as_rotvec().tolist(), "angle": float(attitude.magnitude())}
+    bodies = {"a": frame, "b": {"mass": 3.0, "inertia": [2.0, 2.5, 3.0]}}
+    assembly = assemble(made(small(bodies=bodies, motions={"S": SLIDE, "T": TURN})))
+    place(assembly, 0, 0.8 * attitude.apply(WAY), Rotation.identity())
+    assert rows(assembly)[0] == pytest.approx([0.8, 0.0], abs=1e-14)
+    place(assembly, 0, np.zeros(3), Rotation.from_rotvec(0.8 * attitude.apply(AXIS)))
+    assert rows(assembly)[0][1] == pytest.approx(0.8 * ARM_OF_B, abs=1e-14)
 
 
 def test_six_motions_drive_a_body_fully():
@@ -179,4 +191,4 @@ def test_the_fixed_body_may_be_the_one_that_is_moved():
     _, b = numbers(assembly)
     axis = assembly.state.R[b] @ AXIS
     place(assembly, b, assembly.state.x[b], Rotation.from_rotvec(-0.3 * axis) * rotation(assembly, b))
-    assert rows(assembly)[0] == pytest.approx([0.3 * np.sqrt(7.5 / 6.0)], abs=1e-13)
+    assert rows(assembly)[0] == pytest.approx([0.3 * ARM_OF_B], abs=1e-13)

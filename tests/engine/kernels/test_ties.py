@@ -39,7 +39,7 @@ def test_turn_is_the_angle_off_the_target_whatever_the_number_of_turns(target):
 
 
 def test_target_is_offset_and_law():
-    """Rows without a law stand at their offset; the others move by it: here 2 t from t = 0 to 3, then constant."""
+    """At the start, at the end of a step and its rate there: here a law of 2 t from 0 to 3, then constant."""
     laws = TimeLaws(
         np.array([0, 2]), np.array([0.0, 3.0]), np.array([[0, 2.0, 0, 0], [6.0, 0, 0, 0]]), np.zeros((1, 3))
     )
@@ -47,10 +47,10 @@ def test_target_is_offset_and_law():
     rows = tie_arrays(
         [Tie("t", TURN, 0, GROUND, geometry, offset=0.25), Tie("m", TURN, 0, GROUND, geometry, law=0, offset=1)]
     )
-    target = np.zeros(2)
-    for t, there in ((0.0, 0.0), (1.5, 3.0), (9.0, 6.0)):
-        tie_targets(rows, laws, t, target)
-        assert target.tolist() == [0.25, 1.0 + there]
+    target = np.zeros((3, 2))
+    for t, h, there, then, rate in ((0.0, 1.0, 0.0, 2.0, 2.0), (1.5, 0.5, 3.0, 4.0, 2.0), (2.0, 7.0, 4.0, 6.0, 0.0)):
+        tie_targets(rows, laws, t, h, target)
+        assert target.tolist() == [[0.25, 1.0 + there], [0.25, 1.0 + then], [0.0, rate]]
 
 
 def test_layout_puts_a_multiplier_after_the_last_body_it_touches():

@@ -10,7 +10,7 @@ from engine.assembly import Assembly, assemble
 from engine.assembly.time_laws import time_law_arrays
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist, move
-from engine.kernels.time_laws import time_law
+from engine.kernels.time_laws import time_law, time_law_rate
 from tests.engine.small import made, small
 
 SEEDS = range(6)
@@ -99,6 +99,24 @@ def test_ramp_goes_on_for_ever():
     np.testing.assert_allclose(values({"speed": -2.5}, t, "motions"), -2.5 * t, rtol=1e-15)
 
 
+LAWS = {
+    "linear": {"table": [[0, 0], [0.5, 2], [1.2, 1]]},
+    "smooth": {"table": [[0, 0], [0.5, 2], [1.2, 1], [2, 4]], "interpolation": "smooth"},
+    "sine": {"amplitude": 0.7, "frequency": 1.3, "phase": 0.4},
+    "ramp": {"speed": -2.5},
+}
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+def test_rate_is_the_slope(law):
+    """Against central differences, between the points and beyond the ends."""
+    laws, numbers = time_law_arrays(made(driven(motions={"L": law})))
+    number, d = numbers["motions.L"], 1e-6
+    for t in np.random.default_rng(0).uniform(-0.5, 2.5, 100):
+        slope = (time_law(laws, number, t + d) - time_law(laws, number, t - d)) / (2 * d)
+        assert time_law_rate(laws, number, t) == pytest.approx(slope, abs=1e-7)
+
+
 def test_every_owner_has_its_own_law():
     """Laws of several points, of sines and ramps side by side; what has none has no number."""
     data = driven(
@@ -167,7 +185,7 @@ def stepped(data: dict[str, Any], h: float, steps: int) -> tuple[Assembly, list[
     for k in range(steps):
         move(state, 0.5 * h)
         wrench(assembly, (k + 0.5) * h)
-        free_twist(model.bodies, state.R, state.v, work.wrench, h, work.free)
+        free_twist(model.bodies, state.R, state.v, work.wrench, h, 0.5, work.free)
         state.v[:] = work.free
         move(state, 0.5 * h)
         twists.append(state.v[0].copy())

@@ -1,0 +1,43 @@
+"""When a response is read: at the end of a run, at a peak, or at an event."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+
+from engine.mechanism.base import Model, Name, Number, refuse
+from engine.mechanism.faults import did_you_mean
+
+MOMENTS = ("end", "maximum", "minimum")
+Moment = Literal["end", "maximum", "minimum"]
+
+
+class Event(Model):
+    """The first instant at which another response is beyond a limit."""
+
+    response: Name = Field(description="the response that is watched, a table of [responses]")
+    above: Number | None = Field(default=None, description="the limit it is above from then on, in its unit")
+    below: Number | None = Field(default=None, description="the limit it is below from then on, in its unit")
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if (self.above is None) == (self.below is None):
+            raise refuse("needs one limit; allowed: exactly one of above, below")
+        return self
+
+
+def _moment(value: Any) -> Any:
+    """Let pass a table, which is an event, and the moments that have a name."""
+    if isinstance(value, Mapping | Event) or (isinstance(value, str) and value in MOMENTS):
+        return value
+    raise refuse(
+        f"no moment of a run; allowed: {', '.join(MOMENTS)}, {{ response, above }} or {{ response, below }}"
+        f"{did_you_mean(str(value), MOMENTS)}"
+    )
+
+
+At = Annotated[
+    Annotated[Moment, Tag("Moment")] | Annotated[Event, Tag("Event")],
+    Discriminator(lambda value: "Moment" if isinstance(value, str) else "Event"),
+    BeforeValidator(_moment),
+]

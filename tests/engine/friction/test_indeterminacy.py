@@ -1,0 +1,73 @@
+"""The range of a normal force, against closed forms."""
+
+import numpy as np
+import pytest
+
+from engine.friction import FrictionError
+from engine.friction.indeterminacy import normal_force_range
+
+LOAD = 3.0
+
+
+def corners(points, normals):
+    """Return the rows H of contacts at ``points`` of one body, their frames from the normals."""
+    rows = []
+    for p, n in zip(np.asarray(points, float), np.asarray(normals, float), strict=True):
+        t = np.cross(n, [0.3, 0.5, 0.8])
+        frame = [n, t / np.linalg.norm(t), np.cross(n, t / np.linalg.norm(t))]
+        rows += [np.concatenate([d, np.cross(p, d)]) for d in frame]
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.4])
+def test_block_on_four_corners(mu):
+    """By the lever rule one corner carries from nothing to half the weight, whatever the friction."""
+    H = corners([(1, 2, 0), (-1, 2, 0), (-1, -2, 0), (1, -2, 0)], [(0, 0, 1)] * 4)
+    r = np.tile([LOAD / 4, 0, 0], 4)
+    for i in range(4):
+        assert normal_force_range(H, np.full(4, mu), r, i) == pytest.approx((0, LOAD / 2), abs=1e-9)
+
+
+def test_three_legs_are_determinate():
+    """No width: the normal forces of a tripod follow from the balance; friction could wedge it only sideways."""
+    H = corners([(1, 0, 0), (-1, 1, 0), (-1, -1, 0)], [(0, 0, 1)] * 3)
+    r = np.array([LOAD / 2, 0, 0, LOAD / 4, 0, 0, LOAD / 4, 0, 0])
+    for i in range(3):
+        assert normal_force_range(H, np.full(3, 0.5), r, i) == pytest.approx((r[3 * i], r[3 * i]), abs=1e-9)
+
+
+def test_a_particle_in_a_groove():
+    """Two walls at 45 degrees: with friction each pushes more or less than cos 45 of the load, by closed form.
+
+    With T = t N along each wall, balance of the symmetric pair is 2 N (cos 45 + t sin 45) = load, |t| <= mu; for one
+    wall alone the extremes are those of the two forces in the plane whose sum is the load.
+    """
+    mu, c = 0.2, np.sqrt(0.5)
+    H = np.array([[c, c], [-c, c], [0, 0], [-c, c], [-c, -c], [0, 0]])
+    r = np.array([LOAD * c, 0, 0, LOAD * c, 0, 0])
+    lines = [np.array([n + s * mu * t for n, t in ((H[0], H[1]), (H[3], H[4]))]) for s in (1, -1)]
+    ends = [np.linalg.solve(np.array([lines[a][0], lines[b][1]]).T, [0, LOAD])[0] for a in (0, 1) for b in (0, 1)]
+    low, high = normal_force_range(H, [mu, mu], r, 0)
+    assert high == pytest.approx(max(ends), rel=1e-2)
+    assert low == pytest.approx(min(ends), rel=1e-2)
+    assert high <= max(ends) * (1 + 1e-9), "the cones are approached from inside"
+
+
+def test_a_wedge_that_locks_has_no_upper_end():
+    """A particle between two parallel walls may be squeezed at will; below, friction needs N >= load / (2 mu)."""
+    H = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    low, high = normal_force_range(H, [0.3, 0.3], [10.0, 1, 0, 10.0, 1, 0], 0)
+    assert low == pytest.approx(1 / 0.3, rel=1e-9)
+    assert high == np.inf
+
+
+def test_malformed_questions_are_named():
+    """Shapes, the contact's number, forces outside their cones."""
+    H = corners([(1, 0, 0)], [(0, 0, 1)])
+    with pytest.raises(FrictionError, match=r"contact 1; allowed: 0 \.\.\. 0"):
+        normal_force_range(H, [0.1], [1.0, 0, 0], 1)
+    with pytest.raises(FrictionError, match="outside Coulomb's cone"):
+        normal_force_range(H, [0.1], [1.0, 0.5, 0], 0)
+    with pytest.raises(FrictionError, match="with 2 contacts"):
+        normal_force_range(H, [0.1, 0.1], [1.0, 0, 0], 0)
+    assert normal_force_range(H, [0.1], [0.0, 0, 0], 0) == (0.0, 0.0)
