@@ -97,6 +97,9 @@ def heading(trajectory: Trajectory) -> str:
 
 def cut_range(values: Array) -> tuple[float, float] | None:
     """Return lowest and highest value to be shown if a few lie far outside the others; None if all fit."""
+    values = values[np.isfinite(values)]  # a run may diverge
+    if not values.size:
+        return None
     low, high = np.percentile(values, [100 - COMMON, COMMON])
     room = OUTSIDE * (high - low)
     if not room or (values.max() <= high + room and values.min() >= low - room):

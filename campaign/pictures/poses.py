@@ -44,6 +44,14 @@ def poses(trajectory: Trajectory, mechanism: Mechanism, instants: Rows) -> dict[
     return found
 
 
+def finite_rows(trajectory: Trajectory) -> int:
+    """Return how many rows there are before the first whose poses are not finite: a run may diverge."""
+    finite = np.ones(len(trajectory.time), bool)
+    for motion in trajectory.bodies.values():
+        finite &= np.isfinite(motion.position).all(axis=1) & np.isfinite(motion.quaternion).all(axis=1)
+    return int(finite.size if finite.all() else np.argmin(finite))
+
+
 def spread_rows(time: Array, count: int) -> Rows:
     """Return at most ``count`` rows, the first and the last among them, as evenly spaced in time as there are any."""
     wanted = np.linspace(time[0], time[-1], count)

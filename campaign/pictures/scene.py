@@ -6,7 +6,7 @@ import numpy as np
 
 from campaign.pictures.parts import links, part_of
 from campaign.pictures.play import Play, plays
-from campaign.pictures.poses import Pose, poses, spread_rows
+from campaign.pictures.poses import Pose, finite_rows, poses, spread_rows
 from campaign.pictures.view import Array, Rows, View, choose_view
 from engine import Mechanism, Trajectory
 
@@ -34,7 +34,7 @@ class Scene:
     bodies : by name
     springs : ends of linear springs and dampers, (m, 2, 2) each
     points, forces : (m, nc, 2) contact points, and mean forces since the frame before
-    plays : of the joints with clearance, at all rows of the trajectory
+    plays : of the joints with clearance, at all rows of the trajectory until it diverges
     box : (2, 2) lower left and upper right corner of all bodies in all frames
     """
 
@@ -53,14 +53,15 @@ def scene_of(trajectory: Trajectory, frames: int) -> Scene:
     from engine.trajectory.forces import contact_forces
 
     mechanism = trajectory.mechanism()
-    view, rows = choose_view(mechanism), spread_rows(trajectory.time, frames)
+    view, usable = choose_view(mechanism), finite_rows(trajectory)
+    rows = spread_rows(trajectory.time[:usable], frames)
     at = poses(trajectory, mechanism, rows)
     points, forces = contact_forces(trajectory, rows.tolist())
     size = _size(mechanism, at, points)
     touched = _touched(trajectory, rows, points, NEAR * size)
     bodies = {name: _drawn(mechanism, name, at[name], view, touched, size) for name in mechanism.bodies}
     ends = [[at[end.body].world(np.array([end.point])) for end in link] for link in links(mechanism)]
-    everywhere = poses(trajectory, mechanism, np.arange(len(trajectory.time)))
+    everywhere = poses(trajectory, mechanism, np.arange(usable))
     return Scene(
         rows=rows,
         time=trajectory.time[rows],

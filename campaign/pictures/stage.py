@@ -25,8 +25,9 @@ class Stage:
     """An animation's figure; `show` moves it to a frame."""
 
     def __init__(self, figure: "Figure", scene: Scene, trajectory: Trajectory) -> None:
-        self._scene = scene
-        self._unit = trajectory.units["time"]
+        self._scene, self._unit = scene, trajectory.units["time"]
+        self._name = trajectory.description.get("title") or trajectory.description["name"]
+        mechanism = trajectory.mechanism()
         self._title = figure.suptitle("", x=0.02, ha="left", fontsize=10)
         wide = 0.62 if scene.plays else 0.96
         axes = figure.add_axes((0.02, 0.1, wide, 0.82))
@@ -40,19 +41,12 @@ class Stage:
         self._bodies = [_Body(axes, name, body, colours.get(name, MUTED)) for name, body in scene.bodies.items()]
         self._springs = [axes.plot([], [], color=INK, linewidth=0.9)[0] for _ in scene.springs]
         self._arrows = _Arrows(axes, scene.points, arrows)
-        units = trajectory.mechanism()
         if common:
-            _quiver(axes, low[None], np.array([[long, 0.0]]))
-            text = (
-                f" {common:g} {units.unit('force')} contact force, mean since the frame before; cut at {CUT:g} of these"
-            )
-            axes.text(low[0] + long, low[1], text, va="center", fontsize=8)
+            _explain_arrows(axes, low, long, f"{common:g} {mechanism.unit('force')}")
         places = _grid(figure, len(scene.plays))
-        self._insets = [_Inset(a, p, units.unit("length")) for a, p in zip(places, scene.plays, strict=True)]
+        self._insets = [_Inset(a, p, mechanism.unit("length")) for a, p in zip(places, scene.plays, strict=True)]
         if scene.plays:
-            most = max(play.way.shape[1] for play in scene.plays)
-            _explain_insets(figure, most)
-        self._name = trajectory.description.get("title") or trajectory.description["name"]
+            _explain_insets(figure, max(play.way.shape[1] for play in scene.plays))
 
     def show(self, frame: int) -> None:
         """Draw a frame."""
@@ -85,9 +79,10 @@ class _Body:
         )
 
     def show(self, frame: int) -> None:
+        """Move the body to a frame."""
         if self._outline is not None:
-            self._outline.set_xy(self._body.outline[frame])
             corners = self._body.outline[frame]
+            self._outline.set_xy(corners)
             self._name.set_position(tuple(0.5 * (corners.min(axis=0) + corners.max(axis=0))))
         self._lines.set_data(*joined([line[frame] for line in self._body.lines]).T)
         self._faces.set_data(*joined([face[frame] for face in self._body.faces]).T)
@@ -103,6 +98,7 @@ class _Arrows:
         self._quiver = _quiver(axes, points[0], self._arrows[0])
 
     def show(self, frame: int) -> None:
+        """Draw the forces of a frame."""
         self._quiver.set_offsets(self._points[frame])
         self._quiver.set_UVC(*self._arrows[frame].T)
 
@@ -111,6 +107,13 @@ def _quiver(axes: "Axes", points: Array, arrows: Array) -> Any:
     """Draw arrows in the units of the axes."""
     style: Any = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.004, "headwidth": 4, "clip_on": False}
     return axes.quiver(*points.T, *arrows.T, color=FORCE, zorder=5, **style)
+
+
+def _explain_arrows(axes: "Axes", corner: Array, long: float, force: str) -> None:
+    """Draw the key in a corner: an arrow as long as that of ``force``."""
+    _quiver(axes, corner[None], np.array([[long, 0.0]]))
+    text = f" {force} contact force, mean since the frame before; cut at {CUT:g} of these"
+    axes.text(corner[0] + long, corner[1], text, va="center", fontsize=8)
 
 
 class _Inset:
@@ -134,6 +137,7 @@ class _Inset:
         ]
 
     def show(self, since: int, row: int) -> None:
+        """Draw where the axis is at a row, and its way from an earlier one."""
         for ring, (trail, dot) in enumerate(zip(self._trails, self._dots, strict=True)):
             trail.set_data(*self._way[since : row + 1, ring].T)
             dot.set_data(*self._way[row : row + 1, ring].T)

@@ -12,6 +12,8 @@ from campaign.pictures.animation import animate
 from campaign.pictures.curves import cut_range, panels, plot
 from campaign.pictures.outputs import PLOTS, check_output, replacing
 from campaign.pictures.stage import arrow_lengths, common_force, joined, limits, zigzag
+from engine import read_trajectory, simulate
+from tests.engine.small import block_on_floor, made
 
 # --- curves
 
@@ -90,6 +92,23 @@ def test_page_needs_no_network(slide, tmp_path):
     assert "<i " not in page
     assert '<html lang="en">' in page
     assert 'alt="3 frames of Block on a slope: ok at t = 0.2 s"' in page
+
+
+RUINED = {"force": [1e308, 0, 0]}  # on a gram: the first step ends nowhere
+
+
+@pytest.mark.parametrize("forces", [{}, {"push": {"body": "block", **RUINED}}], ids=["flies", "diverges"])
+def test_runs_with_little_to_show(tmp_path, forces):
+    """A body alone, without contacts or joints, also when its run diverges: pictures of what there is."""
+    data = block_on_floor(origin=[0, 0, 0.5], mass=1e-3) | {"forces": forces}
+    del data["contacts"], data["bodies"]["ground"], data["responses"]
+    simulate(made(data), horizon=0.01, trajectory=tmp_path / "run.h5")
+    run = read_trajectory(tmp_path / "run.h5")
+    assert (run.status == "diverged") == bool(forces)
+    plot(run, tmp_path / "run.svg")
+    animate(run, tmp_path / "run.gif", frames=2)
+    with Image.open(tmp_path / "run.gif") as image:
+        assert image.n_frames == (1 if forces else 2)
 
 
 def test_common_force_and_arrows():
