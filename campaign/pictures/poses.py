@@ -8,6 +8,8 @@ from scipy.spatial.transform import Rotation
 from campaign.pictures.view import Array, Rows, start_rotation
 from engine import Mechanism, Trajectory
 
+FAR = 1e100  # positions beyond are as good as infinite: their squares soon are
+
 
 @dataclass(frozen=True)
 class Pose:
@@ -45,10 +47,10 @@ def poses(trajectory: Trajectory, mechanism: Mechanism, instants: Rows) -> dict[
 
 
 def finite_rows(trajectory: Trajectory) -> int:
-    """Return how many rows there are before the first whose poses are not finite: a run may diverge."""
+    """Return how many rows there are before the first whose poses cannot be drawn: a run may diverge."""
     finite = np.ones(len(trajectory.time), bool)
     for motion in trajectory.bodies.values():
-        finite &= np.isfinite(motion.position).all(axis=1) & np.isfinite(motion.quaternion).all(axis=1)
+        finite &= (np.abs(motion.position) < FAR).all(axis=1) & np.isfinite(motion.quaternion).all(axis=1)
     return int(finite.size if finite.all() else np.argmin(finite))
 
 
