@@ -60,7 +60,7 @@ def failure(mechanism: Mechanism, assembly: Assembly, course: Course) -> tuple[S
             f"allowed: simulation.penetration = {sim.penetration:g}"
         )
     if code == run.VIOLATION:
-        row = int(abs(assembly.work.violation).argmax())
+        row = int(abs(assembly.work.held.violation).argmax())
         return "not_converged", (
             f"joint {assembly.tie_names[row]}: off by {now[run.OFF]:.3g} {length} {at}; "
             f"allowed: simulation.joint_violation = {sim.joint_violation:g}; a smaller simulation.step may help"

@@ -15,7 +15,7 @@ from engine.assembly.start import refuse_open_joints, refuse_overlap
 from engine.assembly.ties import Places, layout, tie_arrays, tie_runs
 from engine.assembly.time_laws import time_law_arrays
 from engine.friction.arrays import FrictionArrays, friction_arrays
-from engine.kernels.model import Bodies, Model, Scratch, State
+from engine.kernels.model import Bodies, Held, Kept, Model, Scratch, State, Watch
 from engine.mechanism.models import Mechanism
 
 __all__ = ["Array", "Assembly", "assemble"]
@@ -93,12 +93,11 @@ def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
     """Allocate the work space of a run."""
     bodies, contacts = np.zeros((3, nb + 1, 6)), np.zeros((4, nc, 3))
     return Scratch(
+        watch=Watch(np.zeros((nb + 1, 2)), np.zeros(nc), np.zeros(nc), np.zeros(nc, bool)),
+        held=Held(np.zeros((3, nt)), np.zeros(nt), np.zeros((nt, 3)), np.zeros((nt, 3))),
+        kept=Kept(np.zeros((nb + 1, 16)), bodies[2], contacts[3]),
         wrench=bodies[0],
         free=bodies[1],
-        rate=np.zeros((nb + 1, 2)),
-        budget=np.zeros(nc),
-        lever=np.zeros(nc),
-        near=np.zeros(nc, bool),
         gap=np.zeros(nc),
         point=contacts[0],
         frame=np.zeros((nc, 3, 3)),
@@ -107,18 +106,11 @@ def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
         u=contacts[2],
         active=np.zeros(nc, bool),
         chosen=np.zeros(nc, np.int64),
-        target=np.zeros((3, nt)),
-        violation=np.zeros(nt),
-        tie_point=np.zeros((nt, 3)),
-        tie_way=np.zeros((nt, 3)),
         values=offset.copy(),  # of an angle at the start: its full turns count from there
         previous=offset.copy(),
         reported=np.full(offset.size, np.nan),
         anchor=np.zeros(offset.size),
         travel=np.zeros(nc),
-        kept_pose=np.zeros((nb + 1, 16)),
-        kept_v=bodies[2],
-        kept_r=contacts[3],
         a=np.zeros(3),
         b=np.zeros(3),
     )

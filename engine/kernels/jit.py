@@ -31,4 +31,9 @@ def _cache_folder() -> str:
 
 numba.config.CACHE_DIR = _cache_folder()  # type: ignore[attr-defined]
 
-kernel: Any = numba.njit(nogil=True, cache=True, error_model="numpy", _nrt=False)  # type: ignore[call-overload]
+OPTIONS = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+
+kernel: Any = numba.njit(**OPTIONS)  # type: ignore[call-overload]
+
+# For kernels that only kernels call: a way in from Python would be a third of their compile time.
+inner: Any = numba.njit(**OPTIONS, no_cpython_wrapper=True)  # type: ignore[call-overload]

@@ -7,41 +7,33 @@ second order and joints do no work; J v+ = s' with J at mid-step alone loses ene
 
 from engine.friction.ties import hold_ties, tie_down
 from engine.kernels.contacts import add_whitened
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 from engine.kernels.ties import tie_velocity, tie_violations, whitened_ties
 
 
-@kernel
-def hold_joints(bodies, ties, state, work, problem, h, theta):
-    """Change the free twists ``work.free`` so that the joints hold over the step; the pose is that of mid-step."""
-    if work.violation.shape[0] == 0:
+@inner
+def hold_joints(bodies, ties, x, R, before, twist, held, h, theta, tied, w):
+    """Change ``twist`` by the least kinetic energy so that the joints hold at the pose (x, R).
+
+    Parameters
+    ----------
+    before : twists at the start of the step
+    twist : twists at its end, (nb + 1, 6)
+    h : length of the step, over which the mean velocity shall fit; 0: the velocity at the end shall
+    tied, w : the rows and the unknowns of the friction problem; work space
+    """
+    if held.violation.shape[0] == 0:
         return
-    point, way, c = work.tie_point, work.tie_way, work.violation
-    tie_violations(ties, state.x, state.R, work.target[1], c, point, way)
+    c, point, way = held.violation, held.point, held.way
+    tie_violations(ties, x, R, held.target[1], c, point, way)
     for i in range(c.shape[0]):
-        mean = ties.arm[i] * (work.target[1, i] - work.target[0, i]) / h
-        before = tie_velocity(ties, state.x, state.R, point, way, state.v, i)
-        after = tie_velocity(ties, state.x, state.R, point, way, work.free, i)
-        c[i] = after - (mean - (1 - theta) * before) / theta
-    _hold(bodies, ties, state, work, problem, work.free)
-
-
-@kernel
-def align_velocities(bodies, ties, state, work, problem):
-    """Change the twists so that the joints hold at the end of the step; the projection has found the rows there."""
-    if work.violation.shape[0] == 0:
-        return
-    c = work.violation
-    for i in range(c.shape[0]):
-        rate = ties.arm[i] * work.target[2, i]
-        c[i] = tie_velocity(ties, state.x, state.R, work.tie_point, work.tie_way, state.v, i) - rate
-    _hold(bodies, ties, state, work, problem, state.v)
-
-
-@kernel
-def _hold(bodies, ties, state, work, problem, twist):
-    """Add to the twists what takes the rates ``work.violation`` away, at the least energy."""
-    whitened_ties(bodies, ties, state.x, state.R, work.tie_point, work.tie_way, problem.ties.J)
-    tie_down(problem.w.shape[0], problem.ties)
-    hold_ties(problem.w.shape[0], problem.ties, work.violation, problem.w)
-    add_whitened(bodies, problem.w, twist)
+        c[i] = tie_velocity(ties, x, R, point, way, twist, i)
+        if h > 0.0:
+            mean = ties.arm[i] * (held.target[1, i] - held.target[0, i]) / h
+            c[i] -= (mean - (1 - theta) * tie_velocity(ties, x, R, point, way, before, i)) / theta
+        else:
+            c[i] -= ties.arm[i] * held.target[2, i]
+    whitened_ties(bodies, ties, x, R, point, way, tied.J)
+    tie_down(w.shape[0], tied)
+    hold_ties(w.shape[0], tied, c, w)
+    add_whitened(bodies, w, twist)

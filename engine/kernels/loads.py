@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner, kernel
 from engine.kernels.rotations import times, to_world, turn_to_world, twist_angle
 from engine.kernels.time_laws import time_law
 
@@ -52,14 +52,14 @@ def potential_energy(bodies, loads, state):
     return energy
 
 
-@kernel
+@inner
 def _elastic_force(law, length):
     """Return k (free length - length) + preload; nothing the wrong way of a one-sided spring."""
     force = law[0] * (law[1] - length) + law[3]
     return force if law[4] * force >= 0.0 else 0.0
 
 
-@kernel
+@inner
 def _linear_springs(loads, state, wrench, p, q):
     """Push the two points of each spring apart."""
     for i in range(loads.spring_body.shape[0]):
@@ -68,7 +68,7 @@ def _linear_springs(loads, state, wrench, p, q):
         _add_force(state.x, loads.spring_body[i, 0], p, -force * d0, -force * d1, -force * d2, wrench)
 
 
-@kernel
+@inner
 def spring_force(loads, state, i, p, q):
     """Return the elastic force - c d(length)/dt of spring i, and its direction; ``p``, ``q``: written, its two points.
 
@@ -93,7 +93,7 @@ def spring_force(loads, state, i, p, q):
     return force, d0, d1, d2
 
 
-@kernel
+@inner
 def _torsion_springs(loads, state, wrench, axis):
     """Turn body b of each spring about its axis; the opposite turns a."""
     for i in range(loads.torsion_body.shape[0]):
@@ -104,7 +104,7 @@ def _torsion_springs(loads, state, wrench, axis):
             wrench[a, 3 + k] -= torque * axis[k]
 
 
-@kernel
+@inner
 def spring_torque(loads, state, i, axis):
     """Return -k (angle - free angle) - c rate of torsion spring i; ``axis``: written, the world axis, fixed in a."""
     a, b, law = loads.torsion_body[i, 0], loads.torsion_body[i, 1], loads.torsion_law[i]
@@ -113,7 +113,7 @@ def spring_torque(loads, state, i, axis):
     return -law[0] * (_torsion_angle(loads, state, i) - law[1]) - law[2] * rate
 
 
-@kernel
+@inner
 def _torsion_angle(loads, state, i):
     """Return the angle of body b from body a about spring i's axis."""
     a, b, n = loads.torsion_body[i, 0], loads.torsion_body[i, 1], loads.torsion_axis[i]
@@ -122,7 +122,7 @@ def _torsion_angle(loads, state, i):
     return angle - 2 * np.pi * turns
 
 
-@kernel
+@inner
 def _forces_and_torques(loads, time_laws, state, phase, t, wrench, p, f):
     """Apply the forces and torques of the present phase, each times its law of time."""
     for i in range(loads.force_body.shape[0]):
@@ -145,7 +145,7 @@ def _forces_and_torques(loads, time_laws, state, phase, t, wrench, p, f):
                     wrench[body, 3 + k] += factor * f[k]
 
 
-@kernel
+@inner
 def _add_force(x, body, p, f0, f1, f2, wrench):
     d0, d1, d2 = p[0] - x[body, 0], p[1] - x[body, 1], p[2] - x[body, 2]
     wrench[body, 0] += f0
@@ -156,7 +156,7 @@ def _add_force(x, body, p, f0, f1, f2, wrench):
     wrench[body, 5] += d0 * f1 - d1 * f0
 
 
-@kernel
+@inner
 def spin_along(Rs, vs, body, n):
     """Angular velocity about the world direction n."""
     R, v = Rs[body], vs[body]
@@ -166,7 +166,7 @@ def spin_along(Rs, vs, body, n):
     return s
 
 
-@kernel
+@inner
 def speed_along(xs, Rs, vs, body, p, d0, d1, d2):
     """Velocity of the body's point p (world) along the direction d."""
     R, v, x = Rs[body], vs[body], xs[body]

@@ -123,16 +123,41 @@ class State(NamedTuple):
     gap: np.ndarray  # (nc,) at the end of the step; of contacts out of reach a lower bound
 
 
-class Scratch(NamedTuple):
-    """Work space of a step."""
+class Watch(NamedTuple):
+    """Which contacts need a look, see watch.py."""
 
-    wrench: np.ndarray  # (nb + 1, 6) force and torque about the centre of mass, world axes
-    free: np.ndarray  # (nb + 1, 6) twist at the end of the step without contact impulses; a displacement in projection
     rate: np.ndarray  # (nb + 1, 2) speed and angular speed
     budget: np.ndarray  # (nc,) what the bodies may still move until the gap could have closed
     lever: np.ndarray  # (nc,) what body b's angular speed counts with in that
     near: np.ndarray  # (nc,) bool, found at this pose
-    gap: np.ndarray  # (nc,) at mid-step
+
+
+class Held(NamedTuple):
+    """The bilateral rows at one pose, see ties.py."""
+
+    target: np.ndarray  # (3, nt) at the start of the step, at its end, rate at its end
+    violation: np.ndarray  # (nt,) a length, or its rate
+    point: np.ndarray  # (nt, 3)
+    way: np.ndarray  # (nt, 3)
+
+
+class Kept(NamedTuple):
+    """The start of a step, to go back to."""
+
+    pose: np.ndarray  # (nb + 1, 16) position, quaternion and rotation
+    v: np.ndarray  # (nb + 1, 6)
+    r: np.ndarray  # (nc, 3)
+
+
+class Scratch(NamedTuple):
+    """Work space of a step."""
+
+    watch: Watch
+    held: Held
+    kept: Kept
+    wrench: np.ndarray  # (nb + 1, 6) force and torque about the centre of mass, world axes
+    free: np.ndarray  # (nb + 1, 6) twist at the end of the step without contact impulses; a displacement in projection
+    gap: np.ndarray  # (nc,) where the step takes the contacts
     point: np.ndarray  # (nc, 3) contact points
     frame: np.ndarray  # (nc, 3, 3) rows N, T1, T2
     q: np.ndarray  # (nc, 3) relative velocities without impulses
@@ -140,17 +165,10 @@ class Scratch(NamedTuple):
     u: np.ndarray  # (nc, 3) relative velocities
     active: np.ndarray  # (nc,) bool
     chosen: np.ndarray  # (nc,) int64, contacts of the friction problem
-    target: np.ndarray  # (3, nt) of the bilateral rows: at the start, at the end, rate at the end
-    violation: np.ndarray  # (nt,) of the bilateral rows, a length or its rate
-    tie_point: np.ndarray  # (nt, 3)
-    tie_way: np.ndarray  # (nt, 3)
     values: np.ndarray  # (nr,) measured at the end of the last step
     previous: np.ndarray  # (nr,) measured at its beginning
     reported: np.ndarray  # (nr,) the responses, each read at its own instant
     anchor: np.ndarray  # (nr,) responses when the present pause began
     travel: np.ndarray  # (nc,) way slipped since then
-    kept_pose: np.ndarray  # (nb + 1, 16) position, quaternion and rotation at the start of the step
-    kept_v: np.ndarray  # (nb + 1, 6) twists then
-    kept_r: np.ndarray  # (nc, 3) impulses then
     a: np.ndarray  # (3,)
     b: np.ndarray  # (3,)

@@ -1,6 +1,6 @@
 """Free motion of the bodies: half a step of displacement, and the twist without contact impulses (eqs. 11-13)."""
 
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner, kernel
 from engine.kernels.rotations import rotation_matrix, turn
 
 EULER_STEPS = 4
@@ -52,11 +52,11 @@ def free_twist(bodies, R, twist, wrench, h, theta, free):
         free[body, 3], free[body, 4], free[body, 5] = a, b, c
 
 
-@kernel
-def keep(state, work):
+@inner
+def keep(state, kept):
     """Note pose, twists and impulses at the start of a step."""
     for body in range(state.x.shape[0]):
-        row = work.kept_pose[body]
+        row = kept.pose[body]
         for k in range(3):
             row[k] = state.x[body, k]
             for j in range(3):
@@ -64,17 +64,17 @@ def keep(state, work):
         for k in range(4):
             row[3 + k] = state.p[body, k]
         for k in range(6):
-            work.kept_v[body, k] = state.v[body, k]
+            kept.v[body, k] = state.v[body, k]
     for i in range(state.r.shape[0]):
         for k in range(3):
-            work.kept_r[i, k] = state.r[i, k]
+            kept.r[i, k] = state.r[i, k]
 
 
-@kernel
-def restore(state, work):
+@inner
+def restore(state, kept, budget):
     """Go back to the start of the step; every contact must be found anew."""
     for body in range(state.x.shape[0]):
-        row = work.kept_pose[body]
+        row = kept.pose[body]
         for k in range(3):
             state.x[body, k] = row[k]
             for j in range(3):
@@ -82,8 +82,8 @@ def restore(state, work):
         for k in range(4):
             state.p[body, k] = row[3 + k]
         for k in range(6):
-            state.v[body, k] = work.kept_v[body, k]
+            state.v[body, k] = kept.v[body, k]
     for i in range(state.r.shape[0]):
-        work.budget[i] = 0.0
+        budget[i] = 0.0
         for k in range(3):
-            state.r[i, k] = work.kept_r[i, k]
+            state.r[i, k] = kept.r[i, k]

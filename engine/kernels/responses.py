@@ -20,7 +20,7 @@ JOINT_FORCE       first contact, number, direction    sign of an impulse (0); di
 import numpy as np
 
 from engine.kernels.gaps import find_contact
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner, kernel
 from engine.kernels.loads import speed_along, spin_along, spring_force, spring_torque
 from engine.kernels.model import (
     ANGLE,
@@ -73,7 +73,7 @@ def measure(responses, contacts, loads, state, point, frame, t, h, values, p, q)
         values[i] = value + responses.offset[i]
 
 
-@kernel
+@inner
 def _position(kind, body, row, x, R, v, p, q):
     """Component of the way from a point, or from an axis at the height of the other point, to a point; or its rate."""
     to_world(x, R, body[0], row, 0, p)
@@ -94,7 +94,7 @@ def _position(kind, body, row, x, R, v, p, q):
     return ends - turning - sliding * (e0 * n0 + e1 * n1 + e2 * n2)  # the foot point slides along its axis
 
 
-@kernel
+@inner
 def _rotation(kind, body, row, quaternion, R, v, before, axis):
     """Angle of a body about an axis of another since the start, on the branch nearest to ``before``; or its rate."""
     a, b = body[0], body[1]
@@ -106,7 +106,7 @@ def _rotation(kind, body, row, quaternion, R, v, before, axis):
     return angle - 2 * np.pi * np.round((angle - before) / (2 * np.pi))
 
 
-@kernel
+@inner
 def _joint_impulse(body, row, R, r, frame, total, way):
     """Resultant of a joint's contact impulses on its second side: the magnitude, or a component."""
     total[0], total[1], total[2] = 0.0, 0.0, 0.0

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from engine.friction.arrays import CONVERGED
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner, kernel
 from engine.kernels.motion import restore
 from engine.kernels.record import record
 from engine.kernels.responses import measure, note
@@ -90,12 +90,12 @@ def run(model, state, work, problem, control, course, rows, every, stop):
             return
         _measure(model, state, work, now[TIME], now[STEP])
         note(model.responses, work.values, work.previous, n[PHASE], work.reported)
-        _rest(model.responses.measures_motion, state, work, control, n, now)
+        _rest(model.responses.measures_motion, state.r, state.slip, work, control, n, now)
     n[PHASE] = phases - 1
     n[COMPLETED] = 1
 
 
-@kernel
+@inner
 def _measure(model, state, work, t, h):
     """Measure everything at the end of a step."""
     for i in range(work.values.shape[0]):
@@ -105,7 +105,7 @@ def _measure(model, state, work, t, h):
     )
 
 
-@kernel
+@inner
 def _next_phase(duration, control, n, now):
     """Enter the next phase."""
     n[PHASE] += 1
@@ -114,7 +114,7 @@ def _next_phase(duration, control, n, now):
         now[PAUSE], n[SETTLED] = -1.0, 0
 
 
-@kernel
+@inner
 def _advance(model, state, work, problem, control, n, now):
     """Make one step, with half its length again and again if it is not solved, and judge it."""
     status, residual, worst, where, off = CONVERGED, 0.0, 0.0, -1, 0.0
@@ -131,7 +131,7 @@ def _advance(model, state, work, problem, control, n, now):
         if attempt == HALVINGS:
             break
         now[STEP] *= 0.5
-        restore(state, work)
+        restore(state, work.kept, work.watch.budget)
         _scale_impulses(state.r, 0.5 ** (attempt + 1))
     now[TIME] += now[STEP]
     now[RESIDUAL], now[WORST], now[OFF] = max(residual, now[RESIDUAL]), max(worst, now[WORST]), max(off, now[OFF])
@@ -147,7 +147,7 @@ def _advance(model, state, work, problem, control, n, now):
         n[STATUS] = VIOLATION
 
 
-@kernel
+@inner
 def _finite(v):
     """Say whether all twists are finite numbers."""
     for body in range(v.shape[0]):
@@ -157,7 +157,7 @@ def _finite(v):
     return True
 
 
-@kernel
+@inner
 def _next_step(h, speed, control):
     """Return the next step: halved until the fastest contact point moves little enough in it, at most doubled."""
     h = min(2 * h, control.longest)
@@ -166,7 +166,7 @@ def _next_step(h, speed, control):
     return h
 
 
-@kernel
+@inner
 def _scale_impulses(r, factor):
     """Turn the last step's impulses into a guess for a step of another length."""
     if factor != 1.0:
@@ -175,11 +175,11 @@ def _scale_impulses(r, factor):
                 r[i, k] *= factor
 
 
-@kernel
-def _rest(counts, state, work, control, n, now):
+@inner
+def _rest(counts, r, slip, work, control, n, now):
     """Measure how long nothing has moved that matters."""
-    unmoved = not moved(counts, state, work, now[STEP], control.drift)
+    unmoved = not moved(counts, work.values, work.anchor, r, slip, work.travel, now[STEP], control.drift)
     now[PAUSE] = now[PAUSE] + now[STEP] if unmoved and now[PAUSE] >= 0.0 else 0.0
     if now[PAUSE] == 0.0:
-        start_pause(work)
+        start_pause(work.values, work.anchor, work.travel)
     n[SETTLED] = 1 if now[PAUSE] >= control.window else 0

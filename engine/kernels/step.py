@@ -2,8 +2,8 @@
 
 from engine.friction.arrays import CONVERGED
 from engine.friction.solver import solve_friction
-from engine.kernels.jit import kernel
-from engine.kernels.joints import align_velocities, hold_joints
+from engine.kernels.jit import inner
+from engine.kernels.joints import hold_joints
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist, keep, move
 from engine.kernels.projection import project_positions
@@ -16,12 +16,12 @@ from engine.kernels.velocity import (
     scatter,
     worst_contact,
 )
-from engine.kernels.watch import look_ahead, rates, spend
+from engine.kernels.watch import look_around, rates, spend
 
 GROWTH_ROUNDS = 20
 
 
-@kernel
+@inner
 def step(model, state, work, problem, control, phase, t, h):
     """Advance ``state`` by ``h`` from time ``t``.
 
@@ -35,42 +35,46 @@ def step(model, state, work, problem, control, phase, t, h):
     iterations : of the friction solver
     """
     bodies, contacts, laws, ties = model.bodies, model.contacts, model.laws, model.ties
-    begin, rest = (1 - control.theta) * h, control.theta * h
-    keep(state, work)
+    watch, held, x, R, n = work.watch, work.held, state.x, state.R, problem.w.shape[0]
+    theta, plain = control.theta, control.plain
+    begin, rest = (1 - theta) * h, theta * h
+    keep(state, work.kept)
 
     # free motion to within the step, and to its end without contact impulses
     move(state, begin)
-    spend(contacts, state.x, state.v, begin, work.rate, work.lever, work.budget)
+    spend(contacts.a, contacts.b, contacts.reach, state.v, begin, watch)
     apply_loads(bodies, model.loads, model.time_laws, state, phase, t + begin, work.wrench, work.a, work.b)
-    free_twist(bodies, state.R, state.v, work.wrench, h, control.theta, work.free)
-    tie_targets(ties, model.time_laws, t, h, work.target)
-    hold_joints(bodies, ties, state, work, problem, h, 1.0 if control.plain else control.theta)
+    free_twist(bodies, R, state.v, work.wrench, h, theta, work.free)
+    tie_targets(ties, model.time_laws, t, h, held.target)
+    hold_joints(bodies, ties, x, R, state.v, work.free, held, h, 1.0 if plain else theta, problem.ties, problem.w)
 
     # impulses at the contacts found there; the active set grows until nothing passes through it
-    rates(state.x, work.free, work.rate)
-    look_ahead(contacts, state.x, state.R, work, rest, work.gap)
-    free_relative_velocities(contacts, laws, state, work, rest, control.plain)
-    first_active_set(laws, work, state.r, rest, control.plain)
+    rates(work.free, watch.rate)
+    look_around(contacts, x, R, watch, rest, 0.0, work.gap, work.point, work.frame)
+    free_relative_velocities(contacts, laws, state, work, rest, plain)
+    first_active_set(laws, watch.near, work.gap, work.q, state.r, rest, plain, work.active)
     status, residual, iterations, fastest = CONVERGED, 0.0, 0, 0.0
     for _ in range(GROWTH_ROUNDS):
-        n = gather(bodies, contacts, laws, state, work, problem)
-        if n > 0:
-            status, spent, residual = solve_friction(problem.w.shape[0], n, problem, control.tolerance)
+        nc = gather(
+            bodies, contacts, laws, x, R, state.r, work, problem.rows, problem.mu, problem.q, problem.r
+        )  # fmt: skip
+        if nc > 0:
+            status, spent, residual = solve_friction(n, nc, problem, control.tolerance)
             iterations += spent
-        scatter(bodies, state, work, n, problem)
+        scatter(bodies, work.chosen, nc, problem.r, problem.u, problem.w, work.free, state)
         if status != CONVERGED:
-            where = worst_contact(problem.mu, problem.r, problem.u, problem.scale, work.chosen, n)
+            where = worst_contact(problem.mu, problem.r, problem.u, problem.scale, work.chosen, nc)
             return status, residual, 0.0, where, 0.0, fastest, iterations
         added, fastest = grow_active_set(contacts, laws, state, work, rest)
-        if added == 0 or control.plain:
+        if added == 0 or plain:
             break
 
     # the rest of the displacement, out of what violation the linearisation left, and twists that fit the joints there
     move(state, rest)
-    spend(contacts, state.x, state.v, rest, work.rate, work.lever, work.budget)
+    spend(contacts.a, contacts.b, contacts.reach, state.v, rest, watch)
     worst, where, off = project_positions(
         bodies, contacts, ties, state, work, problem, control.penetration, control.violation
     )
-    if not control.plain:
-        align_velocities(bodies, ties, state, work, problem)
+    if not plain:
+        hold_joints(bodies, ties, x, R, state.v, state.v, held, 0.0, theta, problem.ties, problem.w)
     return status, residual, worst, where, off, fastest, iterations

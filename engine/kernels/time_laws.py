@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner, kernel
 
 
 @kernel
@@ -23,7 +23,7 @@ def time_law_rate(laws, i, t):
     return rate + a * w * np.cos(w * t + phi)
 
 
-@kernel
+@inner
 def _piece(laws, i, t):
     """Return the piece of law i that began last, by bisection."""
     k, end = laws.first[i], laws.first[i + 1]

@@ -4,85 +4,83 @@ import numpy as np
 
 from engine.friction.cone import project
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 from engine.kernels.watch import closing, look, rates
 
 
-@kernel
+@inner
 def free_relative_velocities(contacts, laws, state, work, dt, plain):
     """Write the relative velocities without impulses and the impact law's shifts of all near contacts."""
     for i in range(laws.mu.shape[0]):
-        if work.near[i]:
-            free_relative_velocity(contacts, laws, state, work, dt, plain, i)
+        if work.watch.near[i]:
+            work.shift[i] = free_relative_velocity(
+                contacts.a[i], contacts.b[i], laws.restitution[i], state.x, state.R, work.kept.v, work.free,
+                work.gap, work.point, work.frame, work.q, work.u, dt, plain, i,
+            )  # fmt: skip
 
 
-@kernel
-def free_relative_velocity(contacts, laws, state, work, dt, plain, i):
-    """Write contact i's relative velocity without impulses, ``work.q``, and its law's shift, ``work.shift``.
+@inner
+def free_relative_velocity(a, b, e, x, R, before, free, gap, point, frame, q, u, dt, plain, i):
+    """Write contact i's relative velocity without impulses into ``q[i]``; return its law's shift.
 
     ``dt`` is what is left of the step. Without restitution a contact may close within it but not overshoot,
     u_N + max(g_N, 0)/dt >= 0. With restitution, and in the ``plain`` scheme, the law is Newton's, u_N + e u_N^- >= 0
     (eq. 6).
     """
-    a, b, e = contacts.a[i], contacts.b[i], laws.restitution[i]
-    relative_velocity(state.x, state.R, a, b, work.point, work.frame, work.free, i, work.q)
-    work.shift[i] = 0.0
+    relative_velocity(x, R, a, b, point, frame, free, i, q)
     if e > 0.0:
-        relative_velocity(state.x, state.R, a, b, work.point, work.frame, work.kept_v, i, work.u)
-        work.shift[i] = min(e * work.u[i, 0], 0.0)
-    elif not plain:
-        work.shift[i] = max(work.gap[i] / dt, 0.0)
+        relative_velocity(x, R, a, b, point, frame, before, i, u)
+        return min(e * u[i, 0], 0.0)
+    return 0.0 if plain else max(gap[i] / dt, 0.0)
 
 
-@kernel
-def first_active_set(laws, work, r, dt, plain):
+@inner
+def first_active_set(laws, near, gaps, q, r, dt, plain, active):
     """Activate contacts that would pass through each other without an impulse, or that pressed in the last step."""
     for i in range(laws.mu.shape[0]):
-        gap, approach = work.gap[i], dt * work.q[i, 0]
+        gap, approach = gaps[i], dt * q[i, 0]
         if laws.restitution[i] > 0.0 or plain:
-            work.active[i] = gap <= 0.0
+            active[i] = gap <= 0.0
         else:
-            work.active[i] = gap + approach <= 0.0 or (r[i, 0] > 0.0 and gap <= 2 * abs(approach))
-        work.active[i] = work.active[i] and work.near[i]
-        if not work.active[i]:
+            active[i] = gap + approach <= 0.0 or (r[i, 0] > 0.0 and gap <= 2 * abs(approach))
+        active[i] = active[i] and near[i]
+        if not active[i]:
             r[i, 0], r[i, 1], r[i, 2] = 0.0, 0.0, 0.0
 
 
-@kernel
-def gather(bodies, contacts, laws, state, work, problem):
-    """Write the friction problem of the active contacts; return their number."""
+@inner
+def gather(bodies, contacts, laws, x, R, guess, work, rows, mu, q, r):
+    """Write the friction problem of the active contacts, ``guess`` (nc, 3) into its impulses; return their number."""
     n = 0
     for i in range(laws.mu.shape[0]):
         if work.active[i]:
             work.chosen[n] = i
-            whitened_rows(
-                bodies, state.x, state.R, contacts.a[i], contacts.b[i], work.point, work.frame, i, problem.rows, n
-            )  # fmt: skip
-            problem.mu[n] = laws.mu[i]
+            whitened_rows(bodies, x, R, contacts.a[i], contacts.b[i], work.point, work.frame, i, rows, n)
+            mu[n] = laws.mu[i]
             for k in range(3):
-                problem.q[n, k] = work.q[i, k]
-                problem.r[n, k] = state.r[i, k]
-            problem.q[n, 0] += work.shift[i]
+                q[n, k] = work.q[i, k]
+                r[n, k] = guess[i, k]
+            q[n, 0] += work.shift[i]
             n += 1
     return n
 
 
-@kernel
-def scatter(bodies, state, work, n, problem):
+@inner
+def scatter(bodies, chosen, n, r, u, w, free, state):
     """Take impulses, slip speeds and twists from the solved problem."""
     for j in range(n):
-        i = work.chosen[j]
+        i = chosen[j]
         for k in range(3):
-            state.r[i, k] = problem.r[j, k]
-        state.slip[i] = np.sqrt(problem.u[j, 1] ** 2 + problem.u[j, 2] ** 2)
+            state.r[i, k] = r[j, k]
+        state.slip[i] = np.sqrt(u[j, 1] ** 2 + u[j, 2] ** 2)
     for body in range(bodies.mass.shape[0]):
         for k in range(6):
-            state.v[body, k] = work.free[body, k]
+            state.v[body, k] = free[body, k]
     if n > 0:
-        add_whitened(bodies, problem.w, state.v)
+        add_whitened(bodies, w, state.v)
 
 
-@kernel
+@inner
 def grow_active_set(contacts, laws, state, work, dt):
     """Activate every contact that the new twists would drive into penetration (eq. 22).
 
@@ -91,15 +89,19 @@ def grow_active_set(contacts, laws, state, work, dt):
     added : how many
     fastest : speed of the fastest near contact point relative to its partner
     """
-    added, fastest = 0, 0.0
-    rates(state.x, state.v, work.rate)
+    added, fastest, watch = 0, 0.0, work.watch
+    rates(state.v, watch.rate)
     for i in range(work.active.shape[0]):
-        if not work.near[i]:
-            if work.budget[i] > dt * closing(contacts, work.rate, work.lever, i):
+        a, b = contacts.a[i], contacts.b[i]
+        if not watch.near[i]:
+            if watch.budget[i] > dt * closing(a, b, contacts.reach[i], watch, i):
                 continue
-            look(contacts, state.x, state.R, i, work, work.gap)
-            free_relative_velocity(contacts, laws, state, work, dt, False, i)
-        relative_velocity(state.x, state.R, contacts.a[i], contacts.b[i], work.point, work.frame, state.v, i, work.u)
+            look(contacts, state.x, state.R, i, watch, work.gap, work.point, work.frame)
+            work.shift[i] = free_relative_velocity(
+                a, b, laws.restitution[i], state.x, state.R, work.kept.v, work.free,
+                work.gap, work.point, work.frame, work.q, work.u, dt, False, i,
+            )  # fmt: skip
+        relative_velocity(state.x, state.R, a, b, work.point, work.frame, state.v, i, work.u)
         fastest = max(fastest, work.u[i, 0] ** 2 + work.u[i, 1] ** 2 + work.u[i, 2] ** 2)
         if not work.active[i] and work.u[i, 0] < 0.0 and work.gap[i] + dt * work.u[i, 0] < 0.0:
             work.active[i] = True
@@ -107,7 +109,7 @@ def grow_active_set(contacts, laws, state, work, dt):
     return added, np.sqrt(fastest)
 
 
-@kernel
+@inner
 def worst_contact(mu, r, u, scale, chosen, n):
     """Return the contact with the largest residual of an unsolved problem, see `friction.cone.residual`."""
     worst, where = -1.0, -1

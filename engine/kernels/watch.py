@@ -8,58 +8,52 @@ the contact is open. The bound is sure, hence results do not depend on it.
 import numpy as np
 
 from engine.kernels.gaps import find_contact
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 
 
-@kernel
-def rates(x, twist, rate):
+@inner
+def rates(twist, rate):
     """Write every body's speed and angular speed, shape (nb + 1, 2)."""
-    for body in range(x.shape[0] - 1):
+    for body in range(rate.shape[0] - 1):
         v = twist[body]
         rate[body, 0] = np.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
         rate[body, 1] = np.sqrt(v[3] * v[3] + v[4] * v[4] + v[5] * v[5])
 
 
-@kernel
-def closing(contacts, rate, lever, i):
-    """Return how fast contact i's gap may close at most."""
-    a, b = contacts.a[i], contacts.b[i]
-    return rate[a, 0] + rate[b, 0] + contacts.reach[i] * rate[a, 1] + lever[i] * rate[b, 1]
+@inner
+def closing(a, b, reach, watch, i):
+    """Return how fast contact i's gap may close at most, between bodies a and b."""
+    rate = watch.rate
+    return rate[a, 0] + rate[b, 0] + reach * rate[a, 1] + watch.lever[i] * rate[b, 1]
 
 
-@kernel
-def spend(contacts, x, twist, dt, rate, lever, budget):
+@inner
+def spend(a, b, reach, twist, dt, watch):
     """Take a displacement ``dt`` times the twists from every contact's budget."""
-    rates(x, twist, rate)
-    for i in range(budget.shape[0]):
-        budget[i] -= dt * closing(contacts, rate, lever, i)
+    rates(twist, watch.rate)
+    for i in range(a.shape[0]):
+        watch.budget[i] -= dt * closing(a[i], b[i], reach[i], watch, i)
 
 
-@kernel
-def look(contacts, x, R, i, work, gap):
+@inner
+def look(contacts, x, R, i, watch, gap, point, frame):
     """Find contact i at the pose (x, R): its gap, point, frame, and its budget anew."""
-    gap[i] = find_contact(contacts, x, R, i, work.point, work.frame)
-    work.near[i], work.budget[i] = True, gap[i]
+    gap[i] = find_contact(contacts, x, R, i, point, frame)
+    watch.near[i], watch.budget[i] = True, gap[i]
     a, b = contacts.a[i], contacts.b[i]
     d0, d1, d2 = x[a, 0] - x[b, 0], x[a, 1] - x[b, 1], x[a, 2] - x[b, 2]
-    work.lever[i] = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2) + contacts.reach[i] + 2 * abs(gap[i])
+    watch.lever[i] = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2) + contacts.reach[i] + 2 * abs(gap[i])
 
 
-@kernel
-def look_ahead(contacts, x, R, work, dt, gap):
-    """Find the contacts that could close within ``dt`` at the speeds ``work.rate``; the others' gap is a bound."""
+@inner
+def look_around(contacts, x, R, watch, dt, distance, gap, point, frame):
+    """Find the contacts whose gap could be within ``distance`` after ``dt`` at the speeds ``watch.rate``.
+
+    Of the others the gap written is a lower bound.
+    """
     for i in range(gap.shape[0]):
-        gap[i] = work.budget[i]
-        work.near[i] = False
-        if not work.budget[i] > dt * closing(contacts, work.rate, work.lever, i):  # also a NaN
-            look(contacts, x, R, i, work, gap)
-
-
-@kernel
-def look_within(contacts, x, R, work, distance, gap):
-    """Find the contacts that could be open by no more than ``distance``; the others' gap is a bound."""
-    for i in range(gap.shape[0]):
-        gap[i] = work.budget[i]
-        work.near[i] = False
-        if not work.budget[i] > distance:
-            look(contacts, x, R, i, work, gap)
+        gap[i] = watch.budget[i]
+        watch.near[i] = False
+        within = distance + dt * closing(contacts.a[i], contacts.b[i], contacts.reach[i], watch, i)
+        if not watch.budget[i] > within:  # also a NaN
+            look(contacts, x, R, i, watch, gap, point, frame)
