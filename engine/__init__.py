@@ -1,9 +1,10 @@
 """The physics of one mechanism with one set of clearances: nonsmooth contact dynamics (paper, section 2)."""
 
 from engine.build import build_id
-from engine.errors import EngineError, MechanismError
+from engine.errors import EngineError, MechanismError, TrajectoryError
 from engine.mechanism import Mechanism, library_names, load_mechanism, set_values
 from engine.simulate import Certificate, Run, check, simulate, warm_up
+from engine.trajectory import Trajectory, read_trajectory
 
 __all__ = [
     "Certificate",
@@ -11,10 +12,13 @@ __all__ = [
     "Mechanism",
     "MechanismError",
     "Run",
+    "Trajectory",
+    "TrajectoryError",
     "build_id",
     "check",
     "library_names",
     "load_mechanism",
+    "read_trajectory",
     "set_values",
     "simulate",
     "warm_up",

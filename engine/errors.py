@@ -13,3 +13,7 @@ class MechanismError(EngineError):
     message : str
         All that the user needs: the file or mechanism, then one line for each fault.
     """
+
+
+class TrajectoryError(EngineError):
+    """A trajectory file cannot be written, or what should be one cannot be read."""

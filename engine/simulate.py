@@ -5,14 +5,15 @@ The compiled kernels are imported by the functions that need them: Numba alone t
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from engine.mechanism import Mechanism, set_values
 
 if TYPE_CHECKING:
-    from engine.assembly import Assembly
+    from engine.assembly import Array, Assembly
     from engine.loop import Cancel
     from engine.verdict import Status
 
@@ -66,6 +67,8 @@ def simulate(
     horizon: float | None = None,
     full_horizon: bool = False,
     cancel: "Cancel | None" = None,
+    trajectory: str | Path | None = None,
+    every: int = 1,
 ) -> Run:
     """Simulate a mechanism until it is at rest and measure its responses (paper, sections 2 and 4.1).
 
@@ -77,11 +80,15 @@ def simulate(
     horizon : override the description's ``[simulation]`` [its unit of time]
     full_horizon : do not stop at rest in the last phase
     cancel : a flag that ends the run when another thread sets it
+    trajectory : an HDF5 file to write the whole motion to, whatever the run comes to; see `read_trajectory`
+    every : write every so many-th step of it, and the last
 
     Raises
     ------
     MechanismError
         If a value is not allowed, or parts overlap at the start pose.
+    TrajectoryError
+        If the trajectory cannot be written.
     """
     from engine.assembly import assemble
 
@@ -91,7 +98,15 @@ def simulate(
     if step is not None:
         fixed = mechanism.simulation.model_copy(update={"adaptive": None})
         mechanism = mechanism.model_copy(update={"simulation": fixed})
-    return _execute(mechanism, assemble(mechanism), full_horizon, cancel)
+    assembly = assemble(mechanism)
+    if trajectory is None:
+        return _execute(mechanism, assembly, full_horizon, cancel)
+    from engine.trajectory.write import recording
+
+    with recording(trajectory, mechanism, assembly, every=every, full_horizon=full_horizon) as file:
+        run = _execute(mechanism, assembly, full_horizon, cancel, file.append, every)
+        file.finish(run)
+    return run
 
 
 def check(mechanism: Mechanism, values: Mapping[str, float] | None = None) -> None:
@@ -110,14 +125,21 @@ def warm_up() -> float:
     return time.perf_counter() - start
 
 
-def _execute(mechanism: Mechanism, assembly: "Assembly", full_horizon: bool, cancel: "Cancel | None") -> Run:
+def _execute(
+    mechanism: Mechanism,
+    assembly: "Assembly",
+    full_horizon: bool,
+    cancel: "Cancel | None",
+    sink: "Callable[[Array], None] | None" = None,
+    every: int = 1,
+) -> Run:
     """Run the time loop and translate its outcome."""
     from engine.kernels import run
     from engine.loop import control_of, drive
     from engine.verdict import failure, judge
 
     start = time.perf_counter()
-    course = drive(assembly, control_of(mechanism, full_horizon), mechanism.simulation.wall_limit, cancel)
+    course = drive(assembly, control_of(mechanism, full_horizon), mechanism.simulation.wall_limit, cancel, sink, every)
     counts, reals = course.counts, course.reals
     certificate = Certificate(
         steps=int(counts[run.STEPS]),

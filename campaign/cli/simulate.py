@@ -1,11 +1,16 @@
 """``clearcap simulate``: one run of one mechanism."""
 
 from dataclasses import asdict
-from typing import Annotated
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from campaign.cli.output import Json, print_json
+from campaign.cli.output import Json, print_json, say
+
+if TYPE_CHECKING:
+    from engine import Run
 
 
 def simulate(
@@ -17,25 +22,86 @@ def simulate(
     step: Annotated[float | None, typer.Option(help="Time step, instead of the file's.")] = None,
     horizon: Annotated[float | None, typer.Option(help="Longest simulated time, instead of the file's.")] = None,
     full_horizon: Annotated[bool, typer.Option("--full-horizon", help="Go on after rest.")] = False,
+    trajectory: Annotated[Path | None, typer.Option(help="Write the motion to an HDF5 file: .h5.")] = None,
+    every: Annotated[int | None, typer.Option(min=1, help="Of the motion, keep every so many-th step; 1: all.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw curves over time: .png, .svg or .pdf.")] = None,
+    animation: Annotated[Path | None, typer.Option("--animate", help="Draw the motion: .gif, .html or .mp4.")] = None,
     json: Json = False,
 ) -> None:
     """Simulate a mechanism once and print its responses."""
     values = _values(changes or [])
+    _check_outputs(trajectory, every, plot, animation)
     from engine import load_mechanism
     from engine import simulate as simulate_once
 
-    run = simulate_once(load_mechanism(mechanism), values, step=step, horizon=horizon, full_horizon=full_horizon)
-    if json:
-        face = {"status": run.status, "message": run.message, "responses": run.responses, "units": run.units}
-        print_json({**face, "certificate": asdict(run.certificate)})
-    else:
-        print(f"{run.status}{': ' if run.message else ''}{run.message}")
-        width = max(map(len, run.responses), default=0)
-        for name, value in run.responses.items():
-            print(f"{name:{width}}  {value:.10g} {run.units[name]}")
-        print("\n".join(f"  {name} = {value}" for name, value in asdict(run.certificate).items()))
+    loaded = load_mechanism(mechanism)
+    with TemporaryDirectory(prefix="clearcap-") as folder:
+        motion = trajectory or (Path(folder) / "motion.h5" if plot or animation else None)
+        run = simulate_once(
+            loaded,
+            values,
+            step=step,
+            horizon=horizon,
+            full_horizon=full_horizon,
+            trajectory=motion,
+            every=every or 1,
+        )
+        if motion and (plot or animation):
+            _draw(motion, plot, animation)
+    files = {"trajectory": trajectory, "plot": plot, "animation": animation}
+    _print(run, {name: str(path) for name, path in files.items() if path}, json)
     if run.status != "ok":
         raise typer.Exit(1)
+
+
+def _print(run: "Run", files: dict[str, str], json: bool) -> None:
+    """Print what the run came to and the files that were written."""
+    if json:
+        face = {"status": run.status, "message": run.message, "responses": run.responses, "units": run.units}
+        print_json({**face, "certificate": asdict(run.certificate), "files": files})
+        return
+    print(f"{run.status}{': ' if run.message else ''}{run.message}")
+    width = max(map(len, run.responses), default=0)
+    for name, value in run.responses.items():
+        print(f"{name:{width}}  {value:.10g} {run.units[name]}")
+    print("\n".join(f"  {name} = {value}" for name, value in asdict(run.certificate).items()))
+    for name, path in files.items():
+        print(f"{name}: {path}")
+
+
+def _check_outputs(trajectory: Path | None, every: int | None, plot: Path | None, animation: Path | None) -> None:
+    """Refuse files that could not be written, before the work begins."""
+    from campaign.errors import SpecError
+    from campaign.pictures.outputs import ANIMATIONS, PLOTS, TRAJECTORIES, check_output
+
+    asked = (("--trajectory", trajectory, TRAJECTORIES), ("--plot", plot, PLOTS), ("--animate", animation, ANIMATIONS))
+    for option, path, endings in asked:
+        if path:
+            check_output(option, path, endings)
+    if every and not (trajectory or plot or animation):
+        raise SpecError("--every: there is no motion to thin out; give --trajectory, --plot or --animate, or drop it")
+    if animation:
+        from campaign.pictures.animation import can_write
+
+        if not can_write(animation.suffix):
+            raise SpecError(
+                f"--animate {animation}: needs ffmpeg, which is not here; install it, or write .gif or .html"
+            )
+
+
+def _draw(motion: Path, plot: Path | None, animation: Path | None) -> None:
+    """Draw the pictures of a trajectory."""
+    from campaign.pictures.animation import animate
+    from campaign.pictures.curves import plot as draw_curves
+    from campaign.pictures.outputs import replacing
+    from engine import read_trajectory
+
+    recorded = read_trajectory(motion)
+    for path, draw in ((plot, draw_curves), (animation, animate)):
+        if path:
+            say(f"drawing {path}")
+            with replacing(path) as temporary:
+                draw(recorded, temporary)
 
 
 def _values(changes: list[str]) -> dict[str, float]:

@@ -24,7 +24,7 @@ def rows(contact: Contact, frame_a: Frame, frame_b: Frame) -> tuple[Array, Array
         pin = b.primitive
         n = frame_b.direction(pin.axis)
         return row, _row(frame_b.point(pin.point), n, tangent(n), pin.radius), skin - pin.radius - contact.offset
-    return row, _row_b(b, frame_b), -skin - contact.offset
+    return row, row_b(b, frame_b), -skin - contact.offset
 
 
 def _row_a(side: Side, frame: Frame) -> tuple[Array, float]:
@@ -42,7 +42,7 @@ def _row_a(side: Side, frame: Frame) -> tuple[Array, float]:
     return _row(frame.point(shape.point), n, tangent(n), shape.radius, math.pi), 0.0
 
 
-def _row_b(side: Side, frame: Frame) -> Array:
+def row_b(side: Side, frame: Frame) -> Array:
     """Return the row of side b: place, axis, tangent and bounds."""
     shape = side.primitive
     if side.kind in ("sphere", "socket"):

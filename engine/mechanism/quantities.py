@@ -19,6 +19,8 @@ _UNITS: dict[str, tuple[str, str]] = {
     "angular speed": ("rad/ms", "rad/s"),
     "acceleration": ("mm/ms2", "m/s2"),
     "force": ("N", "N"),
+    "impulse": ("N ms", "N s"),
+    "energy": ("mJ", "J"),
     "torque": ("N mm", "N m"),
     "stiffness": ("N/mm", "N/m"),
     "torsional stiffness": ("N mm/rad", "N m/rad"),

@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 import campaign.run as campaign_run
 from campaign.cli import app, main
+from engine import read_trajectory
 from tests.campaign import fake_engine
 
 ROOT = Path(__file__).parents[2]
@@ -49,6 +50,16 @@ BAD_INPUT = {
     "no value": (["simulate", "c60", "--set", "J1"], "--set J1: not KEY=VALUE with a number"),
     "set twice": (["simulate", "c60", "--set", "J1=0.05", "--set", "J1=0.06"], "J1 is set twice"),
     "step negative": (["simulate", "c60", "--step", "-1"], "step"),
+    "unknown trajectory": (["simulate", "incline", "--trajectory", "a.csv"], "allowed: .h5, .hdf5"),
+    "unknown plot": (
+        ["simulate", "incline", "--plot", "a.jpg"],
+        "--plot a.jpg: unknown ending; allowed: .png, .svg, .pdf",
+    ),
+    "unknown animation": (["simulate", "incline", "--animate", "a.avi"], "allowed: .gif, .html, .mp4"),
+    "no folder": (["simulate", "incline", "--trajectory", "none/a.h5"], "no folder none"),
+    "every of nothing": (["simulate", "incline", "--every", "5"], "give --trajectory, --plot or --animate"),
+    "every none": (["simulate", "incline", "--trajectory", "a.h5", "--every", "0"], "--every"),
+    "bad value, good file": (["simulate", "incline", "--set", "J1=1", "--plot", "a.svg"], "J1: unknown key"),
     "unknown mechanism": (["mechanism", "check", "c6"], "did you mean 'c60'?"),
     "no store": (["status", "--store", "runs"], "campaigns there: none"),
     "unknown id": (["report", "c60-0123456789", "--store", "runs"], "no campaign c60-0123456789"),
@@ -165,6 +176,35 @@ def test_status(faked, campaign_file):
     assert "25 of 25 done, 0 failed, 0 left" in faked.invoke(app, ["status"]).stdout
 
 
+def test_simulate_writes_what_is_asked_for(monkeypatch, tmp_path):
+    """Trajectory, plot and animation of one run, named in the document; a run that fails has them too, and exits 1."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("campaign.pictures.animation.FRAMES", 3)
+    words = ["simulate", "clearance_pendulum", "--horizon", "0.05", "--every", "10", "--json"]
+    done = CliRunner().invoke(app, [*words, "--trajectory", "a.h5", "--plot", "a.svg", "--animate", "a.gif"])
+    assert done.exit_code == 1, done.output
+    document = json.loads(done.stdout)
+    assert document["status"] == "not_converged"
+    assert document["files"] == {"trajectory": "a.h5", "plot": "a.svg", "animation": "a.gif"}
+    assert {path.name for path in tmp_path.iterdir()} == {"a.h5", "a.svg", "a.gif"}
+    assert len(read_trajectory("a.h5").time) == 26
+    plot = (tmp_path / "a.svg").read_bytes()
+    done = CliRunner().invoke(app, ["simulate", "incline", "--plot", "a.svg"])
+    assert done.exit_code == 0, done.output
+    assert done.stdout.endswith("plot: a.svg\n")
+    assert (tmp_path / "a.svg").read_bytes() != plot
+
+
+def test_film_without_ffmpeg_is_refused(monkeypatch, tmp_path):
+    """``.mp4`` where there is no ffmpeg: exit 2 before the run, with what would do."""
+    monkeypatch.setattr("campaign.pictures.animation.can_write", lambda suffix: suffix != ".mp4")
+    monkeypatch.setattr("sys.argv", ["clearcap", "simulate", "incline", "--animate", str(tmp_path / "a.mp4")])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 2
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_schemas(tmp_path):
     """Both schemas are JSON Schema documents that know the tables of their format."""
     for which, table in (("campaign", "variables"), ("mechanism", "joints")):
@@ -201,5 +241,5 @@ def test_help_is_quick(words, tmp_path):
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60)
     elapsed = time.perf_counter() - start
     loaded = done.stderr.split("LOADED")[1].split()
-    assert {"distributed", "pyarrow", "pandas", "numba", "matplotlib", "scipy"}.isdisjoint(loaded)
+    assert {"distributed", "pyarrow", "pandas", "numba", "matplotlib", "scipy", "h5py"}.isdisjoint(loaded)
     assert elapsed < 5.0  # 0.2 to 0.3 s on a quiet machine; the imports above are what would spoil it

@@ -1,0 +1,75 @@
+"""The mechanism as it moves: bodies and contact forces on one plane, beside them each joint's play, magnified."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+from campaign.pictures.curves import heading
+from campaign.pictures.scene import scene_of
+from campaign.pictures.stage import DPI, SIZE, Stage
+from campaign.pictures.style import STYLE
+from engine import Trajectory
+
+FRAMES, PER_SECOND = 90, 15
+LARGEST_PAGE = 100.0  # MB; matplotlib leaves frames out above
+SYMBOLS = {
+    "minus": "slower",
+    "fast-backward": "&#9198;",
+    "step-backward": "&lt;",
+    "play fa-flip-horizontal": "&#9664;",
+    "pause": "&#9208;",
+    "play": "&#9654;",
+    "step-forward": "&gt;",
+    "fast-forward": "&#9197;",
+    "plus": "faster",
+}
+
+
+def animate(trajectory: Trajectory, path: Path, frames: int | None = None) -> None:
+    """Write an animation of a run.
+
+    Parameters
+    ----------
+    trajectory : of the run
+    path : where; its ending says what: ``.gif``, ``.mp4`` (with ffmpeg) or ``.html``
+    frames : at most so many, evenly spaced in simulated time; default 90
+    """
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    scene = scene_of(trajectory, frames or FRAMES)
+    with matplotlib.rc_context({**STYLE, "axes.titley": 1.02}):  # else titles are placed anew, by measuring, each frame
+        figure = Figure(figsize=SIZE, dpi=DPI)
+        FigureCanvasAgg(figure)
+        stage = Stage(figure, scene, trajectory)
+        with (writer := _writer(path.suffix)).saving(figure, str(path), DPI):
+            for frame in range(len(scene.time)):
+                stage.show(frame)
+                writer.grab_frame()
+    if path.suffix == ".html":
+        path.write_text(_page(path.read_text("utf-8"), f"{len(scene.time)} frames of {heading(trajectory)}"), "utf-8")
+
+
+def can_write(suffix: str) -> bool:
+    """Say whether this machine can write animations with this ending."""
+    return bool(_writer(suffix).isAvailable())
+
+
+def _writer(suffix: str) -> Any:
+    from matplotlib.animation import FFMpegWriter, HTMLWriter, PillowWriter
+
+    if suffix == ".html":
+        return HTMLWriter(fps=PER_SECOND, embed_frames=True, default_mode="loop", embed_limit=LARGEST_PAGE)
+    return FFMpegWriter(fps=PER_SECOND) if suffix == ".mp4" else PillowWriter(fps=PER_SECOND)
+
+
+def _page(player: str, label: str) -> str:
+    """Return matplotlib's player as a page that needs no network and has words for those who cannot see it."""
+    from html import escape
+
+    player = re.sub(r'<link rel="stylesheet"[^>]*>', "", player)
+    player = re.sub(r'<i class="fa fa-([a-z -]+)"></i>', lambda match: SYMBOLS[match[1]], player)
+    player = player.replace("<img ", f'<img alt="{escape(label)}" ', 1)
+    head = f'<meta charset="utf-8"><title>{escape(label)}</title>'
+    return f'<!doctype html>\n<html lang="en"><head>{head}</head><body>\n{player}\n</body></html>\n'

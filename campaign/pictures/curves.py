@@ -1,0 +1,137 @@
+"""One figure of a run: every response, energy, contacts and the largest contact force over time."""
+
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from campaign.pictures.style import DASHES, GRID, INK, MUTED, PALETTE, STYLE, labelled
+from campaign.pictures.view import Array
+from engine import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COMMON, OUTSIDE = 98, 3.0  # a peak more than 3 times the 98th percentile away from the rest is cut
+PANEL = (4.6, 1.75)  # inches
+WIDE = 130  # characters of a line of the heading
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One graph over time: a title, what is on its axis and the unit, and named curves, (n,) each."""
+
+    title: str
+    axis: str
+    unit: str
+    curves: dict[str, Array]
+
+    @property
+    def counts(self) -> bool:
+        """Whether it shows whole numbers, drawn as steps."""
+        return self.axis == "number"
+
+
+def plot(trajectory: Trajectory, path: Path) -> None:
+    """Write the figure as ``.png``, ``.svg`` or ``.pdf``; its metadata say in words what it shows."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    shown = panels(trajectory)
+    rows = -(-len(shown) // 2)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(2 * PANEL[0], rows * PANEL[1] + 0.8), layout="constrained")
+        figure.suptitle(heading(trajectory), x=0.01, ha="left", fontsize=10)
+        grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
+        for axes, panel in zip(grid.flat, shown, strict=False):
+            _draw(axes, trajectory.time, panel)
+        for axes in grid.flat[len(shown) :]:
+            axes.set_visible(False)
+        for axes in grid.flat[max(len(shown) - 2, 0) : len(shown)]:
+            axes.set_xlabel(labelled("time", trajectory.units["time"]))
+            axes.tick_params(labelbottom=True)
+        figure.savefig(path, dpi=130, metadata=_metadata(path.suffix, described(trajectory, shown)))
+
+
+def panels(trajectory: Trajectory) -> list[Panel]:
+    """Return what is shown: a panel for each response, then energy, contacts, largest contact force."""
+    units, contacts = trajectory.units, trajectory.contacts
+    shown = []
+    for name, values in trajectory.responses.items():
+        title = trajectory.description["responses"][name].get("title")
+        shown.append(Panel(f"{name}: {title}" if title else name, name, units[f"responses/{name}"], {name: values}))
+    energy, stored = {"kinetic": trajectory.kinetic}, trajectory.potential - trajectory.potential[0]
+    if stored.any():
+        energy |= {"potential": stored, "sum": trajectory.kinetic + stored}
+    shown.append(Panel("energy; potential energy from its start", "energy", units["energy/kinetic"], energy))
+    if contacts:
+        active = np.sum([contact.active for contact in contacts.values()], axis=0)
+        shown.append(Panel(f"active contacts, of {len(contacts)}", "number", "1", {"active contacts": active}))
+        largest = np.max([np.linalg.norm(trajectory.force(name), axis=1) for name in contacts], axis=0)
+        unit = trajectory.mechanism().unit("force")
+        shown.append(Panel("largest contact force, mean of each step", "force", unit, {"largest force": largest}))
+    return shown
+
+
+def described(trajectory: Trajectory, shown: list[Panel]) -> str:
+    """Return in words what the figure shows: for each curve, where it ends and between what it moves."""
+    parts = [
+        f"{name} ends at {values[-1]:.5g}, between {values.min():.5g} and {values.max():.5g}"
+        f"{'' if panel.unit == '1' else ' ' + panel.unit}"
+        for panel in shown
+        for name, values in panel.curves.items()
+    ]
+    return f"{heading(trajectory)}. " + "; ".join(parts) + "."
+
+
+def heading(trajectory: Trajectory) -> str:
+    """Return what ran, how it ended, and why if it failed."""
+    name = trajectory.description.get("title") or trajectory.description["name"]
+    end = f"{trajectory.time[-1]:.4g} {trajectory.units['time']}"
+    said = textwrap.wrap(trajectory.message, WIDE)
+    return "\n".join([f"{name}: {trajectory.status} at t = {end}", *said])
+
+
+def cut_range(values: Array) -> tuple[float, float] | None:
+    """Return lowest and highest value to be shown if a few lie far outside the others; None if all fit."""
+    values = values[np.isfinite(values)]  # a run may diverge
+    if not values.size:
+        return None
+    low, high = np.percentile(values, [100 - COMMON, COMMON])
+    room = OUTSIDE * (high - low)
+    if not room or (values.max() <= high + room and values.min() >= low - room):
+        return None
+    return max(float(values.min()), float(low - 0.3 * room)), min(float(values.max()), float(high + 0.3 * room))
+
+
+def _draw(axes: "Axes", time: Array, panel: Panel) -> None:
+    """Draw the curves of a panel; each has a dash of its own, not only a colour."""
+    draw: Callable[..., Any] = axes.step if panel.counts else axes.plot  # a count is that of the step that ends there
+    for i, (name, values) in enumerate(panel.curves.items()):
+        draw(time, values, color=PALETTE[i], linestyle=DASHES[i], label=name)
+    axes.set_title(panel.title, color=INK)
+    axes.set_ylabel(labelled(panel.axis, panel.unit))
+    axes.margins(x=0.01)
+    axes.grid(color=GRID, linewidth=0.7)
+    axes.locator_params(axis="y", nbins=5, integer=panel.counts)
+    axes.ticklabel_format(useOffset=False, scilimits=(-4, 5))
+    if len(panel.curves) > 1:
+        axes.legend(loc="best", fontsize=8, frameon=False, ncols=3)
+    everything = np.concatenate(list(panel.curves.values()))
+    if (cut := cut_range(everything)) is not None:
+        room = 0.05 * (cut[1] - cut[0])
+        axes.set_ylim(cut[0] - room, cut[1] + room)
+        text = f"cut: {everything.min():.3g} to {everything.max():.3g}"
+        axes.text(0.99, 0.96, text, transform=axes.transAxes, ha="right", va="top", fontsize=8, color=MUTED)
+
+
+def _metadata(suffix: str, text: str) -> dict[str, Any]:
+    """Return the file's metadata: what it shows, and no date, so that the same run makes the same bytes."""
+    if suffix == ".pdf":
+        return {"Title": "clearcap simulate", "Subject": text, "CreationDate": None}
+    if suffix == ".svg":
+        return {"Title": "clearcap simulate", "Description": text, "Date": None}
+    return {"Title": "clearcap simulate", "Description": text}

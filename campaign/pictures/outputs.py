@@ -1,0 +1,61 @@
+"""Files a user names on the command line: checked before the work begins, written whole or not at all."""
+
+import os
+import secrets
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from campaign.errors import CampaignError, SpecError
+
+TRAJECTORIES, PLOTS, ANIMATIONS = (".h5", ".hdf5"), (".png", ".svg", ".pdf"), (".gif", ".html", ".mp4")
+
+
+def check_output(option: str, path: Path, endings: tuple[str, ...]) -> None:
+    """Make sure that a file can be written, leaving none.
+
+    Parameters
+    ----------
+    option : what names it, for messages
+    path : the file
+    endings : allowed ones
+
+    Raises
+    ------
+    SpecError
+        If the ending is not allowed, or the folder is not there or not writable.
+    """
+    if path.suffix not in endings:
+        raise SpecError(f"{option} {path}: unknown ending; allowed: {', '.join(endings)}; name a file with one of them")
+    if path.is_dir():
+        raise SpecError(f"{option} {path}: is a folder; name a file")
+    if not path.parent.is_dir():
+        raise SpecError(f"{option} {path}: no folder {path.parent}; make it, or name a file in another one")
+    try:
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except OSError as error:
+        raise SpecError(
+            f"{option} {path}: not writable ({error.strerror}); name a file in a folder you may write to"
+        ) from error
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """Yield a temporary name beside a file, with its ending; at the end of the block it becomes the file.
+
+    Raises
+    ------
+    CampaignError
+        If it cannot be written; a file that was there is left as it was.
+    """
+    temporary = path.with_name(f"{path.stem}.{os.getpid()}-{secrets.token_hex(4)}.tmp{path.suffix}")
+    try:
+        yield temporary
+        os.replace(temporary, path)
+    except OSError as error:
+        reason = error.strerror or error
+        raise CampaignError(f"{path}: cannot be written ({reason}); free or repair the disk, then run again") from error
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,115 @@
+"""What is drawn of a body: the primitives and joints that the file gives it, and an outline around them."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from campaign.pictures.shapes import circle, outline_of, patch
+from campaign.pictures.view import Array, View, start_rotation
+from engine import Mechanism
+from engine.mechanism.base import BodyPoint
+
+FACE_ON = 0.95  # cosine of a plane's normal to the line of sight from which on the plane is not drawn
+LEAST_PATCH = 0.05  # half side of a plane's patch beyond what is touched, in sizes of the mechanism
+
+
+@dataclass(frozen=True)
+class Part:
+    """The shape of a body in its own frame.
+
+    Attributes
+    ----------
+    lines : outlines of primitives and pins, polylines (k, 3)
+    faces : touched patches of planes, (5, 3) each
+    joints : where its joints are, (k, 3)
+    outline : corners around all but the planes, (k, 3): a polygon, or the two ends of a line, or one point or none
+    """
+
+    lines: tuple[Array, ...]
+    faces: tuple[Array, ...]
+    joints: Array
+    outline: Array
+
+
+def part_of(mechanism: Mechanism, body: str, view: View, touched: dict[str, Array], size: float) -> Part:
+    """Return the shape of a body.
+
+    Parameters
+    ----------
+    mechanism, body : which
+    view : the plane it will be drawn on
+    touched : by contact, where it comes to lie in the run, in the frame of this body, (m, 3); NaN does not count
+    size : of the mechanism [length]
+    """
+    turn = start_rotation(mechanism, body)
+    facing = turn.T @ view.normal
+    lines, planes = [], defaultdict(list)
+    for name, side in _sides(mechanism, body):
+        primitive = getattr(side, side.kind)
+        lines += outline_of(side.kind, primitive, facing)
+        if side.kind == "plane" and abs(np.dot(primitive.normal, facing)) < FACE_ON:
+            planes[primitive.point, primitive.normal].append(touched[name])  # contacts on one plane share a patch
+    lines += _pins(mechanism, body, facing)
+    corners = np.vstack([np.reshape(list(_points(mechanism, body)), (-1, 3)), *lines])
+    joints = [side.point for joint in mechanism.joints.values() for side in joint.sides if side.body == body]
+    return Part(
+        lines=tuple(lines),
+        faces=tuple(patch(np.array(n), np.vstack(t), facing, LEAST_PATCH * size) for (_, n), t in planes.items()),
+        joints=np.reshape(joints, (-1, 3)),
+        outline=corners[around(view.project(corners @ turn.T))],
+    )
+
+
+def around(points: Array) -> list[int]:
+    """Return the indices of the corners of the convex hull of points (k, 2), in order; of the two ends of a line."""
+    if len(points) < 2:
+        return list(range(len(points)))
+    try:
+        return [int(i) for i in ConvexHull(points).vertices]
+    except QhullError:  # all on one line
+        direction = np.linalg.svd(points - points.mean(axis=0))[2][0]
+        along = points @ direction
+        return [int(np.argmin(along)), int(np.argmax(along))]
+
+
+def links(mechanism: Mechanism) -> list[tuple[BodyPoint, BodyPoint]]:
+    """Return the two ends of each linear spring and damper."""
+    loads = (*mechanism.springs.values(), *mechanism.dampers.values())
+    return [(load.a, load.b) for load in loads if load.type == "linear"]
+
+
+def _sides(mechanism: Mechanism, body: str) -> Iterator[tuple[str, Any]]:
+    """Yield the sides of contacts that are on a body, with the contact's name."""
+    for name, contact in mechanism.contacts.items():
+        yield from ((name, side) for side in (contact.a, contact.b) if side.body == body)
+
+
+def _pins(mechanism: Mechanism, body: str, facing: Array) -> list[Array]:
+    """Return a circle for each pin, bore, ball and socket of the body; the play is too small to be seen."""
+    return [
+        circle(side.point, facing if joint.axes is None else joint.axes[i], _radius(joint))
+        for joint in mechanism.joints.values()
+        for i, side in enumerate(joint.sides)
+        if side.body == body and _radius(joint) > 0
+    ]
+
+
+def _radius(joint: Any) -> float:
+    """Return the radius of a joint's pin, ball or shaft; 0 if it has none."""
+    round_thing = getattr(joint, "ball", None) or getattr(joint, "shaft", None)
+    return float(max(getattr(joint, "radii", ()), default=getattr(round_thing, "radius", None) or 0.0))
+
+
+def _points(mechanism: Mechanism, body: str) -> Iterator[tuple[float, float, float]]:
+    """Yield the points the file names on a body: its centre of mass, joints, contacts, loads, measures."""
+    yield mechanism.bodies[body].center_of_mass
+    yield from (side.point for _, side in _sides(mechanism, body) if side.kind == "point")
+    ends: list[Any] = [side for joint in mechanism.joints.values() for side in joint.sides]
+    ends += [end for pair in links(mechanism) for end in pair]
+    ends += mechanism.forces.values()
+    ends += [end for r in mechanism.responses.values() for key in ("from_", "to") if (end := getattr(r, key, None))]
+    yield from (end.point for end in ends if end.body == body and end.point is not None)

@@ -1,0 +1,207 @@
+"""The drawing of an animation: everything is drawn once, then moved from frame to frame."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from campaign.pictures.play import Play
+from campaign.pictures.scene import Drawn, Scene
+from campaign.pictures.style import FORCE, INK, MARKERS, MUTED, PALETTE, bare
+from campaign.pictures.view import Array
+from engine import Trajectory
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COMMON = 95  # percentile of the forces that are not zero: an arrow of this size is a common one
+ARROW = 0.15  # its length, in diagonals of the box
+CUT = 2.0  # longer arrows are cut at so many times it
+SIZE, DPI = (9.6, 6.0), 90
+TRAIL = 12  # frames whose way of a journal stays visible
+
+
+class Stage:
+    """An animation's figure; `show` moves it to a frame."""
+
+    def __init__(self, figure: "Figure", scene: Scene, trajectory: Trajectory) -> None:
+        self._scene, self._unit = scene, trajectory.units["time"]
+        self._name = trajectory.description.get("title") or trajectory.description["name"]
+        mechanism = trajectory.mechanism()
+        self._title = figure.suptitle("", x=0.02, ha="left", fontsize=10)
+        wide = 0.62 if scene.plays else 0.96
+        axes = figure.add_axes((0.02, 0.1, wide, 0.82))
+        bare(axes)
+        common, long = common_force(scene.forces), ARROW * float(np.linalg.norm(np.diff(scene.box, axis=0)))
+        arrows = arrow_lengths(scene.forces, common, long)
+        low, high = limits(scene.box, scene.points + arrows)
+        axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        moving = [name for name, body in scene.bodies.items() if not body.fixed]
+        colours = {name: PALETTE[i % len(PALETTE)] for i, name in enumerate(moving)}
+        self._bodies = [_Body(axes, name, body, colours.get(name, MUTED)) for name, body in scene.bodies.items()]
+        self._springs = [axes.plot([], [], color=INK, linewidth=0.9)[0] for _ in scene.springs]
+        self._arrows = _Arrows(axes, scene.points, arrows)
+        if common:
+            _explain_arrows(axes, low, long, f"{common:g} {mechanism.unit('force')}")
+        places = _grid(figure, len(scene.plays))
+        self._insets = [_Inset(a, p, mechanism.unit("length")) for a, p in zip(places, scene.plays, strict=True)]
+        if scene.plays:
+            _explain_insets(figure, max(play.way.shape[1] for play in scene.plays))
+
+    def show(self, frame: int) -> None:
+        """Draw a frame."""
+        scene = self._scene
+        self._title.set_text(f"{self._name}   t = {scene.time[frame]:.4g} {self._unit}")
+        for body in self._bodies:
+            body.show(frame)
+        for line, ends in zip(self._springs, scene.springs, strict=True):
+            line.set_data(*zigzag(*ends[frame]).T)
+        self._arrows.show(frame)
+        for inset in self._insets:
+            inset.show(scene.rows[max(frame - TRAIL, 0)], scene.rows[frame])
+
+
+class _Body:
+    """The artists of one body."""
+
+    def __init__(self, axes: "Axes", name: str, body: Drawn, colour: str) -> None:
+        self._body = body
+        self._outline: Any = None
+        if not body.fixed and body.outline.shape[1]:
+            wide = {1: 0.0, 2: 5.0}.get(body.outline.shape[1], 1.2)  # a body that is a line is a rod
+            (self._outline,) = axes.fill([0], [0], facecolor=colour + "30", edgecolor=colour, linewidth=wide)
+            self._outline.set_joinstyle("round")
+        (self._lines,) = axes.plot([], [], color=colour, linewidth=1.0)
+        (self._faces,) = axes.plot([], [], color=colour, linewidth=2.2, solid_capstyle="butt")
+        (self._joints,) = axes.plot([], [], "o", color=INK, markerfacecolor="white", markersize=4)
+        self._name = axes.text(
+            0, 0, "" if body.fixed else name, color=colour, fontsize=8, fontweight="bold", clip_on=True
+        )
+
+    def show(self, frame: int) -> None:
+        """Move the body to a frame."""
+        if self._outline is not None:
+            corners = self._body.outline[frame]
+            self._outline.set_xy(corners)
+            self._name.set_position(tuple(0.5 * (corners.min(axis=0) + corners.max(axis=0))))
+        self._lines.set_data(*joined([line[frame] for line in self._body.lines]).T)
+        self._faces.set_data(*joined([face[frame] for face in self._body.faces]).T)
+        self._joints.set_data(*self._body.joints[frame].T)
+
+
+class _Arrows:
+    """Contact forces, and the key that says how long an arrow is."""
+
+    def __init__(self, axes: "Axes", points: Array, arrows: Array) -> None:
+        self._points = points
+        self._arrows = np.where(arrows.any(axis=-1, keepdims=True), arrows, np.nan)  # else a dot for no force
+        self._quiver = _quiver(axes, points[0], self._arrows[0])
+
+    def show(self, frame: int) -> None:
+        """Draw the forces of a frame."""
+        self._quiver.set_offsets(self._points[frame])
+        self._quiver.set_UVC(*self._arrows[frame].T)
+
+
+def _quiver(axes: "Axes", points: Array, arrows: Array) -> Any:
+    """Draw arrows in the units of the axes."""
+    style: Any = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.004, "headwidth": 4, "clip_on": False}
+    return axes.quiver(*points.T, *arrows.T, color=FORCE, zorder=5, **style)
+
+
+def _explain_arrows(axes: "Axes", corner: Array, long: float, force: str) -> None:
+    """Draw the key in a corner: an arrow as long as that of ``force``."""
+    _quiver(axes, corner[None], np.array([[long, 0.0]]))
+    text = f" {force} contact force, mean since the frame before; cut at {CUT:g} of these"
+    axes.text(corner[0] + long, corner[1], text, va="center", fontsize=8)
+
+
+class _Inset:
+    """The circle in which a journal's axis can be, and where it is and has been."""
+
+    def __init__(self, axes: "Axes", play: Play, unit: str) -> None:
+        from matplotlib.patches import Circle
+
+        self._way = play.way
+        bare(axes)
+        axes.set(xlim=(-1.25, 1.25), ylim=(-1.25, 1.25))
+        axes.set_title(f"{play.joint}: play {play.clearance:.3g} {unit}", loc="center", fontsize=8)
+        axes.add_patch(Circle((0, 0), 1.0, facecolor="#f4f6f9", edgecolor=INK, linewidth=1.2))
+        axes.plot([-0.08, 0.08, np.nan, 0, 0], [0, 0, np.nan, -0.08, 0.08], color=MUTED, linewidth=0.8)
+        rings = range(play.way.shape[1])
+        colours = [PALETTE[i % len(PALETTE)] for i in rings]
+        self._trails = [axes.plot([], [], color=c, linewidth=0.8, alpha=0.6)[0] for c in colours]
+        self._dots = [
+            axes.plot([], [], MARKERS[i % len(MARKERS)], color=colours[i], markersize=max(9 - 3 * i, 4))[0]
+            for i in rings
+        ]
+
+    def show(self, since: int, row: int) -> None:
+        """Draw where the axis is at a row, and its way from an earlier one."""
+        for ring, (trail, dot) in enumerate(zip(self._trails, self._dots, strict=True)):
+            trail.set_data(*self._way[since : row + 1, ring].T)
+            dot.set_data(*self._way[row : row + 1, ring].T)
+
+
+def common_force(forces: Array) -> float:
+    """Return a round number (1, 2 or 5 times a power of ten) not above the larger ones of the forces; 0 without any."""
+    sizes = np.linalg.norm(forces, axis=-1)
+    if not (sizes > 0).any():
+        return 0.0
+    large = float(np.percentile(sizes[sizes > 0], COMMON))
+    power = 10.0 ** np.floor(np.log10(large))
+    return float(max(digit * power for digit in (1, 2, 5) if digit * power <= large * (1 + 1e-9)))
+
+
+def arrow_lengths(forces: Array, common: float, long: float) -> Array:
+    """Return the forces as arrows, the common one ``long``; none longer than ``CUT`` times it."""
+    if not common:
+        return np.zeros_like(forces)
+    sizes = np.linalg.norm(forces, axis=-1, keepdims=True) / common
+    return np.asarray(forces / common * long * np.minimum(1.0, CUT / np.maximum(sizes, CUT)))
+
+
+def zigzag(a: Array, b: Array, teeth: int = 8) -> Array:
+    """Return the polyline of a spring from a to b, shape (k, 2)."""
+    way = b - a
+    side = 0.06 * np.array([-way[1], way[0]])
+    share = np.array([0.0, 0.15, *np.linspace(0.2, 0.8, teeth), 0.85, 1.0])
+    swing = np.array([0.0, 0.0, *np.resize([1.0, -1.0], teeth), 0.0, 0.0])
+    return np.asarray(a + share[:, None] * way + swing[:, None] * side)
+
+
+def joined(lines: list[Array]) -> Array:
+    """Return polylines (k, 2) as one with gaps."""
+    gap = np.full((1, 2), np.nan)
+    return np.vstack([gap, *(part for line in lines for part in (line, gap))])
+
+
+def limits(box: Array, ends: Array) -> Array:
+    """Return lower left and upper right corner of what is shown: the bodies' box, the arrows' ends, and a margin."""
+    flat = np.vstack([box, ends.reshape(-1, 2)])
+    corners = np.array([flat.min(axis=0), flat.max(axis=0)])
+    room = 0.06 * float(np.ptp(corners, axis=0).max() or 1.0)
+    return np.asarray(corners + np.array([[-room], [room]]))
+
+
+def _explain_insets(figure: "Figure", rings: int) -> None:
+    """Say below the insets what they show."""
+    from matplotlib.lines import Line2D
+
+    figure.text(0.65, 0.045, "axis of each journal in its bearing; circle: its clearance", fontsize=8)
+    for i in range(rings if rings > 1 else 0):
+        x = 0.66 + 0.09 * i
+        mark, colour = MARKERS[i % len(MARKERS)], PALETTE[i % len(PALETTE)]
+        figure.add_artist(Line2D([x], [0.02], marker=mark, color=colour, markersize=6, linestyle=""))
+        figure.text(x + 0.012, 0.02, f"ring {i + 1}", fontsize=8, va="center")
+
+
+def _grid(figure: "Figure", count: int) -> list["Axes"]:
+    """Return the places of the joints' circles, at the right of the figure."""
+    columns = 1 if count <= 3 else 2 if count <= 8 else 3
+    rows = max(-(-count // columns), 2)
+    wide, high = 0.34 / columns, 0.84 / rows
+    return [
+        figure.add_axes((0.65 + wide * (i % columns), 0.93 - high * (i // columns + 1), 0.95 * wide, 0.82 * high))
+        for i in range(count)
+    ]

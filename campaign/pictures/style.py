@@ -1,0 +1,42 @@
+"""How pictures look: colours that colour-blind readers can tell apart, never without a second mark."""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+INK, MUTED, GRID = "#1d2733", "#5a6675", "#dfe4ea"
+FORCE = "#a61c00"
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#B07A00", "#56B4E9", "#6A3D9A")  # after Okabe and Ito
+DASHES = ("-", "--", "-.", ":")
+MARKERS = ("o", "s", "^", "D", "v", "P")
+
+STYLE: Any = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "clearcap",
+    "text.parse_math": False,  # a response may be called "F$1"
+    "font.family": "sans-serif",
+    "font.size": 9.0,
+    "axes.edgecolor": MUTED,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 9.0,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "text.color": INK,
+    "lines.linewidth": 1.3,
+}
+
+
+def labelled(name: str, unit: str) -> str:
+    """Return a name with its unit for an axis; a pure number has none."""
+    return name if unit in ("", "1") else f"{name} [{unit}]"
+
+
+def bare(axes: "Axes") -> None:
+    """Take frame, ticks and background from axes that show a thing and not a graph."""
+    axes.set_axis_off()
+    axes.set_aspect("equal")

@@ -1,0 +1,80 @@
+"""Where to look from: the plane on which a mechanism in space is drawn."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from engine import Mechanism
+
+Array = NDArray[np.float64]
+Rows = NDArray[np.int64]
+
+_LEAST = np.diag([2e-3, 1e-3, 0.0])  # decides between directions that are alike: z before y before x
+
+
+@dataclass(frozen=True)
+class View:
+    """A plane: unit vectors to the right, upwards, and to the viewer."""
+
+    right: Array
+    up: Array
+    normal: Array
+
+    def project(self, points: Array) -> Array:
+        """Return points or vectors of space, shape (..., 3), on the plane, shape (..., 2)."""
+        return np.asarray(points @ np.stack([self.right, self.up], axis=1))
+
+
+def choose_view(mechanism: Mechanism) -> View:
+    """Return the plane normal to most joint axes; without such joints, that in which gravity and planes' normals lie.
+
+    Up is against gravity; without gravity in the plane it is z, or y for a view along z.
+    """
+    joints, gravity = mechanism.joints.values(), np.array(mechanism.gravity)
+    axes = [start_rotation(mechanism, joint.sides[0].body) @ joint.axes[0] for joint in joints if joint.axes]
+    if axes:
+        normal = _clean(np.linalg.eigh(_spread(axes) - 1e-3 * _LEAST).eigenvectors[:, -1])
+    else:
+        normal = _clean(np.linalg.eigh(_spread([*_plane_normals(mechanism), gravity]) + _LEAST).eigenvectors[:, 0])
+    up = _upwards(normal, gravity)
+    right = np.cross(up, normal)
+    if right[np.argmax(np.abs(right))] < 0:  # look from the other side: the larger coordinates are to the right
+        normal, right = -normal, -right
+    return View(right, up, normal)
+
+
+def start_rotation(mechanism: Mechanism, body: str) -> Array:
+    """Return the rotation from a body's own axes to the world at the start, shape (3, 3)."""
+    described = mechanism.bodies[body]
+    return np.asarray(Rotation.from_rotvec(described.angle * np.array(described.axis)).as_matrix())
+
+
+def _plane_normals(mechanism: Mechanism) -> list[Array]:
+    sides = [side for contact in mechanism.contacts.values() for side in (contact.a, contact.b) if side.plane]
+    return [start_rotation(mechanism, side.body) @ side.plane.normal for side in sides if side.plane]
+
+
+def _spread(directions: list[Array]) -> Array:
+    """Return the sum of n n' over unit vectors n; a zero vector has no direction."""
+    units = [d / np.linalg.norm(d) for d in directions if d.any()]
+    return np.asarray(sum((np.outer(n, n) for n in units), np.zeros((3, 3))), float)
+
+
+def _upwards(normal: Array, gravity: Array) -> Array:
+    """Return the unit vector of the plane that points up."""
+    wanted = next(w for w in (-gravity, np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])) if _lies_in(normal, w))
+    up = wanted - (wanted @ normal) * normal
+    return _clean(up / np.linalg.norm(up))
+
+
+def _lies_in(normal: Array, vector: Array) -> bool:
+    """Say whether a vector has a direction in the plane, that is, is not nearly along its normal."""
+    return bool(np.linalg.norm(np.cross(normal, vector)) > 0.3 * np.linalg.norm(vector))
+
+
+def _clean(vector: Array) -> Array:
+    """Return the vector without the rounding of the eigenvectors, so that axes of the world stay exact."""
+    rounded = np.round(vector, 12) + 0.0
+    return np.asarray(rounded / np.linalg.norm(rounded))

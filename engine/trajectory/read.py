@@ -1,0 +1,153 @@
+"""Read a trajectory file back into arrays, and say what is wrong with one that is none."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.errors import TrajectoryError
+from engine.mechanism import Mechanism, mechanism_from
+
+FORMAT, VERSION = "clearcap trajectory", 1
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    """The motion of one body, a row for each recorded instant."""
+
+    position: Array  # (n, 3) centre of mass, in the world
+    origin: Array  # (n, 3) origin of its own frame, in the world
+    quaternion: Array  # (n, 4) (w, x, y, z), from body axes to the world
+    velocity: Array  # (n, 3) of the centre of mass, in the world
+    angular_velocity: Array  # (n, 3) in body axes
+
+
+@dataclass(frozen=True)
+class ContactHistory:
+    """What happened at one contact, a row for each recorded instant."""
+
+    gap: Array  # (n,)
+    impulse: Array  # (n, 3) of the step that led here, (N, T1, T2)
+    active: NDArray[np.bool_]  # (n,) in the index set of that step
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A run as recorded: ``n`` instants, the first and the last of the run among them.
+
+    Attributes
+    ----------
+    description : the mechanism as plain data, as it was simulated
+    digest, engine : identity of the mechanism and of the engine's build
+    status, message : how the run ended
+    settings, certificate : what it was asked for, what it proves of itself
+    units : unit of each dataset, by its path in the file
+    time, step : (n,) instants, and lengths of the steps that led to them
+    kinetic, potential : (n,) energies
+    bodies, contacts, responses : by name
+    """
+
+    description: dict[str, Any]
+    digest: str
+    engine: str
+    status: str
+    message: str
+    settings: dict[str, Any]
+    certificate: dict[str, Any]
+    units: dict[str, str]
+    time: Array
+    step: Array
+    kinetic: Array
+    potential: Array
+    bodies: dict[str, BodyMotion]
+    contacts: dict[str, ContactHistory]
+    responses: dict[str, Array]
+
+    def mechanism(self) -> Mechanism:
+        """Return the mechanism that was simulated; MechanismError if this version does not know all its keys."""
+        return mechanism_from(self.description, f"mechanism of the trajectory ({self.description.get('name')})")
+
+    def force(self, contact: str) -> Array:
+        """Return the mean force of each step at a contact, (N, T1, T2), shape (n, 3)."""
+        return np.asarray(self.contacts[contact].impulse / self.step[:, None])
+
+
+def read_trajectory(path: str | Path) -> Trajectory:
+    """Read a trajectory file whole.
+
+    Raises
+    ------
+    TrajectoryError
+        If there is no such file, or it is none of clearcap's, of a newer format, incomplete or damaged.
+    """
+    import h5py
+
+    path = Path(path)
+    if not path.is_file():
+        raise TrajectoryError(f"trajectory {path}: no such file; write one with: clearcap simulate ... --trajectory")
+    if not h5py.is_hdf5(path):
+        raise TrajectoryError(f"trajectory {path}: not an HDF5 file; give one that clearcap simulate has written")
+    try:
+        with h5py.File(path, "r") as file:
+            _check(path, file.attrs)
+            return _read(file)
+    except (OSError, KeyError, RuntimeError, TypeError, ValueError) as error:  # cut short, checksum, datasets missing
+        raise TrajectoryError(f"trajectory {path}: damaged ({error}); simulate again") from error
+
+
+def _check(path: Path, attributes: Any) -> None:
+    """Refuse files of others, of newer versions, and of runs that were killed."""
+    if attributes.get("format") != FORMAT:
+        raise TrajectoryError(f"trajectory {path}: not a trajectory of clearcap; give one that it has written")
+    if attributes["format_version"] != VERSION:
+        raise TrajectoryError(
+            f"trajectory {path}: format {attributes['format_version']}; this version reads {VERSION}; "
+            "use the version of clearcap that wrote it"
+        )
+    if "status" not in attributes:
+        raise TrajectoryError(f"trajectory {path}: incomplete: its run was killed; simulate again")
+
+
+def _read(file: Any) -> Trajectory:
+    """Return the content of an open file; ValueError if its datasets do not fit together."""
+    attributes, arrays, units = file.attrs, {}, {}
+    for path in _datasets(file, ""):
+        arrays[path], units[path] = file[path][:], str(file[path].attrs["unit"])
+        if len(arrays[path]) != len(file["time"]):
+            raise ValueError(f"{path} has {len(arrays[path])} rows, time {len(file['time'])}")
+    return Trajectory(
+        description=json.loads(file["mechanism"].asstr()[()]),
+        **{name: str(attributes[name]) for name in ("digest", "engine", "status", "message")},
+        settings=json.loads(attributes["settings"]),
+        certificate={name: value.item() for name, value in file["certificate"].attrs.items()},
+        units=units,
+        time=arrays["time"],
+        step=arrays["step"],
+        kinetic=arrays["energy/kinetic"],
+        potential=arrays["energy/potential"],
+        bodies={name: BodyMotion(**_under(arrays, f"bodies/{name}/")) for name in file.get("bodies", ())},
+        contacts={name: _contact(_under(arrays, f"contacts/{name}/")) for name in file.get("contacts", ())},
+        responses=_under(arrays, "responses/"),
+    )
+
+
+def _datasets(group: Any, prefix: str) -> list[str]:
+    """Return the paths of all series below a group: every dataset but the mechanism's text."""
+    paths: list[str] = []
+    for name, item in group.items():
+        path = f"{prefix}{name}"
+        paths += _datasets(item, f"{path}/") if hasattr(item, "items") else [path]
+    return [path for path in paths if path != "mechanism"]
+
+
+def _under(arrays: dict[str, Array], prefix: str) -> dict[str, Array]:
+    return {path.removeprefix(prefix): array for path, array in arrays.items() if path.startswith(prefix)}
+
+
+def _contact(arrays: dict[str, Array]) -> ContactHistory:
+    return ContactHistory(arrays["gap"], arrays["impulse"], arrays["active"].astype(bool))

@@ -1,0 +1,117 @@
+"""Write the trajectory of a run in blocks while it goes; the file appears under its name when it is complete."""
+
+import json
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py
+
+from engine.assembly import Assembly
+from engine.build import build_id
+from engine.errors import TrajectoryError
+from engine.mechanism import Mechanism
+from engine.trajectory.layout import Array, Series, series_of
+from engine.trajectory.read import FORMAT, VERSION
+
+if TYPE_CHECKING:
+    from engine.simulate import Run
+
+CHUNK = 1024  # rows that are compressed together
+
+
+class Recording:
+    """A trajectory file that is being written; made by `recording`."""
+
+    def __init__(self, file: Any, mechanism: Mechanism, assembly: Assembly) -> None:
+        self._file = file
+        for group in ("bodies", "contacts", "responses"):
+            file.create_group(group, track_order=True)  # read in the order of the run, not of the alphabet
+        self._series = [(series, _dataset(file, series)) for series in series_of(mechanism, assembly)]
+
+    def append(self, rows: Array) -> None:
+        """Add rows of `kernels.record`, shape (n, row length)."""
+        for series, dataset in self._series:
+            n = len(dataset)
+            dataset.resize(n + len(rows), axis=0)
+            dataset[n:] = series.take(rows)
+
+    def finish(self, run: "Run") -> None:
+        """Write how the run ended; a file without it is incomplete."""
+        self._file.create_group("certificate").attrs.update(asdict(run.certificate))
+        self._file.attrs["message"] = run.message
+        self._file.attrs["status"] = run.status
+
+
+@contextmanager
+def recording(
+    path: str | Path, mechanism: Mechanism, assembly: Assembly, *, every: int, full_horizon: bool
+) -> Iterator[Recording]:
+    """Open a trajectory file under a temporary name, and give it its own at the end of the block.
+
+    Parameters
+    ----------
+    path : its name; a file that is there is replaced
+    mechanism, assembly : whose run it is
+    every, full_horizon : settings of the run that are not in the mechanism
+
+    Raises
+    ------
+    TrajectoryError
+        If ``every`` is not allowed or the file cannot be written.
+    """
+    if every < 1:
+        raise TrajectoryError(f"every = {every}: allowed: a whole number >= 1; 1 writes each step")
+    path = Path(path)
+    temporary = path.with_name(f"{path.name}.{os.getpid()}-{secrets.token_hex(4)}.tmp")
+    settings = {**mechanism.simulation.model_dump(mode="json"), "every": every, "full_horizon": full_horizon}
+    try:
+        # the format of HDF5 1.10: half the size of the oldest one when there are many datasets
+        with h5py.File(temporary, "x", libver=("v110", "v110")) as file:
+            _describe(file, mechanism, settings)
+            yield Recording(file, mechanism, assembly)
+        with temporary.open("rb") as written:
+            os.fsync(written.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        raise TrajectoryError(
+            f"trajectory {path}: cannot be written ({error.strerror or error}); "
+            "name a file in a folder you may write to, on a disk with room"
+        ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _describe(file: Any, mechanism: Mechanism, settings: dict[str, Any]) -> None:
+    """Write what the run was made of."""
+    file.attrs["format"] = FORMAT
+    file.attrs["format_version"] = VERSION
+    file.attrs["mechanism"] = mechanism.name
+    file.attrs["digest"] = mechanism.digest()
+    file.attrs["engine"] = build_id()
+    file.attrs["units"] = mechanism.units
+    file.attrs["settings"] = json.dumps(settings)
+    description = mechanism.model_dump(mode="json", by_alias=True, exclude_none=True)
+    file["mechanism"] = json.dumps(description, ensure_ascii=False)  # may be longer than an attribute can be
+
+
+def _dataset(file: Any, series: Series) -> Any:
+    """Make the empty dataset of a series; it grows."""
+    more = () if series.width == 1 else (series.width,)
+    dataset = file.create_dataset(
+        series.path,
+        shape=(0, *more),
+        maxshape=(None, *more),
+        chunks=(CHUNK, *more),
+        dtype=series.dtype,
+        compression="gzip",
+        shuffle=True,
+        fletcher32=True,
+    )
+    dataset.attrs["unit"] = series.unit
+    dataset.attrs["description"] = series.about
+    return dataset
