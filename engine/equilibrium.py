@@ -3,21 +3,25 @@
 With everything sticking the forces are not unique: friction at redundant contacts may lock in any of a continuum.
 The ones reported are the limit of contacts that are all equally, and hardly, compliant, u = -c r: the balanced
 forces inside Coulomb's cones with the least sum of squares. They follow from the pose alone, not from its history.
+Ideal joints and prescribed motions hold whatever they are asked to.
 """
 
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from engine.friction.arrays import CONVERGED, friction_arrays
+from engine.friction.arrays import CONVERGED, FrictionArrays, friction_arrays
 from engine.friction.solver import solve_friction
+from engine.friction.ties import hold_ties, tie_down
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.gaps import find_contacts
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist
+from engine.kernels.ties import tie_targets, tie_velocity, tie_violations, whitened_ties
 
 if TYPE_CHECKING:
     from engine.assembly import Array, Assembly
+    from engine.assembly.ties import Places
     from engine.kernels.model import Bodies
 
 # compliance, as a share of the mean diagonal of the Delassus operator, and the residual to reach with it: the limit is
@@ -43,32 +47,27 @@ def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: flo
         Forces (N, T1, T2); None if the contacts that touch cannot hold the loads.
     """
     model, state, work = assembly.model, assembly.state, assembly.work
-    bodies, contacts, laws = model.bodies, model.contacts, model.laws
+    bodies, contacts = model.bodies, model.contacts
     h *= 1e-3  # so short that the free motion of an unloaded step has no gyroscopic part
     state.v[:] = 0
     apply_loads(bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.a, work.b)
     free_twist(bodies, state.R, state.v, work.wrench, h, 0.5, work.free)
+    falling = _energy_norm(bodies, work.free)
+    _hold(assembly, t)
     find_contacts(contacts, state.x, state.R, work.gap, work.point, work.frame)
 
     touching = np.flatnonzero((state.r[:, 0] > 0) | (work.gap <= touching_gap))
-    n, nc = 6 * bodies.mass.size, touching.size
-    # each contact's compliance is a spring of its own: three velocities that only this contact touches
-    problem = friction_arrays(n + 3 * nc, nc, runs=3, k=15, band=n + 3 * nc)
-    for j, i in enumerate(touching):
-        at = (contacts.a[i], contacts.b[i], work.point, work.frame)
-        whitened_rows(bodies, state.x, state.R, *at, i, problem.rows, j)
-        relative_velocity(state.x, state.R, *at, work.free, i, work.q)
+    problem = _problem(assembly, touching)
+    n, nc = problem.w.size, touching.size
     diagonal = np.sum(problem.rows.G[:nc] ** 2) / max(3 * nc, 1)
     widths = problem.rows.width.sum(axis=1)
-    problem.mu[:] = laws.mu[touching]
-    falling = _energy_norm(bodies, work.free)
     for compliance, tolerance in ATTEMPTS:
         problem.q[:] = work.q[touching]
         for j in range(nc):
-            problem.rows.start[j, 2], problem.rows.width[j, 2] = n + 3 * j, 3
+            problem.rows.start[j, 2], problem.rows.width[j, 2] = n - 3 * nc + 3 * j, 3
             problem.rows.G[j, :, widths[j] : widths[j] + 3] = np.sqrt(compliance * diagonal) * np.eye(3)
         problem.r[:] = 0
-        status, _, _ = solve_friction(n + 3 * nc, nc, problem, tolerance)
+        status, _, _ = solve_friction(n, nc, problem, tolerance)
         if status == CONVERGED:
             held = work.free.copy()
             add_whitened(bodies, problem.w, held)
@@ -77,12 +76,89 @@ def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: flo
             impulses = problem.r.copy()
             # the springs gave way by a share of the load: once more, from springs that already carry these impulses
             problem.q[:] -= compliance * diagonal * impulses
-            if solve_friction(n + 3 * nc, nc, problem, tolerance)[0] == CONVERGED:
+            if solve_friction(n, nc, problem, tolerance)[0] == CONVERGED:
                 impulses = problem.r
             forces = np.zeros_like(state.r)
             forces[touching] = impulses / h
             return forces
     return None
+
+
+def normal_force_ranges(assembly: "Assembly", forces: "Array", wanted: list[int]) -> list[tuple[float, float]]:
+    """Return the least and the largest normal force of each wanted contact among all that keep the same balance.
+
+    Parameters
+    ----------
+    assembly : at rest, as `forces_at_rest` left it
+    forces : what that returned, shape (nc, 3)
+    wanted : numbers of contacts
+
+    Returns
+    -------
+    list of (least, largest)
+        The largest is inf where friction wedges: see `engine.friction.indeterminacy`.
+    """
+    from engine.friction.indeterminacy import normal_force_range
+
+    work = assembly.work
+    touching = np.flatnonzero(forces[:, 0] > 0)
+    problem = _problem(assembly, touching)
+    H = np.zeros((3 * touching.size, problem.w.size))
+    J = np.zeros((work.held.violation.size, problem.w.size))
+    for j in range(touching.size):
+        H[3 * j : 3 * j + 3] += _spread(problem.rows.start[j], problem.rows.width[j], problem.rows.G[j], J.shape[1])
+    for i in range(len(J)):
+        J[i] = _spread(problem.ties.start[i], problem.ties.width[i], problem.ties.J[i : i + 1], J.shape[1])[0]
+    if len(J):  # what the joints hold is no part of the balance
+        H = H - (H @ np.linalg.pinv(J)) @ J
+    mu, r = problem.mu, forces[touching].ravel()
+    place = {int(contact): j for j, contact in enumerate(touching)}
+    return [normal_force_range(H, mu, r, place[i]) if i in place else (0.0, 0.0) for i in wanted]
+
+
+def _spread(start: "Places", width: "Places", rows: "Array", n: int) -> "Array":
+    """Return rows whose columns stand one run after the other as full ones."""
+    full, at = np.zeros((len(rows), n)), 0
+    for first, count in zip(start, width, strict=True):
+        full[:, first : first + count] += rows[:, at : at + count]
+        at += count
+    return full
+
+
+def _hold(assembly: "Assembly", t: float) -> None:
+    """Take out of the free twists what ideal joints and prescribed motions hold."""
+    model, state, work, held = assembly.model, assembly.state, assembly.work, assembly.work.held
+    tied, w = assembly.problem.ties, assembly.problem.w
+    if not held.violation.size:
+        return
+    tie_targets(model.ties, model.time_laws, t, 0.0, held.target)
+    tie_violations(model.ties, state.x, state.R, held.target[1], held.violation, held.point, held.way)
+    for i in range(held.violation.size):
+        held.violation[i] = tie_velocity(model.ties, state.x, state.R, held.point, held.way, work.free, i)
+    whitened_ties(model.bodies, model.ties, state.x, state.R, held.point, held.way, tied.J)
+    tie_down(w.size, tied)
+    hold_ties(w.size, tied, held.violation, w)
+    add_whitened(model.bodies, w, work.free)
+
+
+def _problem(assembly: "Assembly", touching: "Places") -> FrictionArrays:
+    """Return the friction problem of the contacts that touch, each with three velocities of its own behind the others.
+
+    They are the contact's compliance: a spring that only this contact touches; they are of width 0 at first.
+    """
+    model, state, work, tied = assembly.model, assembly.state, assembly.work, assembly.problem.ties
+    contacts, nc = model.contacts, touching.size
+    n = assembly.problem.w.size + 3 * nc
+    problem = friction_arrays(n, nc, runs=3, k=15, band=n, ties=tied.at.size)
+    for name in ("at", "start", "width", "J"):
+        getattr(problem.ties, name)[:] = getattr(tied, name)
+    tie_down(n, problem.ties)
+    for j, i in enumerate(touching):
+        at = (contacts.a[i], contacts.b[i], work.point, work.frame)
+        whitened_rows(model.bodies, state.x, state.R, *at, i, problem.rows, j)
+        relative_velocity(state.x, state.R, *at, work.free, i, work.q)
+    problem.mu[:] = model.laws.mu[touching]
+    return problem
 
 
 def _energy_norm(bodies: "Bodies", twist: "Array") -> float:

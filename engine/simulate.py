@@ -57,6 +57,8 @@ class Run:
     certificate: Certificate
     measured: dict[str, float] = field(default_factory=dict)
     """The responses as measured at the end of the run, also of a run that failed."""
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Of each contact force read at rest, the least and the largest that friction allows at that pose."""
 
 
 def simulate(
@@ -69,6 +71,7 @@ def simulate(
     cancel: "Cancel | None" = None,
     trajectory: str | Path | None = None,
     every: int = 1,
+    indeterminacy: bool = False,
 ) -> Run:
     """Simulate a mechanism until it is at rest and measure its responses (paper, sections 2 and 4.1).
 
@@ -82,6 +85,7 @@ def simulate(
     cancel : a flag that ends the run when another thread sets it
     trajectory : an HDF5 file to write the whole motion to, whatever the run comes to; see `read_trajectory`
     every : write every so many-th step of it, and the last
+    indeterminacy : also compute how far friction leaves the contact forces at rest open (`Run.ranges`)
 
     Raises
     ------
@@ -100,11 +104,11 @@ def simulate(
         mechanism = mechanism.model_copy(update={"simulation": fixed})
     assembly = assemble(mechanism)
     if trajectory is None:
-        return _execute(mechanism, assembly, full_horizon, cancel)
+        return _execute(mechanism, assembly, full_horizon, cancel, indeterminacy)
     from engine.trajectory.write import recording
 
     with recording(trajectory, mechanism, assembly, every=every, full_horizon=full_horizon) as file:
-        run = _execute(mechanism, assembly, full_horizon, cancel, file.append, every)
+        run = _execute(mechanism, assembly, full_horizon, cancel, indeterminacy, file.append, every)
         file.finish(run)
     return run
 
@@ -130,6 +134,7 @@ def _execute(
     assembly: "Assembly",
     full_horizon: bool,
     cancel: "Cancel | None",
+    indeterminacy: bool = False,
     sink: "Callable[[Array], None] | None" = None,
     every: int = 1,
 ) -> Run:
@@ -152,20 +157,24 @@ def _execute(
         iterations=int(counts[run.ITERATIONS]),
         repeated=int(counts[run.REPEATED]),
     )
+    ranges: dict[str, tuple[float, float]] = {}
     if counts[run.STATUS] == run.OK and certificate.settled:
-        _measure_at_rest(mechanism, assembly, int(counts[run.PHASE]), certificate.time)
+        forces = _measure_at_rest(mechanism, assembly, int(counts[run.PHASE]), certificate.time)
+        if indeterminacy and forces is not None:
+            ranges = _force_ranges(mechanism, assembly, forces)
     measured = dict(zip(mechanism.responses, map(float, assembly.work.reported), strict=True))
     if counts[run.STATUS] == run.OK:
         status, message = judge(mechanism, measured, bool(counts[run.COMPLETED]) or full_horizon)
     else:
         status, message = failure(mechanism, assembly, course)
-    return Run(status, message, measured if status == "ok" else {}, mechanism.response_units(), certificate, measured)
+    responses = measured if status == "ok" else {}
+    return Run(status, message, responses, mechanism.response_units(), certificate, measured, ranges)
 
 
-def _measure_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int, t: float) -> None:
+def _measure_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int, t: float) -> "Array | None":
     """Measure the responses of the end once more, with the contact forces that the pose at rest determines.
 
-    They are NaN where no forces in the friction cones balance the loads.
+    They are NaN where no forces in the friction cones balance the loads. Returns the forces, shape (nc, 3).
     """
     from engine.equilibrium import forces_at_rest
     from engine.kernels.model import CONTACT_FORCE, END
@@ -173,7 +182,7 @@ def _measure_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int, t: 
 
     model, state, work = assembly.model, assembly.state, assembly.work
     if not (model.responses.kind >= CONTACT_FORCE).any():
-        return
+        return None
     sim = mechanism.simulation
     forces = forces_at_rest(assembly, phase, sim.step, sim.penetration, t)
     state.r[:] = math.nan if forces is None else forces
@@ -182,3 +191,17 @@ def _measure_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int, t: 
     )
     at_end = model.responses.at == END
     work.reported[at_end] = work.values[at_end]
+    return forces
+
+
+def _force_ranges(mechanism: Mechanism, assembly: "Assembly", forces: "Array") -> dict[str, tuple[float, float]]:
+    """Return what friction leaves open of the normal forces that are read at the end."""
+    from engine.equilibrium import normal_force_ranges
+    from engine.mechanism.responses import ContactForce
+
+    wanted = {
+        name: assembly.contact_names.index(response.contact)
+        for name, response in mechanism.responses.items()
+        if isinstance(response, ContactForce) and response.component == "normal" and response.at == "end"
+    }
+    return dict(zip(wanted, normal_force_ranges(assembly, forces, list(wanted.values())), strict=True))

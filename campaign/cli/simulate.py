@@ -45,6 +45,7 @@ def simulate(
             full_horizon=full_horizon,
             trajectory=motion,
             every=every or 1,
+            indeterminacy=True,
         )
         if motion and (plot or animation):
             _draw(motion, plot, animation)
@@ -58,12 +59,14 @@ def _print(run: "Run", files: dict[str, str], json: bool) -> None:
     """Print what the run came to and the files that were written."""
     if json:
         face = {"status": run.status, "message": run.message, "responses": run.responses, "units": run.units}
-        print_json({**face, "certificate": asdict(run.certificate), "files": files})
+        print_json({**face, "ranges": run.ranges, "certificate": asdict(run.certificate), "files": files})
         return
     print(f"{run.status}{': ' if run.message else ''}{run.message}")
     width = max(map(len, run.responses), default=0)
     for name, value in run.responses.items():
-        print(f"{name:{width}}  {value:.10g} {run.units[name]}")
+        least, largest = run.ranges.get(name, (value, value))
+        between = f"  (friction leaves {least:.6g} to {largest:.6g})" if largest > least else ""
+        print(f"{name:{width}}  {value:.10g} {run.units[name]}{between}")
     print("\n".join(f"  {name} = {value}" for name, value in asdict(run.certificate).items()))
     for name, path in files.items():
         print(f"{name}: {path}")
