@@ -12,7 +12,7 @@ import numpy as np
 
 from engine.friction.banded import ROWS_AT_ONCE
 from engine.friction.ties import Ties, release
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 
 CONVERGED = 0
 NOT_CONVERGED = 1
@@ -84,14 +84,14 @@ def friction_arrays(n: int, nc: int, runs: int, k: int, band: int, ties: int = 0
     return FrictionArrays(rows, tied, *(np.zeros(shapes.get(name, (nc, 3))) for name in FrictionArrays._fields[2:]))
 
 
-@kernel
+@inner
 def copy(nc, source, target):
     """Copy the first ``nc`` rows of three."""
     for i in range(nc):
         target[i, 0], target[i, 1], target[i, 2] = source[i, 0], source[i, 1], source[i, 2]
 
 
-@kernel
+@inner
 def measure_scales(nc, rows, scale):
     """Write each contact's mean Delassus diagonal, as if nothing were tied; return their mean."""
     mean = 0.0
@@ -108,7 +108,7 @@ def measure_scales(nc, rows, scale):
     return mean if mean > 0.0 else 1.0
 
 
-@kernel
+@inner
 def add_impulse(rows, i, r0, r1, r2, w):
     """Add G_i' r to a vector of velocities."""
     g0, g1, g2, a = rows.G[i, 0], rows.G[i, 1], rows.G[i, 2], 0
@@ -119,7 +119,7 @@ def add_impulse(rows, i, r0, r1, r2, w):
         a += rows.width[i, run]
 
 
-@kernel
+@inner
 def relative(rows, i, w):
     """Return the three components of G_i w."""
     u0, u1, u2, a = 0.0, 0.0, 0.0, 0
@@ -134,7 +134,7 @@ def relative(rows, i, w):
     return u0, u1, u2
 
 
-@kernel
+@inner
 def finish(n, nc, p):
     """Write the velocities w and u that belong to the impulses r."""
     for k in range(n):

@@ -5,13 +5,13 @@ is stored two wider than the contacts ask for: three rows are eliminated at a ti
 as the last. All systems here have a positive definite symmetric part, which is what spares the pivoting.
 """
 
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 
 BODY = 6  # velocities of a body
 ROWS_AT_ONCE = 3
 
 
-@kernel
+@inner
 def start_system(n, K):
     """Write the identity: the mass matrix of whitened velocities."""
     middle = (K.shape[1] - 1) // 2
@@ -21,7 +21,7 @@ def start_system(n, K):
         K[i, middle] = 1.0
 
 
-@kernel
+@inner
 def add_block(rows, i, A, AG, K):
     """Add G_i' A G_i to the system, for the 3 x 3 block A of contact i.
 
@@ -54,7 +54,7 @@ def add_block(rows, i, A, AG, K):
         a += m
 
 
-@kernel
+@inner
 def factorise(n, K):
     """Replace K by its factors L U; the diagonal holds the inverses of the pivots."""
     middle = (K.shape[1] - 1) // 2
@@ -91,7 +91,7 @@ def factorise(n, K):
                 row[j] -= row[0] * a[j]
 
 
-@kernel
+@inner
 def substitute(n, K, x):
     """Solve L U x = x in place, for factors from `factorise`."""
     middle = (K.shape[1] - 1) // 2
@@ -103,7 +103,7 @@ def substitute(n, K, x):
         x[i] = (x[i] - _dot(min(band, n - 1 - i), K[i, middle + 1 :], x[i + 1 :])) * K[i, middle]
 
 
-@kernel
+@inner
 def _dot(n, a, b):
     """Return the sum of a[k] b[k]: four sums at a time, or each addition waits for the last."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0

@@ -12,12 +12,12 @@ scale s: r and u are both velocities here, and f' = P s dr + Q du. Two equations
 import numpy as np
 
 from engine.friction.cone import project
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 
 TINY = 1e-300
 
 
-@kernel
+@inner
 def mismatch(mu, r0, r1, r2, u0, u1, u2, tau2):
     """Return |f|^2, of the natural map if ``tau2`` is 0."""
     slip = np.sqrt(u1 * u1 + u2 * u2)
@@ -35,7 +35,7 @@ def mismatch(mu, r0, r1, r2, u0, u1, u2, tau2):
     return f0 * f0 + f1 * f1 + f2 * f2
 
 
-@kernel
+@inner
 def natural_map(i, mu, r0, r1, r2, u0, u1, u2, P, Q, f):
     """Write the natural map of contact i and its derivatives, P = I - D and Q = D E; return |f|^2.
 
@@ -69,7 +69,7 @@ def natural_map(i, mu, r0, r1, r2, u0, u1, u2, P, Q, f):
     return f0 * f0 + f1 * f1 + f2 * f2
 
 
-@kernel
+@inner
 def fischer_burmeister(i, mu, r0, r1, r2, u0, u1, u2, tau2, P, Q, f):
     """Write phi of contact i and its derivatives, (I - L_z^-1 L_a) da/dr and (I - L_z^-1 L_b) db/du; return |phi|^2."""
     if mu == 0.0:
@@ -102,7 +102,7 @@ def fischer_burmeister(i, mu, r0, r1, r2, u0, u1, u2, tau2, P, Q, f):
     return f0 * f0 + f1 * f1 + f2 * f2
 
 
-@kernel
+@inner
 def _jordan_root(a0, a1, a2, b0, b1, b2, tau2):
     """Return z = (a o a + b o b + 2 tau^2 e)^(1/2) and its determinant."""
     w0 = a0 * a0 + a1 * a1 + a2 * a2 + b0 * b0 + b1 * b1 + b2 * b2 + 2 * tau2
@@ -113,7 +113,7 @@ def _jordan_root(a0, a1, a2, b0, b1, b2, tau2):
     return 0.5 * (root1 + root2), f * w1, f * w2, root1 * root2
 
 
-@kernel
+@inner
 def _without_friction(i, r0, r1, r2, u0, tau2, P, Q, f):
     """Do for mu = 0 what `fischer_burmeister` does: 0 <= u_N _|_ r_N >= 0; the tangential impulse goes to zero."""
     z = max(np.sqrt(r0 * r0 + u0 * u0 + 2 * tau2), TINY)
@@ -126,7 +126,7 @@ def _without_friction(i, r0, r1, r2, u0, tau2, P, Q, f):
     return f0 * f0
 
 
-@kernel
+@inner
 def eliminate(i, s, proximal, P, Q, f):
     """Solve P s dr + Q du = -f for the impulse, dr = -b - A du: A is written over P and b over f.
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 
 LARGEST = 1e7
 
 
-@kernel
+@inner
 def project(mu, r0, r1, r2):
     """Return the point of Coulomb's cone nearest to (r0, r1, r2) = (N, T1, T2)."""
     t = np.sqrt(r1 * r1 + r2 * r2)
@@ -20,7 +20,7 @@ def project(mu, r0, r1, r2):
     return n, f * r1, f * r2
 
 
-@kernel
+@inner
 def residual(nc, mu, r, u, q, scale):
     """Return the relative natural-map residual of a friction problem.
 

@@ -13,14 +13,14 @@ from engine.friction.arrays import add_impulse, copy, finish, relative
 from engine.friction.banded import add_block, factorise, start_system, substitute
 from engine.friction.cone import residual
 from engine.friction.ties import add_ties
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 
 TO_BOUNDARY = 0.95
 INSIDE = 1e-3  # of the load: how far inside the cones the first point is
 STALL = 12  # steps without halving the residual
 
 
-@kernel
+@inner
 def interior_point(n, nc, p, mean, tolerance, inside, limit):
     """Solve from the impulses given, moved inside the cones by ``inside`` times the load.
 
@@ -69,7 +69,7 @@ def interior_point(n, nc, p, mean, tolerance, inside, limit):
     return iteration, best
 
 
-@kernel
+@inner
 def _start(i, mu, scale, r, u, inside, x, y):
     """Write the first x and y of contact i, both inside the cone."""
     c, slip = 1 / max(1.0, mu), np.sqrt(u[i, 1] ** 2 + u[i, 2] ** 2)
@@ -83,7 +83,7 @@ def _start(i, mu, scale, r, u, inside, x, y):
         y[i, 0], y[i, 1], y[i, 2] = inside + max(u[i, 0], 0.0), 0.0, 0.0
 
 
-@kernel
+@inner
 def _to_impulse(i, mu, scale, x, r):
     """Write the impulse that belongs to the scaled x."""
     f = max(1.0, mu) / scale
@@ -93,7 +93,7 @@ def _to_impulse(i, mu, scale, x, r):
         r[i, 0], r[i, 1], r[i, 2] = f * x[i, 0], 0.0, 0.0
 
 
-@kernel
+@inner
 def _scaled_system(n, nc, p):
     """Scale at the present point: write W, the misses and the factorised system; return the mean of x . y."""
     gap, x, y, u, W = 0.0, p.x, p.y, p.u, p.Q
@@ -130,13 +130,13 @@ def _scaled_system(n, nc, p):
     return gap / nc
 
 
-@kernel
+@inner
 def _row(W, i, k, v0, v1, v2):
     """Return row k of the block W_i times a vector."""
     return W[i, k, 0] * v0 + W[i, k, 1] * v1 + W[i, k, 2] * v2
 
 
-@kernel
+@inner
 def _scaling(i, x, y, W):
     """Write the Nesterov-Todd scaling, W y = W^-1 x."""
     ax, ay = _root_determinant(x[i, 0], x[i, 1], x[i, 2]), _root_determinant(y[i, 0], y[i, 1], y[i, 2])
@@ -150,14 +150,14 @@ def _scaling(i, x, y, W):
     W[i, 2, 0], W[i, 2, 1], W[i, 2, 2] = eta * w2, eta * k * w1 * w2, eta * (1 + k * w2 * w2)
 
 
-@kernel
+@inner
 def _root_determinant(x0, x1, x2):
     """Square root of x_0^2 - |x_T|^2, kept above zero."""
     t = np.sqrt(x1 * x1 + x2 * x2)
     return np.sqrt(max((x0 - t) * (x0 + t), 1e-300))
 
 
-@kernel
+@inner
 def _corrector(i, mu, W, x, y, dx, dy, target, d):
     """Write d = W l^-1 o (target e - l o l - (W^-1 dx) o (W dy)), l = W y."""
     if mu == 0.0:
@@ -182,7 +182,7 @@ def _corrector(i, mu, W, x, y, dx, dy, target, d):
         d[i, k] = _row(W, i, k, h0, h1, h2)
 
 
-@kernel
+@inner
 def _direction(n, nc, p):
     """Write dx and dy for the right-hand sides in ``p.b``; return how far the cones allow to go."""
     W, m, b, dx, dy, u = p.Q, p.miss, p.b, p.dr, p.du, p.u
@@ -223,7 +223,7 @@ def _direction(n, nc, p):
     return step
 
 
-@kernel
+@inner
 def _to_boundary(i, x, d):
     """Return the largest step along d that stays in the second-order cone."""
     a = d[i, 0] ** 2 - d[i, 1] ** 2 - d[i, 2] ** 2

@@ -12,13 +12,13 @@ from engine.friction.banded import add_block, factorise, start_system, substitut
 from engine.friction.complementarity import eliminate, fischer_burmeister, mismatch, natural_map
 from engine.friction.cone import residual
 from engine.friction.ties import add_ties
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 
 SHRINK = 0.04  # of tau^2, when the smoothed equation is met as well as its smoothing deserves
 POOR = 0.5  # of the merit: a step that leaves more is a poor one
 
 
-@kernel
+@inner
 def newton(n, nc, p, mean, tolerance, tau2, end, proximal, least, limit, patience):
     """Improve ``p.r`` by ``least`` to ``limit`` steps; return the steps spent, the residual reached and tau^2.
 
@@ -54,7 +54,7 @@ def newton(n, nc, p, mean, tolerance, tau2, end, proximal, least, limit, patienc
     return iteration, reached if reached < np.inf else np.inf, tau2
 
 
-@kernel
+@inner
 def _direction(n, nc, p, proximal, tau2):
     """Write Newton's direction: impulses into dr, relative velocities into du; return the merit, the sum of squares."""
     start_system(n, p.K)
@@ -84,7 +84,7 @@ def _direction(n, nc, p, proximal, tau2):
     return merit
 
 
-@kernel
+@inner
 def _line_search(nc, p, merit, tau2, halvings):
     """Halve the step until the merit falls below the given one; return the step and the merit there."""
     step, after = 1.0, np.inf

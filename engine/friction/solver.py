@@ -14,7 +14,7 @@ import numpy as np
 from engine.friction.arrays import CONVERGED, NOT_CONVERGED, copy, finish, measure_scales
 from engine.friction.interior import interior_point
 from engine.friction.newton import newton
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner, kernel
 
 NATURAL_STEPS = 30
 PROXIMAL = 1e-8  # share of a sticking contact's velocity in its equation: what makes its impulse unique
@@ -73,7 +73,7 @@ def solve_friction(n, nc, p, tolerance):
     return CONVERGED if best <= tolerance else NOT_CONVERGED, total, best
 
 
-@kernel
+@inner
 def _follow(n, nc, p, mean, tolerance, tau2, load, proximal, least, limit, patience):
     """Follow the smoothed solutions down from tau^2, from each try the natural map; return steps and residual.
 

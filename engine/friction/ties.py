@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from engine.friction.banded import factorise, start_system, substitute
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner, kernel
 
 EPS = 1e-12
 REFINEMENTS = 1
@@ -47,7 +47,7 @@ def tie_down(n, ties):
         factorise(n, ties.factors)
 
 
-@kernel
+@inner
 def add_ties(ties, K):
     """Write the tied rows and columns into the identity: B."""
     middle = (K.shape[1] - 1) // 2
@@ -64,7 +64,7 @@ def add_ties(ties, K):
                 a += ties.width[i, run]
 
 
-@kernel
+@inner
 def release(n, ties, w):
     """Solve B w = w in place, for eps -> 0; without ties there is nothing to do."""
     if ties.at.shape[0] > 0:
@@ -78,7 +78,7 @@ def release(n, ties, w):
                 w[k] += ties.miss[k]
 
 
-@kernel
+@inner
 def _miss(n, ties, w):
     """Write what is left of the right-hand side, without eps: asked - B w."""
     for k in range(n):

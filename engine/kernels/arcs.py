@@ -10,7 +10,7 @@ normal there is the one combination of the faces' normals that is across the arc
 
 import numpy as np
 
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 from engine.kernels.model import ON_BALL, ON_DISC, ON_RECTANGLE
 from engine.kernels.solids import signed_distance
 from engine.kernels.vectors import dot
@@ -25,7 +25,7 @@ OPPOSED = 0.5  # length of a combined normal; below, the faces are turned away f
 FLAT = 1e-12  # change of slope from one sample to the next, as a share of the radius, that is only rounding
 
 
-@kernel
+@inner
 def nearest_on_arc(kind, b, r, half, W, E, F, ew, ee, fe, x, y):
     """Find where an arc is nearest to the solid ``b`` of that kind.
 
@@ -69,7 +69,7 @@ def nearest_on_arc(kind, b, r, half, W, E, F, ew, ee, fe, x, y):
     return angle, True, normal
 
 
-@kernel
+@inner
 def angle_on_circle(WE, WF, EE, FF, EF, r):
     """Return the angle [rad] at which |W + r (cos E + sin F)| is least, from the vectors' products.
 
@@ -96,7 +96,7 @@ def angle_on_circle(WE, WF, EE, FF, EF, r):
     return angle if abs(angle) <= np.pi else angle - np.copysign(2 * np.pi, angle)
 
 
-@kernel
+@inner
 def search(kind, b, r, half, curve):
     """Return the angle of the arc's point nearest to the solid, wherever it is.
 
@@ -124,7 +124,7 @@ def search(kind, b, r, half, curve):
     return angle
 
 
-@kernel
+@inner
 def stationary(kind, b, curve, low, below, high, above):
     """Return an angle where the slope, ``below`` < 0 at ``low`` and ``above`` >= 0 at ``high``, changes its sign.
 
@@ -147,7 +147,7 @@ def stationary(kind, b, curve, low, below, high, above):
     return angle
 
 
-@kernel
+@inner
 def distance_along(kind, b, curve, angle):
     """Return the signed distance of the arc's point at an angle, its slope, and the normal there."""
     c, s = np.cos(angle), np.sin(angle)

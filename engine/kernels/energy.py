@@ -1,9 +1,9 @@
 """Kinetic energy of the bodies."""
 
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 
 
-@kernel
+@inner
 def kinetic_energy(bodies, v):
     """Return the sum of m |v|^2 / 2 + O . I O / 2."""
     energy = 0.0

@@ -28,7 +28,7 @@ keeps the moment balance exact.
 import numpy as np
 
 from engine.kernels.arcs import nearest_on_arc
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner, kernel
 from engine.kernels.model import ARC_PLANE, CYLINDER_PLANE, ON_BALL, ON_RECTANGLE, ON_ROUND, RING_BORE
 from engine.kernels.rotations import to_world, turn_to_world
 from engine.kernels.solids import box, section
@@ -57,7 +57,7 @@ def find_contact(contacts, x, R, i, point, frame):
     return on_solid(contacts, x, R, i, kind, point[i], frame[i])
 
 
-@kernel
+@inner
 def ring_in_bore(contacts, x, R, i, point, frame):
     """Ring of the bearing around the journal's cylinder: g = c - e, the force acts on the journal's surface."""
     a, b = contacts.a[i], contacts.b[i]
@@ -86,7 +86,7 @@ def ring_in_bore(contacts, x, R, i, point, frame):
     return contacts.clearance[i] - eccentricity
 
 
-@kernel
+@inner
 def on_plane(contacts, x, R, i, kind, point, frame):
     """Lowest point of a point, an arc or a cylinder over a plane: g = (point - plane) . n."""
     a, b = contacts.a[i], contacts.b[i]
@@ -133,7 +133,7 @@ def on_plane(contacts, x, R, i, kind, point, frame):
     return distance + contacts.clearance[i]
 
 
-@kernel
+@inner
 def on_solid(contacts, x, R, i, kind, point, frame):
     """Point of an arc nearest to a solid: the solid's signed distance there."""
     a, b = contacts.a[i], contacts.b[i]
@@ -181,7 +181,7 @@ def on_solid(contacts, x, R, i, kind, point, frame):
     return gap + contacts.clearance[i]
 
 
-@kernel
+@inner
 def transport(pole, t, n, out):
     """Write into ``out`` the tangent ``t`` turned as the shortest rotation turns ``pole`` into ``n``.
 
@@ -198,7 +198,7 @@ def transport(pole, t, n, out):
         out[0], out[1], out[2] = k * t0, k * t1, k * t2
 
 
-@kernel
+@inner
 def cross(a, b, out):
     """Write the vector product of a and b."""
     out[0] = a[1] * b[2] - a[2] * b[1]

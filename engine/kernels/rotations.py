@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner, kernel
 
 
 @kernel
@@ -39,7 +39,7 @@ def turn(p, a, b, c):
     p[0], p[1], p[2], p[3] = n * p0, n * p1, n * p2, n * p3
 
 
-@kernel
+@inner
 def times(p, q):
     """Quaternion product as a tuple."""
     return (
@@ -60,7 +60,7 @@ def twist_angle(pa, pb, n0, n1, n2):
     return 2 * np.arctan2(x * n0 + y * n1 + z * n2, w)
 
 
-@kernel
+@inner
 def to_world(x, R, body, row, k, out):
     """Write into ``out`` the world position of the body's point ``row[k : k + 3]``: x + R p."""
     a, b, c = row[k], row[k + 1], row[k + 2]
@@ -68,7 +68,7 @@ def to_world(x, R, body, row, k, out):
         out[i] = x[body, i] + R[body, i, 0] * a + R[body, i, 1] * b + R[body, i, 2] * c
 
 
-@kernel
+@inner
 def turn_to_world(R, body, row, k, out):
     """Write into ``out`` the world components of the body's direction ``row[k : k + 3]``: R d."""
     a, b, c = row[k], row[k + 1], row[k + 2]

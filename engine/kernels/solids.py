@@ -9,11 +9,11 @@ faster than the features move, and a point that leaves a face goes round its edg
 
 import math
 
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 from engine.kernels.model import ON_RECTANGLE
 
 
-@kernel
+@inner
 def section(b, rho, z):
     """Return the signed distance of (rho, z) from the section, and its derivatives by rho and by z."""
     u, u_rho = rho - b[10], 1.0
@@ -30,7 +30,7 @@ def section(b, rho, z):
     return w, 0.0, w_z
 
 
-@kernel
+@inner
 def box(b, x, y, z):
     """Return the signed distance of (x, y, z) from the box, and its gradient."""
     u, v = abs(x) - b[9], abs(y) - b[10]
@@ -49,7 +49,7 @@ def box(b, x, y, z):
     return d, (u_x * u / d, v_y * v / d, w_z * w / d)
 
 
-@kernel
+@inner
 def signed_distance(kind, b, x, y, z):
     """Return the signed distance of a point from a plate, a cylinder or a bore, and its gradient."""
     if kind == ON_RECTANGLE:

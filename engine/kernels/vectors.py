@@ -1,28 +1,28 @@
 """Vectors of three numbers as tuples: values in registers, where a kernel has no array to write them to."""
 
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner
 
 
-@kernel
+@inner
 def dot(a, b):
     """Return the scalar product of a and b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
+@inner
 def vector_product(a, b):
     """Return the vector product of a and b."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
-@kernel
+@inner
 def split(v, axis):
     """Return the part of v along a unit vector, a number, and the rest, a vector across it."""
     along = dot(v, axis)
     return along, (v[0] - along * axis[0], v[1] - along * axis[1], v[2] - along * axis[2])
 
 
-@kernel
+@inner
 def world_direction(R, body, row, k):
     """Return the world components of the body's direction ``row[k : k + 3]``: R d."""
     a, b, c, M = row[k], row[k + 1], row[k + 2], R[body]
@@ -33,7 +33,7 @@ def world_direction(R, body, row, k):
     )
 
 
-@kernel
+@inner
 def world_point(x, R, body, row):
     """Return the world position of the body's point ``row[0:3]``: x + R p."""
     a, b, c, M, o = row[0], row[1], row[2], R[body], x[body]
