@@ -50,6 +50,14 @@ def control_of(mechanism: "Mechanism", full_horizon: bool) -> Control:
     )
 
 
+def prepare(assembly: "Assembly", control: Control) -> None:
+    """Compile the time loop, or load it from the cache: a run to the horizon 0, which changes nothing."""
+    if not getattr(run, "signatures", True):
+        nowhere = control._replace(horizon=0.0)
+        arrays = (assembly.model, assembly.state, assembly.work, assembly.problem)
+        run(*arrays, nowhere, new_course(nowhere), np.zeros((1, 1)), 0, np.zeros(1, np.uint8))
+
+
 def drive(
     assembly: "Assembly",
     control: Control,
@@ -72,14 +80,12 @@ def drive(
     from engine.kernels.record import record, row_length
 
     model, state, work, problem = assembly.model, assembly.state, assembly.work, assembly.problem
+    prepare(assembly, control)
     stop = (cancel or Cancel()).flag
     course = new_course(control)
     length = row_length(len(model.bodies.mass), len(assembly.contact_names), len(work.values))
     rows = np.zeros((1 + (max(ROOM // length, 16) if sink else 0), length))
     stride = every if sink else 0
-    if not getattr(run, "signatures", True):  # compile, or load from the cache, before the clock starts
-        nowhere = control._replace(horizon=0.0)
-        run(model, state, work, problem, nowhere, new_course(nowhere), rows, 0, np.zeros(1, np.uint8))
     timer = threading.Timer(wall_limit, lambda: stop.__setitem__(0, stop[0] or TIMEOUT))
     timer.daemon = True
     timer.start()

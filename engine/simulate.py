@@ -140,11 +140,13 @@ def _execute(
 ) -> Run:
     """Run the time loop and translate its outcome."""
     from engine.kernels import run
-    from engine.loop import control_of, drive
+    from engine.loop import control_of, drive, prepare
     from engine.verdict import failure, judge
 
+    control = control_of(mechanism, full_horizon)
+    prepare(assembly, control)
     start = time.perf_counter()
-    course = drive(assembly, control_of(mechanism, full_horizon), mechanism.simulation.wall_limit, cancel, sink, every)
+    course = drive(assembly, control, mechanism.simulation.wall_limit, cancel, sink, every)
     counts, reals = course.counts, course.reals
     certificate = Certificate(
         steps=int(counts[run.STEPS]),
