@@ -15,7 +15,7 @@ from tests.engine.small import FLOOR, GRAVITY, made, small
 def settled(mechanism: Mechanism) -> Assembly:
     """Run a mechanism to rest and return its arrays."""
     assembly = assemble(mechanism)
-    assert _execute(mechanism, assembly, False).status == "ok"
+    assert _execute(mechanism, assembly, False, None).status == "ok"
     return assembly
 
 
