@@ -11,19 +11,23 @@ import numpy as np
 
 from engine.friction.arrays import CONVERGED, friction_arrays
 from engine.friction.solver import solve_friction
+from engine.friction.ties import hold_ties, tie_down
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.gaps import find_contacts
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist
+from engine.kernels.ties import tie_velocity, tie_violations, whitened_ties
 
 if TYPE_CHECKING:
     from engine.assembly import Array, Assembly
+    from engine.friction.arrays import FrictionArrays
     from engine.kernels.model import Bodies
 
 # compliance, as a share of the mean diagonal of the Delassus operator, and the residual to reach with it: the limit is
 # good to 1e-3 N with the first; the others are for poses at the very edge of sliding, where the first is not solved
 HELD = 1e-2  # of the free motion: more than the compliance gives way by, less than any sliding
 ATTEMPTS = ((1e-6, 1e-9), (1e-7, 1e-9), (1e-6, 1e-7))
+REFINEMENTS = 2  # each leaves of the unbalance a share of the order of the compliance times what amplifies it
 
 
 def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: float, t: float = 0.0) -> "Array | None":
@@ -51,9 +55,10 @@ def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: flo
     find_contacts(contacts, state.x, state.R, work.gap, work.point, work.frame)
 
     touching = np.flatnonzero((state.r[:, 0] > 0) | (work.gap <= touching_gap))
-    n, nc = 6 * bodies.mass.size, touching.size
+    n, nc, falling = assembly.problem.w.size, touching.size, _energy_norm(bodies, work.free)
     # each contact's compliance is a spring of its own: three velocities that only this contact touches
-    problem = friction_arrays(n + 3 * nc, nc, runs=3, k=15, band=n + 3 * nc)
+    problem = friction_arrays(n + 3 * nc, nc, runs=3, k=15, band=n + 3 * nc, ties=model.ties.kind.size)
+    _hold_joints(assembly, problem)
     for j, i in enumerate(touching):
         at = (contacts.a[i], contacts.b[i], work.point, work.frame)
         whitened_rows(bodies, state.x, state.R, *at, i, problem.rows, j)
@@ -61,7 +66,6 @@ def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: flo
     diagonal = np.sum(problem.rows.G[:nc] ** 2) / max(3 * nc, 1)
     widths = problem.rows.width.sum(axis=1)
     problem.mu[:] = laws.mu[touching]
-    falling = _energy_norm(bodies, work.free)
     for compliance, tolerance in ATTEMPTS:
         problem.q[:] = work.q[touching]
         for j in range(nc):
@@ -75,14 +79,30 @@ def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: flo
             if _energy_norm(bodies, held) > HELD * falling:
                 return None  # the bodies would move: friction cannot hold them
             impulses = problem.r.copy()
-            # the springs gave way by a share of the load: once more, from springs that already carry these impulses
-            problem.q[:] -= compliance * diagonal * impulses
-            if solve_friction(n + 3 * nc, nc, problem, tolerance)[0] == CONVERGED:
-                impulses = problem.r
+            # the springs gave way by a share of the load: again, from springs that already carry these impulses
+            for _ in range(REFINEMENTS):
+                problem.q[:] = work.q[touching] - compliance * diagonal * impulses
+                if solve_friction(n + 3 * nc, nc, problem, tolerance)[0] != CONVERGED:
+                    break
+                impulses = problem.r.copy()
             forces = np.zeros_like(state.r)
             forces[touching] = impulses / h
             return forces
     return None
+
+
+def _hold_joints(assembly: "Assembly", problem: "FrictionArrays") -> None:
+    """Tie the problem's velocities by the ideal joints at the present pose, and hold the free motion by them."""
+    bodies, ties, state, work = assembly.model.bodies, assembly.model.ties, assembly.state, assembly.work
+    held, known, tied, n = work.held, assembly.problem.ties, problem.ties, problem.w.size
+    tied.at[:], tied.start[:], tied.width[:] = known.at, known.start, known.width
+    tie_violations(ties, state.x, state.R, held.target[1], held.violation, held.point, held.way)
+    whitened_ties(bodies, ties, state.x, state.R, held.point, held.way, tied.J)
+    tie_down(n, tied)
+    pose = (ties, state.x, state.R, held.point, held.way)
+    rates = np.array([tie_velocity(*pose, work.free, i) for i in range(ties.kind.size)])
+    hold_ties(n, tied, rates, problem.w)
+    add_whitened(bodies, problem.w, work.free)
 
 
 def _energy_norm(bodies: "Bodies", twist: "Array") -> float:
