@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 # good to 1e-3 N with the first; the others are for poses at the very edge of sliding, where the first is not solved
 HELD = 1e-2  # of the free motion: more than the compliance gives way by, less than any sliding
 ATTEMPTS = ((1e-6, 1e-9), (1e-7, 1e-9), (1e-6, 1e-7))
+REFINEMENTS = 2  # each leaves of the unbalance a share of the order of the compliance times what amplifies it
 
 
 def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: float, t: float = 0.0) -> "Array | None":
@@ -74,10 +75,12 @@ def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: flo
             if _energy_norm(bodies, held) > HELD * falling:
                 return None  # the bodies would move: friction cannot hold them
             impulses = problem.r.copy()
-            # the springs gave way by a share of the load: once more, from springs that already carry these impulses
-            problem.q[:] -= compliance * diagonal * impulses
-            if solve_friction(n, nc, problem, tolerance)[0] == CONVERGED:
-                impulses = problem.r
+            # the springs gave way by a share of the load: again, from springs that already carry these impulses
+            for _ in range(REFINEMENTS):
+                problem.q[:] = work.q[touching] - compliance * diagonal * impulses
+                if solve_friction(n, nc, problem, tolerance)[0] != CONVERGED:
+                    break
+                impulses = problem.r.copy()
             forces = np.zeros_like(state.r)
             forces[touching] = impulses / h
             return forces

@@ -17,8 +17,10 @@ def simulate(mechanism, values, *, step=None, horizon=None):
         wall_s=0.0,
         max_residual=1e-9,
         max_penetration=1e-9,
+        max_violation=0.0,
         settled=True,
         iterations=5000,
+        repeated=0,
     )
     return Run("ok", "", responses, mechanism.response_units(), certificate)
 

@@ -15,7 +15,7 @@ from tests.engine.small import FLOOR, GRAVITY, made, small
 def settled(mechanism: Mechanism) -> Assembly:
     """Run a mechanism to rest and return its arrays."""
     assembly = assemble(mechanism)
-    assert _execute(mechanism, assembly, False).status == "ok"
+    assert _execute(mechanism, assembly, False, None).status == "ok"
     return assembly
 
 
@@ -151,3 +151,39 @@ def test_block_on_the_slope_feels_its_weight_and_friction():
     lower, upper = found[[0, 3], 0], found[[1, 2], 0]
     # moments about the middle of the base: (lower - upper) 0.1 = m g sin 30 0.05
     assert lower.sum() - upper.sum() == pytest.approx(0.5 * GRAVITY * np.sin(np.pi / 6), rel=1e-4)
+
+
+def test_ideal_joint_and_contact_share_the_weight():
+    """A beam of 2 kg on a hinge at one end, a stop under the other: half the weight each; and none without the stop.
+
+    A second beam hangs from the first by a hinge one quarter along: the stop carries a quarter of it too.
+    """
+    hinge = {"point": [0, 0, 0], "axis": [0, 1, 0]}
+    beam = {"mass": 2.0, "inertia": [0.01, 0.2, 0.2], "center_of_mass": [0.5, 0, 0]}
+    hung = {"mass": 1.0, "inertia": [0.1, 0.1, 0.01], "center_of_mass": [0, 0, -0.3], "origin": [0.25, 0, 0]}
+    data = small(
+        gravity=[0, 0, -GRAVITY],
+        bodies={"ground": {"fixed": True}, "beam": beam, "hung": hung},
+        joints={
+            "A": {"type": "revolute", "bearing": {"body": "ground", **hinge}, "journal": {"body": "beam", **hinge}},
+            "B": {
+                "type": "revolute",
+                "bearing": {"body": "beam", **hinge, "point": [0.25, 0, 0]},
+                "journal": {"body": "hung", **hinge},
+            },
+        },
+        contacts={
+            "stop": {
+                "a": {"body": "beam", "point": [1, 0, 0]},
+                "b": {"body": "ground", "plane": FLOOR},
+                "friction": 0.3,
+            }
+        },
+        responses={"force": {"type": "contact_force", "contact": "stop"}},
+    )
+    run = simulate(made(data))
+    assert run.status == "ok", run.message
+    assert run.responses["force"] == pytest.approx((0.5 * 2 + 0.25) * GRAVITY, rel=1e-9)
+    data["contacts"]["stop"]["a"]["point"] = [1, 0, 1e-3]  # out of reach: nothing but the joints
+    assembly = assemble(made(data))
+    assert forces_at_rest(assembly, 0, 1e-3, 1e-8) is None
