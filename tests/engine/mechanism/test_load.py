@@ -39,7 +39,18 @@ def message(name_or_path: str | Path) -> str:
 
 
 def test_the_shipped_ones_load():
-    assert library_names() == ["c60", "clearance_pendulum", "incline"]
+    assert library_names() == [
+        "bouncing_ball",
+        "c60",
+        "chain",
+        "clearance_pendulum",
+        "double_pendulum",
+        "four_bar",
+        "incline",
+        "slider_crank",
+        "sphere_roll",
+        "spinning_top",
+    ]
     for name in library_names():
         mechanism = load_mechanism(name)
         assert isinstance(mechanism, Mechanism)
