@@ -21,7 +21,7 @@ def tumbling():
 
 
 def test_tumbling_body_is_of_second_order_and_keeps_energy_and_momentum():
-    """At 1 ms within 1.2e-4 rad/s of DOP853 after three turnovers of 5 rad/s; energy to 7e-12, as drawn in the bounds.
+    """At 1 ms within 1.2e-4 rad/s of DOP853 after three turnovers of 5 rad/s; energy within 7e-12 of itself.
 
     The components of the momentum in the world turn with the error of the attitude: 1.6e-6 of it.
     """
