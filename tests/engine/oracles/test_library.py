@@ -1,0 +1,61 @@
+"""The shipped mechanisms: each runs, closed joints stay closed and nothing passes; known answers where there are some."""
+
+import numpy as np
+import pytest
+
+from benchmarks.chain import chain
+from engine import library_names, load_mechanism, simulate
+from tests.engine.oracles.reference import recorded
+from tests.engine.small import made, shipped
+
+MM = {"SI": 1e-3, "mm-g-ms": 1.0}
+
+
+@pytest.mark.parametrize("name", library_names())
+def test_it_runs_within_its_certificate(name):
+    """Status ok; after every step gaps hold to 1e-8 mm, ideal joints to 1e-10 mm, friction to 1e-8."""
+    mechanism = load_mechanism(name)
+    run = simulate(mechanism)
+    assert run.status == "ok", run.message
+    assert run.certificate.max_penetration <= 1e-8 * MM[mechanism.units]
+    assert run.certificate.max_violation <= 1e-10 * MM[mechanism.units]
+    assert run.certificate.max_residual <= 1e-8
+
+
+def test_the_shipped_chain_is_the_generated_one_of_ten_links():
+    """The file and `benchmarks.chain` describe the same mechanism."""
+    assert load_mechanism("chain").digest() == made(chain(10)).digest()
+
+
+def test_a_chain_of_ideal_joints_keeps_its_energy():
+    """Without play and friction, 20 links: joints closed to 1e-13 m, energy kept to 1e-4 of what swings."""
+    run = recorded(chain(20, clearance=0.0))
+    energy = run.kinetic + run.potential
+    assert np.abs(energy - energy[0]).max() < 1e-4 * run.kinetic.max()
+    assert run.certificate["max_violation"] <= 1e-13
+
+
+def rocker_angle(crank, a=0.1, b=0.26, c=0.2, d=0.3):
+    """Return the rocker's angle of the four-bar without play, from the crank's (Freudenstein)."""
+    x, y = d - a * np.cos(crank), -a * np.sin(crank)
+    reach = np.hypot(x, y)
+    return np.pi - np.arctan2(-y, x) - np.arccos((c**2 + reach**2 - b**2) / (2 * c * reach))
+
+
+def rocker_play(crank, clearance, c=0.2):
+    """Return how far three clearances can turn the rocker: all along the coupler, over its lever arm on the rocker."""
+    psi = rocker_angle(crank)
+    coupler = np.arctan2(c * np.sin(psi) - 0.1 * np.sin(crank), 0.3 + c * np.cos(psi) - 0.1 * np.cos(crank))
+    return 3 * clearance / (c * np.abs(np.sin(psi - coupler)))
+
+
+def test_four_bar_follows_its_geometry_within_the_play():
+    """The driven crank is exact; the rocker is off the tight linkage by what three clearances allow, and by that half."""
+    data = shipped("four_bar")
+    run = recorded(data)
+    crank, rocker = run.responses["crank"], run.responses["rocker"]
+    np.testing.assert_allclose(crank, np.pi / 2 + 10.0 * run.time, rtol=0, atol=1e-10)
+    off, most = np.abs(rocker - rocker_angle(crank)), rocker_play(crank, 1e-4)
+    print((off / most).max())
+    assert (off < 1.02 * most).all()
+    assert (off > 0.5 * most).any()
