@@ -9,10 +9,10 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import c60, campaign, friction, machine
+from benchmarks import against_siconos, c60, campaign, chains, first_use, friction, machine
 from engine import warm_up
 
-PARTS = ("friction", "c60", "campaign")
+PARTS = ("friction", "c60", "chain", "campaign", "first_use", "siconos")
 
 
 def main() -> None:
@@ -25,7 +25,7 @@ def main() -> None:
     if unknown:
         parser.error(f"no such part: {', '.join(sorted(unknown))}; allowed: {', '.join(PARTS)}")
     parts = asked.parts or PARTS
-    console = Console(width=110)
+    console = Console(width=130)
     warm_up()  # compiling is not what is measured
     numbers: dict[str, Any] = {"machine": machine.description()}
     unit = numbers["machine"]["solve_42_us"]
@@ -36,9 +36,18 @@ def main() -> None:
     if "c60" in parts:
         numbers["c60"] = c60.measure(unit)
         _show(console, "c60, one run after the other, medians", [numbers["c60"]])
+    if "chain" in parts:
+        numbers["chain"] = chains.measure(unit)
+        _show(console, "chain of n links, processor time of a step a link", numbers["chain"])
     if "campaign" in parts:
         numbers["campaign"] = campaign.measure()
         _show(console, "clearcap run against bare processes", [numbers["campaign"]])
+    if "first_use" in parts:
+        numbers["first_use"] = first_use.measure(unit)
+        _show(console, "first use, processes of their own", numbers["first_use"])
+    if "siconos" in parts:
+        numbers["siconos"] = against_siconos.measure()
+        _show(console, "friction solver against Siconos, from nothing, medians", numbers["siconos"])
     asked.out.parent.mkdir(parents=True, exist_ok=True)
     asked.out.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
     console.print(f"written to {asked.out}")

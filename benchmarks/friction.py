@@ -25,8 +25,8 @@ def measure(unit_us: float) -> list[dict[str, Any]]:
 
 def _row(kind: str, contacts: int, unit_us: float) -> dict[str, Any]:
     problems = [random_problem(seed, contacts, kind=kind) for seed in SEEDS]
-    cold = [_time(problem, np.zeros(3 * contacts)) for problem in problems]
-    warm = [_time(_neighbour(problem), solve(problem, TOLERANCE).r) for problem in problems]
+    cold = [time_solver(problem, np.zeros(3 * contacts)) for problem in problems]
+    warm = [time_solver(_neighbour(problem), solve(problem, TOLERANCE).r) for problem in problems]
     return {
         "kind": kind,
         "contacts": contacts,
@@ -47,7 +47,7 @@ def _neighbour(problem: FrictionProblem) -> FrictionProblem:
     return FrictionProblem(problem.M, problem.H, problem.q + change, problem.mu)
 
 
-def _time(problem: FrictionProblem, start: np.ndarray) -> tuple[float, int, float]:
+def time_solver(problem: FrictionProblem, start: np.ndarray) -> tuple[float, int, float]:
     """Return time [us], iterations and residual of the compiled solver alone."""
     n, nc = problem.M.shape[0], problem.mu.size
     arrays = sparse_rows(np.linalg.solve(np.linalg.cholesky(problem.M), problem.H.T).T.reshape(nc, 3, n), n)

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from campaign.cli.bench import bench
 from campaign.cli.campaigns import report, status
 from campaign.cli.mechanism import mechanism_app
 from campaign.cli.output import say, show_logs
@@ -24,6 +25,7 @@ app.command()(run)
 app.command()(status)
 app.command()(report)
 app.command()(simulate)
+app.command()(bench)
 app.add_typer(mechanism_app, name="mechanism")
 app.add_typer(schema_app, name="schema")
 
