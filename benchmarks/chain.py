@@ -26,6 +26,7 @@ def chain(links: int, clearance: float = 1e-4, friction: float = 0.1, angle: flo
         "format": 1,
         "name": "chain",
         "title": f"Chain of {links} links",
+        "description": f"{links} links of 0.1 m on pins with play, hanging, released off the vertical.",
         "units": "SI",
         "gravity": [0.0, 0.0, -9.81],
         "simulation": {
