@@ -22,8 +22,8 @@ def free_twist(bodies, R, twist, wrench, h, theta, again, free):
     """Write the twists at the end of a step of length ``h`` under the loads alone.
 
     The gyroscopic moment is taken within the step, I (O+ - O) = h (M - Om x I Om), Om = (1 - theta) O + theta O+: with
-    theta = 1/2 second order, and a free body keeps its energy and its momentum. With ``again`` O+ is what ``free`` holds,
-    the end twists with the impulses of joints: their part in the gyroscopic moment is of first order.
+    theta = 1/2 second order, and a free body keeps its energy and its momentum. With ``again`` O+ is what ``free``
+    holds, the end twists with the impulses of joints: without these the moment is of first order only.
     """
     for body in range(bodies.mass.shape[0]):
         v, f, J, Q = twist[body], wrench[body], bodies.inertia[body], R[body]

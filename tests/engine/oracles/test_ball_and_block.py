@@ -1,5 +1,7 @@
 """One body on a plane: bounces, sticks, slides, rolls; against what mechanics says and Siconos computes."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -26,7 +28,7 @@ def test_bouncing_ball_meets_its_impacts_and_heights_at_first_order():
         errors.append(np.abs(hits - exact).max())
         peaks = [
             z[(run.time > a) & (run.time < b)].max() / (0.9 * 0.8 ** (2 * k))
-            for k, (a, b) in enumerate(zip(exact[:-1], exact[1:], strict=True), 1)
+            for k, (a, b) in enumerate(pairwise(exact), 1)
         ]
         assert errors[-1] < 4 * h
         assert np.abs(np.array(peaks) - 1).max() < 8 * h
