@@ -36,6 +36,20 @@ def test_bouncing_ball_meets_its_impacts_and_heights_at_first_order():
     assert 0.8 < order(steps, errors) < 1.2
 
 
+def test_bouncing_ball_leaves_the_floor_in_the_plain_scheme():
+    """Without projection the ball may sink by a step's fall, and is not held when it rises out of the floor again.
+
+    In the step after an impact the contact can still be active, without friction, slip or load.
+    """
+    data = shipped("bouncing_ball")
+    data["simulation"]["scheme"] = "moreau_jean"
+    for h in (4e-3, 1e-3):
+        run = recorded(data, h)
+        hits = run.time[run.contacts["floor"].impulse[:, 0] > 0]
+        assert np.abs(hits[:6] - h / 2 - bounces()).max() < 5 * h
+        assert -0.5 * h * np.sqrt(2 * GRAVITY * 0.9) < run.contacts["floor"].gap.min() < 0
+
+
 def test_bouncing_ball_is_that_of_siconos():
     """At the same step within 4 mm over six bounces (measured 3.1): the sixth impact is two steps earlier here."""
     theirs, run = table("bouncing_ball"), recorded(shipped("bouncing_ball"))
