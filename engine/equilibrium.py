@@ -52,7 +52,7 @@ def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: flo
     h *= 1e-3  # so short that the free motion of an unloaded step has no gyroscopic part
     state.v[:] = 0
     apply_loads(bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.a, work.b)
-    free_twist(bodies, state.R, state.v, work.wrench, h, 0.5, work.free)
+    free_twist(bodies, state.R, state.v, work.wrench, h, 0.5, False, work.free)
     falling = _energy_norm(bodies, work.free)
     _hold(assembly, t)
     find_contacts(contacts, state.x, state.R, work.gap, work.point, work.frame)

@@ -174,7 +174,7 @@ def _execute(
 
 
 def _measure_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int, t: float) -> "Array | None":
-    """Measure the responses of the end once more, with the contact forces that the pose at rest determines.
+    """Measure the contact forces of the end once more, as the pose at rest determines them.
 
     They are NaN where no forces in the friction cones balance the loads. Returns the forces, shape (nc, 3).
     """
@@ -191,8 +191,8 @@ def _measure_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int, t: 
     measure(
         model.responses, model.contacts, model.loads, state, work.point, work.frame, t, 1.0, work.values, work.a, work.b
     )
-    at_end = model.responses.at == END
-    work.reported[at_end] = work.values[at_end]
+    forces_at_end = (model.responses.at == END) & (model.responses.kind >= CONTACT_FORCE)  # a speed stays what it was
+    work.reported[forces_at_end] = work.values[forces_at_end]
     return forces
 
 

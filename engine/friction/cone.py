@@ -11,10 +11,10 @@ LARGEST = 1e7
 def project(mu, r0, r1, r2):
     """Return the point of Coulomb's cone nearest to (r0, r1, r2) = (N, T1, T2)."""
     t = np.sqrt(r1 * r1 + r2 * r2)
+    if mu * t <= -r0:  # first: without friction and tangential part it is all that tells tension from pressure
+        return 0.0, 0.0, 0.0
     if t <= mu * r0:
         return r0, r1, r2
-    if mu * t <= -r0:
-        return 0.0, 0.0, 0.0
     n = (r0 + mu * t) / (1 + mu * mu)
     f = mu * n / t
     return n, f * r1, f * r2

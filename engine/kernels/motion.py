@@ -18,21 +18,24 @@ def move(state, dt):
 
 
 @kernel
-def free_twist(bodies, R, twist, wrench, h, theta, free):
+def free_twist(bodies, R, twist, wrench, h, theta, again, free):
     """Write the twists at the end of a step of length ``h`` under the loads alone.
 
     The gyroscopic moment is taken within the step, I (O+ - O) = h (M - Om x I Om), Om = (1 - theta) O + theta O+: with
-    theta = 1/2 second order, and a free body keeps its energy and its momentum.
+    theta = 1/2 second order, and a free body keeps its energy and its momentum. With ``again`` O+ is what ``free``
+    holds, the end twists with the impulses of joints: without these the moment is of first order only.
     """
     for body in range(bodies.mass.shape[0]):
         v, f, J, Q = twist[body], wrench[body], bodies.inertia[body], R[body]
+        a, b, c = v[3], v[4], v[5]
+        if again:
+            a, b, c = free[body, 3], free[body, 4], free[body, 5]
         for k in range(3):
             free[body, k] = v[k] + h * f[k] / bodies.mass[body]
         m0 = Q[0, 0] * f[3] + Q[1, 0] * f[4] + Q[2, 0] * f[5]
         m1 = Q[0, 1] * f[3] + Q[1, 1] * f[4] + Q[2, 1] * f[5]
         m2 = Q[0, 2] * f[3] + Q[1, 2] * f[4] + Q[2, 2] * f[5]
-        a, b, c = v[3], v[4], v[5]
-        for _ in range(EULER_STEPS):
+        for _ in range(1 if again else EULER_STEPS):
             o0 = v[3] + theta * (a - v[3])
             o1 = v[4] + theta * (b - v[4])
             o2 = v[5] + theta * (c - v[5])

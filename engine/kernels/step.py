@@ -44,9 +44,13 @@ def step(model, state, work, problem, control, phase, t, h):
     move(state, begin)
     spend(contacts.a, contacts.b, contacts.reach, state.v, begin, watch)
     apply_loads(bodies, model.loads, model.time_laws, state, phase, t + begin, work.wrench, work.a, work.b)
-    free_twist(bodies, R, state.v, work.wrench, h, theta, work.free)
     tie_targets(ties, model.time_laws, t, h, held.target)
-    hold_joints(bodies, ties, x, R, state.v, work.free, held, h, 1.0 if plain else theta, problem.ties, problem.w)
+    for again in (False, True):
+        if not again or held.violation.shape[0] > 0:
+            free_twist(bodies, R, state.v, work.wrench, h, theta, again, work.free)
+            hold_joints(
+                bodies, ties, x, R, state.v, work.free, held, h, 1.0 if plain else theta, problem.ties, problem.w
+            )
 
     # impulses at the contacts found there; the active set grows until nothing passes through it
     rates(work.free, watch.rate)

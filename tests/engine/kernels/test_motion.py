@@ -23,7 +23,7 @@ def advance(assembly: Assembly, h: float, steps: int) -> None:
     model, state, work = assembly.model, assembly.state, assembly.work
     for _ in range(steps):
         move(state, 0.5 * h)
-        free_twist(model.bodies, state.R, state.v, work.wrench, h, 0.5, work.free)
+        free_twist(model.bodies, state.R, state.v, work.wrench, h, 0.5, False, work.free)
         state.v[:-1] = work.free[:-1]
         move(state, 0.5 * h)
 

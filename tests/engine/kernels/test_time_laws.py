@@ -185,7 +185,7 @@ def stepped(data: dict[str, Any], h: float, steps: int) -> tuple[Assembly, list[
     for k in range(steps):
         move(state, 0.5 * h)
         wrench(assembly, (k + 0.5) * h)
-        free_twist(model.bodies, state.R, state.v, work.wrench, h, 0.5, work.free)
+        free_twist(model.bodies, state.R, state.v, work.wrench, h, 0.5, False, work.free)
         state.v[:] = work.free
         move(state, 0.5 * h)
         twists.append(state.v[0].copy())

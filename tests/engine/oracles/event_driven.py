@@ -25,7 +25,7 @@ def mass_matrix(th: Array) -> Array:
 def rates(_: float, y: Array) -> Array:
     """Return the rates of angles and speeds y = (th1, th2, w1, w2) in free motion (Lagrange's equations)."""
     th, w = y[:2], y[2:]
-    inertial = L1 * L2 * (0.5 * M2 + M3) * np.sin(th[0] - th[1]) * np.array([-w[1] ** 2, w[0] ** 2])
+    inertial = L1 * L2 * (0.5 * M2 + M3) * np.sin(th[0] - th[1]) * np.array([-(w[1] ** 2), w[0] ** 2])
     weight = -GRAVITY * np.array([(0.5 * M1 + M2 + M3) * L1, (0.5 * M2 + M3) * L2]) * np.cos(th)
     return np.concatenate([w, np.linalg.solve(mass_matrix(th), inertial + weight)])
 

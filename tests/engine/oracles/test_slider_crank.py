@@ -45,7 +45,7 @@ def test_gaps_stay_open_and_the_slider_straight(ours):
 def test_siconos_agrees_as_far_as_it_keeps_its_energy(ours):
     """Crank within 6e-3 rad, slider within 0.13 mm of 2 mm for 0.02 s; later Siconos has gained too much energy.
 
-    Its combined projection at h = 1e-4 s starts with 7.50 J and ends with 8.58 J, though friction and impacts only take.
+    Its combined projection at h = 1e-4 s goes from 7.50 J to 8.58 J, though friction and impacts only take.
     Before the first impact, where the exact motion is known, it is 5e-4 rad off, and this engine 5e-6 rad.
     """
     theirs = table("slider_crank_siconos")
