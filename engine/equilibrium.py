@@ -51,7 +51,7 @@ def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: flo
     h *= 1e-3  # so short that the free motion of an unloaded step has no gyroscopic part
     state.v[:] = 0
     apply_loads(bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.a, work.b)
-    free_twist(bodies, state.R, state.v, work.wrench, h, 0.5, work.free)
+    free_twist(bodies, state.R, state.v, work.wrench, h, 0.5, state.v, 1, work.free)
     find_contacts(contacts, state.x, state.R, work.gap, work.point, work.frame)
 
     touching = np.flatnonzero((state.r[:, 0] > 0) | (work.gap <= touching_gap))

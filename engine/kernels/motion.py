@@ -18,8 +18,12 @@ def move(state, dt):
 
 
 @kernel
-def free_twist(bodies, R, twist, wrench, h, theta, free):
+def free_twist(bodies, R, twist, wrench, h, theta, guess, rounds, free):
     """Write the twists at the end of a step of length ``h`` under the loads alone.
+
+    ``guess`` holds the twists at the end as first assumed. They are improved ``rounds`` times: `EULER_STEPS` times for
+    free bodies; once where they are those of bodies that something else holds too, and only their gyroscopic moment
+    is wanted. ``free`` may be the same array.
 
     The gyroscopic moment is taken within the step, I (O+ - O) = h (M - Om x I Om), Om = (1 - theta) O + theta O+: with
     theta = 1/2 second order, and a free body keeps its energy and its momentum.
@@ -31,8 +35,8 @@ def free_twist(bodies, R, twist, wrench, h, theta, free):
         m0 = Q[0, 0] * f[3] + Q[1, 0] * f[4] + Q[2, 0] * f[5]
         m1 = Q[0, 1] * f[3] + Q[1, 1] * f[4] + Q[2, 1] * f[5]
         m2 = Q[0, 2] * f[3] + Q[1, 2] * f[4] + Q[2, 2] * f[5]
-        a, b, c = v[3], v[4], v[5]
-        for _ in range(EULER_STEPS):
+        a, b, c = guess[body, 3], guess[body, 4], guess[body, 5]
+        for _ in range(rounds):
             o0 = v[3] + theta * (a - v[3])
             o1 = v[4] + theta * (b - v[4])
             o2 = v[5] + theta * (c - v[5])

@@ -5,7 +5,7 @@ from engine.friction.solver import solve_friction
 from engine.kernels.jit import inner
 from engine.kernels.joints import hold_joints
 from engine.kernels.loads import apply_loads
-from engine.kernels.motion import free_twist, keep, move
+from engine.kernels.motion import EULER_STEPS, free_twist, keep, move
 from engine.kernels.projection import project_positions
 from engine.kernels.ties import tie_targets
 from engine.kernels.velocity import (
@@ -44,9 +44,12 @@ def step(model, state, work, problem, control, phase, t, h):
     move(state, begin)
     spend(contacts.a, contacts.b, contacts.reach, state.v, begin, watch)
     apply_loads(bodies, model.loads, model.time_laws, state, phase, t + begin, work.wrench, work.a, work.b)
-    free_twist(bodies, R, state.v, work.wrench, h, theta, work.free)
     tie_targets(ties, model.time_laws, t, h, held.target)
-    hold_joints(bodies, ties, x, R, state.v, work.free, held, h, 1.0 if plain else theta, problem.ties, problem.w)
+    free_twist(bodies, R, state.v, work.wrench, h, theta, state.v, EULER_STEPS, work.free)
+    for again in range(2 if ties.kind.shape[0] > 0 else 1):  # gyroscopic moments at the spins that the joints allow
+        if again:
+            free_twist(bodies, R, state.v, work.wrench, h, theta, work.free, 1, work.free)
+        hold_joints(bodies, ties, x, R, state.v, work.free, held, h, 1.0 if plain else theta, problem.ties, problem.w)
 
     # impulses at the contacts found there; the active set grows until nothing passes through it
     rates(work.free, watch.rate)

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from engine.assembly import Assembly, assemble
-from engine.kernels.motion import free_twist, move
+from engine.kernels.motion import EULER_STEPS, free_twist, move
 from tests.engine.small import GRAVITY, energy, made, small
 
 MOMENTS = np.array([1.0, 2.0, 2.9])
@@ -23,7 +23,7 @@ def advance(assembly: Assembly, h: float, steps: int) -> None:
     model, state, work = assembly.model, assembly.state, assembly.work
     for _ in range(steps):
         move(state, 0.5 * h)
-        free_twist(model.bodies, state.R, state.v, work.wrench, h, 0.5, work.free)
+        free_twist(model.bodies, state.R, state.v, work.wrench, h, 0.5, state.v, EULER_STEPS, work.free)
         state.v[:-1] = work.free[:-1]
         move(state, 0.5 * h)
 

@@ -9,7 +9,7 @@ from scipy.interpolate import PchipInterpolator
 from engine.assembly import Assembly, assemble
 from engine.assembly.time_laws import time_law_arrays
 from engine.kernels.loads import apply_loads
-from engine.kernels.motion import free_twist, move
+from engine.kernels.motion import EULER_STEPS, free_twist, move
 from engine.kernels.time_laws import time_law, time_law_rate
 from tests.engine.small import made, small
 
@@ -185,7 +185,7 @@ def stepped(data: dict[str, Any], h: float, steps: int) -> tuple[Assembly, list[
     for k in range(steps):
         move(state, 0.5 * h)
         wrench(assembly, (k + 0.5) * h)
-        free_twist(model.bodies, state.R, state.v, work.wrench, h, 0.5, work.free)
+        free_twist(model.bodies, state.R, state.v, work.wrench, h, 0.5, state.v, EULER_STEPS, work.free)
         state.v[:] = work.free
         move(state, 0.5 * h)
         twists.append(state.v[0].copy())
