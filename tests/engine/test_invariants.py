@@ -289,7 +289,7 @@ def test_energy_of_a_collision_never_grows(seed):
 @many
 @seeds
 def test_energy_of_linkages_with_play_never_grows(seed):
-    """Hanging chains with play, friction and a floor: nothing is gained but terms of second order, m (g h)^2 at most."""
+    """Hanging chains with play, friction and a floor: gained are terms of second order, m (g h)^2 at most."""
     data = linkage(seed)
     run = history(made(data))
     gained = run.energy - np.minimum.accumulate(run.energy)
