@@ -44,14 +44,19 @@ class History:
 
 def history(mechanism: Mechanism) -> History:
     """Run to the horizon, which has to end well, and keep every step."""
-    assembly, blocks = assemble(mechanism), []
-    course = drive(assembly, control_of(mechanism, True), 60.0, sink=lambda rows: blocks.append(rows.copy()))
+    return recorded(assemble(mechanism), mechanism)
+
+
+def recorded(assembly: Assembly, mechanism: Mechanism) -> History:
+    """Run a mechanism's arrays to the horizon, see `history`."""
+    control, blocks = control_of(mechanism, True), []
+    course = drive(assembly, control, 60.0, sink=lambda rows: blocks.append(rows.copy()))
     assert course.counts[STATUS] == OK
-    assert course.reals[WORST] <= mechanism.simulation.penetration
-    assert course.reals[OFF] <= mechanism.simulation.joint_violation
+    assert course.reals[WORST] <= control.penetration
+    assert course.reals[OFF] <= control.violation
     rows, nb, nc = np.concatenate(blocks), len(assembly.model.bodies.mass), len(assembly.contact_names)
-    bodies = rows[:, HEAD : HEAD + BODY * nb].reshape(-1, nb, BODY)
-    contacts = rows[:, HEAD + BODY * nb : HEAD + BODY * nb + CONTACT * nc].reshape(-1, nc, CONTACT)
+    bodies = rows[:, HEAD : HEAD + BODY * nb].reshape(len(rows), nb, BODY)
+    contacts = rows[:, HEAD + BODY * nb : HEAD + BODY * nb + CONTACT * nc].reshape(len(rows), nc, CONTACT)
     return History(
         assembly,
         rows[:, 1],

@@ -78,6 +78,28 @@ def block_on_floor(
     )
 
 
+def tumbling() -> dict[str, Any]:
+    """Throw a brick on the floor, with friction: contacts come and go."""
+    data = block_on_floor(
+        friction=0.3,
+        origin=[0, 0, 0.4],
+        axis=[1, 2, 0.5],
+        angle=0.6,
+        velocity=[0.5, -0.3, -1.0],
+        angular_velocity=[1.0, 2.0, -0.5],
+    )
+    data["simulation"] |= {"horizon": 0.5, "step": 2e-3, "tolerance": 1e-11}
+    return data
+
+
+def swinging() -> dict[str, Any]:
+    """Take the shipped pendulum, with friction on its bolt and for half a second only."""
+    data = shipped("clearance_pendulum")
+    data["materials"]["greased"]["friction"] = 0.2
+    data["simulation"] |= {"horizon": 0.5, "step": 1e-3, "tolerance": 1e-11}
+    return data
+
+
 def energy(assembly: Assembly) -> float:
     """Kinetic energy of all bodies and their potential in gravity; springs not counted."""
     bodies, state, gravity = assembly.model.bodies, assembly.state, assembly.model.loads.gravity

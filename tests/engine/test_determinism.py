@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from engine import load_mechanism, simulate
+from tests.engine.linkages import linkage
+from tests.engine.small import made
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = [
@@ -22,10 +24,11 @@ SAMPLES = [
 
 
 def digest() -> str:
-    """Hash the C-60's responses and certificates of three samples, bit for bit."""
+    """Hash responses and certificates, bit for bit: of the C-60, and of chains with ideal joints and play."""
+    runs = [simulate(load_mechanism("c60"), sample) for sample in SAMPLES]
+    runs += [simulate(made(linkage(seed)), full_horizon=True) for seed in (5, 14)]
     words = []
-    for sample in SAMPLES:
-        run = simulate(load_mechanism("c60"), sample)
+    for run in runs:
         words += [run.status, str(run.certificate.steps), run.certificate.max_residual.hex()]
         words += [value.hex() for value in run.responses.values()]
     return hashlib.sha256(" ".join(words).encode()).hexdigest()
@@ -46,7 +49,7 @@ def fresh(code: str, **environment: str) -> str:
 
 
 def test_same_bits_again_and_in_other_processes():
-    """Three samples of the C-60, twice here and in two fresh processes."""
+    """The C-60 and linkages, twice here and in two fresh processes."""
     here = digest()
     assert digest() == here
     code = "from tests.engine.test_determinism import digest; print(digest())"

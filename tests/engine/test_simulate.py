@@ -1,12 +1,9 @@
-"""Whole runs of small mechanisms against closed forms, invariance, and what a run says when it fails."""
-
-import copy
+"""Whole runs of small mechanisms against closed forms, and what a run says when it fails."""
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from engine import MechanismError, load_mechanism, set_values, simulate
 from tests.engine.histories import history
@@ -19,7 +16,8 @@ from tests.engine.small import (
     made,
     shipped,
     small,
-    turned,
+    swinging,
+    tumbling,
 )
 
 SLOPE = np.pi / 6
@@ -179,105 +177,6 @@ def test_energy_of_a_thrown_block_never_grows(seed, law):
     if restitution:
         gain += (impulse > 0) * 2.0 * GRAVITY * h * (np.linalg.norm(twist[:-1, :3], axis=1) + reach * spin)
     assert (np.diff(run.energy) <= 1.1 * gain + 1e-7 * size).all()
-
-
-# --- invariance
-
-
-def tumbling() -> dict:
-    """Throw a brick on the floor, with friction: contacts come and go."""
-    data = block_on_floor(
-        friction=0.3,
-        origin=[0, 0, 0.4],
-        axis=[1, 2, 0.5],
-        angle=0.6,
-        velocity=[0.5, -0.3, -1.0],
-        angular_velocity=[1.0, 2.0, -0.5],
-    )
-    data["simulation"] |= {"horizon": 0.5, "step": 2e-3, "tolerance": 1e-11}
-    return data
-
-
-def swinging() -> dict:
-    """Take the shipped pendulum, with friction on its bolt and for half a second only."""
-    data = shipped("clearance_pendulum")
-    data["materials"]["greased"]["friction"] = 0.2
-    data["simulation"] |= {"horizon": 0.5, "step": 1e-3, "tolerance": 1e-11}
-    return data
-
-
-MECHANISMS = pytest.mark.parametrize("describe", [tumbling, swinging])
-
-
-def responses(data: dict) -> np.ndarray:
-    """Run to the horizon and return the responses in the file's order."""
-    run = simulate(made(data), full_horizon=True)
-    assert run.status == "ok", run.message
-    return np.array([run.responses[name] for name in data["responses"]])
-
-
-@MECHANISMS
-def test_turned_and_shifted_mechanism_gives_the_same(describe):
-    """Every pose, speed and gravity moved by one rigid motion: the same responses to 1e-8."""
-    data = describe()
-    rotation, shift = Rotation.from_rotvec([0.4, -1.1, 0.7]), np.array([0.5, -2.0, 1.0])
-    other = turned(data, rotation, shift)
-    for response in other["responses"].values():  # the ground is the world, and moved too
-        assert response["from"]["body"] in data["bodies"]
-    np.testing.assert_allclose(responses(other), responses(data), atol=1e-8)
-
-
-@MECHANISMS
-def test_order_in_the_file_does_not_matter(describe):
-    """Contacts, bodies and joints the other way round: the same responses to 1e-7."""
-    data = describe()
-    other = copy.deepcopy(data)
-    for table in ("contacts", "bodies", "joints"):
-        if table in data:
-            other[table] = dict(reversed(data[table].items()))
-    np.testing.assert_allclose(responses(other), responses(data), atol=1e-7)
-
-
-def in_millimetres(data: dict) -> dict:
-    """Describe the same mechanism in mm, g and ms."""
-    data = copy.deepcopy(data)
-    data["units"] = "mm-g-ms"
-    kilo = lambda value, power=1: (np.array(value) * 10.0 ** (3 * power)).tolist()  # noqa: E731
-    data["gravity"] = kilo(data["gravity"], -1)
-    simulation = data["simulation"]
-    for key in ("step", "horizon", "penetration"):
-        simulation[key] = kilo(simulation[key])
-    simulation["rest"] = {key: kilo(value) for key, value in simulation["rest"].items()}
-    for body in data["bodies"].values():
-        powers = {"mass": 1, "inertia": 3, "center_of_mass": 1, "origin": 1, "angular_velocity": -1}
-        body |= {key: kilo(body[key], power) for key, power in powers.items() if key in body}  # m/s is mm/ms
-    for joint in data.get("joints", {}).values():
-        for key in ("rings", "radial_clearance", "radial_clearance_limit"):
-            joint[key] = kilo(joint[key])
-        joint["journal"]["radius"] = kilo(joint["journal"]["radius"])
-        for side in ("bearing", "journal"):
-            joint[side]["point"] = kilo(joint[side]["point"])
-    for contact in data.get("contacts", {}).values():
-        for side in (contact["a"], contact["b"]):
-            if "point" in side:
-                side["point"] = kilo(side["point"])
-            else:
-                side["plane"] = {**side["plane"], "point": kilo(side["plane"]["point"])}
-    for spring in data.get("springs", {}).values():
-        spring |= {"stiffness": kilo(spring["stiffness"]), "damping": kilo(spring["damping"], 2)}
-    for response in data["responses"].values():
-        for side in ("from", "to"):
-            response[side]["point"] = kilo(response[side]["point"])
-    return data
-
-
-@pytest.mark.parametrize("describe", [tumbling, swinging, lambda: shipped("incline")])
-def test_units_do_not_matter(describe):
-    """The same mechanism in SI and in mm, g, ms: the same responses to 1e-8 m."""
-    data = describe()
-    other = in_millimetres(data)
-    assert simulate(made(other), full_horizon=True).units[next(iter(data["responses"]))] == "mm"
-    np.testing.assert_allclose(responses(other) / 1000, responses(data), atol=1e-8)
 
 
 # --- what a run says

@@ -64,10 +64,21 @@ def joined(kind: str, rng: np.random.Generator, *, ground: bool = False, loose: 
     bodies = {"one": body(rng), "two": body(rng)}
     if ground:
         bodies["one"] = {"fixed": True, **{key: bodies["one"][key] for key in ("origin", "axis", "angle")}}
-    point, axis = rng.normal(size=(2, 3))
+    return small(
+        bodies=bodies,
+        joints={"J": joint(kind, bodies, ("one", "two"), rng.normal(size=3), rng, loose)},
+        simulation={"penetration": 1e-9},
+    )
+
+
+def joint(
+    kind: str, bodies: dict[str, Any], between: tuple[str, str], point: Any, rng: np.random.Generator, loose: bool
+) -> dict[str, Any]:
+    """Describe a joint between two bodies, closed and centred at a world point, its axes at random."""
+    axis = rng.normal(size=3)
     normal = np.cross(axis, rng.normal(size=3))
-    joint = {"type": f"clearance_{kind}" if loose else kind, **copy.deepcopy(PLAY.get(kind, {}))}
-    for side, name in zip(WORD[kind], bodies, strict=True):
+    found = {"type": f"clearance_{kind}" if loose else kind, **copy.deepcopy(PLAY.get(kind, {}))}
+    for side, name in zip(WORD[kind], between, strict=True):
         at, along, up = seen_from(bodies[name], point, axis, normal)
         keys: dict[str, Any] = {"point": at}
         if kind in ("revolute", "cylindrical", "prismatic"):
@@ -78,5 +89,5 @@ def joined(kind: str, rng: np.random.Generator, *, ground: bool = False, loose: 
             keys["normal"] = along
         if side in ("journal", "ball"):
             keys["radius"] = 0.25
-        joint[side] = {"body": name, **keys}
-    return small(bodies=bodies, joints={"J": joint}, simulation={"penetration": 1e-9})
+        found[side] = {"body": name, **keys}
+    return found
