@@ -53,11 +53,11 @@ TABLES = {
     "size and speed": {
         "bodies": "bodies",
         "contacts": "contacts",
-        "ties": "rows of joints",
+        "ties": "joint rows",
         "steps": "steps",
-        "repeated": "of them repeated",
-        "step_us": "us a step",
-        "iterations_per_step": "solver iterations a step",
+        "repeated": "again",
+        "step_us": "us/step",
+        "iterations_per_step": "iter/step",
     },
     "what the steps leave, at most": {
         "status": "status",
@@ -69,10 +69,11 @@ TABLES = {
 
 
 def _table(title: str, rows: list[list[str]], columns: dict[str, str]) -> None:
+    from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left")
+    table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 1, 0, 0))
     table.add_column("mechanism", no_wrap=True)
     for name in columns.values():
         table.add_column(name, justify="right")
