@@ -19,14 +19,10 @@ from numba.extending import intrinsic
 from engine.kernels import run, step
 from engine.kernels.jit import OPTIONS
 
-SOLVER, CONTACTS, LOADS, JOINTS, PROJECTION, REST = STAGES = (
-    "solver",
-    "contacts",
-    "loads and motion",
-    "joints",
-    "projection",
-    "measures and rest",
-)
+# loads: with the free motion; contacts: finding them, their velocities and the active set; projection: with its own
+# solver; rest: responses and the look for rest
+STAGES = ("solver", "contacts", "loads", "joints", "projection", "rest")
+SOLVER, CONTACTS, LOADS, JOINTS, PROJECTION, REST = STAGES
 IN_STEP = {
     "keep": LOADS,
     "move": LOADS,

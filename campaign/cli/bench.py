@@ -39,39 +39,48 @@ def bench(
 
 
 def _print(measured: "list[Bench]") -> None:
-    """Print the measurements as a table, one mechanism a column."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title="fixed steps, with and after rest", title_justify="left")
-    table.add_column("")
-    for entry in measured:
-        table.add_column(entry.mechanism, justify="right")
-    for field, name in ROWS.items():
-        table.add_row(name, *(_text(getattr(entry, field)) for entry in measured))
-    for stage in measured[0].shares:
-        table.add_row(f"share: {stage}", *(f"{100 * entry.shares[stage]:.1f} %" for entry in measured))
-    Console().print(table)
+    """Print three tables, one mechanism a row."""
+    for title, columns in TABLES.items():
+        _table(title, [[entry.mechanism, *(_text(getattr(entry, c)) for c in columns)] for entry in measured], columns)
+    shares = [[entry.mechanism, *(f"{100 * part:.1f}" for part in entry.shares.values())] for entry in measured]
+    _table("share of the time [%]", shares, {stage: stage for stage in measured[0].shares})
     for entry in measured:
         if entry.message:
             print(f"{entry.mechanism}: {entry.message}")
 
 
-ROWS = {
-    "status": "status",
-    "bodies": "moving bodies",
-    "contacts": "contacts",
-    "ties": "rows of ideal joints",
-    "step": "step [file's unit]",
-    "steps": "steps",
-    "repeated": "steps repeated",
-    "step_us": "time of a step [us]",
-    "iterations_per_step": "solver iterations a step",
-    "max_residual": "largest residual",
-    "max_penetration": "largest penetration",
-    "max_violation": "largest joint violation",
+TABLES = {
+    "size and speed": {
+        "bodies": "bodies",
+        "contacts": "contacts",
+        "ties": "joint rows",
+        "steps": "steps",
+        "repeated": "again",
+        "step_us": "us/step",
+        "iterations_per_step": "iter/step",
+    },
+    "what the steps leave, at most": {
+        "status": "status",
+        "max_residual": "residual",
+        "max_penetration": "penetration",
+        "max_violation": "joint violation",
+    },
 }
 
 
+def _table(title: str, rows: list[list[str]], columns: dict[str, str]) -> None:
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 1, 0, 0))
+    table.add_column("mechanism", no_wrap=True)
+    for name in columns.values():
+        table.add_column(name, justify="right")
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)
+
+
 def _text(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
