@@ -8,6 +8,7 @@ second order and joints do no work; J v+ = s' with J at mid-step alone loses ene
 from engine.friction.ties import hold_ties, tie_down
 from engine.kernels.contacts import add_whitened
 from engine.kernels.jit import inner
+from engine.kernels.motion import NOTHING
 from engine.kernels.ties import tie_velocity, tie_violations, whitened_ties
 
 
@@ -33,6 +34,8 @@ def hold_joints(bodies, ties, x, R, before, twist, held, h, theta, tied, w):
             c[i] -= (mean - (1 - theta) * tie_velocity(ties, x, R, point, way, before, i)) / theta
         else:
             c[i] -= ties.arm[i] * held.target[2, i]
+        if abs(c[i]) < NOTHING:
+            c[i] = 0.0
     whitened_ties(bodies, ties, x, R, point, way, tied.J)
     tie_down(w.shape[0], tied)
     hold_ties(w.shape[0], tied, c, w)

@@ -4,13 +4,20 @@ from engine.kernels.jit import inner, kernel
 from engine.kernels.rotations import rotation_matrix, turn
 
 EULER_STEPS = 4
+NOTHING = 1e-150  # of any unit: what rounding leaves of a motion that is none; arithmetic on less than 1e-308 is slow
 
 
 @kernel
 def move(state, dt):
     """Displace every body by ``dt`` at its present twist: x += dt v, p <- p exp(dt Omega)."""
     for body in range(state.x.shape[0] - 1):
-        v = state.v[body]
+        v, p = state.v[body], state.p[body]
+        for k in range(6):
+            if abs(v[k]) < NOTHING:
+                v[k] = 0.0
+        for k in range(4):
+            if abs(p[k]) < NOTHING:
+                p[k] = 0.0
         for k in range(3):
             state.x[body, k] += dt * v[k]
         turn(state.p[body], dt * v[3], dt * v[4], dt * v[5])
