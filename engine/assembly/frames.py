@@ -5,8 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from engine.kernels.model import State
 from engine.kernels.rotations import rotation_matrix
@@ -52,8 +50,14 @@ def order_bodies(mechanism: Mechanism) -> list[str]:
     number = {name: i for i, name in enumerate(moving)}
     pairs = [(j.sides[0].body, j.sides[1].body) for j in mechanism.joints.values()]
     pairs += [(c.a.body, c.b.body) for c in mechanism.contacts.values()]
+    pairs += [(m.body, m.relative_to) for m in mechanism.motions.values() if m.relative_to]
     links = np.array([(number[a], number[b]) for a, b in pairs if a in number and b in number], int).reshape(-1, 2)
     n = len(moving)
+    if n <= 2:
+        return moving
+    from scipy.sparse import coo_array  # 0.3 s to load
+    from scipy.sparse.csgraph import reverse_cuthill_mckee
+
     graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(n, n)).tocsr()
     return [moving[i] for i in reverse_cuthill_mckee((graph + graph.T).tocsr(), symmetric_mode=True)]
 

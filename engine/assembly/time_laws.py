@@ -1,7 +1,6 @@
 """Laws of time as arrays: cubic pieces, and a sine on top."""
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, PchipInterpolator
 
 from engine.assembly.frames import Array
 from engine.kernels.model import TimeLaws
@@ -44,6 +43,8 @@ def _table(law: Table) -> Array:
     rows = np.zeros((t.size, 5))
     rows[:, 0], rows[:, 1] = t, y
     if law.interpolation == "smooth":
+        from scipy.interpolate import CubicHermiteSpline, PchipInterpolator  # 0.3 s to load
+
         slopes = PchipInterpolator(t, y).derivative()(t)
         slopes[[0, -1]] = 0.0
         rows[:-1, 2:] = CubicHermiteSpline(t, y, slopes).c[2::-1].T
