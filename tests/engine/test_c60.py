@@ -45,10 +45,16 @@ def test_contact_force_is_the_couple_over_its_lever():
     low, high = abs(couple) / (lever + arm), abs(couple) / (lever - arm)
     assert high - low < 0.9
     tight, loose = (
-        simulate(load_mechanism("c60"), {f"J{i}": play for i in range(1, 8)}).responses["FC-1"] for play in (0.01, 0.02)
+        simulate(load_mechanism("c60"), {f"J{i}": play for i in range(1, 8)}, indeterminacy=True)
+        for play in (0.01, 0.02)
     )
-    assert low < tight < high
-    assert low < 2 * tight - loose < high  # carried on to no play at all
+    assert low < tight.responses["FC-1"] < high
+    # carried on to no play at all, with what friction leaves open of either force
+    (least, largest), (least_loose, largest_loose) = tight.ranges["FC-1"], loose.ranges["FC-1"]
+    assert least < tight.responses["FC-1"] < largest
+    assert 2 * least - largest_loose < high
+    assert 2 * largest - least_loose > low
+    assert largest - least < 0.4
 
 
 def test_every_run_is_certified(nominal, fixed):
