@@ -2,13 +2,15 @@
 
 import math
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StringConstraints
 from pydantic_core import PydanticCustomError
 
 from engine.mechanism.quantities import Quantity
+
+PERPENDICULAR = 1e-5  # largest cosine of two directions that are meant to be perpendicular
 
 
 class Model(BaseModel):
@@ -94,3 +96,29 @@ class BodyPoint(Model):
 
     body: Name = Field(description="the body the point belongs to")
     point: Point = Field(description="the point, in the frame of the body")
+
+
+class PairLaw(Model):
+    """What happens where two bodies touch: by a pair of materials, or by numbers of its own."""
+
+    material: Name | None = Field(
+        default=None, description="the pair of materials, a table of [materials]; default: that between the bodies'"
+    )
+    friction: Annotated[Friction | None, Quantity("number")] = Field(
+        default=None, description="the coefficient of friction, instead of the material's"
+    )
+    restitution: Annotated[Restitution | None, Quantity("number")] = Field(
+        default=None, description="the coefficient of restitution, instead of the material's"
+    )
+
+
+def check_perpendicular(first: Sequence[float], second: Sequence[float], names: tuple[str, str]) -> None:
+    """Refuse the table if its direction ``names[1]`` is not perpendicular to ``names[0]``, both of unit length."""
+    lean = sum(a * b for a, b in zip(first, second, strict=True))
+    if abs(lean) > PERPENDICULAR:
+        raise refuse(
+            f"not across {names[0]} ({names[0]} . {names[1]} = {lean:.2g}); allowed: perpendicular to {names[0]}; "
+            "correct one of the two",
+            key=names[1],
+            value=list(second),
+        )

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from engine.mechanism.base import Friction, Length, Model, Name, Point, Restitution, refuse
+from engine.mechanism.base import Length, Model, Name, PairLaw, Point, refuse
 from engine.mechanism.primitives import Arc, Bore, Cylinder, Disc, Plane, Rectangle, Ring, Socket, Sphere
 from engine.mechanism.quantities import Quantity
 
@@ -60,21 +60,12 @@ class Side(Model):
         return self
 
 
-class Contact(Model):
+class Contact(PairLaw):
     """A unilateral contact with friction between two primitives; the order of a and b does not matter."""
 
     a: Side = Field(description="one side: { body, and one primitive, such as point, arc or plane }")
     b: Side = Field(description="the other side: { body, and one primitive }")
     offset: Length = Field(default=0.0, description="a skin subtracted from the gap")
-    material: Name | None = Field(
-        default=None, description="the pair of materials, a table of [materials]; default: that between the bodies'"
-    )
-    friction: Annotated[Friction | None, Quantity("number")] = Field(
-        default=None, description="the coefficient of friction, instead of the material's"
-    )
-    restitution: Annotated[Restitution | None, Quantity("number")] = Field(
-        default=None, description="the coefficient of restitution, instead of the material's"
-    )
 
     @property
     def kind(self) -> str:

@@ -9,10 +9,17 @@ from typing import Annotated, Any, Self
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from engine.mechanism.base import Direction, Model, Number, Point, PositiveLength, is_number, refuse
+from engine.mechanism.base import (
+    Direction,
+    Model,
+    Number,
+    Point,
+    PositiveLength,
+    check_perpendicular,
+    is_number,
+    refuse,
+)
 from engine.mechanism.quantities import Quantity
-
-PERPENDICULAR = 1e-5  # largest cosine of two directions that are meant to be perpendicular
 
 _TWO_SIZES = {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 2, "maxItems": 2}
 
@@ -22,18 +29,6 @@ def _two_sizes(value: Any) -> tuple[float, float]:
     if not isinstance(value, list | tuple) or len(value) != 2 or not all(is_number(v) and v > 0 for v in value):
         raise refuse("not two half sides; allowed: two finite numbers > 0; write half the length and half the width")
     return (float(value[0]), float(value[1]))
-
-
-def _check_perpendicular(first: Direction, second: Direction, names: tuple[str, str]) -> None:
-    """Refuse the table if its direction ``names[1]`` is not across ``names[0]``."""
-    lean = sum(a * b for a, b in zip(first, second, strict=True))
-    if abs(lean) > PERPENDICULAR:
-        raise refuse(
-            f"out of the plane ({names[0]} . {names[1]} = {lean:.2g}); allowed: perpendicular to {names[0]}; "
-            "correct one of the two",
-            key=names[1],
-            value=list(second),
-        )
 
 
 class Sphere(Model):
@@ -69,7 +64,7 @@ class Arc(Model):
     @model_validator(mode="after")
     def _in_plane(self) -> Self:
         if self.middle is not None:
-            _check_perpendicular(self.normal, self.middle, ("normal", "middle"))
+            check_perpendicular(self.normal, self.middle, ("normal", "middle"))
         elif self.half_angle < math.pi:
             raise refuse("missing; an arc needs the direction to its middle; add it, or drop half_angle", key="middle")
         return self
@@ -138,5 +133,5 @@ class Rectangle(Model):
 
     @model_validator(mode="after")
     def _in_plane(self) -> Self:
-        _check_perpendicular(self.normal, self.along, ("normal", "along"))
+        check_perpendicular(self.normal, self.along, ("normal", "along"))
         return self

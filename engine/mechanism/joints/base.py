@@ -1,13 +1,10 @@
 """What all joints share: two sides, the word that makes one ideal or loose, and the law of its contacts."""
 
-from typing import Annotated, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from pydantic import Field, model_validator
 
-from engine.mechanism.base import BodyPoint, Direction, Friction, Model, Name, Restitution, is_number, refuse
-from engine.mechanism.quantities import Quantity
-
-PERPENDICULAR = 1e-5  # largest cosine of two directions that are meant to be perpendicular
+from engine.mechanism.base import BodyPoint, Direction, PairLaw, is_number, refuse
 
 
 class Line(BodyPoint):
@@ -16,7 +13,7 @@ class Line(BodyPoint):
     axis: Direction = Field(description="the direction of the axis, in the frame of the body")
 
 
-class Joint(Model):
+class Joint(PairLaw):
     """Base of all joints. A type with the prefix ``clearance_`` has play; the same type without it is ideal."""
 
     SIDES: ClassVar[tuple[str, str]]
@@ -24,15 +21,6 @@ class Joint(Model):
     """The key a joint's name alone stands for; empty when the joint exists as an ideal one only."""
 
     type: str = Field(description="the kind of joint")
-    material: Name | None = Field(
-        default=None, description="the pair of materials, a table of [materials]; default: that between the bodies'"
-    )
-    friction: Annotated[Friction | None, Quantity("number")] = Field(
-        default=None, description="the coefficient of friction, instead of the material's"
-    )
-    restitution: Annotated[Restitution | None, Quantity("number")] = Field(
-        default=None, description="the coefficient of restitution, instead of the material's"
-    )
 
     @property
     def ideal(self) -> bool:

@@ -4,8 +4,8 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from engine.mechanism.base import Direction, Model, PositiveLength, refuse
-from engine.mechanism.joints.base import PERPENDICULAR, Joint, Line, stations
+from engine.mechanism.base import Direction, Model, PositiveLength, check_perpendicular, refuse
+from engine.mechanism.joints.base import Joint, Line, stations
 from engine.mechanism.quantities import Quantity
 
 
@@ -16,14 +16,8 @@ class Slideway(Line):
 
     @model_validator(mode="after")
     def _across(self) -> Self:
-        lean = sum(n * a for n, a in zip(self.normal or (0.0, 0.0, 0.0), self.axis, strict=True))
-        if abs(lean) > PERPENDICULAR:
-            raise refuse(
-                f"not across the axis (normal . axis = {lean:.2g}); allowed: perpendicular to axis; "
-                "correct one of the two",
-                key="normal",
-                value=list(self.normal or ()),
-            )
+        if self.normal is not None:
+            check_perpendicular(self.axis, self.normal, ("axis", "normal"))
         return self
 
 

@@ -138,7 +138,7 @@ REFUSED = [
     ("prismatic", "block", ..., "joints.J1: has no form", "exactly one of block, shaft"),
     ("prismatic", "shaft", SHAFT, "joints.J1: has block and shaft", "keep one"),
     ("prismatic", "guide__normal", ..., "joints.J1.guide.normal: missing; it is the direction", "add it"),
-    ("prismatic", "slider__normal", [0, 1, 1], "joints.J1.slider.normal", "not across the axis (normal . axis = 0.71)"),
+    ("prismatic", "slider__normal", [0, 1, 1], "joints.J1.slider.normal", "not across axis (axis . normal = 0.71)"),
     ("prismatic", "block__half_width", -1, "joints.J1.block.half_width = -1 mm", "allowed: > 0"),
     ("prismatic", "clearance", 0, "joints.J1.clearance = 0 mm", "allowed: > 0"),
     ("spherical", "ball__radius", ..., "joints.J1.ball.radius: missing", "add it"),
