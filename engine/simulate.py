@@ -139,6 +139,7 @@ def _execute(
     every: int = 1,
 ) -> Run:
     """Run the time loop and translate its outcome."""
+    from engine.derived import bounded_contacts, read_contacts, with_derived
     from engine.kernels import run
     from engine.loop import control_of, drive, prepare
     from engine.verdict import failure, judge
@@ -159,18 +160,23 @@ def _execute(
         iterations=int(counts[run.ITERATIONS]),
         repeated=int(counts[run.REPEATED]),
     )
-    ranges: dict[str, tuple[float, float]] = {}
+    ranges: dict[str, tuple[float, float]] = {}  # of contacts
+    read = read_contacts(mechanism)
     if counts[run.STATUS] == run.OK and certificate.settled:
         forces = _measure_at_rest(mechanism, assembly, int(counts[run.PHASE]), certificate.time)
-        if indeterminacy and forces is not None:
-            ranges = _force_ranges(mechanism, assembly, forces)
+        asked = [*bounded_contacts(mechanism), *(read.values() if indeterminacy else ())]
+        if forces is not None and asked:
+            ranges = _force_ranges(assembly, forces, list(dict.fromkeys(asked)))
     measured = dict(zip(mechanism.responses, map(float, assembly.work.reported), strict=True))
+    measured = with_derived(mechanism, measured, ranges)
     if counts[run.STATUS] == run.OK:
-        status, message = judge(mechanism, measured, bool(counts[run.COMPLETED]) or full_horizon)
+        completed = bool(counts[run.COMPLETED]) or full_horizon
+        status, message = judge(mechanism, measured, completed, int(counts[run.PHASE]))
     else:
         status, message = failure(mechanism, assembly, course)
     responses = measured if status == "ok" else {}
-    return Run(status, message, responses, mechanism.response_units(), certificate, measured, ranges)
+    left_open = {name: ranges[contact] for name, contact in read.items() if contact in ranges}
+    return Run(status, message, responses, mechanism.response_units(), certificate, measured, left_open)
 
 
 def _measure_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int, t: float) -> "Array | None":
@@ -196,14 +202,9 @@ def _measure_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int, t: 
     return forces
 
 
-def _force_ranges(mechanism: Mechanism, assembly: "Assembly", forces: "Array") -> dict[str, tuple[float, float]]:
-    """Return what friction leaves open of the normal forces that are read at the end."""
+def _force_ranges(assembly: "Assembly", forces: "Array", contacts: list[str]) -> dict[str, tuple[float, float]]:
+    """Return what friction leaves open of the normal forces of some contacts at rest."""
     from engine.equilibrium import normal_force_ranges
-    from engine.mechanism.responses import ContactForce
 
-    wanted = {
-        name: assembly.contact_names.index(response.contact)
-        for name, response in mechanism.responses.items()
-        if isinstance(response, ContactForce) and response.component == "normal" and response.at == "end"
-    }
-    return dict(zip(wanted, normal_force_ranges(assembly, forces, list(wanted.values())), strict=True))
+    numbers = [assembly.contact_names.index(contact) for contact in contacts]
+    return dict(zip(contacts, normal_force_ranges(assembly, forces, numbers), strict=True))

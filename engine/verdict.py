@@ -9,13 +9,25 @@ from engine.kernels import run
 from engine.kernels.run import Course
 from engine.loop import CANCELLED
 from engine.mechanism import Mechanism
+from engine.mechanism.moments import Event
 
 Status = Literal["ok", "not_converged", "diverged", "timeout", "cancelled", "invalid"]
 
 
-def judge(mechanism: Mechanism, measured: Mapping[str, float], completed: bool) -> tuple[Status, str]:
-    """Judge a run that went to its end: have its phases ended, and is the result within the validity conditions."""
+def judge(mechanism: Mechanism, measured: Mapping[str, float], completed: bool, phase: int) -> tuple[Status, str]:
+    """Judge a run that went to its end: have its phases ended, and is the result within the validity conditions.
+
+    ``phase`` is the number of the last one that began.
+    """
     unit, sim = mechanism.unit("time"), mechanism.simulation
+    awaited = mechanism.phases[phase].until
+    if not completed and awaited is not None:
+        beyond = f"above {awaited.above:g}" if awaited.above is not None else f"below {awaited.below:g}"
+        of = mechanism.response_units()[awaited.response]
+        return "not_converged", (
+            f"phase {mechanism.phases[phase].name} did not end by the horizon of {sim.horizon:g} {unit}: "
+            f"{awaited.response} was never {beyond} {of}; raise simulation.horizon, or give the phase a duration"
+        )
     if not completed:
         return "not_converged", (
             f"not at rest at the horizon of {sim.horizon:g} {unit}: for {sim.rest.window:g} {unit} no measured length "
@@ -23,7 +35,7 @@ def judge(mechanism: Mechanism, measured: Mapping[str, float], completed: bool) 
             "a duration"
         )
     missing = [name for name, value in measured.items() if math.isnan(value)]
-    events = [name for name in missing if mechanism.responses[name].at not in ("end", "maximum", "minimum")]
+    events = [name for name in missing if isinstance(mechanism.responses[name].at, Event)]
     if events:
         return "invalid", f"{', '.join(events)}: the event it is read at (`at`) did not happen in this run"
     if missing:

@@ -10,6 +10,7 @@ from engine.assembly.ideal_joints import joint_ties
 from engine.assembly.joints import joint_pairs
 from engine.assembly.loads import load_arrays
 from engine.assembly.motions import motion_ties
+from engine.assembly.phases import phase_arrays
 from engine.assembly.responses import response_arrays
 from engine.assembly.start import refuse_open_joints, refuse_overlap
 from engine.assembly.ties import Places, layout, tie_arrays, tie_runs
@@ -57,11 +58,11 @@ def assemble(mechanism: Mechanism) -> Assembly:
         bodies=Bodies(mass, inertia, np.linalg.inv(np.linalg.cholesky(inertia)) if moving else inertia, at),
         contacts=contacts,
         laws=laws,
-        ties=tie_arrays(ties),
+        ties=tie_arrays(ties, len(mechanism.phases)),
         time_laws=time_laws,
         loads=load_arrays(mechanism, frames, law_numbers),
         responses=response_arrays(mechanism, frames, state, pairs),
-        phase_duration=np.array([np.inf if p.duration is None else p.duration for p in mechanism.phases]),
+        phases=phase_arrays(mechanism),
     )
     nc = len(pairs)
     assembly = Assembly(
@@ -109,6 +110,7 @@ def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
         values=offset.copy(),  # of an angle at the start: its full turns count from there
         previous=offset.copy(),
         reported=np.full(offset.size, np.nan),
+        peak=np.full(offset.size, np.nan),
         anchor=np.zeros(offset.size),
         travel=np.zeros(nc),
         a=np.zeros(3),

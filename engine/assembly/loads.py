@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from engine.assembly.frames import Array, Frame, quaternion
+from engine.assembly.phases import active_phases
 from engine.kernels.model import Loads
 from engine.mechanism.loads import Force, LinearSpring, Torque, TorsionDamper, TorsionSpring
 from engine.mechanism.models import Mechanism
@@ -72,7 +73,6 @@ def _start_angle(mechanism: Mechanism, spring: TorsionSpring | TorsionDamper) ->
 
 def _forces(mechanism: Mechanism, frames: dict[str, Frame], laws: dict[str, int]) -> dict[str, Any]:
     """Return forces (with their points) and torques, each with the phases in which it acts and its time law."""
-    phases = [p.name for p in mechanism.phases]
     body, vector, in_body, active, law = [], [], [], [], []
     loads: dict[str, Force | Torque] = {f"forces.{name}": force for name, force in mechanism.forces.items()}
     loads |= {f"torques.{name}": torque for name, torque in mechanism.torques.items()}
@@ -85,12 +85,12 @@ def _forces(mechanism: Mechanism, frames: dict[str, Frame], laws: dict[str, int]
         else:
             vector.append([*np.zeros(6), *(turn @ load.torque)])
         in_body.append(load.frame == "body")
-        active.append([load.phases is None or name in load.phases for name in phases])
+        active.append(active_phases(mechanism, load.phases))
         law.append(laws.get(key, -1))
     return {
         "force_body": np.array(body, np.int64),
         "force_vector": np.array(vector, float).reshape(-1, 9),
         "force_in_body": np.array(in_body, bool),
         "force_law": np.array(law, np.int64),
-        "force_phase": np.array(active, bool).reshape(-1, len(phases)),
+        "force_phase": np.array(active, bool).reshape(-1, len(mechanism.phases)),
     }

@@ -3,6 +3,7 @@
 import numpy as np
 
 from engine.assembly.frames import Frame, tangent
+from engine.assembly.phases import active_phases
 from engine.assembly.ties import Tie, turning_arm
 from engine.kernels.model import SLIDE, TURN, State
 from engine.mechanism.models import Mechanism
@@ -30,5 +31,6 @@ def motion_ties(mechanism: Mechanism, frames: dict[str, Frame], state: State, la
             mark = tangent(axis)
             row, kind = [*mark, *axis, *(state.R[b].T @ state.R[a] @ mark)], TURN
             arm = turning_arm(mechanism, [name for name in (motion.relative_to, motion.body) if name])
-        ties.append(Tie(key, kind, a, b, np.array(row), arm, law=laws[f"motions.{key}"]))
+        acts = active_phases(mechanism, motion.phases)
+        ties.append(Tie(key, kind, a, b, np.array(row), arm, laws[f"motions.{key}"], acts))
     return ties

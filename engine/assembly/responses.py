@@ -6,12 +6,13 @@ import numpy as np
 
 from engine.assembly.contacts import Pair
 from engine.assembly.frames import Array, Frame
+from engine.assembly.phases import event_limit
 from engine.errors import MechanismError
 from engine.kernels import model
 from engine.kernels.model import Responses, State
 from engine.mechanism.faults import Fault, did_you_mean
 from engine.mechanism.models import Mechanism
-from engine.mechanism.moments import Event
+from engine.mechanism.moments import Peak
 
 ORIGIN = (0.0, 0.0, 0.0)
 KINDS = {
@@ -25,6 +26,8 @@ KINDS = {
     "spring_force": model.SPRING_FORCE,
     "spring_torque": model.SPRING_TORQUE,
     "time": model.TIME,
+    "difference": model.DERIVED,
+    "condition": model.DERIVED,
 }
 MOTION = ("position", "angle", "gap")
 
@@ -52,10 +55,11 @@ def response_arrays(mechanism: Mechanism, frames: dict[str, Frame], state: State
         point=np.array([point for _, _, point in what], float).reshape(-1, 12),
         offset=np.array([getattr(response, "offset", 0.0) for _, response in items], float),
         measures_motion=np.array([r.type in MOTION and r.at == "end" for _, r in items], bool),
-        at=np.array([at for at, _, _, _ in when], np.int64),
-        from_phase=np.array([phase for _, phase, _, _ in when], np.int64),
-        trigger=np.array([trigger for _, _, trigger, _ in when], np.int64),
-        limit=np.array([limit for _, _, _, limit in when], float).reshape(-1, 2),
+        at=np.array([at for at, _, _ in when], np.int64),
+        from_phase=np.array([_phase(mechanism, r.from_phase, 0) for _, r in items], np.int64),
+        to_phase=np.array([_phase(mechanism, r.to_phase, -1) for _, r in items], np.int64),
+        trigger=np.array([i if trigger is None else trigger for i, (_, trigger, _) in enumerate(when)], np.int64),
+        limit=np.array([limit for _, _, limit in when], float).reshape(-1, 2),
     )
 
 
@@ -73,9 +77,11 @@ def _measured(
         body = (alike.index(response.spring), 0, 0)
     elif response.type == "joint_force":
         body = _joint(mechanism, response, frames, pairs, point)
-    elif response.type != "time":
+    elif kind not in (model.TIME, model.DERIVED):
         body = ([pair.name for pair in pairs].index(response.contact), 0, 0)
-        if response.type == "contact_force" and response.component == "friction":
+        if response.type == "contact_force" and response.bound is not None:
+            kind = model.DERIVED
+        elif response.type == "contact_force" and response.component == "friction":
             kind = model.FRICTION_FORCE
     return kind, body, point
 
@@ -115,15 +121,21 @@ def _joint(
     return own[0], len(own), turned.index
 
 
-def _reported(mechanism: Mechanism, response: Any) -> tuple[int, int, int, tuple[float, float]]:
-    """Return when a response is reported: kind of moment, phase from which on, response that is watched, its limit."""
-    phases = [phase.name for phase in mechanism.phases]
-    phase = 0 if response.from_phase is None else phases.index(response.from_phase)
+def _reported(mechanism: Mechanism, response: Any) -> tuple[int, int | None, tuple[float, float]]:
+    """Return when a response is reported: kind of moment, response that is watched (None: itself), limit and side."""
     at = response.at
-    if isinstance(at, Event):
-        limit = (at.above, 1.0) if at.above is not None else (at.below or 0.0, -1.0)
-        return model.EVENT, phase, list(mechanism.responses).index(at.response), limit
-    return (model.END if at == "end" else model.PEAK), phase, 0, (0.0, -1.0 if at == "minimum" else 1.0)
+    if isinstance(at, str):
+        return (model.END if at == "end" else model.PEAK), None, (0.0, -1.0 if at == "minimum" else 1.0)
+    watched = list(mechanism.responses).index(at.response)
+    if isinstance(at, Peak):
+        return model.PEAK, watched, (0.0, -1.0 if at.peak == "minimum" else 1.0)
+    return model.EVENT, watched, event_limit(at)
+
+
+def _phase(mechanism: Mechanism, name: str | None, default: int) -> int:
+    """Return the number of a phase."""
+    phases = [phase.name for phase in mechanism.phases]
+    return phases.index(phases[default] if name is None else name)
 
 
 def _refuse_missing_contacts(mechanism: Mechanism, contacts: list[str]) -> None:

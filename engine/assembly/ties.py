@@ -23,8 +23,8 @@ class Tie:
     a, b : indices of the bodies
     geometry : row of `kernels.ties`, shape (9,)
     arm : makes a TURN's angle a length; 1 for a SLIDE
-    offset : the target of the coordinate [length or rad]
-    law : number of the time law that is added to it; -1: none
+    law : number of the time law of its target; -1: none
+    phases : when it acts, shape (n_phase,) bool; None: always
     """
 
     name: str
@@ -33,8 +33,8 @@ class Tie:
     b: int
     geometry: Array
     arm: float = 1.0
-    offset: float = 0.0
     law: int = -1
+    phases: Array | None = None
 
 
 def turning_arm(mechanism: Mechanism, bodies: list[str]) -> float:
@@ -46,16 +46,20 @@ def turning_arm(mechanism: Mechanism, bodies: list[str]) -> float:
     return float(min(np.sqrt(np.trace(np.array(b.inertia, float)) / (2 * (b.mass or 0.0))) for b in moving))
 
 
-def tie_arrays(ties: list[Tie]) -> Ties:
-    """Return the rows as arrays."""
+def tie_arrays(ties: list[Tie], phases: int = 1) -> Ties:
+    """Return the rows as arrays, for a run of so many phases."""
+    acts = np.array([np.full(phases, True) if tie.phases is None else tie.phases for tie in ties], bool)
+    acts = acts.reshape(-1, phases)
     return Ties(
         kind=np.array([tie.kind for tie in ties], np.int64),
         a=np.array([tie.a for tie in ties], np.int64),
         b=np.array([tie.b for tie in ties], np.int64),
         geometry=np.array([tie.geometry for tie in ties]).reshape(-1, 9),
         arm=np.array([tie.arm for tie in ties], float),
-        offset=np.array([tie.offset for tie in ties], float),
         law=np.array([tie.law for tie in ties], np.int64),
+        phase=acts,
+        offset=np.zeros(len(ties)),
+        acts=acts[:, 0].copy(),
     )
 
 

@@ -1,21 +1,25 @@
 """Laws of time as arrays: cubic pieces, and a sine on top."""
 
+from typing import Any
+
 import numpy as np
 
 from engine.assembly.frames import Array
 from engine.kernels.model import TimeLaws
 from engine.mechanism.models import Mechanism
+from engine.mechanism.motions import Led
 from engine.mechanism.time_laws import FactorSine, Law, Sine, Table
 
 
 def time_law_arrays(mechanism: Mechanism) -> tuple[TimeLaws, dict[str, int]]:
     """Return all laws of time as arrays, and each one's number by the key of its owner, such as ``"forces.push"``."""
-    laws: dict[str, Law] = {
-        f"{table}.{name}": entry.law
+    owners = {
+        f"{table}.{name}": entry
         for table in ("forces", "torques", "motions")
         for name, entry in getattr(mechanism, table).items()
         if entry.law is not None
     }
+    laws: dict[str, Law] = {key: entry.law for key, entry in owners.items()}
     pieces = [_pieces(law) for law in laws.values()]
     rows = np.concatenate([np.zeros((0, 5)), *pieces])
     arrays = TimeLaws(
@@ -23,8 +27,18 @@ def time_law_arrays(mechanism: Mechanism) -> tuple[TimeLaws, dict[str, int]]:
         time=rows[:, 0].copy(),
         piece=rows[:, 1:].copy(),
         sine=np.array([_sine(law) for law in laws.values()], float).reshape(-1, 3),
+        since=np.array([_since(mechanism, entry) for entry in owners.values()], np.int64),
+        begun=np.array([0.0, *(np.inf for _ in mechanism.phases[1:])]),
     )
     return arrays, {owner: number for number, owner in enumerate(laws)}
+
+
+def _since(mechanism: Mechanism, entry: Any) -> int:
+    """Return the phase from whose beginning a law counts: the one named; of a motion, the first in which it acts."""
+    phases = [phase.name for phase in mechanism.phases]
+    if entry.since is None and isinstance(entry, Led) and entry.phases:
+        return min(phases.index(phase) for phase in entry.phases)
+    return phases.index(entry.since or phases[0])
 
 
 def _pieces(law: Law) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME = range(8)
 CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE = range(8, 11)  # the impulses of a whole step, by its length
+DERIVED = 11  # from other responses, after the run
 END, PEAK, EVENT = range(3)
 SLIDE, TURN = range(2)
 
@@ -52,6 +53,8 @@ class TimeLaws(NamedTuple):
     time: np.ndarray  # (np,) where each piece begins; before the first and after the last a law is constant
     piece: np.ndarray  # (np, 4) c0 + c1 s + c2 s^2 + c3 s^3, s from the piece's beginning
     sine: np.ndarray  # (nl, 3) amplitude, angular frequency, phase: a sin(w t + phi) - a sin(phi)
+    since: np.ndarray  # (nl,) int64, the phase from whose beginning the law's time counts
+    begun: np.ndarray  # (n_phase,) when each phase began; inf before; written by the run
 
 
 class Ties(NamedTuple):
@@ -62,8 +65,10 @@ class Ties(NamedTuple):
     b: np.ndarray  # (nt,) int64
     geometry: np.ndarray  # (nt, 9) see ties.py
     arm: np.ndarray  # (nt,) what makes a TURN's angle a length; 1 for a SLIDE
-    offset: np.ndarray  # (nt,) target at rest [length or rad]
-    law: np.ndarray  # (nt,) int64 time law that is added to it, -1: none
+    law: np.ndarray  # (nt,) int64 time law of its target, -1: none
+    phase: np.ndarray  # (nt, n_phase) bool, when it acts
+    offset: np.ndarray  # (nt,) target where the law is 0 [length or rad]; where the motion began; written by the run
+    acts: np.ndarray  # (nt,) bool, in the present phase; written by the run
 
 
 class Loads(NamedTuple):
@@ -94,8 +99,17 @@ class Responses(NamedTuple):
     measures_motion: np.ndarray  # (nr,) bool: a length or angle at the end of the run; at rest it does not change
     at: np.ndarray  # (nr,) int64 END, PEAK or EVENT
     from_phase: np.ndarray  # (nr,) int64, from whose beginning peaks and events are looked for
-    trigger: np.ndarray  # (nr,) int64, the response whose crossing is the event
+    to_phase: np.ndarray  # (nr,) int64, to whose end they are
+    trigger: np.ndarray  # (nr,) int64, the response whose crossing is the event, or whose peak it is
     limit: np.ndarray  # (nr, 2) limit of the trigger; side: 1 above it or a maximum, -1 below it or a minimum
+
+
+class Phases(NamedTuple):
+    """The parts of a run, in order."""
+
+    duration: np.ndarray  # (n_phase,) longest time; inf: until its event, or until rest
+    trigger: np.ndarray  # (n_phase,) int64, the response whose crossing ends it, -1: none
+    limit: np.ndarray  # (n_phase, 2) limit of the trigger; side: 1 above it, -1 below it
 
 
 class Model(NamedTuple):
@@ -108,7 +122,7 @@ class Model(NamedTuple):
     time_laws: TimeLaws
     loads: Loads
     responses: Responses
-    phase_duration: np.ndarray  # (n_phase,) inf: until rest
+    phases: Phases
 
 
 class State(NamedTuple):
@@ -168,6 +182,7 @@ class Scratch(NamedTuple):
     values: np.ndarray  # (nr,) measured at the end of the last step
     previous: np.ndarray  # (nr,) measured at its beginning
     reported: np.ndarray  # (nr,) the responses, each read at its own instant
+    peak: np.ndarray  # (nr,) largest or smallest value so far of the response whose peak is looked for
     anchor: np.ndarray  # (nr,) responses when the present pause began
     travel: np.ndarray  # (nc,) way slipped since then
     a: np.ndarray  # (3,)

@@ -11,6 +11,7 @@ GAP               contact
 SPRING_FORCE      linear spring
 SPRING_TORQUE     torsion spring
 TIME
+DERIVED           NaN here
 CONTACT_FORCE     contact
 FRICTION_FORCE    contact
 JOINT_FORCE       first contact, number, direction    sign of an impulse (0); direction, or 0: the magnitude (9:12)
@@ -26,6 +27,7 @@ from engine.kernels.model import (
     ANGLE,
     ANGULAR_VELOCITY,
     CONTACT_FORCE,
+    DERIVED,
     END,
     FRICTION_FORCE,
     GAP,
@@ -60,6 +62,8 @@ def measure(responses, contacts, loads, state, point, frame, t, h, values, p, q)
             value = spring_torque(loads, state, body[0], p)
         elif kind == TIME:
             value = t
+        elif kind == DERIVED:
+            value = np.nan
         elif kind == CONTACT_FORCE:
             value = state.r[body[0], 0] / h
         elif kind == FRICTION_FORCE:
@@ -121,27 +125,30 @@ def _joint_impulse(body, row, R, r, frame, total, way):
 
 
 @kernel
-def note(responses, values, previous, phase, reported):
+def note(responses, values, previous, phase, reported, peak):
     """Bring what is reported up to date after a step of ``phase``.
 
     Parameters
     ----------
     values, previous : (nr,) measured at the end of the step and at its beginning; before the first step, at the start
     reported : (nr,) NaN before the first step, and as long as nothing is to be reported: an event that has not happened
+    peak : (nr,) of what is read at a peak the peak so far; NaN before the first step
     """
     for i in range(reported.shape[0]):
         limit, side = responses.limit[i, 0], responses.limit[i, 1]
         if responses.at[i] == END:
             reported[i] = values[i]
-        elif phase < responses.from_phase[i]:
             continue
-        elif responses.at[i] == PEAK:
-            if not side * reported[i] >= side * values[i]:
-                reported[i] = values[i]
-            if responses.kind[i] < CONTACT_FORCE and side * previous[i] > side * reported[i]:
-                reported[i] = previous[i]  # the beginning of the phase counts; the forces of the step before it do not
+        j = responses.trigger[i]
+        if phase < responses.from_phase[i] or phase > responses.to_phase[i]:
+            continue
+        if responses.at[i] == PEAK:
+            if not side * peak[i] >= side * values[j]:
+                peak[i], reported[i] = values[j], values[i]
+            if responses.kind[j] < CONTACT_FORCE and side * previous[j] > side * peak[i]:
+                # the beginning of the phase counts; the forces of the step before it do not
+                peak[i], reported[i] = previous[j], previous[i]
         elif np.isnan(reported[i]):
-            j = responses.trigger[i]
             before, after = side * (previous[j] - limit), side * (values[j] - limit)
             if before > 0.0:
                 reported[i] = previous[i]

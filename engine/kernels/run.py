@@ -11,6 +11,7 @@ from engine.kernels.record import record
 from engine.kernels.responses import measure, note
 from engine.kernels.rest import moved, start_pause
 from engine.kernels.step import step
+from engine.kernels.ties import begin_ties
 
 HALVINGS = 4
 
@@ -64,17 +65,19 @@ def run(model, state, work, problem, control, course, rows, every, stop):
     """
     n, now = course.counts, course.reals
     n[STATUS] = OK
-    phases = model.phase_duration.shape[0]
+    phases = model.phases.duration.shape[0]
     if n[PHASE] < 0:
-        _next_phase(model.phase_duration, control, n, now)
+        _next_phase(model, state, work.held, control, n, now)
         _measure(model, state, work, now[TIME], now[STEP])
     while n[PHASE] < phases:
-        until_rest = model.phase_duration[n[PHASE]] == np.inf
+        open_end = model.phases.duration[n[PHASE]] == np.inf
+        until_rest = open_end and model.phases.trigger[n[PHASE]] < 0
         stay = not until_rest or (control.full_horizon and n[PHASE] == phases - 1)
-        if not (now[TIME] < now[PHASE_END] - 0.5 * control.step and (stay or n[SETTLED] == 0)):
-            if until_rest and n[SETTLED] == 0:
+        ended = _event(model.phases, n[PHASE], work.values) or (n[SETTLED] == 1 and not stay)
+        if ended or not now[TIME] < now[PHASE_END] - 0.5 * control.step:
+            if open_end and not ended and not (until_rest and n[SETTLED] == 1):
                 return
-            _next_phase(model.phase_duration, control, n, now)
+            _next_phase(model, state, work.held, control, n, now)
             continue
         if every > 0 and n[MADE] % every == 0 and record(model, state, work, now[TIME], now[STEP], rows):
             n[STATUS] = FULL
@@ -89,7 +92,7 @@ def run(model, state, work, problem, control, course, rows, every, stop):
         if n[STATUS] != OK:
             return
         _measure(model, state, work, now[TIME], now[STEP])
-        note(model.responses, work.values, work.previous, n[PHASE], work.reported)
+        note(model.responses, work.values, work.previous, n[PHASE], work.reported, work.peak)
         _rest(model.responses.measures_motion, state.r, state.slip, work, control, n, now)
     n[PHASE] = phases - 1
     n[COMPLETED] = 1
@@ -106,12 +109,21 @@ def _measure(model, state, work, t, h):
 
 
 @inner
-def _next_phase(duration, control, n, now):
-    """Enter the next phase."""
+def _next_phase(model, state, held, control, n, now):
+    """Enter the next phase: its clock, its motions."""
     n[PHASE] += 1
-    if n[PHASE] < duration.shape[0]:
-        now[PHASE_END] = min(now[TIME] + duration[n[PHASE]], control.horizon)
+    if n[PHASE] < model.phases.duration.shape[0]:
+        model.time_laws.begun[n[PHASE]] = now[TIME]
+        begin_ties(model.ties, state.x, state.R, held.target[1], held.violation, held.point, held.way, n[PHASE])
+        now[PHASE_END] = min(now[TIME] + model.phases.duration[n[PHASE]], control.horizon)
         now[PAUSE], n[SETTLED] = -1.0, 0
+
+
+@inner
+def _event(phases, phase, values):
+    """Say whether the event has happened that ends a phase."""
+    j = phases.trigger[phase]
+    return j >= 0 and phases.limit[phase, 1] * (values[j] - phases.limit[phase, 0]) > 0.0
 
 
 @inner

@@ -12,7 +12,7 @@ Both are a velocity of b relative to a: along t of the common point P_b, or arm 
 
 import numpy as np
 
-from engine.kernels.jit import kernel
+from engine.kernels.jit import inner, kernel
 from engine.kernels.model import SLIDE
 from engine.kernels.rotations import to_world, turn_to_world
 from engine.kernels.time_laws import time_law, time_law_rate
@@ -20,11 +20,11 @@ from engine.kernels.time_laws import time_law, time_law_rate
 
 @kernel
 def tie_targets(ties, time_laws, t, h, target):
-    """Write the target of every row at t, at t + h, and its rate there, shape (3, nt)."""
+    """Write the target of every row at t, at t + h, and its rate there, shape (3, nt); 0 of rows that do not act."""
     for i in range(ties.kind.shape[0]):
         target[0, i], target[1, i], target[2, i] = ties.offset[i], ties.offset[i], 0.0
         law = ties.law[i]
-        if law >= 0:
+        if law >= 0 and ties.acts[i]:
             target[0, i] += time_law(time_laws, law, t)
             target[1, i] += time_law(time_laws, law, t + h)
             target[2, i] = time_law_rate(time_laws, law, t + h)
@@ -32,9 +32,15 @@ def tie_targets(ties, time_laws, t, h, target):
 
 @kernel
 def tie_violations(ties, x, R, target, violation, point, way):
-    """Write every row's violation (nt,), its point P_b (nt, 3) and its world direction t (nt, 3) at the pose (x, R)."""
+    """Write every row's violation (nt,), its point P_b (nt, 3) and its world direction t (nt, 3) at the pose (x, R).
+
+    A row that does not act has the direction 0, and ties nothing.
+    """
     for i in range(violation.shape[0]):
         a, b, row, t, p = ties.a[i], ties.b[i], ties.geometry[i], way[i], point[i]
+        if not ties.acts[i]:
+            violation[i], t[0], t[1], t[2] = 0.0, 0.0, 0.0, 0.0
+            continue
         turn_to_world(R, a, row, 3, t)
         if ties.kind[i] == SLIDE:
             to_world(x, R, a, row, 0, p)
@@ -50,6 +56,21 @@ def tie_violations(ties, x, R, target, violation, point, way):
             cosine = d0 * e0 + d1 * e1 + d2 * e2
             cs, sn = np.cos(target[i]), np.sin(target[i])
             violation[i] = ties.arm[i] * np.arctan2(sine * cs - cosine * sn, cosine * cs + sine * sn)
+
+
+@inner
+def begin_ties(ties, x, R, target, violation, point, way, phase):
+    """Let act what acts in ``phase``; a motion that begins with it starts from where its coordinate is."""
+    for i in range(violation.shape[0]):
+        begins = phase > 0 and ties.phase[i, phase] and not ties.phase[i, phase - 1]
+        ties.acts[i], target[i] = begins, 0.0
+    tie_violations(ties, x, R, target, violation, point, way)
+    for i in range(violation.shape[0]):
+        if ties.acts[i]:
+            ties.offset[i] = violation[i] / ties.arm[i]
+        ties.acts[i] = ties.phase[i, phase]
+        if not ties.acts[i]:
+            ties.offset[i] = 0.0
 
 
 @kernel

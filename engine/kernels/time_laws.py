@@ -8,6 +8,9 @@ from engine.kernels.jit import inner, kernel
 @kernel
 def time_law(laws, i, t):
     """Return law i at time t: its cubic piece, constant before the first and after the last, plus its sine."""
+    t = _since(laws, i, t)
+    if t == -np.inf:
+        t = 0.0
     k = _piece(laws, i, t)
     s = max(t - laws.time[k], 0.0) if k < laws.first[i + 1] - 1 else 0.0
     c, a, w, phi = laws.piece[k], laws.sine[i, 0], laws.sine[i, 1], laws.sine[i, 2]
@@ -17,10 +20,19 @@ def time_law(laws, i, t):
 @kernel
 def time_law_rate(laws, i, t):
     """Return the rate of law i at time t, from the right."""
+    t = _since(laws, i, t)
+    if t == -np.inf:
+        return 0.0
     k = _piece(laws, i, t)
     s, c, a, w, phi = t - laws.time[k], laws.piece[k], laws.sine[i, 0], laws.sine[i, 1], laws.sine[i, 2]
     rate = c[1] + s * (2 * c[2] + 3 * s * c[3]) if k < laws.first[i + 1] - 1 and s >= 0.0 else 0.0
     return rate + a * w * np.cos(w * t + phi)
+
+
+@inner
+def _since(laws, i, t):
+    """Return the time of law i: since the beginning of its phase; -inf before."""
+    return t - laws.begun[laws.since[i]]
 
 
 @inner

@@ -97,6 +97,9 @@ class Force(Model):
         default=None, description="what it is multiplied with: { table } or { amplitude, frequency }; default: 1"
     )
     phases: tuple[Name, ...] | None = Field(default=None, description="when it acts; default: in all phases")
+    since: Name | None = Field(
+        default=None, description="the phase from whose beginning the time of the law counts; default: the first"
+    )
 
 
 class Torque(Model):
@@ -109,3 +112,6 @@ class Torque(Model):
         default=None, description="what it is multiplied with: { table } or { amplitude, frequency }; default: 1"
     )
     phases: tuple[Name, ...] | None = Field(default=None, description="when it acts; default: in all phases")
+    since: Name | None = Field(
+        default=None, description="the phase from whose beginning the time of the law counts; default: the first"
+    )

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
@@ -9,16 +10,20 @@ from pydantic_core import PydanticCustomError
 
 from engine.errors import MechanismError
 from engine.mechanism import values
-from engine.mechanism.base import Friction, Model, Name, Number, Restitution, Vector, is_number
+from engine.mechanism.base import Friction, Model, Name, Number, Restitution, Vector, is_number, refuse
+from engine.mechanism.benches import Bench, Plot, Preset, with_bench
 from engine.mechanism.bodies import Body
+from engine.mechanism.conditions import ValidityCondition
 from engine.mechanism.contacts import Contact
-from engine.mechanism.faults import Fault, faults_of
+from engine.mechanism.derived import Difference
+from engine.mechanism.faults import Fault, did_you_mean, faults_of
 from engine.mechanism.joints import AnyJoint, Joint
 from engine.mechanism.loads import Damper, Force, Spring, Torque
+from engine.mechanism.moments import Event
 from engine.mechanism.motions import Motion
 from engine.mechanism.quantities import Quantity, UnitSystem
 from engine.mechanism.references import pair_between, reference_faults
-from engine.mechanism.responses import Response, ValidityCondition
+from engine.mechanism.responses import Response
 
 
 class Rest(Model):
@@ -86,11 +91,14 @@ class Simulation(Model):
 
 
 class Phase(Model):
-    """A part of the run; it ends at rest, or after ``duration``."""
+    """A part of the run; it ends at rest, or after ``duration`` or at the event ``until``, whichever is first."""
 
     name: Name = Field(description="what forces and torques call it")
     duration: Annotated[Number | None, Field(gt=0), Quantity("time")] = Field(
-        default=None, description="how long it lasts, a number > 0; default: until the mechanism is at rest"
+        default=None, description="how long it lasts, a number > 0; default: until its event, or rest"
+    )
+    until: Event | None = Field(
+        default=None, description="the event that ends it: { response, above } or { response, below }; default: none"
     )
 
 
@@ -138,17 +146,32 @@ class Mechanism(Model):
     torques: dict[Name, Torque] = Field(default={}, description="the torques")
     motions: dict[Name, Motion] = Field(default={}, description="the prescribed motions")
     responses: dict[Name, Response] = Field(default={}, description="what is read off")
+    bench: Name | None = Field(default=None, description="the bench the mechanism is on; written by on_bench")
+    plot: Plot | None = Field(default=None, description="two responses to draw against each other: { x, y }")
+    benches: dict[Name, Bench] = Field(
+        default={}, description="test benches: tables of this file that are added to it, and what is taken away"
+    )
+    presets: dict[Name, Preset] = Field(default={}, description="named sets of values, such as a measured prototype's")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         faults = reference_faults(self.model_dump(by_alias=True))
         if faults:
             raise PydanticCustomError("references", "references", {"faults": faults})
+        for name, response in self.responses.items():
+            if isinstance(response, Difference) and len({self._quantity(part).name for part in response.of}) > 1:
+                text = "of two quantities; allowed: responses of one quantity, such as two forces; name others"
+                raise refuse(text, key=f"responses.{name}.of", value=list(response.of))
         return self
 
     def response_units(self) -> dict[str, str]:
         """Return the unit of every response, by name."""
-        return {name: response.quantity.unit(self.units) for name, response in self.responses.items()}
+        return {name: self._quantity(name).unit(self.units) for name in self.responses}
+
+    def _quantity(self, name: str) -> Quantity:
+        """Return what a response measures; a difference measures what its two do."""
+        response = self.responses[name]
+        return self._quantity(response.of[0]) if isinstance(response, Difference) else response.quantity
 
     def contact_law(self, pair: Joint | Contact) -> tuple[float, float]:
         """Return (friction, restitution) of a joint or contact.
@@ -167,6 +190,29 @@ class Mechanism(Model):
     def unit(self, quantity: str) -> str:
         """Return the unit of a quantity, such as ``"length"`` or ``"time"``, in this mechanism's system."""
         return Quantity(quantity).unit(self.units)
+
+    def on_bench(self, name: str) -> "Mechanism":
+        """Return the mechanism on one of its test benches.
+
+        Raises
+        ------
+        MechanismError
+            When there is no such bench, or with one line for each fault of the whole.
+        """
+        _refuse_unknown(self.name, "bench", name, self.benches)
+        data = self.model_dump(by_alias=True, exclude_unset=True)
+        return mechanism_from(with_bench(data, name, self.benches[name]), f"{self.name} on bench {name}")
+
+    def preset(self, name: str) -> dict[str, float]:
+        """Return a named set of values, key -> number.
+
+        Raises
+        ------
+        MechanismError
+            When there is no such set.
+        """
+        _refuse_unknown(self.name, "preset", name, self.presets)
+        return dict(self.presets[name].values)
 
     def loose_joints(self) -> list[str]:
         """Return the names of the joints that stand for a clearance."""
@@ -208,6 +254,13 @@ class Mechanism(Model):
         """
         data = self.model_dump(mode="json", by_alias=True)
         return hashlib.sha256(json.dumps(data, separators=(",", ":"), ensure_ascii=True).encode()).hexdigest()
+
+
+def _refuse_unknown(mechanism: str, kind: str, name: str, known: Iterable[str]) -> None:
+    """Raise if a mechanism has no bench or preset of this name."""
+    if name not in known:
+        there = ", ".join(known) or "it has none"
+        raise MechanismError(f"{mechanism}: no {kind} {name!r}; allowed: {there}{did_you_mean(name, known)}")
 
 
 def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:

@@ -1,4 +1,4 @@
-"""When a response is read: at the end of a run, at a peak, or at an event."""
+"""When a response is read: at the end of a run, at a peak, its own or another's, or at an event."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
@@ -26,18 +26,33 @@ class Event(Model):
         return self
 
 
+class Peak(Model):
+    """The instant at which another response is at its largest or smallest."""
+
+    response: Name = Field(description="the response whose peak it is, a table of [responses]")
+    peak: Literal["maximum", "minimum"] = Field(description="which peak: maximum or minimum")
+
+
 def _moment(value: Any) -> Any:
     """Let pass a table, which is an event, and the moments that have a name."""
-    if isinstance(value, Mapping | Event) or (isinstance(value, str) and value in MOMENTS):
+    if isinstance(value, Mapping | Event | Peak) or (isinstance(value, str) and value in MOMENTS):
         return value
     raise refuse(
-        f"no moment of a run; allowed: {', '.join(MOMENTS)}, {{ response, above }} or {{ response, below }}"
+        f"no moment of a run; allowed: {', '.join(MOMENTS)}, {{ response, above }}, {{ response, below }} or "
+        "{ response, peak }"
         f"{did_you_mean(str(value), MOMENTS)}"
     )
 
 
+def _kind(value: Any) -> str:
+    """Return which of the three it is."""
+    if isinstance(value, str):
+        return "Moment"
+    return "Peak" if isinstance(value, Peak) or (isinstance(value, Mapping) and "peak" in value) else "Event"
+
+
 At = Annotated[
-    Annotated[Moment, Tag("Moment")] | Annotated[Event, Tag("Event")],
-    Discriminator(lambda value: "Moment" if isinstance(value, str) else "Event"),
+    Annotated[Moment, Tag("Moment")] | Annotated[Event, Tag("Event")] | Annotated[Peak, Tag("Peak")],
+    Discriminator(_kind),
     BeforeValidator(_moment),
 ]

@@ -26,10 +26,20 @@ class Led(Model):
 
     body: Name = Field(description="the body that is moved")
     relative_to: Name | None = Field(default=None, description="the body it is moved against; default: the world")
+    phases: Annotated[tuple[Name, ...] | None, Field(min_length=1)] = Field(
+        default=None,
+        description="when it acts: phases that follow each other; the body is free in the others, and the way counts "
+        "from where it is when the first of them begins; default: in all phases",
+    )
+    since: Name | None = Field(
+        default=None,
+        description="the phase from whose beginning the time of the law counts; until then the body is held; "
+        "default: the first in which the motion acts",
+    )
 
 
 class Translation(Led):
-    """direction . (way of a point of the body, seen from the other body) follows a law, 0 at the pose of the file."""
+    """direction . (way of a point of the body, seen from the other body) follows a law, 0 where it begins."""
 
     told_by: ClassVar[str] = "along"
 
@@ -38,7 +48,7 @@ class Translation(Led):
 
 
 class Rotation(Led):
-    """The angle of the body about an axis of the other body follows a law, 0 at the pose of the file."""
+    """The angle of the body about an axis of the other body follows a law, 0 where it begins."""
 
     told_by: ClassVar[str] = "about"
 

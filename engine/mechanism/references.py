@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from engine.mechanism.conditions import CONDITION
 from engine.mechanism.faults import Fault, did_you_mean
-from engine.mechanism.responses import CONDITION
 
 _PAIRED = {
     "joints": (("bearing", "journal"), ("guide", "slider"), ("socket", "ball"), ("a", "b")),
@@ -37,6 +37,7 @@ def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
         *_unknown_laws(data),
         *_unknown_responses(data),
         *_events_of_events(data),
+        *_broken_phases(data),
     ]
 
 
@@ -68,12 +69,19 @@ def _references(data: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
                 key = f"{table}.{name}.{side}" + ("" if named else ".body")
                 yield "body", key, entry[side] if named else _table(entry, side).get("body")
             yield "material", f"{table}.{name}.material", _table({"e": entry}, "e").get("material")
-    for table in ("forces", "torques"):
+    for table in ("forces", "torques", "motions"):
         for name, entry in _table(data, table).items():
-            yield "body", f"{table}.{name}.body", _table({"e": entry}, "e").get("body")
+            if table != "motions":
+                yield "body", f"{table}.{name}.body", _table({"e": entry}, "e").get("body")
+            yield "phase", f"{table}.{name}.since", _table({"e": entry}, "e").get("since")
             phases = _table({"e": entry}, "e").get("phases")
             for phase in phases if isinstance(phases, list | tuple) else ():
                 yield "phase", f"{table}.{name}.phases", phase
+    phases = data.get("phases")
+    for i, entry in enumerate(phases if isinstance(phases, list | tuple) else ()):
+        yield "response", f"phases.{i}.until.response", _table(_table({"e": entry}, "e"), "until").get("response")
+    for axis in ("x", "y"):
+        yield "response", f"plot.{axis}", _table(data, "plot").get(axis)
     for name, entry in _table(data, "responses").items():
         yield from _of_response(f"responses.{name}", _table({"e": entry}, "e"))
 
@@ -89,7 +97,11 @@ def _of_response(key: str, entry: Mapping[str, Any]) -> Iterator[tuple[str, str,
         f"{key}.spring",
         entry.get("spring"),
     )
-    yield "phase", f"{key}.from_phase", entry.get("from_phase")
+    for end in ("from_phase", "to_phase"):
+        yield "phase", f"{key}.{end}", entry.get(end)
+    two = entry.get("of")
+    for part in two if isinstance(two, list | tuple) else ():
+        yield "response", f"{key}.of", part
     yield "response", f"{key}.at.response", _table(entry, "at").get("response")
     for end in ("body", "relative_to"):
         yield "body", f"{key}.{end}", entry.get(end)
@@ -199,26 +211,67 @@ def _pair(value: Any) -> tuple[str, str] | None:
 def _unknown_responses(data: Mapping[str, Any]) -> Iterator[Fault]:
     known = list(_table(data, "responses"))
     conditions = data.get("validity")
-    for condition in conditions if isinstance(conditions, list | tuple) else ():
+    stated = [("validity", condition) for condition in (conditions if isinstance(conditions, list | tuple) else ())]
+    for name, entry in _table(data, "responses").items():
+        stated.append((f"responses.{name}.condition", _table({"e": entry}, "e").get("condition", "")))
+    for key, condition in stated:
         match = CONDITION.fullmatch(str(condition))
         if match and match[1] not in known:
             there = ", ".join(known) or "none is defined"
             yield Fault(
-                "validity",
+                key,
                 f"no such response; defined here: {there}{did_you_mean(match[1], known)}",
                 str(condition),
             )
 
 
 def _events_of_events(data: Mapping[str, Any]) -> Iterator[Fault]:
-    """Find events that watch a response which is no function of time: one that is itself a peak or at an event."""
+    """Find what is read off a response that is no function of time: a peak, an event, or what follows from others."""
     responses = _table(data, "responses")
-    for name in responses:
-        watched = _table(_table(responses, name), "at").get("response")
+    phases = data.get("phases")
+    watching = [(f"responses.{name}.at.response", _table(_table(responses, name), "at")) for name in responses]
+    for i, phase in enumerate(phases if isinstance(phases, list | tuple) else ()):
+        watching.append((f"phases.{i}.until.response", _table(_table({"p": phase}, "p"), "until")))
+    for key, at in watching:
+        watched = at.get("response")
         if isinstance(watched, str) and _table(responses, watched).get("at", "end") != "end":
-            yield Fault(
-                f"responses.{name}.at.response",
+            text = (
                 f"responses.{watched} is itself read at a peak or an event; allowed: responses with "
-                'at = "end"; watch one of the same kind without at',
+                'at = "end"; watch one of the same kind without at'
+            )
+            yield Fault(key, text, watched)
+        elif isinstance(watched, str) and _follows(_table(responses, watched)):
+            yield Fault(
+                key,
+                f"responses.{watched} is known only after the run; allowed: what is measured at each step; "
+                "watch one it follows from",
                 watched,
             )
+    for name in responses:
+        two = _table(responses, name).get("of")
+        named = [part for part in two if isinstance(part, str)] if isinstance(two, list | tuple) else []
+        match = CONDITION.fullmatch(str(_table(responses, name).get("condition", "")))
+        for part in [*named, *([match[1]] if match else [])]:
+            if _table(responses, part).get("type") in ("difference", "condition"):
+                text = f"responses.{part} follows from others; allowed: what is measured; name what it is made of"
+                yield Fault(f"responses.{name}.{'of' if named else 'condition'}", text, part)
+
+
+def _follows(response: Mapping[str, Any]) -> bool:
+    """Say whether a response is computed after the run."""
+    return response.get("type") in ("difference", "condition") or response.get("bound") is not None
+
+
+def _broken_phases(data: Mapping[str, Any]) -> Iterator[Fault]:
+    """Find motions that stop and start again, and laws that begin before their motion does."""
+    order = _phases(data)
+    for name, entry in _table(data, "motions").items():
+        named = _table({"e": entry}, "e").get("phases")
+        at = sorted({order.index(p) for p in named if p in order}) if isinstance(named, list | tuple) else []
+        if at and at[-1] - at[0] >= len(at):
+            text = "a motion is not taken up again; allowed: phases that follow each other; write two motions"
+            yield Fault(f"motions.{name}.phases", text, list(named or ()))
+        since = _table({"e": entry}, "e").get("since")
+        if at and since in order and order.index(since) < at[0]:
+            text = f"the motion begins with {order[at[0]]}, after its law; allowed: {order[at[0]]} or later; remove it"
+            yield Fault(f"motions.{name}.since", text, since)

@@ -1,14 +1,11 @@
-"""What is read off a mechanism, when it is read, and when a result does not count."""
+"""What is read off a mechanism, and when it is read."""
 
-import operator
-import re
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field, PlainSerializer, StringConstraints, WithJsonSchema, model_validator
+from pydantic import Field, StringConstraints, model_validator
 
 from engine.mechanism.base import BodyPoint, Direction, Length, Model, Name, Number, Point, refuse
+from engine.mechanism.derived import ConditionMet, Difference
 from engine.mechanism.moments import At
 from engine.mechanism.quantities import Quantity
 
@@ -24,10 +21,13 @@ class Measured(Model):
     at: At = Field(
         default="end",
         description="when it is read: end of the run, maximum or minimum over it, or at an event "
-        "{ response, above or below }",
+        "{ response, above or below }, or at another's peak { response, peak }",
     )
     from_phase: Name | None = Field(
         default=None, description="the phase with which the search for at begins; default: the first"
+    )
+    to_phase: Name | None = Field(
+        default=None, description="the phase with which the search for at ends; default: the last"
     )
 
     @property
@@ -37,13 +37,14 @@ class Measured(Model):
 
     @model_validator(mode="after")
     def _searched(self) -> Self:
-        if self.from_phase is not None and self.at == "end":
-            raise refuse(
-                "nothing is searched for when the response is read at the end; allowed with at = maximum, minimum "
-                "or an event; remove it, or give at",
-                key="from_phase",
-                value=self.from_phase,
-            )
+        for key in ("from_phase", "to_phase"):
+            if getattr(self, key) is not None and self.at == "end":
+                raise refuse(
+                    "nothing is searched for when the response is read at the end; allowed with at = maximum, minimum "
+                    "or an event; remove it, or give at",
+                    key=key,
+                    value=getattr(self, key),
+                )
         return self
 
 
@@ -158,6 +159,21 @@ class ContactForce(Measured):
     component: Literal["normal", "friction"] = Field(
         default="normal", description="which part of the force: normal or friction"
     )
+    bound: Literal["least", "largest"] | None = Field(
+        default=None,
+        description="in the place of the force the least or the largest normal force that friction allows at rest, "
+        "as where contacts stick forces are not unique; default: the force",
+    )
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Self:
+        if self.bound is not None and (self.component != "normal" or self.at != "end"):
+            raise refuse(
+                "a bound is that of a normal force at rest; allowed with component = normal and at = end; remove it",
+                key="bound",
+                value=self.bound,
+            )
+        return self
 
 
 class JointForce(Measured):
@@ -209,62 +225,17 @@ class Time(Measured):
 
 
 Response = Annotated[
-    Position | Velocity | Angle | AngularVelocity | Gap | ContactForce | JointForce | SpringForce | SpringTorque | Time,
+    Position
+    | Velocity
+    | Angle
+    | AngularVelocity
+    | Gap
+    | ContactForce
+    | JointForce
+    | SpringForce
+    | SpringTorque
+    | Time
+    | Difference
+    | ConditionMet,
     Field(discriminator="type"),
-]
-
-CONDITION = re.compile(r"\s*([A-Za-z][A-Za-z0-9_-]*)\s*([<>])\s*(\S+)\s*")
-
-
-@dataclass(frozen=True)
-class Condition:
-    """A validity condition: a settled run that breaks it is ``invalid``.
-
-    Parameters
-    ----------
-    response : str
-        Name of a response.
-    relation : str
-        ``"<"`` or ``">"``.
-    limit : float
-        In the unit of the response.
-    """
-
-    response: str
-    relation: str
-    limit: float
-
-    def __str__(self) -> str:
-        return f"{self.response} {self.relation} {self.limit:.17g}"
-
-    def holds(self, responses: Mapping[str, float]) -> bool:
-        """Say whether ``responses`` (name -> value) meet the condition."""
-        compare = operator.lt if self.relation == "<" else operator.gt
-        return bool(compare(responses[self.response], self.limit))
-
-
-def _condition(value: Any) -> Condition:
-    """Read ``"response > number"``."""
-    if isinstance(value, Condition):
-        return value
-    match = CONDITION.fullmatch(value) if isinstance(value, str) else None
-    try:
-        if match is None:
-            raise ValueError(value)
-        condition = Condition(match[1], match[2], float(match[3]))
-        if not abs(condition.limit) < float("inf"):
-            raise ValueError(value)
-    except ValueError:
-        raise refuse(
-            'not a condition; allowed: "response > number" or "response < number"; '
-            'write for example "latch_overlap > 0"'
-        ) from None
-    return condition
-
-
-ValidityCondition = Annotated[
-    Condition,
-    BeforeValidator(_condition),
-    PlainSerializer(str),
-    WithJsonSchema({"type": "string", "examples": ["latch_overlap > 0"]}),
 ]

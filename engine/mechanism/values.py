@@ -161,7 +161,7 @@ def _below(node: Any) -> Mapping[str, Any]:
     if isinstance(node, Joint) and node.ideal:
         return {}
     if isinstance(node, Model):
-        return node.table()
+        return {key: child for key, child in node.table().items() if key not in ("benches", "presets")}
     if isinstance(node, tuple):
         return {str(i): item for i, item in enumerate(node) if isinstance(item, Model)}
     return node if isinstance(node, Mapping) else {}

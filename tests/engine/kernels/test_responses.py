@@ -359,9 +359,9 @@ def report(responses: dict[str, Any], history: list[list[float]], phases: list[i
     """
     two = [{"name": "one", "duration": 1.0}, {"name": "two"}]
     arrays = mechanism(responses, contacts={"stop": STOP}, phases=two).model.responses
-    reported, seen = np.full(len(responses), np.nan), []
+    reported, peak, seen = np.full(len(responses), np.nan), np.full(len(responses), np.nan), []
     for phase, (previous, now) in zip(phases, pairwise(np.array(history).T), strict=True):
-        note(arrays, now.copy(), previous.copy(), phase, reported)
+        note(arrays, now.copy(), previous.copy(), phase, reported, peak)
         seen.append(reported.tolist())
     return np.array(seen)
 
@@ -391,6 +391,22 @@ def test_the_force_of_the_step_before_is_no_peak_of_the_phase():
     """A force belongs to its step, and a step to one phase: neither the start nor the last phase's end counts."""
     seen = report({"high": FORCE | HIGH | LATER, "low": FORCE | LOW}, 2 * [[0.0, 9.0, 4.0, 5.0]], [0, 1, 1])
     np.testing.assert_array_equal(seen, [[NAN, 9.0], [4.0, 4.0], [5.0, 4.0]])
+
+
+def test_a_peak_to_a_phase_ends_where_the_phase_does():
+    """What comes later is not looked at."""
+    seen = report({"high": ANGLE | HIGH | {"to_phase": "one"}}, [[0.0, 3.0, 9.0]], [0, 1])
+    np.testing.assert_array_equal(seen[:, 0], [3.0, 3.0])
+
+
+def test_something_else_is_read_at_the_peak_of_a_response():
+    """Where the force is largest, of all steps from the second phase on; and where an angle is smallest, start included."""
+    at_force = ANGLE | {"at": {"response": "f", "peak": "maximum"}} | LATER
+    at_low = ANGLE | {"at": {"response": "s", "peak": "minimum"}}
+    history = [[9.0, 8.0, 2.0, 5.0, 4.0], [-3.0, 1.0, 0.0, -4.0, 2.0], [10.0, 11.0, 12.0, 13.0, 14.0]]
+    seen = report({"f": FORCE, "s": ANGLE, "at_force": at_force, "at_low": at_low}, [*history, history[2]], [0, 1, 1, 1])
+    np.testing.assert_array_equal(seen[:, 2], [NAN, 12.0, 13.0, 13.0])
+    np.testing.assert_array_equal(seen[:, 3], [10.0, 10.0, 13.0, 13.0])
 
 
 EVENTS = [

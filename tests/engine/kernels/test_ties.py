@@ -40,13 +40,13 @@ def test_turn_is_the_angle_off_the_target_whatever_the_number_of_turns(target):
 
 def test_target_is_offset_and_law():
     """At the start, at the end of a step and its rate there: here a law of 2 t from 0 to 3, then constant."""
+    pieces = np.array([[0, 2.0, 0, 0], [6.0, 0, 0, 0]])
     laws = TimeLaws(
-        np.array([0, 2]), np.array([0.0, 3.0]), np.array([[0, 2.0, 0, 0], [6.0, 0, 0, 0]]), np.zeros((1, 3))
+        np.array([0, 2]), np.array([0.0, 3.0]), pieces, np.zeros((1, 3)), np.zeros(1, np.int64), np.zeros(1)
     )
     geometry = np.concatenate([X, Z, X])
-    rows = tie_arrays(
-        [Tie("t", TURN, 0, GROUND, geometry, offset=0.25), Tie("m", TURN, 0, GROUND, geometry, law=0, offset=1)]
-    )
+    rows = tie_arrays([Tie("t", TURN, 0, GROUND, geometry), Tie("m", TURN, 0, GROUND, geometry, law=0)])
+    rows.offset[:] = 0.25, 1.0
     target = np.zeros((3, 2))
     for t, h, there, then, rate in ((0.0, 1.0, 0.0, 2.0, 2.0), (1.5, 0.5, 3.0, 4.0, 2.0), (2.0, 7.0, 4.0, 6.0, 0.0)):
         tie_targets(rows, laws, t, h, target)

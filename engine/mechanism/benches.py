@@ -1,0 +1,82 @@
+"""Test benches and presets: the same mechanism on a machine that tests it, and with named sets of values."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from engine.errors import MechanismError
+from engine.mechanism.base import Model, Name, Number
+from engine.mechanism.faults import did_you_mean
+
+Table = dict[str, Any]
+Tables = Annotated[dict[Name, Table], Field(default={}, description="tables that are added, or replace those here")]
+
+
+class Plot(Model):
+    """Two responses drawn against each other over the run, such as a force against a way."""
+
+    x: Name = Field(description="the response along the axis of abscissae")
+    y: Name = Field(description="the response along the axis of ordinates")
+
+
+class Preset(Model):
+    """A named set of values."""
+
+    title: str = Field(default="", description="what the values are")
+    source: str = Field(default="", description="where they come from")
+    values: dict[str, Number] = Field(description="key -> number, as they can be set")
+
+
+class Bench(Model):
+    """What is added to a mechanism, and taken away, to test it; checked as a whole when the mechanism is put on it."""
+
+    title: str = Field(default="", description="what the test is called")
+    without: tuple[str, ...] = Field(default=(), description='tables that are taken away, such as "contacts.C7"')
+    plot: Plot | None = Field(default=None, description="two responses to draw against each other: { x, y }")
+    simulation: Table = Field(default={}, description="keys of [simulation] that differ")
+    phases: tuple[Table, ...] | None = Field(default=None, description="the parts of the run, in the place of those")
+    validity: tuple[str, ...] | None = Field(default=None, description="the conditions, in the place of those")
+    materials: Tables
+    bodies: Tables
+    joints: Tables
+    contacts: Tables
+    springs: Tables
+    dampers: Tables
+    forces: Tables
+    torques: Tables
+    motions: Tables
+    responses: Tables
+
+
+NAMED = ("materials", "bodies", "joints", "contacts", "springs", "dampers", "forces", "torques", "motions", "responses")
+
+
+def with_bench(data: Mapping[str, Any], name: str, bench: Bench) -> dict[str, Any]:
+    """Return a mechanism's plain data with a bench's tables in it.
+
+    Raises
+    ------
+    MechanismError
+        If the bench takes away what is not there.
+    """
+    merged = {**data, "bench": name, "benches": {}, "presets": {}}
+    tables = {table: dict(data.get(table, {})) for table in NAMED}
+    for path in bench.without:
+        table, _, entry = path.partition(".")
+        if entry not in tables.get(table, {}):
+            there = [f"{t}.{e}" for t in tables for e in tables[t]]
+            raise MechanismError(
+                f"benches.{name}.without = {path!r}: no such table; allowed: TABLE.NAME of one that is there"
+                f"{did_you_mean(path, there)}"
+            )
+        del tables[table][entry]
+    for table in NAMED:
+        tables[table].update(getattr(bench, table))
+    merged |= {table: entries for table, entries in tables.items() if entries or table in data}
+    merged["simulation"] = {**data["simulation"], **bench.simulation}
+    for key in ("title", "plot", "phases", "validity"):
+        value = getattr(bench, key)
+        if value not in (None, ""):
+            merged[key] = value
+    return merged
