@@ -77,8 +77,11 @@ def load_campaign(name_or_path: str, *, samples: int | None = None, seed: int | 
     mechanism = None
     try:
         mechanism = _mechanism(raw.get("mechanism"), path.parent)
+        bench = raw.get("bench")
+        mechanism = mechanism.on_bench(bench) if mechanism and isinstance(bench, str) else mechanism
     except EngineError as error:
-        faults.append(fault(["mechanism"], raw["mechanism"], str(error)))
+        key = "mechanism" if mechanism is None else "bench"
+        faults.append(fault([key], raw[key], str(error)))
     if mechanism is not None:
         faults += mechanism_faults(raw, mechanism)
     if faults or spec is None or mechanism is None:

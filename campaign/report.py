@@ -96,8 +96,8 @@ def _simulate(plan: Plan) -> str:
     """Return the command of a single run with the campaign's settings; the inputs are still to be set."""
     simulation = plan.spec.simulation
     words = ["clearcap", "simulate", plan.spec.mechanism]
-    for option, value in (("--step", simulation.step), ("--horizon", simulation.horizon)):
-        words += [] if value is None else [option, repr(value)]
+    for option, value in (("--bench", plan.spec.bench), ("--step", simulation.step), ("--horizon", simulation.horizon)):
+        words += [] if value is None else [option, str(value)]
     return shlex.join(words)
 
 

@@ -84,6 +84,8 @@ class CampaignSpec(_Table):
         Title of the report.
     mechanism : str
         Name of a shipped mechanism, or path of a file relative to the campaign file.
+    bench : str or None
+        The test bench of the mechanism it is simulated on.
     samples : int
         Number of samples, the first of an endless sequence.
     seed : int
@@ -104,6 +106,7 @@ class CampaignSpec(_Table):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$")]
     title: str = ""
     mechanism: Name
+    bench: Name | None = None
     samples: Annotated[int, Field(ge=1, le=100_000_000)]
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     sampler: Literal["random"] = "random"

@@ -44,16 +44,23 @@ def show(mechanism: Which, json: Json = False) -> None:
         print(f"  {name} [{entry['unit']}]  {entry['title']}")
     for condition in document["validity"]:
         print(f"valid only if {condition}")
+    for kind in ("benches", "presets"):
+        for name, title in document[kind].items():
+            print(f"--{kind.removesuffix('es' if kind == 'benches' else 's')} {name}  {title}")
 
 
 @mechanism_app.command()
 def check(mechanism: Which, json: Json = False) -> None:
-    """Check a mechanism: every key, and that no parts overlap at the start."""
+    """Check a mechanism: every key, and that no parts overlap at the start; the same on each of its benches."""
     from engine import check as check_start
     from engine import load_mechanism
 
     loaded = load_mechanism(mechanism)
     check_start(loaded)
+    for name in loaded.benches:
+        check_start(loaded.on_bench(name))
+    for name in loaded.presets:
+        check_start(loaded, loaded.preset(name))
     if json:
         print_json({"mechanism": loaded.name, "ok": True, "digest": loaded.digest()})
     else:
@@ -78,4 +85,6 @@ def _description(mechanism: Any) -> dict[str, Any]:
             name: {"title": response.title, "unit": units[name]} for name, response in mechanism.responses.items()
         },
         "validity": [str(condition) for condition in mechanism.validity],
+        "benches": {name: bench.title for name, bench in mechanism.benches.items()},
+        "presets": {name: preset.title for name, preset in mechanism.presets.items()},
     }

@@ -19,22 +19,31 @@ def simulate(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="Set a joint's clearance or any key; may be repeated."),
     ] = None,
+    bench: Annotated[str | None, typer.Option(help="Put the mechanism on one of its test benches first.")] = None,
+    preset: Annotated[str | None, typer.Option(help="Set one of the mechanism's named sets of values.")] = None,
     step: Annotated[float | None, typer.Option(help="Time step, instead of the file's.")] = None,
     horizon: Annotated[float | None, typer.Option(help="Longest simulated time, instead of the file's.")] = None,
     full_horizon: Annotated[bool, typer.Option("--full-horizon", help="Go on after rest.")] = False,
     trajectory: Annotated[Path | None, typer.Option(help="Write the motion to an HDF5 file: .h5.")] = None,
     every: Annotated[int | None, typer.Option(min=1, help="Of the motion, keep every so many-th step; 1: all.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Draw curves over time: .png, .svg or .pdf.")] = None,
+    plot: Annotated[
+        Path | None,
+        typer.Option(help="Draw curves over time, on a bench its loop: .png, .svg or .pdf; on a bench by default."),
+    ] = None,
     animation: Annotated[Path | None, typer.Option("--animate", help="Draw the motion: .gif, .html or .mp4.")] = None,
     json: Json = False,
 ) -> None:
     """Simulate a mechanism once and print its responses."""
     values = _values(changes or [])
-    _check_outputs(trajectory, every, plot, animation)
     from engine import load_mechanism
     from engine import simulate as simulate_once
 
     loaded = load_mechanism(mechanism)
+    values = (loaded.preset(preset) if preset else {}) | values
+    loaded = loaded.on_bench(bench) if bench else loaded
+    if loaded.plot and not (json or plot or trajectory or animation):
+        plot = Path(f"{loaded.name}-{bench}.png" if bench else f"{loaded.name}.png")
+    _check_outputs(trajectory, every, plot, animation)
     with TemporaryDirectory(prefix="clearcap-") as folder:
         motion = trajectory or (Path(folder) / "motion.h5" if plot or animation else None)
         run = simulate_once(
@@ -96,11 +105,13 @@ def _draw(motion: Path, plot: Path | None, animation: Path | None) -> None:
     """Draw the pictures of a trajectory."""
     from campaign.pictures.animation import animate
     from campaign.pictures.curves import plot as draw_curves
+    from campaign.pictures.loop import plot_loop
     from campaign.pictures.outputs import replacing
     from engine import read_trajectory
 
     recorded = read_trajectory(motion)
-    for path, draw in ((plot, draw_curves), (animation, animate)):
+    draw_plot = plot_loop if recorded.description.get("plot") else draw_curves
+    for path, draw in ((plot, draw_plot), (animation, animate)):
         if path:
             say(f"drawing {path}")
             with replacing(path) as temporary:

@@ -53,7 +53,7 @@ def plot(trajectory: Trajectory, path: Path) -> None:
         for axes in grid.flat[max(len(shown) - 2, 0) : len(shown)]:
             axes.set_xlabel(labelled("time", trajectory.units["time"]))
             axes.tick_params(labelbottom=True)
-        figure.savefig(path, dpi=130, metadata=_metadata(path.suffix, described(trajectory, shown)))
+        figure.savefig(path, dpi=130, metadata=file_metadata(path.suffix, described(trajectory, shown)))
 
 
 def panels(trajectory: Trajectory) -> list[Panel]:
@@ -61,6 +61,8 @@ def panels(trajectory: Trajectory) -> list[Panel]:
     units, contacts = trajectory.units, trajectory.contacts
     shown = []
     for name, values in trajectory.responses.items():
+        if np.isnan(values).all():
+            continue  # follows from others, after the run
         title = trajectory.description["responses"][name].get("title")
         shown.append(Panel(f"{name}: {title}" if title else name, name, units[f"responses/{name}"], {name: values}))
     energy, stored = {"kinetic": trajectory.kinetic}, trajectory.potential - trajectory.potential[0]
@@ -128,7 +130,7 @@ def _draw(axes: "Axes", time: Array, panel: Panel) -> None:
         axes.text(0.99, 0.96, text, transform=axes.transAxes, ha="right", va="top", fontsize=8, color=MUTED)
 
 
-def _metadata(suffix: str, text: str) -> dict[str, Any]:
+def file_metadata(suffix: str, text: str) -> dict[str, Any]:
     """Return the file's metadata: what it shows, and no date, so that the same run makes the same bytes."""
     if suffix == ".pdf":
         return {"Title": "clearcap simulate", "Subject": text, "CreationDate": None}

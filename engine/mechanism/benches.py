@@ -75,8 +75,5 @@ def with_bench(data: Mapping[str, Any], name: str, bench: Bench) -> dict[str, An
         tables[table].update(getattr(bench, table))
     merged |= {table: entries for table, entries in tables.items() if entries or table in data}
     merged["simulation"] = {**data["simulation"], **bench.simulation}
-    for key in ("title", "plot", "phases", "validity"):
-        value = getattr(bench, key)
-        if value not in (None, ""):
-            merged[key] = value
-    return merged
+    own = bench.model_dump(include={"title", "plot", "phases", "validity"}, exclude_unset=True)
+    return merged | own

@@ -404,7 +404,9 @@ def test_something_else_is_read_at_the_peak_of_a_response():
     at_force = ANGLE | {"at": {"response": "f", "peak": "maximum"}} | LATER
     at_low = ANGLE | {"at": {"response": "s", "peak": "minimum"}}
     history = [[9.0, 8.0, 2.0, 5.0, 4.0], [-3.0, 1.0, 0.0, -4.0, 2.0], [10.0, 11.0, 12.0, 13.0, 14.0]]
-    seen = report({"f": FORCE, "s": ANGLE, "at_force": at_force, "at_low": at_low}, [*history, history[2]], [0, 1, 1, 1])
+    seen = report(
+        {"f": FORCE, "s": ANGLE, "at_force": at_force, "at_low": at_low}, [*history, history[2]], [0, 1, 1, 1]
+    )
     np.testing.assert_array_equal(seen[:, 2], [NAN, 12.0, 13.0, 13.0])
     np.testing.assert_array_equal(seen[:, 3], [10.0, 10.0, 13.0, 13.0])
 

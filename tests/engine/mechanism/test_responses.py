@@ -12,8 +12,9 @@ from tests.engine.mechanism.plain import pendulum, put
 
 POINT = {"body": "link", "point": [0, -8, 0]}
 ALONG = {"vector": [0, 1, 0]}
+POSITION = {"type": "position", "from": {"body": "ground", "point": [0, 0, 0]}, "to": POINT, "direction": ALONG}
 EVERY = {
-    "p": {"type": "position", "from": {"body": "ground", "point": [0, 0, 0]}, "to": POINT, "direction": ALONG},
+    "p": POSITION,
     "v": {"type": "velocity", "to": POINT, "direction": ALONG, "at": "maximum"},
     "phi": {"type": "angle", "body": "link", "axis": [0, 0, 1], "offset": 0.5},
     "spin": {"type": "angular_velocity", "body": "link", "relative_to": "ground", "axis": [0, 0, 1]},
@@ -24,6 +25,10 @@ EVERY = {
     "spring": {"type": "spring_force", "spring": "pull"},
     "couple": {"type": "spring_torque", "spring": "turn"},
     "when": {"type": "time", "at": {"response": "phi", "above": 1.0}},
+    "where": {**POSITION, "at": {"response": "normal", "peak": "maximum"}, "to_phase": "hold"},
+    "least": {"type": "contact_force", "contact": "stop", "bound": "least"},
+    "less": {"type": "difference", "of": ["p", "gap"]},
+    "high": {"type": "condition", "condition": "p > 3"},
 }
 UNITS = {
     "p": "mm",
@@ -37,6 +42,10 @@ UNITS = {
     "spring": "N",
     "couple": "N mm",
     "when": "ms",
+    "where": "mm",
+    "least": "N",
+    "less": "mm",
+    "high": "1",
 }
 
 
@@ -72,7 +81,8 @@ def test_the_limit_of_an_event_is_set_in_the_unit_of_what_is_watched():
     mechanism = mechanism_from(described(), "FILE")
     assert mechanism.unit_of("responses.when.at.above") == "rad"
     changed = set_values(mechanism, {"responses.when.at.above": 1.25})
-    assert assemble(changed).model.responses.limit[-1].tolist() == [1.25, 1.0]
+    limits = dict(zip(changed.responses, assemble(changed).model.responses.limit.tolist(), strict=True))
+    assert limits["when"] == [1.25, 1.0]
 
 
 def test_shipped_mechanisms_read_at_the_end():
@@ -94,6 +104,21 @@ REFUSED = [
     ("p.at", {"above": 1}, "p.at.response: missing", "the response that is watched"),
     ("p.from_phase", "free", "p.from_phase = 'free'", "maximum, minimum or an event"),
     ("v.from_phase", "fre", "v.from_phase = 'fre'", "did you mean 'free'?"),
+    ("p.to_phase", "free", "p.to_phase = 'free'", "maximum, minimum or an event"),
+    ("where.to_phase", "fre", "where.to_phase = 'fre'", "did you mean 'free'?"),
+    ("where.at", {"response": "v", "peak": "maximum"}, "where.at.response = 'v'", "itself read at a peak"),
+    ("where.at", {"response": "less", "peak": "maximum"}, "where.at.response = 'less'", "known only after the run"),
+    ("where.at", {"response": "least", "peak": "maximum"}, "where.at.response = 'least'", "known only after the run"),
+    ("where.at", {"response": "p", "peak": "top"}, "where.at.peak = 'top'", "'maximum' or 'minimum'"),
+    ("least.bound", "most", "least.bound = 'most'", "'least' or 'largest'"),
+    ("least.at", "maximum", "least.bound = 'least'", "component = normal and at = end"),
+    ("less.of", ["p", "gp"], "less.of = 'gp'", "did you mean 'gap'?"),
+    ("less.of", ["p", "normal"], "less.of = ['p', 'normal']", "responses of one quantity"),
+    ("less.of", ["less", "p"], "less.of = 'less'", "follows from others"),
+    ("less.of", ["p"], "less.of.1: missing", "two responses of one quantity"),
+    ("high.condition", "p >> 3", "high.condition = 'p >> 3'", "response > number"),
+    ("high.condition", "q > 3", "high.condition = 'q > 3'", "no such response"),
+    ("high.at", "end", "high.at: unknown key", "condition"),
     ("phi.relative_to", "link", "phi.relative_to = 'link'", "does not turn relative to itself"),
     ("phi.relative_to", "grund", "phi.relative_to = 'grund'", "did you mean 'ground'?"),
     ("phi.body", "lnk", "phi.body = 'lnk'", "did you mean 'link'?"),
