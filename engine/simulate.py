@@ -197,7 +197,9 @@ def _measure_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int, t: 
     measure(
         model.responses, model.contacts, model.loads, state, work.point, work.frame, t, 1.0, work.values, work.a, work.b
     )
-    forces_at_end = (model.responses.at == END) & (model.responses.kind >= CONTACT_FORCE)  # a speed stays what it was
+    responses, last = model.responses, len(mechanism.phases) - 1
+    # a speed stays what it was, and so does what was read at the end of an earlier phase
+    forces_at_end = (responses.at == END) & (responses.kind >= CONTACT_FORCE) & (responses.to_phase == last)
     work.reported[forces_at_end] = work.values[forces_at_end]
     return forces
 

@@ -63,8 +63,8 @@ def described(trajectory: Trajectory) -> str:
     named = trajectory.description["plot"]
     x, y = trajectory.responses[named["x"]], trajectory.responses[named["y"]]
     top = int(np.argmax(y))
+    of_x, of_y = (trajectory.units[f"responses/{named[axis]}"] for axis in ("x", "y"))
     return (
-        f"{heading(trajectory)}. {named['y']} against {named['x']}: from {x.min():.5g} to {x.max():.5g} "
-        f"{trajectory.units['responses/' + named['x']]}, largest {y[top]:.5g} {trajectory.units['responses/' + named['y']]} "
-        f"at {x[top]:.5g}."
+        f"{heading(trajectory)}. {named['y']} against {named['x']}: from {x.min():.5g} to {x.max():.5g} {of_x}, "
+        f"largest {y[top]:.5g} {of_y} at {x[top]:.5g} {of_x}."
     )

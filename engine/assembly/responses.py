@@ -54,7 +54,7 @@ def response_arrays(mechanism: Mechanism, frames: dict[str, Frame], state: State
         body=np.array([body for _, body, _ in what], np.int64).reshape(-1, 3),
         point=np.array([point for _, _, point in what], float).reshape(-1, 12),
         offset=np.array([getattr(response, "offset", 0.0) for _, response in items], float),
-        measures_motion=np.array([r.type in MOTION and r.at == "end" for _, r in items], bool),
+        measures_motion=np.array([r.type in MOTION and r.at == "end" for _, r in items], bool),  # in every phase
         at=np.array([at for at, _, _ in when], np.int64),
         from_phase=np.array([_phase(mechanism, r.from_phase, 0) for _, r in items], np.int64),
         to_phase=np.array([_phase(mechanism, r.to_phase, -1) for _, r in items], np.int64),

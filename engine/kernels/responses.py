@@ -136,13 +136,12 @@ def note(responses, values, previous, phase, reported, peak):
     """
     for i in range(reported.shape[0]):
         limit, side = responses.limit[i, 0], responses.limit[i, 1]
-        if responses.at[i] == END:
-            reported[i] = values[i]
-            continue
-        j = responses.trigger[i]
         if phase < responses.from_phase[i] or phase > responses.to_phase[i]:
             continue
-        if responses.at[i] == PEAK:
+        j = responses.trigger[i]
+        if responses.at[i] == END:
+            reported[i] = values[i]
+        elif responses.at[i] == PEAK:
             if not side * peak[i] >= side * values[j]:
                 peak[i], reported[i] = values[j], values[i]
             if responses.kind[j] < CONTACT_FORCE and side * previous[j] > side * peak[i]:

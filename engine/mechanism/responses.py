@@ -27,7 +27,9 @@ class Measured(Model):
         default=None, description="the phase with which the search for at begins; default: the first"
     )
     to_phase: Name | None = Field(
-        default=None, description="the phase with which the search for at ends; default: the last"
+        default=None,
+        description="the phase with which the search for at ends, or at whose end the response is read; "
+        "default: the last",
     )
 
     @property
@@ -37,14 +39,13 @@ class Measured(Model):
 
     @model_validator(mode="after")
     def _searched(self) -> Self:
-        for key in ("from_phase", "to_phase"):
-            if getattr(self, key) is not None and self.at == "end":
-                raise refuse(
-                    "nothing is searched for when the response is read at the end; allowed with at = maximum, minimum "
-                    "or an event; remove it, or give at",
-                    key=key,
-                    value=getattr(self, key),
-                )
+        if self.from_phase is not None and self.at == "end":
+            raise refuse(
+                "nothing is searched for when the response is read at the end; allowed with at = maximum, minimum "
+                "or an event; remove it, or give at",
+                key="from_phase",
+                value=self.from_phase,
+            )
         return self
 
 
@@ -167,7 +168,7 @@ class ContactForce(Measured):
 
     @model_validator(mode="after")
     def _bounded(self) -> Self:
-        if self.bound is not None and (self.component != "normal" or self.at != "end"):
+        if self.bound is not None and (self.component != "normal" or self.at != "end" or self.to_phase is not None):
             raise refuse(
                 "a bound is that of a normal force at rest; allowed with component = normal and at = end; remove it",
                 key="bound",

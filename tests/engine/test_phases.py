@@ -42,7 +42,8 @@ def test_an_event_that_does_not_come_is_named():
     until = {"response": "x", "above": 9.0}
     run = simulate(ball([{"name": "fly", "until": until}, {"name": "after", "duration": 0.1}]))
     assert run.status == "not_converged"
-    assert "phase fly" in run.message and "x was never above 9 m" in run.message
+    assert "phase fly" in run.message
+    assert "x was never above 9 m" in run.message
 
 
 def test_an_event_of_a_phase_with_a_duration_only_shortens_it():

@@ -393,6 +393,12 @@ def test_the_force_of_the_step_before_is_no_peak_of_the_phase():
     np.testing.assert_array_equal(seen, [[NAN, 9.0], [4.0, 4.0], [5.0, 4.0]])
 
 
+def test_the_end_may_be_that_of_a_phase():
+    """The value at the end of the first phase stays."""
+    seen = report({"s": ANGLE | {"to_phase": "one"}}, [[0.0, 3.0, 1.0, 2.0]], [0, 0, 1])
+    np.testing.assert_array_equal(seen[:, 0], [3.0, 1.0, 1.0])
+
+
 def test_a_peak_to_a_phase_ends_where_the_phase_does():
     """What comes later is not looked at."""
     seen = report({"high": ANGLE | HIGH | {"to_phase": "one"}}, [[0.0, 3.0, 9.0]], [0, 1])
@@ -400,7 +406,7 @@ def test_a_peak_to_a_phase_ends_where_the_phase_does():
 
 
 def test_something_else_is_read_at_the_peak_of_a_response():
-    """Where the force is largest, of all steps from the second phase on; and where an angle is smallest, start included."""
+    """Where the force is largest, from the second phase on; and where an angle is smallest, start included."""
     at_force = ANGLE | {"at": {"response": "f", "peak": "maximum"}} | LATER
     at_low = ANGLE | {"at": {"response": "s", "peak": "minimum"}}
     history = [[9.0, 8.0, 2.0, 5.0, 4.0], [-3.0, 1.0, 0.0, -4.0, 2.0], [10.0, 11.0, 12.0, 13.0, 14.0]]

@@ -38,7 +38,8 @@ def test_a_bench_adds_replaces_and_takes_away():
     """All else stays, and the mechanism itself is as it was."""
     plain = mechanism()
     tested = plain.on_bench("test")
-    assert "stop" in plain.contacts and not tested.contacts
+    assert "stop" in plain.contacts
+    assert not tested.contacts
     assert set(tested.responses) == {"height", "pull"}
     assert set(tested.forces) == {"weight", "shake", "hand"}
     assert (tested.simulation.step, tested.simulation.horizon) == (2e-3, 1.0)
@@ -103,5 +104,5 @@ def test_an_unknown_bench_or_preset_is_refused_with_those_there_are():
         mechanism().preset("old")
     with pytest.raises(MechanismError, match=r"incline: no bench 'x'; allowed: it has none"):
         load_mechanism("incline").on_bench("x")
-    with pytest.raises(MechanismError, match="benches.test.body: unknown key"):
+    with pytest.raises(MechanismError, match=r"benches\.test\.body: unknown key"):
         mechanism(body={})
