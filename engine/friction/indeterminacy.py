@@ -1,22 +1,34 @@
 """How far friction leaves a normal force open: the range over all balanced forces inside Coulomb's cones.
 
 At redundant contacts that stick, the same motion goes with a continuum of forces. For one contact's normal force the
-ends of that continuum are two linear programmes: the forces r of all contacts are to give the same generalised impulse
-H' r as a known solution, within the cones. Each cone is replaced by ``FACETS`` planes inside it, so that every force
-found is one that Coulomb's law allows, and the range is short by at most 1 - cos(pi / FACETS) of a tangential force:
-half a percent.
+ends of that continuum are two cone programmes: the forces r of all contacts are to give the same generalised impulse
+H' r as a known solution, within the cones. What is left free is r = r0 + Z y, with Z a basis of the forces that balance
+each other; the ends are found by Newton's method on the barrier -log(s_0^2 - |s_T|^2) of the cones, s = (mu r_N, r_T),
+ever closer to their boundary (Nesterov, Nemirovskii: a path-following method).
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
 
 from engine.friction.problem import FrictionError
 
 Array = NDArray[np.float64]
-FACETS = 32
-UNBOUNDED = 3  # status of `linprog`
-SLACK = 1e-9  # of the largest force: how exactly the known forces lie in their cones
+SLACK = 1e-9  # of the largest force: how exactly the known forces lie in their cones, and how far each is opened
+FRICTIONLESS = 1e-12  # a smaller mu is none
+GAP = 1e-8  # of the largest force: how exactly an end is found
+SHARPER = 300.0  # from one barrier to the next
+NEWTON = 60  # steps for one barrier
+ROOM = 1e4  # in largest forces: how far forces are looked for
+ENDLESS = 1e-2 * ROOM  # farther away there is no end: friction wedges
+
+
+class Cones(NamedTuple):
+    """Forces s = start + basis y, one cone s_0 >= |s_T| for each contact."""
+
+    start: Array  # (nc, 3)
+    basis: Array  # (nc, 3, d)
 
 
 def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) -> tuple[float, float]:
@@ -51,30 +63,85 @@ def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) 
     if outside.max() > SLACK**0.5 * size:
         raise FrictionError(f"indeterminacy: r of contact {int(outside.argmax())} is outside Coulomb's cone")
 
-    # unknowns: shares of the generators (1, mu cos a, mu sin a) of each cone, and of the known force itself
-    angles = 2 * np.pi * np.arange(FACETS) / FACETS
-    generators = np.zeros((3 * nc, nc * (FACETS + 1)))
-    for i in range(nc):
-        columns = slice(i * (FACETS + 1), (i + 1) * (FACETS + 1) - 1)
-        generators[3 * i, columns] = 1.0
-        generators[3 * i + 1, columns], generators[3 * i + 2, columns] = mu[i] * np.cos(angles), mu[i] * np.sin(angles)
-        generators[3 * i : 3 * i + 3, columns.stop] = r[3 * i : 3 * i + 3] / size
-    balance = _independent(H.T @ generators, H.T @ r / size)
-    ends = [_extreme(sign * generators[3 * contact], *balance) for sign in (1.0, -1.0)]
-    return size * ends[0], -size * ends[1]
+    cones, scale = _balanced(H, mu, r / size)
+    if not np.abs(cones.basis[contact, 0]).max(initial=0) > SLACK:
+        return float(r[3 * contact]), float(r[3 * contact])
+    centre = _centred(cones, np.zeros(cones.basis.shape[2]), np.zeros(cones.basis.shape[2]))
+    way = cones.basis[contact, 0] * scale[contact]
+    low, high = (sign * _least(cones, sign * way, centre) for sign in (1.0, -1.0))
+    return max(float(r[3 * contact] + size * low), 0.0), float(r[3 * contact] + size * high)
 
 
-def _independent(A: Array, b: Array) -> tuple[Array, Array]:
-    """Return the balance in an orthonormal basis of its rows: as many equations as say something."""
-    left, values, _ = np.linalg.svd(A, full_matrices=False)
-    basis = left[:, values > 1e-10 * values.max(initial=0)]
-    return basis.T @ A, basis.T @ b
+def _balanced(H: Array, mu: Array, r: Array) -> tuple[Cones, Array]:
+    """Return all forces that balance as r does, and what makes each cone's s_0 a normal force."""
+    rough = mu > FRICTIONLESS
+    scale = np.where(rough, 1 / np.where(rough, mu, 1.0), 1.0)
+    columns = np.stack([scale, rough, rough], axis=1).ravel()  # a frictionless contact has no tangential force
+    _, values, right = np.linalg.svd(np.vstack([H.T * columns, np.diag(1.0 - (columns > 0))]))
+    rank = int((values > 1e-10 * values.max(initial=0)).sum())
+    start = r.reshape(-1, 3) / np.where(columns > 0, columns, 1.0).reshape(-1, 3)
+    start[:, 0] = np.maximum(start[:, 0], np.hypot(start[:, 1], start[:, 2])) + SLACK
+    return Cones(start, right[rank:].T.reshape(mu.size, 3, -1)), scale
 
 
-def _extreme(cost: Array, A: Array, b: Array) -> float:
-    found = linprog(cost, A_eq=A, b_eq=b, bounds=(0, None), method="highs-ds", options={"presolve": False})
-    if found.status == UNBOUNDED:
-        return -np.inf
-    if found.status != 0:
-        raise FrictionError(f"indeterminacy: the linear programme ended with: {found.message}")
-    return float(found.fun)
+def _least(cones: Cones, way: Array, y: Array) -> float:
+    """Return the least way . y within the cones; -inf if there is none. ``y`` is inside them."""
+    weight = 1.0
+    while True:
+        y = _centred(cones, weight * way, y)
+        if way @ y < -ENDLESS:
+            return -np.inf
+        if 2 * len(cones.start) / weight < GAP:
+            return float(way @ y)
+        weight *= SHARPER
+
+
+def _centred(cones: Cones, push: Array, y: Array) -> Array:
+    """Return the minimum of push . y - sum log(s_0^2 - |s_T|^2), by Newton steps that stay inside the cones.
+
+    The cone R >= |y| keeps it from running away where friction wedges.
+    """
+    s = cones.start + cones.basis @ y
+    for _ in range(NEWTON):
+        room = ROOM**2 - y @ y
+        det = _determinant(s, s)
+        mirrored = s * (1.0, -1.0, -1.0)
+        slope = np.einsum("ck,ckd->cd", mirrored, cones.basis) / det[:, None]
+        bend = 4 * slope.T @ slope
+        for k, sign in enumerate((1.0, -1.0, -1.0)):
+            bend -= sign * (cones.basis[:, k].T * (2 / det)) @ cones.basis[:, k]
+        bend += 4 * np.outer(y, y) / room**2 + np.diag(np.full(y.size, 2 / room))
+        down = push - 2 * slope.sum(axis=0) + 2 * y / room
+        step = np.linalg.solve(bend, -down)
+        decrement = float(-down @ step)
+        if not decrement > 1e-3:
+            return y
+        ds = cones.basis @ step
+        length = min(1.0, 0.95 * _reach(s, ds)) if decrement > 0.1 else 1.0
+        now = _barrier(s, y) - 1e-4 * length * decrement
+        while _barrier(s + length * ds, y + length * step) + length * (push @ step) > now:
+            length *= 0.5
+            if length < 1e-12:
+                return y
+        y, s = y + length * step, s + length * ds
+    return y
+
+
+def _determinant(s: Array, t: Array) -> Array:
+    """Return s_0 t_0 - s_T . t_T of every cone."""
+    return np.asarray(s[:, 0] * t[:, 0] - s[:, 1] * t[:, 1] - s[:, 2] * t[:, 2])
+
+
+def _barrier(s: Array, y: Array) -> float:
+    """Return the barrier; inf outside."""
+    det, room = _determinant(s, s), ROOM**2 - y @ y
+    return float(-np.log(det).sum() - np.log(room)) if (det > 0).all() and (s[:, 0] > 0).all() and room > 0 else np.inf
+
+
+def _reach(s: Array, ds: Array) -> float:
+    """Return how many times ds the forces may move until one meets the boundary of its cone."""
+    a, b, c = _determinant(ds, ds), _determinant(s, ds), _determinant(s, s)
+    root = np.sqrt(np.maximum(b * b - a * c, 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        first = c / np.where(-b + root > 0, -b + root, np.nan)  # the smallest positive root of c + 2 b x + a x^2
+    return float(np.nanmin(first, initial=np.inf))

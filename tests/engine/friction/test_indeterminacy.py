@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import linprog
 
 from engine.friction import FrictionError
 from engine.friction.indeterminacy import normal_force_range
 
 LOAD = 3.0
+CLOSE = 1e-7  # of the largest force
+FACETS = 200
 
 
 def corners(points, normals):
@@ -25,7 +28,7 @@ def test_block_on_four_corners(mu):
     H = corners([(1, 2, 0), (-1, 2, 0), (-1, -2, 0), (1, -2, 0)], [(0, 0, 1)] * 4)
     r = np.tile([LOAD / 4, 0, 0], 4)
     for i in range(4):
-        assert normal_force_range(H, np.full(4, mu), r, i) == pytest.approx((0, LOAD / 2), abs=1e-9)
+        assert normal_force_range(H, np.full(4, mu), r, i) == pytest.approx((0, LOAD / 2), abs=CLOSE * LOAD)
 
 
 def test_three_legs_are_determinate():
@@ -48,17 +51,47 @@ def test_a_particle_in_a_groove():
     lines = [np.array([n + s * mu * t for n, t in ((H[0], H[1]), (H[3], H[4]))]) for s in (1, -1)]
     ends = [np.linalg.solve(np.array([lines[a][0], lines[b][1]]).T, [0, LOAD])[0] for a in (0, 1) for b in (0, 1)]
     low, high = normal_force_range(H, [mu, mu], r, 0)
-    assert high == pytest.approx(max(ends), rel=1e-2)
-    assert low == pytest.approx(min(ends), rel=1e-2)
-    assert high <= max(ends) * (1 + 1e-9), "the cones are approached from inside"
+    assert high == pytest.approx(max(ends), rel=CLOSE)
+    assert low == pytest.approx(min(ends), rel=CLOSE)
 
 
 def test_a_wedge_that_locks_has_no_upper_end():
     """A particle between two parallel walls may be squeezed at will; below, friction needs N >= load / (2 mu)."""
     H = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [-1, 0, 0], [0, 1, 0], [0, 0, 1]])
     low, high = normal_force_range(H, [0.3, 0.3], [10.0, 1, 0, 10.0, 1, 0], 0)
-    assert low == pytest.approx(1 / 0.3, rel=1e-9)
+    assert low == pytest.approx(1 / 0.3, abs=10.0 * CLOSE)
     assert high == np.inf
+
+
+def with_planes(H, mu, r, contact, outside):
+    """Return the range with each cone replaced by planes inside or outside it, by scipy's linear programmes."""
+    reach = mu / np.cos(np.pi / FACETS) if outside else mu
+    angles = 2 * np.pi * np.arange(FACETS) / FACETS
+    edges = np.zeros((r.size, mu.size * FACETS))
+    for i, m in enumerate(reach):
+        columns = slice(i * FACETS, (i + 1) * FACETS)
+        edges[3 * i : 3 * i + 3, columns] = np.ones(FACETS), m * np.cos(angles), m * np.sin(angles)
+    for sign in (1, -1):
+        found = linprog(sign * edges[3 * contact], A_eq=H.T @ edges, b_eq=H.T @ r, bounds=(0, None))
+        assert found.status == 0, found.message
+        yield sign * found.fun
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_between_the_linear_programmes_with_planes_inside_and_outside_the_cones(seed):
+    """Up to three bodies, random contacts, some frictionless: the cones themselves lie between the two."""
+    rng = np.random.default_rng(seed)
+    nc, n = int(rng.integers(3, 10)), 6 * int(rng.integers(1, 3))
+    H, mu = rng.normal(size=(3 * nc, n)), rng.uniform(0.05, 0.6, nc) * (rng.random(nc) < 0.8)
+    H[0::3, 0] = np.abs(H[0::3, 0]) + 1.0  # all push the same way: no wedge
+    r = np.zeros((nc, 3))
+    r[:, 0] = rng.uniform(1, 20, nc)
+    r[:, 1] = 0.5 * mu * r[:, 0]
+    low, high = normal_force_range(H, mu, r.ravel(), 0)
+    inside, outside = (list(with_planes(H, mu, r.ravel(), 0, out)) for out in (False, True))
+    room = 1e-6 * r.max()
+    assert outside[0] - room <= low <= inside[0] + room
+    assert inside[1] - room <= high <= outside[1] + room
 
 
 def test_malformed_questions_are_named():
