@@ -62,6 +62,7 @@ def assemble(mechanism: Mechanism) -> Assembly:
         loads=load_arrays(mechanism, frames, law_numbers),
         responses=response_arrays(mechanism, frames, state, pairs),
         phase_duration=np.array([np.inf if p.duration is None else p.duration for p in mechanism.phases]),
+        phase_damping=np.array([p.damping for p in mechanism.phases]),
     )
     nc = len(pairs)
     assembly = Assembly(

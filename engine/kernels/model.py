@@ -109,6 +109,7 @@ class Model(NamedTuple):
     loads: Loads
     responses: Responses
     phase_duration: np.ndarray  # (n_phase,) inf: until rest
+    phase_damping: np.ndarray  # (n_phase,) rate [1/time]
 
 
 class State(NamedTuple):

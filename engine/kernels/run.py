@@ -6,10 +6,10 @@ import numpy as np
 
 from engine.friction.arrays import CONVERGED
 from engine.kernels.jit import inner, kernel
-from engine.kernels.motion import restore
+from engine.kernels.motion import impulse_time, restore
 from engine.kernels.record import record
 from engine.kernels.responses import measure, note
-from engine.kernels.rest import moved, start_pause
+from engine.kernels.rest import moved, slow, start_pause
 from engine.kernels.step import step
 
 HALVINGS = 4
@@ -17,7 +17,7 @@ HALVINGS = 4
 OK, NOT_CONVERGED, PENETRATION, VIOLATION, DIVERGED, STOPPED, FULL = range(7)
 
 # what `Course.counts` and `Course.reals` hold
-STATUS, PHASE, STEPS, ITERATIONS, REPEATED, CONTACT, SETTLED, COMPLETED, STOPPED_BY, MADE = range(10)
+STATUS, PHASE, STEPS, ITERATIONS, REPEATED, CONTACT, SETTLED, COMPLETED, STOPPED_BY, MADE, SLOW = range(11)
 TIME, STEP, RESIDUAL, WORST, OFF, PAUSE, PHASE_END, FASTEST = range(8)
 
 
@@ -28,6 +28,7 @@ class Control(NamedTuple):
     longest: float  # longest step
     travel: float  # the step doubles while no contact point moves farther than this in one
     theta: float  # share of the step after the instant of loads and contacts
+    slow: float  # theta is 1 while no body is faster, in a phase that ends at rest
     plain: bool  # Moreau-Jean's scheme without projection
     horizon: float  # longest simulated time
     tolerance: float  # relative residual of every friction problem
@@ -41,13 +42,13 @@ class Control(NamedTuple):
 class Course(NamedTuple):
     """Where a run is, and what it proves of itself; the loop goes on from here when called again."""
 
-    counts: np.ndarray  # (10,) int64, see above; MADE: steps that count
+    counts: np.ndarray  # (11,) int64, see above; MADE: steps that count, SLOW: did the last one end so
     reals: np.ndarray  # (8,); WORST penetration, OFF: violation of a joint, FASTEST contact point
 
 
 def new_course(control: Control) -> Course:
     """Return the course of a run that has not begun."""
-    counts, reals = np.zeros(10, np.int64), np.zeros(8)
+    counts, reals = np.zeros(11, np.int64), np.zeros(8)
     counts[PHASE], reals[STEP], reals[FASTEST] = -1, control.step, np.inf
     return Course(counts, reals)
 
@@ -81,8 +82,11 @@ def run(model, state, work, problem, control, course, rows, every, stop):
             return
         before = now[STEP]
         now[STEP] = min(_next_step(before, now[FASTEST], control), now[PHASE_END] - now[TIME])
-        _scale_impulses(state.r, now[STEP] / before)
-        _advance(model, state, work, problem, control, n, now)
+        theta = 1.0 if until_rest and n[SLOW] != 0 else control.theta
+        rate = model.phase_damping[n[PHASE]]
+        _scale_impulses(state.r, impulse_time(rate, now[STEP]) / before)
+        _advance(model, state, work, problem, control, theta, n, now)
+        _scale_impulses(state.r, now[STEP] / impulse_time(rate, now[STEP]))  # forces act for the whole step
         n[MADE] += 1
         if n[STATUS] == OK and stop[0] != 0:
             n[STATUS], n[STOPPED_BY] = STOPPED, stop[0]
@@ -91,6 +95,7 @@ def run(model, state, work, problem, control, course, rows, every, stop):
         _measure(model, state, work, now[TIME], now[STEP])
         note(model.responses, work.values, work.previous, n[PHASE], work.reported)
         _rest(model.responses.measures_motion, state.r, state.slip, work, control, n, now)
+        n[SLOW] = 1 if slow(model.bodies, state.v, control.slow) else 0
     n[PHASE] = phases - 1
     n[COMPLETED] = 1
 
@@ -111,16 +116,16 @@ def _next_phase(duration, control, n, now):
     n[PHASE] += 1
     if n[PHASE] < duration.shape[0]:
         now[PHASE_END] = min(now[TIME] + duration[n[PHASE]], control.horizon)
-        now[PAUSE], n[SETTLED] = -1.0, 0
+        now[PAUSE], n[SETTLED], n[SLOW] = -1.0, 0, 0
 
 
 @inner
-def _advance(model, state, work, problem, control, n, now):
+def _advance(model, state, work, problem, control, theta, n, now):
     """Make one step, with half its length again and again if it is not solved, and judge it."""
     status, residual, worst, where, off = CONVERGED, 0.0, 0.0, -1, 0.0
     for attempt in range(1 + HALVINGS):
         status, residual, worst, where, off, fastest, iterations = step(
-            model, state, work, problem, control, n[PHASE], now[TIME], now[STEP]
+            model, state, work, problem, control, theta, n[PHASE], now[TIME], now[STEP]
         )
         n[STEPS] += 1
         n[ITERATIONS] += iterations

@@ -92,6 +92,10 @@ class Phase(Model):
     duration: Annotated[Number | None, Field(gt=0), Quantity("time")] = Field(
         default=None, description="how long it lasts, a number > 0; default: until the mechanism is at rest"
     )
+    damping: Annotated[Number, Field(ge=0), Quantity("rate")] = Field(
+        default=0.0,
+        description="rate of a drag on every body in proportion to its mass, a number >= 0; default: 0, none",
+    )
 
 
 class Material(Model):
