@@ -66,7 +66,7 @@ def free_twist(bodies, R, twist, wrench, h, theta, again, free):
 
 @inner
 def impulse_time(rate, h):
-    """Return how long a constant force would act for what is left at the end of a step ``h`` of the momentum it gave."""
+    """Return the momentum that a force of 1 leaves at the end of a step ``h``: ``h`` less what drag took of it."""
     return -np.expm1(-rate * h) / rate if rate > 0.0 else h
 
 

@@ -17,7 +17,7 @@ HALVINGS = 4
 OK, NOT_CONVERGED, PENETRATION, VIOLATION, DIVERGED, STOPPED, FULL = range(7)
 
 # what `Course.counts` and `Course.reals` hold
-STATUS, PHASE, STEPS, ITERATIONS, REPEATED, CONTACT, SETTLED, COMPLETED, STOPPED_BY, MADE, SLOW = range(11)
+STATUS, PHASE, STEPS, ITERATIONS, REPEATED, CONTACT, SETTLED, COMPLETED, STOPPED_BY, MADE, SLOW, MISSED = range(12)
 TIME, STEP, RESIDUAL, WORST, OFF, PAUSE, PHASE_END, FASTEST = range(8)
 
 
@@ -42,13 +42,13 @@ class Control(NamedTuple):
 class Course(NamedTuple):
     """Where a run is, and what it proves of itself; the loop goes on from here when called again."""
 
-    counts: np.ndarray  # (11,) int64, see above; MADE: steps that count, SLOW: did the last one end so
+    counts: np.ndarray  # (12,) int64, see above; MADE: steps that count; SLOW, MISSED: the last one ended so, began so
     reals: np.ndarray  # (8,); WORST penetration, OFF: violation of a joint, FASTEST contact point
 
 
 def new_course(control: Control) -> Course:
     """Return the course of a run that has not begun."""
-    counts, reals = np.zeros(11, np.int64), np.zeros(8)
+    counts, reals = np.zeros(12, np.int64), np.zeros(8)
     counts[PHASE], reals[STEP], reals[FASTEST] = -1, control.step, np.inf
     return Course(counts, reals)
 
@@ -81,7 +81,8 @@ def run(model, state, work, problem, control, course, rows, every, stop):
             n[STATUS] = FULL
             return
         before = now[STEP]
-        now[STEP] = min(_next_step(before, now[FASTEST], control), now[PHASE_END] - now[TIME])
+        most = before if n[MISSED] != 0 else 2 * before
+        now[STEP] = min(_next_step(most, now[FASTEST], control), now[PHASE_END] - now[TIME])
         theta = 1.0 if until_rest and n[SLOW] != 0 else control.theta
         rate = model.phase_damping[n[PHASE]]
         _scale_impulses(state.r, impulse_time(rate, now[STEP]) / before)
@@ -123,6 +124,7 @@ def _next_phase(duration, control, n, now):
 def _advance(model, state, work, problem, control, theta, n, now):
     """Make one step, with half its length again and again if it is not solved, and judge it."""
     status, residual, worst, where, off = CONVERGED, 0.0, 0.0, -1, 0.0
+    n[MISSED] = 0
     for attempt in range(1 + HALVINGS):
         status, residual, worst, where, off, fastest, iterations = step(
             model, state, work, problem, control, theta, n[PHASE], now[TIME], now[STEP]
@@ -133,6 +135,7 @@ def _advance(model, state, work, problem, control, theta, n, now):
         if status == CONVERGED and worst <= control.penetration and off <= control.violation:
             break
         n[REPEATED] += 1
+        n[MISSED] = 1
         if attempt == HALVINGS:
             break
         now[STEP] *= 0.5
@@ -163,9 +166,9 @@ def _finite(v):
 
 
 @inner
-def _next_step(h, speed, control):
-    """Return the next step: halved until the fastest contact point moves little enough in it, at most doubled."""
-    h = min(2 * h, control.longest)
+def _next_step(most, speed, control):
+    """Return the next step: at most ``most``, and halved until the fastest contact point moves little enough in it."""
+    h = min(most, control.longest)
     while h > control.step and h * speed > control.travel:
         h = max(0.5 * h, control.step)
     return h

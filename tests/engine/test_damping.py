@@ -34,7 +34,7 @@ def test_a_free_body_slows_down_exponentially(rate):
 
 
 def test_its_way_is_of_second_order():
-    """x = v (1 - exp(-c t))/c: half the step leaves a quarter of the error."""
+    """Its way is v (1 - exp(-c t))/c: half the step leaves a quarter of the error."""
     way = (1 - np.exp(-4.0 * TIME)) / 4.0
     errors = [damped(flying(velocity=[1.0, 0, 0]), 4.0, step).x[-1, 0, 0] - way for step in (1e-2, 5e-3)]
     assert 0 < errors[0] < 1e-3
