@@ -18,7 +18,9 @@ OK, NOT_CONVERGED, PENETRATION, VIOLATION, DIVERGED, STOPPED, FULL = range(7)
 
 # what `Course.counts` and `Course.reals` hold
 STATUS, PHASE, STEPS, ITERATIONS, REPEATED, CONTACT, SETTLED, COMPLETED, STOPPED_BY, MADE, SLOW, MISSED = range(12)
-TIME, STEP, RESIDUAL, WORST, OFF, PAUSE, PHASE_END, FASTEST = range(8)
+TIME, STEP, RESIDUAL, WORST, OFF, PAUSE, PHASE_END, FASTEST, LONGEST, CALM = range(10)
+
+PATIENCE = 3  # windows of rest: nearly still for so long and not at rest, a mechanism gets shorter steps
 
 
 class Control(NamedTuple):
@@ -43,12 +45,13 @@ class Course(NamedTuple):
     """Where a run is, and what it proves of itself; the loop goes on from here when called again."""
 
     counts: np.ndarray  # (12,) int64, see above; MADE: steps that count; SLOW, MISSED: the last one ended so, began so
-    reals: np.ndarray  # (8,); WORST penetration, OFF: violation of a joint, FASTEST contact point
+    reals: np.ndarray  # (10,); WORST penetration, OFF: violation of a joint, FASTEST contact point, LONGEST step of
+    # the phase as yet, CALM: time spent slow with it
 
 
 def new_course(control: Control) -> Course:
     """Return the course of a run that has not begun."""
-    counts, reals = np.zeros(12, np.int64), np.zeros(8)
+    counts, reals = np.zeros(12, np.int64), np.zeros(10)
     counts[PHASE], reals[STEP], reals[FASTEST] = -1, control.step, np.inf
     return Course(counts, reals)
 
@@ -82,6 +85,7 @@ def run(model, state, work, problem, control, course, rows, every, stop):
             return
         before = now[STEP]
         most = before if n[MISSED] != 0 else 2 * before
+        most = min(most, now[LONGEST])
         now[STEP] = min(_next_step(most, now[FASTEST], control), now[PHASE_END] - now[TIME])
         theta = 1.0 if until_rest and n[SLOW] != 0 else control.theta
         rate = model.phase_damping[n[PHASE]]
@@ -96,7 +100,11 @@ def run(model, state, work, problem, control, course, rows, every, stop):
         _measure(model, state, work, now[TIME], now[STEP])
         note(model.responses, work.values, work.previous, n[PHASE], work.reported)
         _rest(model.responses.measures_motion, state.r, state.slip, work, control, n, now)
-        n[SLOW] = 1 if slow(model.bodies, state.v, control.slow) else 0
+        if slow(model.bodies, state.v, control.slow):
+            n[SLOW] = 1
+            _lose_patience(control, now)
+        else:
+            n[SLOW] = 0
     n[PHASE] = phases - 1
     n[COMPLETED] = 1
 
@@ -118,6 +126,7 @@ def _next_phase(duration, control, n, now):
     if n[PHASE] < duration.shape[0]:
         now[PHASE_END] = min(now[TIME] + duration[n[PHASE]], control.horizon)
         now[PAUSE], n[SETTLED], n[SLOW] = -1.0, 0, 0
+        now[LONGEST], now[CALM] = control.longest, 0.0
 
 
 @inner
@@ -168,10 +177,18 @@ def _finite(v):
 @inner
 def _next_step(most, speed, control):
     """Return the next step: at most ``most``, and halved until the fastest contact point moves little enough in it."""
-    h = min(most, control.longest)
+    h = most
     while h > control.step and h * speed > control.travel:
         h = max(0.5 * h, control.step)
     return h
+
+
+@inner
+def _lose_patience(control, now):
+    """Halve the longest step of the phase when all is slow again and again and does not come to rest with it."""
+    now[CALM] += now[STEP]
+    if now[CALM] > PATIENCE * control.window and now[LONGEST] > control.step:
+        now[LONGEST], now[CALM] = max(0.5 * now[LONGEST], control.step), 0.0
 
 
 @inner
