@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from engine.mechanism import Mechanism
 
 TIMEOUT, CANCELLED = 1, 2  # what a stop flag says
+SLOW = 100  # times the drift allowed in the window of rest: a speed that is next to none
 ROOM = 2_000_000  # numbers of a trajectory kept in memory before they are handed on
 
 
@@ -39,6 +40,7 @@ def control_of(mechanism: "Mechanism", full_horizon: bool) -> Control:
         longest=max(sim.step, adaptive.longest) if adaptive else sim.step,
         travel=adaptive.travel if adaptive else np.inf,
         theta=sim.theta,
+        slow=0.0 if plain else SLOW * sim.rest.drift / sim.rest.window,
         plain=plain,
         horizon=sim.horizon,
         tolerance=sim.tolerance,

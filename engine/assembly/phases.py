@@ -17,6 +17,7 @@ def phase_arrays(mechanism: Mechanism) -> Phases:
         duration=np.array([np.inf if p.duration is None else p.duration for p in phases], float),
         trigger=np.array([names.index(p.until.response) if p.until else -1 for p in phases], np.int64),
         limit=np.array([event_limit(p.until) if p.until else (0.0, 1.0) for p in phases], float),
+        damping=np.array([p.damping for p in phases], float),
     )
 
 

@@ -110,6 +110,7 @@ class Phases(NamedTuple):
     duration: np.ndarray  # (n_phase,) longest time; inf: until its event, or until rest
     trigger: np.ndarray  # (n_phase,) int64, the response whose crossing ends it, -1: none
     limit: np.ndarray  # (n_phase, 2) limit of the trigger; side: 1 above it, -1 below it
+    damping: np.ndarray  # (n_phase,) rate [1/time]
 
 
 class Model(NamedTuple):

@@ -1,5 +1,7 @@
 """Free motion of the bodies: half a step of displacement, and the twist without contact impulses (eqs. 11-13)."""
 
+import numpy as np
+
 from engine.kernels.jit import inner, kernel
 from engine.kernels.rotations import rotation_matrix, turn
 
@@ -60,6 +62,25 @@ def free_twist(bodies, R, twist, wrench, h, theta, again, free):
             b = v[4] + root[1, 1] * z1 + root[2, 1] * z2
             c = v[5] + root[2, 2] * z2
         free[body, 3], free[body, 4], free[body, 5] = a, b, c
+
+
+@inner
+def impulse_time(rate, h):
+    """Return the momentum that a force of 1 leaves at the end of a step ``h``: ``h`` less what drag took of it."""
+    return -np.expm1(-rate * h) / rate if rate > 0.0 else h
+
+
+@inner
+def damp(twist, free, rate, h):
+    """Damp the ``free`` twists, shape (nb + 1, 6), in proportion to the masses: force -rate M v.
+
+    Exact for a constant force and stable for any rate: v+ = v exp(-rate h) + f/M (1 - exp(-rate h))/rate.
+    """
+    if rate > 0.0:
+        left, gain = np.exp(-rate * h), impulse_time(rate, h) / h
+        for body in range(free.shape[0] - 1):
+            for k in range(6):
+                free[body, k] = left * twist[body, k] + gain * (free[body, k] - twist[body, k])
 
 
 @inner

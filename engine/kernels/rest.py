@@ -6,6 +6,20 @@ LOADED = 1e-3  # of the largest impulse: a contact that carries load
 
 
 @inner
+def slow(bodies, v, speed):
+    """Say whether no body is faster than ``speed``: |v|^2 + O . I O / m, spin by the radius of gyration."""
+    for body in range(bodies.mass.shape[0]):
+        J, t = bodies.inertia[body], v[body]
+        square = 0.0
+        for k in range(3):
+            spin = J[k, 0] * t[3] + J[k, 1] * t[4] + J[k, 2] * t[5]
+            square += t[k] * t[k] + t[3 + k] * spin / bodies.mass[body]
+        if not square <= speed * speed:
+            return False
+    return True
+
+
+@inner
 def start_pause(values, anchor, travel):
     """Note where everything is now."""
     for i in range(values.shape[0]):

@@ -6,10 +6,10 @@ import numpy as np
 
 from engine.friction.arrays import CONVERGED
 from engine.kernels.jit import inner, kernel
-from engine.kernels.motion import restore
+from engine.kernels.motion import impulse_time, restore
 from engine.kernels.record import record
 from engine.kernels.responses import measure, note
-from engine.kernels.rest import moved, start_pause
+from engine.kernels.rest import moved, slow, start_pause
 from engine.kernels.step import step
 from engine.kernels.ties import begin_ties
 
@@ -18,8 +18,10 @@ HALVINGS = 4
 OK, NOT_CONVERGED, PENETRATION, VIOLATION, DIVERGED, STOPPED, FULL = range(7)
 
 # what `Course.counts` and `Course.reals` hold
-STATUS, PHASE, STEPS, ITERATIONS, REPEATED, CONTACT, SETTLED, COMPLETED, STOPPED_BY, MADE = range(10)
-TIME, STEP, RESIDUAL, WORST, OFF, PAUSE, PHASE_END, FASTEST = range(8)
+STATUS, PHASE, STEPS, ITERATIONS, REPEATED, CONTACT, SETTLED, COMPLETED, STOPPED_BY, MADE, SLOW, MISSED = range(12)
+TIME, STEP, RESIDUAL, WORST, OFF, PAUSE, PHASE_END, FASTEST, LONGEST, CALM = range(10)
+
+PATIENCE = 3  # windows of rest: nearly still for so long and not at rest, a mechanism gets shorter steps
 
 
 class Control(NamedTuple):
@@ -29,6 +31,7 @@ class Control(NamedTuple):
     longest: float  # longest step
     travel: float  # the step doubles while no contact point moves farther than this in one
     theta: float  # share of the step after the instant of loads and contacts
+    slow: float  # theta is 1 while no body is faster, in a phase that ends at rest
     plain: bool  # Moreau-Jean's scheme without projection
     horizon: float  # longest simulated time
     tolerance: float  # relative residual of every friction problem
@@ -42,13 +45,14 @@ class Control(NamedTuple):
 class Course(NamedTuple):
     """Where a run is, and what it proves of itself; the loop goes on from here when called again."""
 
-    counts: np.ndarray  # (10,) int64, see above; MADE: steps that count
-    reals: np.ndarray  # (8,); WORST penetration, OFF: violation of a joint, FASTEST contact point
+    counts: np.ndarray  # (12,) int64, see above; MADE: steps that count; SLOW, MISSED: the last one ended so, began so
+    reals: np.ndarray  # (10,); WORST penetration, OFF: violation of a joint, FASTEST contact point, LONGEST step of
+    # the phase as yet, CALM: time spent slow with it
 
 
 def new_course(control: Control) -> Course:
     """Return the course of a run that has not begun."""
-    counts, reals = np.zeros(10, np.int64), np.zeros(8)
+    counts, reals = np.zeros(12, np.int64), np.zeros(10)
     counts[PHASE], reals[STEP], reals[FASTEST] = -1, control.step, np.inf
     return Course(counts, reals)
 
@@ -83,9 +87,14 @@ def run(model, state, work, problem, control, course, rows, every, stop):
             n[STATUS] = FULL
             return
         before = now[STEP]
-        now[STEP] = min(_next_step(before, now[FASTEST], control), now[PHASE_END] - now[TIME])
-        _scale_impulses(state.r, now[STEP] / before)
-        _advance(model, state, work, problem, control, n, now)
+        most = before if n[MISSED] != 0 else 2 * before
+        most = min(most, now[LONGEST])
+        now[STEP] = min(_next_step(most, now[FASTEST], control), now[PHASE_END] - now[TIME])
+        theta = 1.0 if until_rest and n[SLOW] != 0 else control.theta
+        rate = model.phases.damping[n[PHASE]]
+        _scale_impulses(state.r, impulse_time(rate, now[STEP]) / before)
+        _advance(model, state, work, problem, control, theta, n, now)
+        _scale_impulses(state.r, now[STEP] / impulse_time(rate, now[STEP]))  # forces act for the whole step
         n[MADE] += 1
         if n[STATUS] == OK and stop[0] != 0:
             n[STATUS], n[STOPPED_BY] = STOPPED, stop[0]
@@ -94,6 +103,11 @@ def run(model, state, work, problem, control, course, rows, every, stop):
         _measure(model, state, work, now[TIME], now[STEP])
         note(model.responses, work.values, work.previous, n[PHASE], work.reported, work.peak)
         _rest(model.responses.measures_motion, state.r, state.slip, work, control, n, now)
+        if slow(model.bodies, state.v, control.slow):
+            n[SLOW] = 1
+            _lose_patience(control, now)
+        else:
+            n[SLOW] = 0
     n[PHASE] = phases - 1
     n[COMPLETED] = 1
 
@@ -116,7 +130,8 @@ def _next_phase(model, state, held, control, n, now):
         model.time_laws.begun[n[PHASE]] = now[TIME]
         begin_ties(model.ties, state.x, state.R, held.target[1], held.violation, held.point, held.way, n[PHASE])
         now[PHASE_END] = min(now[TIME] + model.phases.duration[n[PHASE]], control.horizon)
-        now[PAUSE], n[SETTLED] = -1.0, 0
+        now[PAUSE], n[SETTLED], n[SLOW] = -1.0, 0, 0
+        now[LONGEST], now[CALM] = control.longest, 0.0
 
 
 @inner
@@ -127,12 +142,13 @@ def _event(phases, phase, values):
 
 
 @inner
-def _advance(model, state, work, problem, control, n, now):
+def _advance(model, state, work, problem, control, theta, n, now):
     """Make one step, with half its length again and again if it is not solved, and judge it."""
     status, residual, worst, where, off = CONVERGED, 0.0, 0.0, -1, 0.0
+    n[MISSED] = 0
     for attempt in range(1 + HALVINGS):
         status, residual, worst, where, off, fastest, iterations = step(
-            model, state, work, problem, control, n[PHASE], now[TIME], now[STEP]
+            model, state, work, problem, control, theta, n[PHASE], now[TIME], now[STEP]
         )
         n[STEPS] += 1
         n[ITERATIONS] += iterations
@@ -140,6 +156,7 @@ def _advance(model, state, work, problem, control, n, now):
         if status == CONVERGED and worst <= control.penetration and off <= control.violation:
             break
         n[REPEATED] += 1
+        n[MISSED] = 1
         if attempt == HALVINGS:
             break
         now[STEP] *= 0.5
@@ -170,12 +187,20 @@ def _finite(v):
 
 
 @inner
-def _next_step(h, speed, control):
-    """Return the next step: halved until the fastest contact point moves little enough in it, at most doubled."""
-    h = min(2 * h, control.longest)
+def _next_step(most, speed, control):
+    """Return the next step: at most ``most``, and halved until the fastest contact point moves little enough in it."""
+    h = most
     while h > control.step and h * speed > control.travel:
         h = max(0.5 * h, control.step)
     return h
+
+
+@inner
+def _lose_patience(control, now):
+    """Halve the longest step of the phase when all is slow again and again and does not come to rest with it."""
+    now[CALM] += now[STEP]
+    if now[CALM] > PATIENCE * control.window and now[LONGEST] > control.step:
+        now[LONGEST], now[CALM] = max(0.5 * now[LONGEST], control.step), 0.0
 
 
 @inner

@@ -5,7 +5,7 @@ from engine.friction.solver import solve_friction
 from engine.kernels.jit import inner
 from engine.kernels.joints import hold_joints
 from engine.kernels.loads import apply_loads
-from engine.kernels.motion import free_twist, keep, move
+from engine.kernels.motion import damp, free_twist, keep, move
 from engine.kernels.projection import project_positions
 from engine.kernels.ties import tie_targets
 from engine.kernels.velocity import (
@@ -22,8 +22,8 @@ GROWTH_ROUNDS = 20
 
 
 @inner
-def step(model, state, work, problem, control, phase, t, h):
-    """Advance ``state`` by ``h`` from time ``t``.
+def step(model, state, work, problem, control, theta, phase, t, h):
+    """Advance ``state`` by ``h`` from time ``t``; ``theta``: see `kernels.run`.
 
     Returns
     -------
@@ -36,8 +36,7 @@ def step(model, state, work, problem, control, phase, t, h):
     """
     bodies, contacts, laws, ties = model.bodies, model.contacts, model.laws, model.ties
     watch, held, x, R, n = work.watch, work.held, state.x, state.R, problem.w.shape[0]
-    theta, plain = control.theta, control.plain
-    begin, rest = (1 - theta) * h, theta * h
+    begin, rest, plain = (1 - theta) * h, theta * h, control.plain
     keep(state, work.kept)
 
     # free motion to within the step, and to its end without contact impulses
@@ -48,6 +47,7 @@ def step(model, state, work, problem, control, phase, t, h):
     for again in (False, True):
         if not again or held.violation.shape[0] > 0:
             free_twist(bodies, R, state.v, work.wrench, h, theta, again, work.free)
+            damp(state.v, work.free, model.phases.damping[phase], h)
             hold_joints(
                 bodies, ties, x, R, state.v, work.free, held, h, 1.0 if plain else theta, problem.ties, problem.w
             )

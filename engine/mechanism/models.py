@@ -100,6 +100,10 @@ class Phase(Model):
     until: Event | None = Field(
         default=None, description="the event that ends it: { response, above } or { response, below }; default: none"
     )
+    damping: Annotated[Number, Field(ge=0), Quantity("rate")] = Field(
+        default=0.0,
+        description="rate of a drag on every body in proportion to its mass, a number >= 0; default: 0, none",
+    )
 
 
 class Material(Model):

@@ -13,6 +13,7 @@ _UNITS: dict[str, tuple[str, str]] = {
     "mass": ("g", "kg"),
     "time": ("ms", "s"),
     "frequency": ("1/ms", "Hz"),
+    "rate": ("1/ms", "1/s"),
     "angle": ("rad", "rad"),
     "inertia": ("g mm2", "kg m2"),
     "speed": ("mm/ms", "m/s"),
