@@ -7,7 +7,7 @@ import numpy as np
 from engine.assembly.frames import Array, Frame, quaternion
 from engine.assembly.phases import active_phases
 from engine.kernels.model import Loads
-from engine.mechanism.loads import Force, LinearSpring, Torque, TorsionDamper, TorsionSpring
+from engine.mechanism.loads import Force, ForceAction, LinearSpring, Torque, TorqueAction, TorsionDamper, TorsionSpring
 from engine.mechanism.models import Mechanism
 
 ACTS = {"both": 0.0, "push": 1.0, "pull": -1.0}
@@ -22,13 +22,19 @@ def load_arrays(mechanism: Mechanism, frames: dict[str, Frame], laws: dict[str, 
         gravity=np.array(mechanism.gravity, float),
         **_springs(mechanism, frames),
         **_torsion_springs(mechanism, frames),
+        **_actions(mechanism, frames),
         **_forces(mechanism, frames, laws),
     )
 
 
+def _of_type(mechanism: Mechanism, kind: str) -> list[Any]:
+    """Return the springs of one type, then the dampers of it."""
+    return [s for s in (*mechanism.springs.values(), *mechanism.dampers.values()) if s.type == kind]
+
+
 def _springs(mechanism: Mechanism, frames: dict[str, Frame]) -> dict[str, Any]:
     """Return the springs and dampers between two points."""
-    springs = [s for s in (*mechanism.springs.values(), *mechanism.dampers.values()) if s.type == "linear"]
+    springs = _of_type(mechanism, "linear")
     ends = [(frames[s.a.body], s.a.point, frames[s.b.body], s.b.point) for s in springs]
     law = [
         (s.stiffness, s.free_length, s.damping, s.preload, ACTS[s.acts])
@@ -45,7 +51,7 @@ def _springs(mechanism: Mechanism, frames: dict[str, Frame]) -> dict[str, Any]:
 
 def _torsion_springs(mechanism: Mechanism, frames: dict[str, Frame]) -> dict[str, Any]:
     """Return the torsion springs and dampers; the angle at the start picks the branch of the angle."""
-    springs = [s for s in (*mechanism.springs.values(), *mechanism.dampers.values()) if s.type == "torsion"]
+    springs = _of_type(mechanism, "torsion")
     ends = [(frames[s.a], frames[s.b]) for s in springs]
     elastic = [(s.stiffness, s.free_angle - s.preload) if isinstance(s, TorsionSpring) else (0.0, 0.0) for s in springs]
     law = [(*k, s.damping, _start_angle(mechanism, s)) for k, s in zip(elastic, springs, strict=True)]
@@ -71,6 +77,26 @@ def _start_angle(mechanism: Mechanism, spring: TorsionSpring | TorsionDamper) ->
     return float(2 * np.arctan2(vector @ np.array(spring.axis), qa @ qb))
 
 
+def _actions(mechanism: Mechanism, frames: dict[str, Frame]) -> dict[str, Any]:
+    """Return what is passed on of springs that do not act along their line or as their couple."""
+    springs = [*_of_type(mechanism, "linear"), *_of_type(mechanism, "torsion")]
+    actions = [getattr(spring, "actions", ()) for spring in springs]
+    each = [action for of_one in actions for action in of_one]
+    rows = [_load_row(frames[a.body], a, frames[a.body].rotation) for a in each]
+    return {
+        "action_first": np.cumsum([0, *map(len, actions)]),
+        "action_body": np.array([frames[a.body].index for a in each], np.int64),
+        "action_vector": np.array(rows, float).reshape(-1, 9),
+    }
+
+
+def _load_row(frame: Frame, load: Force | Torque | ForceAction | TorqueAction, turn: Array) -> list[float]:
+    """Return point, force and torque of a load, its vector turned by ``turn``."""
+    if isinstance(load, Force | ForceAction):
+        return [*frame.point(load.point), *(turn @ load.force), *np.zeros(3)]
+    return [*np.zeros(6), *(turn @ load.torque)]
+
+
 def _forces(mechanism: Mechanism, frames: dict[str, Frame], laws: dict[str, int]) -> dict[str, Any]:
     """Return forces (with their points) and torques, each with the phases in which it acts and its time law."""
     body, vector, in_body, active, law = [], [], [], [], []
@@ -80,10 +106,7 @@ def _forces(mechanism: Mechanism, frames: dict[str, Frame], laws: dict[str, int]
         frame = frames[load.body]
         turn = frame.rotation if load.frame == "body" else np.eye(3)
         body.append(frame.index)
-        if isinstance(load, Force):
-            vector.append([*frame.point(load.point), *(turn @ load.force), *np.zeros(3)])
-        else:
-            vector.append([*np.zeros(6), *(turn @ load.torque)])
+        vector.append(_load_row(frame, load, turn))
         in_body.append(load.frame == "body")
         active.append(active_phases(mechanism, load.phases))
         law.append(laws.get(key, -1))

@@ -20,7 +20,7 @@ def apply_loads(bodies, loads, time_laws, state, phase, t, wrench, a, b):
                 wrench[body, k] = bodies.mass[body] * loads.gravity[k]
             wrench[body, 3 + k] = 0.0
     _linear_springs(loads, state, wrench, a, b)
-    _torsion_springs(loads, state, wrench, a)
+    _torsion_springs(loads, state, wrench, a, b)
     _forces_and_torques(loads, time_laws, state, phase, t, wrench, a, b)
 
 
@@ -28,14 +28,18 @@ def apply_loads(bodies, loads, time_laws, state, phase, t, wrench, a, b):
 def potential_energy(bodies, loads, state):
     """Return the energy stored in gravity (0 at the world's origin) and springs (0 where they exert no force).
 
-    Forces and torques of the file are not in it: what acts by phase, by time or in body axes has no potential. The
-    couple of a torsion spring is its gradient as long as its bodies turn about its axis only.
+    Forces and torques of the file are not in it: what acts by phase, by time or in body axes has no potential. Nor has
+    a spring with actions. The couple of a torsion spring is its gradient as long as its bodies turn about its axis
+    only.
     """
     energy = 0.0
     for body in range(bodies.mass.shape[0]):
         for k in range(3):
             energy -= bodies.mass[body] * loads.gravity[k] * state.x[body, k]
-    for i in range(loads.spring_body.shape[0]):
+    first, lines = loads.action_first, loads.spring_body.shape[0]
+    for i in range(lines):
+        if first[i] < first[i + 1]:
+            continue
         a, b, point = loads.spring_body[i, 0], loads.spring_body[i, 1], loads.spring_point[i]
         square = 0.0
         for k in range(3):
@@ -47,6 +51,8 @@ def potential_energy(bodies, loads, state):
         if force != 0.0:  # not a damper
             energy += 0.5 * force * force / loads.spring_law[i, 0]
     for i in range(loads.torsion_body.shape[0]):
+        if first[lines + i] < first[lines + i + 1]:
+            continue
         angle = _torsion_angle(loads, state, i) - loads.torsion_law[i, 1]
         energy += 0.5 * loads.torsion_law[i, 0] * angle * angle
     return energy
@@ -61,9 +67,11 @@ def _elastic_force(law, length):
 
 @inner
 def _linear_springs(loads, state, wrench, p, q):
-    """Push the two points of each spring apart."""
+    """Push the two points of each spring apart, or pass its force on as its actions say."""
     for i in range(loads.spring_body.shape[0]):
         force, d0, d1, d2 = spring_force(loads, state, i, p, q)
+        if _acts_elsewhere(loads, state, i, force, wrench, p, q):
+            continue
         _add_force(state.x, loads.spring_body[i, 1], q, force * d0, force * d1, force * d2, wrench)
         _add_force(state.x, loads.spring_body[i, 0], p, -force * d0, -force * d1, -force * d2, wrench)
 
@@ -94,11 +102,13 @@ def spring_force(loads, state, i, p, q):
 
 
 @inner
-def _torsion_springs(loads, state, wrench, axis):
-    """Turn body b of each spring about its axis; the opposite turns a."""
+def _torsion_springs(loads, state, wrench, axis, p):
+    """Turn body b of each spring about its axis, the opposite turns a; or pass its torque on as its actions say."""
     for i in range(loads.torsion_body.shape[0]):
         a, b = loads.torsion_body[i, 0], loads.torsion_body[i, 1]
         torque = spring_torque(loads, state, i, axis)
+        if _acts_elsewhere(loads, state, loads.spring_body.shape[0] + i, torque, wrench, p, axis):
+            continue
         for k in range(3):
             wrench[b, 3 + k] += torque * axis[k]
             wrench[a, 3 + k] -= torque * axis[k]
@@ -131,18 +141,32 @@ def _forces_and_torques(loads, time_laws, state, phase, t, wrench, p, f):
         body, factor = loads.force_body[i], 1.0
         if loads.force_law[i] >= 0:
             factor = time_law(time_laws, loads.force_law[i], t)
-        row = loads.force_vector[i]
-        to_world(state.x, state.R, body, row, 0, p)
-        for part in range(2):
-            k = 3 + 3 * part
-            f[0], f[1], f[2] = row[k], row[k + 1], row[k + 2]
-            if loads.force_in_body[i]:
-                turn_to_world(state.R, body, row, k, f)
-            if part == 0:
-                _add_force(state.x, body, p, factor * f[0], factor * f[1], factor * f[2], wrench)
-            else:
-                for k in range(3):
-                    wrench[body, 3 + k] += factor * f[k]
+        _add_load(state, body, loads.force_vector[i], loads.force_in_body[i], factor, wrench, p, f)
+
+
+@inner
+def _acts_elsewhere(loads, state, spring, size, wrench, p, f):
+    """Apply the actions of a spring, times its force or torque; return False if it has none."""
+    first, end = loads.action_first[spring], loads.action_first[spring + 1]
+    for k in range(first, end):
+        _add_load(state, loads.action_body[k], loads.action_vector[k], True, size, wrench, p, f)
+    return first < end
+
+
+@inner
+def _add_load(state, body, row, in_body, factor, wrench, p, f):
+    """Add a point's force and a torque, rows of ``force_vector``, times a factor."""
+    to_world(state.x, state.R, body, row, 0, p)
+    for part in range(2):
+        k = 3 + 3 * part
+        f[0], f[1], f[2] = row[k], row[k + 1], row[k + 2]
+        if in_body:
+            turn_to_world(state.R, body, row, k, f)
+        if part == 0:
+            _add_force(state.x, body, p, factor * f[0], factor * f[1], factor * f[2], wrench)
+        else:
+            for k in range(3):
+                wrench[body, 3 + k] += factor * f[k]
 
 
 @inner

@@ -82,6 +82,9 @@ class Loads(NamedTuple):
     torsion_axis: np.ndarray  # (nt, 3) fixed in the first body
     torsion_turn: np.ndarray  # (nt, 4) quaternion: the second's attitude times it is the first's where the angle is 0
     torsion_law: np.ndarray  # (nt, 4) stiffness, angle without torque, damping, angle at the start
+    action_first: np.ndarray  # (ns + nt + 1,) int64, first of the actions of each spring; none: its line or its couple
+    action_body: np.ndarray  # (na,) int64
+    action_vector: np.ndarray  # (na, 9) point, force, torque in body axes, for a force or torque 1 of the spring
     force_body: np.ndarray  # (nf,) int64
     force_vector: np.ndarray  # (nf, 9) point, force, torque
     force_in_body: np.ndarray  # (nf,) bool: components in body axes

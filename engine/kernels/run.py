@@ -90,7 +90,7 @@ def run(model, state, work, problem, control, course, rows, every, stop):
         most = before if n[MISSED] != 0 else 2 * before
         most = min(most, now[LONGEST])
         now[STEP] = min(_next_step(most, now[FASTEST], control), now[PHASE_END] - now[TIME])
-        theta = 1.0 if until_rest and n[SLOW] != 0 else control.theta
+        theta = 1.0 if n[SLOW] != 0 else control.theta
         rate = model.phases.damping[n[PHASE]]
         _scale_impulses(state.r, impulse_time(rate, now[STEP]) / before)
         _advance(model, state, work, problem, control, theta, n, now)
@@ -103,7 +103,7 @@ def run(model, state, work, problem, control, course, rows, every, stop):
         _measure(model, state, work, now[TIME], now[STEP])
         note(model.responses, work.values, work.previous, n[PHASE], work.reported, work.peak)
         _rest(model.responses.measures_motion, state.r, state.slip, work, control, n, now)
-        if slow(model.bodies, state.v, control.slow):
+        if until_rest and slow(model.bodies, state.v, control.slow):
             n[SLOW] = 1
             _lose_patience(control, now)
         else:

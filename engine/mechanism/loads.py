@@ -1,14 +1,80 @@
 """Springs, dampers, forces and torques."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, Tag
 
-from engine.mechanism.base import BodyPoint, Direction, Model, Name, Number, Point, Vector
+from engine.mechanism.base import BodyPoint, Direction, Model, Name, Number, Point, Vector, one_of
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.time_laws import FactorLaw
 
 Frame = Literal["world", "body"]
+
+
+class Action(Model):
+    """Where a spring acts that is not passed on along its line or as its couple."""
+
+    body: Name = Field(description="the body that is acted on")
+
+
+class ForceAction(Action):
+    """A force at a point of a body, times the spring's force or torque."""
+
+    told_by: ClassVar[str] = "force"
+
+    point: Point = Field(default=(0.0, 0.0, 0.0), description="where the force acts, in the body frame")
+    force: Vector
+
+
+class TorqueAction(Action):
+    """A torque on a body, times the spring's force or torque."""
+
+    told_by: ClassVar[str] = "torque"
+
+    torque: Vector
+
+
+class ForceOfForce(ForceAction):
+    """A force at a point of a body, times the spring's force."""
+
+    force: Annotated[Vector, Quantity("number")] = Field(
+        description="the force per force of the spring [x, y, z], in the body frame"
+    )
+
+
+class TorqueOfForce(TorqueAction):
+    """A torque on a body, times the spring's force."""
+
+    torque: Annotated[Vector, Quantity("length")] = Field(
+        description="the torque per force of the spring [x, y, z], in the body frame"
+    )
+
+
+class ForceOfTorque(ForceAction):
+    """A force at a point of a body, times the spring's torque."""
+
+    force: Annotated[Vector, Quantity("per length")] = Field(
+        description="the force per torque of the spring [x, y, z], in the body frame"
+    )
+
+
+class TorqueOfTorque(TorqueAction):
+    """A torque on a body, times the spring's torque."""
+
+    torque: Annotated[Vector, Quantity("number")] = Field(
+        description="the torque per torque of the spring [x, y, z], in the body frame"
+    )
+
+
+_TOLD_BY = one_of(force="a force at a point", torque="a torque")
+ActionOfForce = Annotated[
+    Annotated[ForceOfForce, Tag("force")] | Annotated[TorqueOfForce, Tag("torque")],
+    _TOLD_BY,
+]
+ActionOfTorque = Annotated[
+    Annotated[ForceOfTorque, Tag("force")] | Annotated[TorqueOfTorque, Tag("torque")],
+    _TOLD_BY,
+]
 
 
 class LinearSpring(Model):
@@ -32,6 +98,9 @@ class LinearSpring(Model):
     damping: Annotated[Number, Field(ge=0), Quantity("damping")] = Field(
         default=0.0, description="force per speed of its length, a number >= 0"
     )
+    actions: tuple[ActionOfForce, ...] = Field(
+        default=(), description="what its force is passed on as, a list of actions; default: along its line"
+    )
 
 
 class TorsionSpring(Model):
@@ -54,6 +123,9 @@ class TorsionSpring(Model):
     preload: Annotated[Number, Quantity("angle")] = Field(default=0.0, description="an angle added to the deflection")
     damping: Annotated[Number, Field(ge=0), Quantity("torsional damping")] = Field(
         default=0.0, description="torque per angular speed, a number >= 0"
+    )
+    actions: tuple[ActionOfTorque, ...] = Field(
+        default=(), description="what its torque is passed on as, a list of actions; default: its couple"
     )
 
 

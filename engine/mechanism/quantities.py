@@ -10,6 +10,7 @@ UnitSystem = Literal["mm-g-ms", "SI"]
 _UNITS: dict[str, tuple[str, str]] = {
     "number": ("1", "1"),
     "length": ("mm", "m"),
+    "per length": ("1/mm", "1/m"),
     "mass": ("g", "kg"),
     "time": ("ms", "s"),
     "frequency": ("1/ms", "Hz"),

@@ -69,6 +69,10 @@ def _references(data: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
                 key = f"{table}.{name}.{side}" + ("" if named else ".body")
                 yield "body", key, entry[side] if named else _table(entry, side).get("body")
             yield "material", f"{table}.{name}.material", _table({"e": entry}, "e").get("material")
+    for name, entry in _table(data, "springs").items():
+        actions = _table({"e": entry}, "e").get("actions")
+        for i, action in enumerate(actions if isinstance(actions, list | tuple) else ()):
+            yield "body", f"springs.{name}.actions.{i}.body", _table({"e": action}, "e").get("body")
     for table in ("forces", "torques", "motions"):
         for name, entry in _table(data, table).items():
             if table != "motions":

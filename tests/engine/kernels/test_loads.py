@@ -335,6 +335,62 @@ def test_damper_feels_no_rigid_motion(spring):
     np.testing.assert_allclose(wrench(assembly), at_rest, atol=1e-12)
 
 
+def scattered(seed: int, **tables: Any) -> Assembly:
+    """Make two bodies, put them anywhere and set them moving; the same for the same seed."""
+    assembly, rng = two_bodies(**tables), np.random.default_rng(seed)
+    scatter(assembly, rng)
+    assembly.state.v[:2] = rng.normal(size=(2, 6))
+    return assembly
+
+
+@pytest.mark.parametrize("seed", RNG_SEEDS)
+def test_actions_that_say_what_a_torsion_spring_does(seed):
+    """A couple on b, as two forces, and the opposite torque on a: with the axis along z of both, the same loads.
+
+    Where the axes are not parallel the torque on b stays in b's axes; on a it is the spring's own.
+    """
+    spring = {**TORSION, "axis": [0, 0, 1], "damping": 0.8}
+    actions = [
+        {"body": "a", "torque": [0, 0, -1]},
+        {"body": "b", "point": [0.5, 0.3, 0.2], "force": [0, 2.5, 0]},
+        {"body": "b", "point": [0.1, 0.3, 0.2], "force": [0, -2.5, 0]},
+    ]
+    usual, told = (scattered(seed, springs={"S": s}) for s in (spring, {**spring, "actions": actions}))
+    np.testing.assert_allclose(wrench(told)[0], wrench(usual)[0], atol=1e-13)
+    torque = -wrench(usual)[0, 3:] @ pose(usual)[1][0][:, 2]
+    assert abs(torque) > 1e-2
+    np.testing.assert_allclose(wrench(told)[1], [0, 0, 0, *(torque * pose(told)[1][1][:, 2])], atol=1e-13)
+    assert (stored(usual) > 0, stored(told)) == (True, 0.0)
+
+
+@pytest.mark.parametrize("seed", RNG_SEEDS)
+def test_actions_that_say_what_a_linear_spring_does(seed):
+    """Between points on the axes of two bodies that keep their attitude: pushed apart along x, as without actions."""
+    ends = {name: {"body": name, "point": [x, 0.2, 0.1]} for name, x in (("a", 0.3), ("b", 1.7))}
+    spring = {**LINEAR, **ends, "damping": 0.8, "preload": 1.0}
+    actions = [{**ends["a"], "force": [-1, 0, 0]}, {**ends["b"], "force": [1, 0, 0]}]
+    usual, told = (two_bodies(springs={"S": s}) for s in (spring, {**spring, "actions": actions}))
+    for assembly in (usual, told):
+        b = numbers(assembly)[1]
+        assembly.state.x[b, 0] += np.random.default_rng(seed).uniform(-1, 1)
+        assembly.state.v[:2, 0] = np.random.default_rng(seed).normal(size=2)
+    assert np.abs(wrench(usual)).max() > 0.1
+    np.testing.assert_allclose(wrench(told), wrench(usual), atol=1e-13)
+
+
+def test_a_spring_with_actions_stands_beside_others():
+    """Each spring has its own: linear or torsion, with actions or without, and a damper between them."""
+    lean = {**LINEAR, "actions": [{"body": "a", "torque": [0.0, 1.5, 0.0]}]}
+    wind = {**TORSION, "actions": [{"body": "b", "point": B_POINT.tolist(), "force": [0.0, 0.2, 0.0]}]}
+    damper = {"type": "linear", "a": LINEAR["a"], "b": LINEAR["b"], "damping": 0.8}
+    springs = {"one": TORSION, "two": lean, "three": wind, "four": LINEAR}
+    alone = [wrench(scattered(0, springs={"S": s})).copy() for s in springs.values()]
+    alone.append(wrench(scattered(0, dampers={"D": damper})).copy())
+    together = scattered(0, springs=springs, dampers={"D": damper})
+    np.testing.assert_allclose(wrench(together), sum(alone), atol=1e-13)
+    assert stored(together) == pytest.approx(stored(scattered(0, springs={"one": TORSION, "four": LINEAR})))
+
+
 def test_gravity_is_the_weight_at_the_centre_of_mass():
     """Each body's m g, no torque."""
     loads = wrench(two_bodies(gravity=[1.0, 2.0, -3.0]))

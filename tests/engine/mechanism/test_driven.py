@@ -16,10 +16,27 @@ from tests.engine.mechanism.test_docs import EXAMPLE, PAGE
 from tests.engine.mechanism.test_models import JSON, faults
 
 SHAKE, LIFT, SWING = "forces.shake.law", "motions.lift", "motions.swing"
+ACTION = "springs.pull.actions.0"
+PUSH = {"body": "link", "force": [1.0, 0.0, 0.0]}
+TWIST = {"body": "link", "torque": [0.0, 0.0, 1.0]}
 
 REFUSED = [
     ("springs.pull.acts", "press", "springs.pull.acts = 'press'", "'both', 'push' or 'pull'"),
     ("springs.pull.preload", "1", "springs.pull.preload = '1'", "not a finite number"),
+    ("springs.pull.actions", {"body": "link"}, "springs.pull.actions: not a list", "a list of actions"),
+    (
+        "springs.pull.actions",
+        [{"body": "link"}],
+        f"{ACTION}: which kind is meant?",
+        "exactly one of force (a force at a point)",
+    ),
+    ("springs.pull.actions", [PUSH | TWIST], f"{ACTION}: which kind is meant?", "exactly one of force"),
+    ("springs.pull.actions", [PUSH | {"force": [1, 0]}], f"{ACTION}.force", "three finite numbers"),
+    ("springs.pull.actions", [TWIST | {"torque": 1}], f"{ACTION}.torque", "three finite numbers"),
+    ("springs.pull.actions", [TWIST | {"point": [1, 0, 0]}], f"{ACTION}.point: unknown key", "body, torque"),
+    ("springs.pull.actions", [PUSH | {"body": "lnk"}], f"{ACTION}.body = 'lnk'", "did you mean 'link'?"),
+    ("springs.pull.actions", [{"force": [1, 0, 0]}], f"{ACTION}.body: missing", "the body that is acted on"),
+    ("dampers.grease.actions", [TWIST], "dampers.grease.actions: unknown key", "damping"),
     ("dampers.grease.damping", 0, "dampers.grease.damping = 0 N mm ms/rad", "allowed: > 0"),
     ("dampers.grease.stiffness", 1, "dampers.grease.stiffness: unknown key", "damping"),
     ("dampers.grease.type", "viscous", "dampers.grease.type = 'viscous'", "linear, torsion"),
@@ -111,7 +128,37 @@ def test_dumped_and_read_again_it_is_the_same():
     assert mechanism_from(json.loads(text), "JSON") == mechanism
 
 
-def test_schema_says_what_a_law_can_be():
+def test_a_spring_with_actions_is_set_and_told_apart():
+    """Its numbers are set as without; vectors of actions count in the digest, and are not single numbers."""
+    plain = mechanism_from(pendulum(), "FILE")
+    data = put(put(pendulum(), "springs.pull.actions", [PUSH, TWIST]), "springs.turn.actions", [TWIST])
+    mechanism = mechanism_from(data, "FILE")
+    assert settable_keys(mechanism) == settable_keys(plain)
+    changed = set_values(mechanism, {"springs.pull.stiffness": 3.0, "springs.turn.preload": 0.2})
+    assert changed.value("springs.pull.stiffness") == 3.0
+    assert changed.springs["pull"].actions == mechanism.springs["pull"].actions
+    other = mechanism_from(put(data, "springs.turn.actions", [TWIST | {"torque": [0.0, 0.0, 1.5]}]), "FILE")
+    assert len({plain.digest(), mechanism.digest(), changed.digest(), other.digest()}) == 4
+    text = mechanism.model_dump_json(by_alias=True, exclude_none=True)
+    assert mechanism_from(json.loads(text), "JSON") == mechanism
+
+
+def test_schema_says_what_an_action_can_be():
+    """A force has no unit beside a force and one per length beside a torque; a torque the other way round."""
+    tables = mechanism_schema()["$defs"]
+    found = {}
+    for spring in ("LinearSpring", "TorsionSpring"):
+        choice = tables[spring]["properties"]["actions"]["items"]["oneOf"]
+        names = [entry["$ref"].split("/")[-1] for entry in choice]
+        keys = [("force", "torque")["torque" in tables[name]["properties"]] for name in names]
+        found[spring] = {k: tables[n]["properties"][k]["x-quantity"] for n, k in zip(names, keys, strict=True)}
+    assert found == {
+        "LinearSpring": {"force": "number", "torque": "length"},
+        "TorsionSpring": {"force": "per length", "torque": "number"},
+    }
+
+
+def test_schema_says_what_a_law_a_law_can_be():
     """The choice between the tables, and the physical quantity of each number."""
     schema = mechanism_schema()
     tables = schema["$defs"]
@@ -124,7 +171,17 @@ def test_schema_says_what_a_law_can_be():
 
 def test_the_motions_of_the_page_load():
     """The reference's motions, put into its example."""
-    motions = PAGE.split("```toml\n")[2].split("```")[0]
+    motions = next(block.split("```")[0] for block in PAGE.split("```toml\n") if block.startswith("[motions."))
     mechanism = mechanism_from(tomllib.loads(EXAMPLE + motions), "example")
     assert list(mechanism.motions) == ["pull", "spin"]
     assert mechanism.unit_of("motions.spin.law.speed") == "rad/ms"
+
+
+def test_the_actions_of_the_page_load():
+    """The reference's actions, given to the spring of its example."""
+    data = tomllib.loads(EXAMPLE)
+    block = next(block.split("```")[0] for block in PAGE.split("```toml\n") if block.startswith("actions = "))
+    data["springs"]["return"] |= tomllib.loads(block)
+    data["bodies"]["plate"] = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
+    forces = mechanism_from(data, "example").springs["return"].actions
+    assert [action.body for action in forces] == ["plate", "lever"]
