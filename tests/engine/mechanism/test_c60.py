@@ -244,4 +244,5 @@ def test_what_is_in_it():
     assert [phase.name for phase in C60.phases] == ["hold", "free"]
     assert C60.torques["latch_hold"].phases == ("hold",)
     assert [str(condition) for condition in C60.validity] == ["latch_overlap > 0", "FC-1 > 0"]
-    assert list(C60.responses) == ["FC-1", "FC-2", "FC-3", "FC-4", "FC-5", "FC-6", "latch_overlap"]
+    lengths = [f"FC-{i}" for i in range(2, 7)]
+    assert list(C60.responses) == ["FC-1", "FC-1_low", "FC-1_high", *lengths, "latch_overlap", "latched"]

@@ -42,6 +42,7 @@ def test_the_shipped_ones_load():
     assert library_names() == [
         "bouncing_ball",
         "c60",
+        "c60_public",
         "chain",
         "clearance_pendulum",
         "double_pendulum",
@@ -67,7 +68,9 @@ def test_a_path_loads_as_text_and_as_path(tmp_path):
 
 def test_an_unknown_name_lists_the_shipped_ones():
     text = message("c61")
-    assert text.startswith("c61: no such mechanism; shipped are bouncing_ball, c60, chain, clearance_pendulum, ")
+    assert text.startswith(
+        "c61: no such mechanism; shipped are bouncing_ball, c60, c60_public, chain, clearance_pendulum, "
+    )
     assert "did you mean 'c60'?" in text
 
 
