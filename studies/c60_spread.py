@@ -122,8 +122,8 @@ def row(variant: Variant, results: Sequence[tuple[float, float]]) -> str:
     if force.size < 2:
         return f"| {variant.name} | {ok} | | | | | |"
     return (
-        f"| {variant.name} | {ok} | {force.mean():.2f} | {force.std(ddof=1):.3f} | {force.min():.2f} to {force.max():.2f} "
-        f"| {gap.mean():.3f} | {gap.std(ddof=1):.3f} |"
+        f"| {variant.name} | {ok} | {force.mean():.2f} | {force.std(ddof=1):.3f} "
+        f"| {force.min():.2f} to {force.max():.2f} | {gap.mean():.3f} | {gap.std(ddof=1):.3f} |"
     )
 
 
