@@ -8,7 +8,7 @@ freedom, however many contacts there are and however redundant they may be.
 import numpy as np
 
 from engine.friction.arrays import add_impulse, finish, relative
-from engine.friction.banded import add_block, factorise, start_system, substitute
+from engine.friction.banded import add_blocks, factorise, start_system, substitute
 from engine.friction.complementarity import eliminate, fischer_burmeister, mismatch, natural_map
 from engine.friction.cone import residual
 from engine.friction.ties import add_ties
@@ -72,8 +72,7 @@ def _direction(n, nc, p, proximal, tau2):
             merit += fischer_burmeister(i, mu, r0, r1, r2, u0, u1, u2, tau2, p.A, p.Q, p.b)
         eliminate(i, s, proximal, p.A, p.Q, p.b)
         add_impulse(p.rows, i, -p.b[i, 0], -p.b[i, 1], -p.b[i, 2], p.dw)
-        if p.A[i, 0, 0] != 0.0:  # else open
-            add_block(p.rows, i, p.A, p.AG, p.K)
+    add_blocks(nc, p.rows, p.mu, p.A, p.block, p.K)
     factorise(n, p.K)
     substitute(n, p.K, p.dw)
     for i in range(nc):
