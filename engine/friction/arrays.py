@@ -66,8 +66,8 @@ def friction_arrays(n: int, nc: int, runs: int, k: int, band: int, ties: int = 0
     most ``k`` velocities in at most ``runs`` runs.
     """
     columns = 2 * (min(band, max(n - 1, 0)) + ROWS_AT_ONCE - 1) + 1
-    shapes = {"mu": (nc,), "scale": (nc,), "A": (nc, 3, 3), "Q": (nc, 3, 3), "block": (PAIR * (PAIR + 3),), "w": (n,), "dw": (n,)}
-    shapes["K"] = (n, columns)
+    shapes = {"mu": (nc,), "scale": (nc,), "A": (nc, 3, 3), "Q": (nc, 3, 3), "w": (n,), "dw": (n,), "K": (n, columns)}
+    shapes["block"] = (PAIR * (PAIR + 3),)
     start, width = np.zeros((2, nc, runs), np.int64)
     first, count = np.zeros((2, ties, 2), np.int64)
     tied = Ties(

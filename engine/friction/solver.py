@@ -4,7 +4,8 @@
    then the interior-point method, which sees the problem from inside the cones.
 2. From nothing: Newton on the smoothed equations, less and less smoothed; whenever the smoothing has become small, the
    natural map is tried from there, which needs three steps where further smoothing needs ten.
-3. The same with other smoothing and other weights of impulses against velocities, the interior-point method at last.
+3. The same with other smoothing and other weights of impulses against velocities, times the Delassus scale; the
+   interior-point method at last.
 
 Coulomb's problem is not convex, and which weight leads past a fold of the smoothed solutions is not known beforehand.
 A try that creeps is given up early, and another one costs less than its patience would; all of them share a budget.
@@ -23,11 +24,12 @@ PROXIMAL_GIVEN = 1e-4  # near a solution more of it keeps the impulses where the
 NATURAL_PATIENCE = 5  # with the impulses of the step before; elsewhere the first poor step ends it
 INTERIOR_STEPS = 60
 INSIDE = 0.1  # of the load: how far inside the cones the interior-point method starts
-SMOOTHING = (1e-2, 1e-4, 1e-1, 1e-4, 1e-2, 1e-4, 1e-4, 1.0)  # of the load, at the start of each try from nothing
-WEIGHT = (1.0, 0.03, 0.01, 0.1, 0.3, 0.003, 1e-4, 0.3)  # of impulses against velocities, times the Delassus scale
+# of each try from nothing: smoothing of the load where it begins, and weight of impulses
+SMOOTHING = (1e-2, 1e-4, 1e-1, 1e-4, 1e-2, 1e-4, 1e-4, 1.0, 1e-3, 1e-1, 1e-3, 10.0, 1e-3, 1e-1)
+WEIGHT = (1.0, 0.03, 0.01, 0.1, 0.3, 0.003, 1e-4, 0.3, 1.0, 0.1, 0.03, 1.0, 0.003, 1e-3)
 SMOOTHED_STEPS = 80
-BUDGET = 40_000  # steps times contacts, and 30 more for the system: 15 ms or so; an interior-point step counts twice
-LEAST_BUDGET = 250  # steps
+BUDGET = 36_000  # steps times contacts, and 30 more for the system: 15 ms or so; an interior-point step counts twice
+LEAST_BUDGET = 240  # steps
 NEAR = 1e-8  # of the load squared: tau^2 at which the natural map is tried, and again each time it fell by FALL
 FALL = 1e-2
 SMALLEST = 1e-30
