@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from engine.friction.banded import ROWS_AT_ONCE
+from engine.friction.banded import PAIR, ROWS_AT_ONCE
 from engine.friction.ties import Ties, release
 from engine.kernels.jit import inner
 
@@ -51,7 +51,7 @@ class FrictionArrays(NamedTuple):
     A: np.ndarray  # (nc, 3, 3) eliminated block: dr = -b - A du
     Q: np.ndarray  # (nc, 3, 3) derivative of the contact's equation with respect to u
     b: np.ndarray  # (nc, 3)
-    AG: np.ndarray  # (3, k)
+    block: np.ndarray  # (PAIR (PAIR + 3),) see `banded.add_blocks`
     K: np.ndarray  # (n, 2 (band + 2) + 1) system, see `banded`
     dw: np.ndarray  # (n,)
     best: np.ndarray  # (nc, 3) impulses of the smallest residual within an attempt
@@ -66,8 +66,8 @@ def friction_arrays(n: int, nc: int, runs: int, k: int, band: int, ties: int = 0
     most ``k`` velocities in at most ``runs`` runs.
     """
     columns = 2 * (min(band, max(n - 1, 0)) + ROWS_AT_ONCE - 1) + 1
-    shapes = {"mu": (nc,), "scale": (nc,), "A": (nc, 3, 3), "Q": (nc, 3, 3), "AG": (3, k), "w": (n,), "dw": (n,)}
-    shapes["K"] = (n, columns)
+    shapes = {"mu": (nc,), "scale": (nc,), "A": (nc, 3, 3), "Q": (nc, 3, 3), "w": (n,), "dw": (n,), "K": (n, columns)}
+    shapes["block"] = (PAIR * (PAIR + 3),)
     start, width = np.zeros((2, nc, runs), np.int64)
     first, count = np.zeros((2, ties, 2), np.int64)
     tied = Ties(

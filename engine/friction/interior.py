@@ -10,7 +10,7 @@ mu |u_T|. One system in w remains, as in `newton`; the term E is what makes Coul
 import numpy as np
 
 from engine.friction.arrays import add_impulse, copy, finish, relative
-from engine.friction.banded import add_block, factorise, start_system, substitute
+from engine.friction.banded import add_blocks, factorise, start_system, substitute
 from engine.friction.cone import residual
 from engine.friction.ties import add_ties
 from engine.kernels.jit import inner
@@ -125,7 +125,7 @@ def _scaled_system(n, nc, p):
             for k in range(3):
                 p.A[i, k, 0], p.A[i, k, 1], p.A[i, k, 2] = 0.0, 0.0, 0.0
             p.A[i, 0, 0] = f * x[i, 0] / y[i, 0]
-        add_block(p.rows, i, p.A, p.AG, p.K)
+    add_blocks(nc, p.rows, p.mu, p.A, p.block, p.K)
     factorise(n, p.K)
     return gap / nc
 

@@ -8,14 +8,16 @@ freedom, however many contacts there are and however redundant they may be.
 import numpy as np
 
 from engine.friction.arrays import add_impulse, finish, relative
-from engine.friction.banded import add_block, factorise, start_system, substitute
+from engine.friction.banded import add_blocks, factorise, start_system, substitute
 from engine.friction.complementarity import eliminate, fischer_burmeister, mismatch, natural_map
 from engine.friction.cone import residual
 from engine.friction.ties import add_ties
 from engine.kernels.jit import inner
 
 SHRINK = 0.04  # of tau^2, when the smoothed equation is met as well as its smoothing deserves
-POOR = 0.5  # of the merit: a step that leaves more is a poor one
+POOR = 0.5  # of the merit: a step on the natural map that leaves more is a poor one
+SHORT = 0.1  # of Newton's step: a shorter one on the smoothed equation is a poor one
+CREEP = 6  # poor steps in a row after which the smoothed equation is given up
 
 
 @inner
@@ -25,12 +27,14 @@ def newton(n, nc, p, mean, tolerance, tau2, end, proximal, least, limit, patienc
     With ``tau2`` 0 the equation is the natural map. The line search is not monotone: a step may raise the merit above
     the present one, not above the last four; after ``patience`` poor steps in a row it is given up. Else the equation
     is the Fischer-Burmeister function, smoothed less and less until tau^2 is below ``end``, so that a wrong guess of
-    which contacts open, slide and stick is left early instead of being defended.
+    which contacts open, slide and stick is left early instead of being defended; after ``CREEP`` poor steps it is given
+    up above ``end``.
     """
     finish(n, nc, p)
     reached = residual(nc, p.mu, p.r, p.u, p.q, mean)
     natural, iteration, poor, m1, m2, m3 = tau2 == 0.0, 0, 0, 0.0, 0.0, 0.0
     halvings = 6 if natural else 12
+    patience = patience if natural else CREEP
     while (
         (reached > tolerance or iteration < least) and iteration < limit and poor < patience and (natural or tau2 > end)
     ):
@@ -48,9 +52,11 @@ def newton(n, nc, p, mean, tolerance, tau2, end, proximal, least, limit, patienc
         m1, m2, m3 = merit, m1, m2
         if natural:
             poor = poor + 1 if after > POOR * merit else 0
-        elif after <= 0.25 * tau2 * nc:
-            tau2 *= SHRINK
-            m1, m2, m3 = 0.0, 0.0, 0.0
+        else:
+            poor = poor + 1 if step < SHORT else 0
+            if after <= 0.25 * tau2 * nc:
+                tau2 *= SHRINK
+                m1, m2, m3 = 0.0, 0.0, 0.0
     return iteration, reached if reached < np.inf else np.inf, tau2
 
 
@@ -72,8 +78,7 @@ def _direction(n, nc, p, proximal, tau2):
             merit += fischer_burmeister(i, mu, r0, r1, r2, u0, u1, u2, tau2, p.A, p.Q, p.b)
         eliminate(i, s, proximal, p.A, p.Q, p.b)
         add_impulse(p.rows, i, -p.b[i, 0], -p.b[i, 1], -p.b[i, 2], p.dw)
-        if p.A[i, 0, 0] != 0.0:  # else open
-            add_block(p.rows, i, p.A, p.AG, p.K)
+    add_blocks(nc, p.rows, p.mu, p.A, p.block, p.K)
     factorise(n, p.K)
     substitute(n, p.K, p.dw)
     for i in range(nc):

@@ -125,7 +125,7 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
 def sparse_rows(G: Array, n: int) -> Any:
     """Store of each contact's rows only the columns that are not zero, body by body."""
     from engine.friction.arrays import friction_arrays
-    from engine.friction.banded import BODY
+    from engine.friction.banded import BODY, PAIR
 
     columns = [np.flatnonzero(np.abs(rows).max(axis=0) > 0) for rows in G]
     runs = [[c[c // BODY == body] for body in np.unique(c // BODY)] for c in columns]
@@ -133,8 +133,8 @@ def sparse_rows(G: Array, n: int) -> Any:
     arrays = friction_arrays(
         n,
         len(G),
-        max(map(len, runs), default=1) or 1,
-        max((sum(map(len, of_contact)) for of_contact in runs), default=1) or 1,
+        max([2, *map(len, runs)]),
+        max([PAIR, *(sum(map(len, of_contact)) for of_contact in runs)]),
         max((int(c[-1] - c[0]) for c in columns if c.size), default=0),
     )
     for i, of_contact in enumerate(runs):

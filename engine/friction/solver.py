@@ -1,12 +1,14 @@
 """The order in which the methods are tried: a quick one from the last solution, sure ones from nothing.
 
-1. Newton on the natural map from the given impulses: one or two steps when they are those of the step before.
-2. Newton on the smoothed equations from nothing, less and less smoothed; whenever the smoothing has become small, the
+1. With impulses given: Newton on the natural map from there, one or two steps when they are those of the step before;
+   then the interior-point method, which sees the problem from inside the cones.
+2. From nothing: Newton on the smoothed equations, less and less smoothed; whenever the smoothing has become small, the
    natural map is tried from there, which needs three steps where further smoothing needs ten.
-3. Interior point, which sees the problem from inside the cones and solves what Newton does not.
+3. The same with other smoothing and other weights of impulses against velocities, times the Delassus scale; the
+   interior-point method at last.
 
-With given impulses 2 is left out at first; then 2 and 3 go on in turn from other starts. Without a proof that Coulomb's
-problem can be solved from any of them, many starts are what there is: one in a thousand needs more than two.
+Coulomb's problem is not convex, and which weight leads past a fold of the smoothed solutions is not known beforehand.
+A try that creeps is given up early, and another one costs less than its patience would; all of them share a budget.
 """
 
 import numpy as np
@@ -21,9 +23,13 @@ PROXIMAL = 1e-8  # share of a sticking contact's velocity in its equation: what 
 PROXIMAL_GIVEN = 1e-4  # near a solution more of it keeps the impulses where they are
 NATURAL_PATIENCE = 5  # with the impulses of the step before; elsewhere the first poor step ends it
 INTERIOR_STEPS = 60
-SMOOTHING = (1e-2, 1.0, 10.0, 0.1, 1e-3)  # of the load, at the start of each attempt
-SMOOTHED_STEPS = (60, 100, 200, 200, 200)
-INSIDE = (0.1, 10.0, 1.0, 1e-2, 100.0)  # of the load: how far inside the cones an interior-point attempt starts
+INSIDE = 0.1  # of the load: how far inside the cones the interior-point method starts
+# of each try from nothing: smoothing of the load where it begins, and weight of impulses
+SMOOTHING = (1e-2, 1e-4, 1e-1, 1e-4, 1e-2, 1e-4, 1e-4, 1.0, 1e-3, 1e-1, 1e-3, 10.0, 1e-3, 1e-1)
+WEIGHT = (1.0, 0.03, 0.01, 0.1, 0.3, 0.003, 1e-4, 0.3, 1.0, 0.1, 0.03, 1.0, 0.003, 1e-3)
+SMOOTHED_STEPS = 80
+BUDGET = 36_000  # steps times contacts, and 30 more for the system: 15 ms or so; an interior-point step counts twice
+LEAST_BUDGET = 240  # steps
 NEAR = 1e-8  # of the load squared: tau^2 at which the natural map is tried, and again each time it fell by FALL
 FALL = 1e-2
 SMALLEST = 1e-30
@@ -47,26 +53,33 @@ def solve_friction(n, nc, p, tolerance):
         load += p.q[i, 0] * p.q[i, 0] + p.q[i, 1] * p.q[i, 1] + p.q[i, 2] * p.q[i, 2]
         warm = warm or p.r[i, 0] != 0.0
     load /= max(nc, 1)
-    total, best = 0, np.inf
-    for attempt in range(2 * len(SMOOTHING)):
-        level, given = attempt // 2, warm and attempt < 2
-        if attempt > 0 and not given:
-            for i in range(nc):
+    budget, total, best, weight, last = max(LEAST_BUDGET, BUDGET // (nc + 30)), 0, np.inf, 1.0, len(SMOOTHING)
+    for attempt in range(-2 if warm else 0, last + 1):
+        given = attempt < 0
+        asked = WEIGHT[attempt] if 0 <= attempt < last else 1.0
+        for i in range(nc):
+            p.scale[i] *= asked / weight
+            if not given:
                 p.r[i, 0], p.r[i, 1], p.r[i, 2] = 0.0, 0.0, 0.0
-        smoothing, limit, patience = 0.0, NATURAL_STEPS, NATURAL_PATIENCE
-        if attempt % 2 == 1:
-            spent, _ = interior_point(n, nc, p, mean, tolerance, INSIDE[level], INTERIOR_STEPS)
+        weight, smoothing, limit, patience, least = asked, 0.0, NATURAL_STEPS, NATURAL_PATIENCE, 0
+        if attempt == -1 or attempt == last:
+            spent, _ = interior_point(n, nc, p, mean, tolerance, INSIDE, min(INTERIOR_STEPS, (budget + 1) // 2))
             total += spent
+            budget -= 2 * spent
+            least = 1
         elif not given:
-            smoothing, limit, patience = SMOOTHING[level], SMOOTHED_STEPS[level], 1
-        tau2, least, proximal = smoothing * smoothing * load, attempt % 2, PROXIMAL_GIVEN if given else PROXIMAL
+            smoothing, limit, patience = SMOOTHING[attempt], min(SMOOTHED_STEPS, budget), 1
+        tau2, proximal = smoothing * smoothing * load, PROXIMAL_GIVEN if given else PROXIMAL
         spent, reached = _follow(n, nc, p, mean, tolerance, tau2, load, proximal, least, limit, patience)
         total += spent
+        budget -= spent
         if reached < best:
             best = reached
             copy(nc, p.r, p.kept)
-        if best <= tolerance or load == 0.0:
+        if best <= tolerance or load == 0.0 or budget <= 0:
             break
+    for i in range(nc):
+        p.scale[i] /= weight
     if not best <= tolerance:
         copy(nc, p.kept, p.r)
         finish(n, nc, p)
@@ -82,18 +95,19 @@ def _follow(n, nc, p, mean, tolerance, tau2, load, proximal, least, limit, patie
     """
     copy(nc, p.r, p.base)
     natural = tau2 == 0.0 or 3 * nc <= n  # from nothing only where impulses are hardly redundant: elsewhere it fails
-    spent, end, before = 0, NEAR * load, np.inf
+    spent, end, before, stuck = 0, min(NEAR * load, 0.5 * tau2), np.inf, False
     while True:
         smoothed = 0.0 if natural else tau2  # one call for both: what is called twice is compiled twice
         most = NATURAL_STEPS if natural else limit - spent
         steps, reached, smoothed = newton(n, nc, p, mean, tolerance, smoothed, end, proximal, least, most, patience)
-        tau2 = tau2 if natural else smoothed
+        if not natural:
+            tau2, stuck = smoothed, smoothed > end
         spent += steps
         if natural and before <= tolerance and not reached < before:
             copy(nc, p.base, p.r)
             finish(n, nc, p)
             return spent, before
-        if natural and (reached <= tolerance or tau2 == 0.0 or spent >= limit or end < SMALLEST * load):
+        if natural and (reached <= tolerance or tau2 == 0.0 or stuck or spent >= limit or end < SMALLEST * load):
             return spent, reached
         before, least, patience = reached, int(not natural), 1
         if natural:
