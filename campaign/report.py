@@ -69,6 +69,7 @@ def report_spec(plan: Plan) -> ReportSpec:
         provenance=provenance(plan),
         requested=spec.samples,
         simulate=_simulate(plan),
+        sampler=spec.sampler,
     )
 
 

@@ -1,5 +1,6 @@
 """What a user writes in a campaign file, checked by models that name the key at fault."""
 
+import math
 from decimal import Decimal
 from typing import Annotated, Any, Literal, Self
 
@@ -91,7 +92,8 @@ class CampaignSpec(_Table):
     seed : int
         Seed of that sequence.
     sampler : str
-        How samples are drawn: ``random`` (independent).
+        How samples are drawn: ``random`` (independent), or ``worst_case`` (all corners of the variables' ranges, and
+        their middle).
     simulation : Simulation
         Settings of every run that replace the mechanism's own.
     header : dict of str to str
@@ -109,11 +111,29 @@ class CampaignSpec(_Table):
     bench: Name | None = None
     samples: Annotated[int, Field(ge=1, le=100_000_000)]
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    sampler: Literal["random"] = "random"
+    sampler: Literal["random", "worst_case"] = "random"
     simulation: Simulation = Simulation()
     header: dict[str, str] = {}
     variables: Annotated[dict[Name, Variable], Field(min_length=1)]
     responses: dict[Name, Response] = {}
+
+    @model_validator(mode="after")
+    def _corners(self) -> Self:
+        if self.sampler != "worst_case":
+            return self
+        endless = [name for name, v in self.variables.items() if not all(map(math.isfinite, v.support()))]
+        if endless:
+            raise ValueError(
+                f"sampler worst_case needs both ends of every variable; {', '.join(endless)} has none; "
+                "give lower and upper"
+            )
+        corners = 2 ** len(self.variables) + 1
+        if self.samples != corners:
+            raise ValueError(
+                f"sampler worst_case: {len(self.variables)} variables have {corners - 1} corners and a middle; "
+                f"write samples = {corners}"
+            )
+        return self
 
     def targets(self) -> dict[str, str]:
         """Return which key of the mechanism each variable sets, by variable name."""

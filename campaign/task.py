@@ -97,7 +97,7 @@ def rows_to_table(plan: Plan, rows: list[Row]) -> pa.Table:
 
 def sample_values(plan: Plan, sample: int) -> dict[str, float]:
     """Return the inputs of one sample by variable name."""
-    drawn = draw(plan.spec.variables, plan.spec.seed, sample, 1)
+    drawn = draw(plan.spec.variables, plan.spec.seed, sample, 1, plan.spec.sampler)
     return {name: float(x[0]) for name, x in drawn.items()}
 
 

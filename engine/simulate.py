@@ -192,7 +192,8 @@ def _measure_at_rest(mechanism: Mechanism, assembly: "Assembly", phase: int, t: 
     if not (model.responses.kind >= CONTACT_FORCE).any():
         return None
     sim = mechanism.simulation
-    forces = forces_at_rest(assembly, phase, sim.step, sim.penetration, t)
+    touching_gap = max(sim.penetration, sim.rest.drift)  # a gap that is no larger than what counts as unmoved is closed
+    forces = forces_at_rest(assembly, phase, sim.step, touching_gap, t)
     state.r[:] = math.nan if forces is None else forces
     measure(
         model.responses, model.contacts, model.loads, state, work.point, work.frame, t, 1.0, work.values, work.a, work.b

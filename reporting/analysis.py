@@ -17,6 +17,7 @@ from reporting.numbers import plain
 from reporting.samples import OK, Samples, read_samples
 from reporting.spec import ReportSpec, ResponseSpec, VariableSpec
 from reporting.trust import Check, trust_checks
+from reporting.worst_case import WorstCase, worst_case
 
 if TYPE_CHECKING:
     import pyarrow
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 CAPABLE, MARGINAL = 1.33, 1.00
 CONFIDENCE = 0.95
 FAILURES_LISTED = 20
+WORST_CASE = "worst_case"  # the sampler of corners
 
 STATUSES = {
     OK: "settled, every number is used",
@@ -91,6 +93,8 @@ class ResponseAnalysis:
         None without limits or without a finished sample.
     histogram : Histogram or None
         None without values.
+    worst : WorstCase or None
+        Over the corners, if the samples are those.
     """
 
     spec: ResponseSpec
@@ -101,6 +105,7 @@ class ResponseAnalysis:
     missing: int
     yield_: Yield | None
     histogram: Histogram | None
+    worst: WorstCase | None = None
 
 
 @dataclass(frozen=True)
@@ -160,7 +165,7 @@ def analyse(table: "pyarrow.Table", spec: ReportSpec) -> Analysis:
         The table does not fit the spec, or the limits of a response are crossed.
     """
     samples = read_samples(table, spec)
-    responses = tuple(_response(response, samples) for response in spec.responses)
+    responses = tuple(_response(response, samples, spec) for response in spec.responses)
     variables = tuple(_variable(variable, samples.values[variable.name]) for variable in spec.variables)
     ok = int(np.count_nonzero(samples.ok))
     return Analysis(
@@ -177,13 +182,18 @@ def analyse(table: "pyarrow.Table", spec: ReportSpec) -> Analysis:
     )
 
 
-def _response(spec: ResponseSpec, samples: Samples) -> ResponseAnalysis:
+def _response(spec: ResponseSpec, samples: Samples, asked: ReportSpec) -> ResponseAnalysis:
     """Analyse one response over the ok samples."""
     values = samples.values[spec.name][samples.ok]
     try:
         numbers = capability(values, spec.lsl, spec.usl, spec.target, CONFIDENCE)
     except ReportError as error:
         raise ReportError(f"response {spec.name}: {error}") from error
+    worst = None
+    if asked.sampler == WORST_CASE:
+        inputs = {variable.name: samples.values[variable.name] for variable in asked.variables}
+        everywhere = np.where(samples.ok, samples.values[spec.name], np.nan)
+        worst = worst_case(everywhere, inputs, spec.lsl, spec.usl)
     word = verdict(numbers)
     certain = None
     if numbers.cpk_interval is not None:
@@ -197,6 +207,7 @@ def _response(spec: ResponseSpec, samples: Samples) -> ResponseAnalysis:
         missing=numbers.dropped,
         yield_=_yield(numbers, samples.sample.size),
         histogram=histogram(values[np.isfinite(values)], spec.lsl, spec.usl),
+        worst=worst,
     )
 
 

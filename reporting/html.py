@@ -63,6 +63,10 @@ def render_html(analysis: Analysis) -> str:
 def headline(analysis: Analysis) -> str:
     """Return the outcome in one sentence."""
     limited = [r for r in analysis.responses if r.verdict != "no limits"]
+    corners = [r.worst for r in limited if r.worst is not None]
+    if corners and analysis.ok:
+        kept = sum(bool(worst.within) for worst in corners)
+        return f"Worst case: {kept} of {len(corners)} responses with limits keep them at every corner."
     if analysis.ok == 0:
         return "No sample ended ok: there is nothing to judge."
     if not limited:

@@ -90,6 +90,8 @@ class ReportSpec:
     simulate : str
         The command that repeats a sample, without its `--set` options; empty: `clearcap simulate` with the
         provenance's "mechanism", or with the campaign's id where there is none.
+    sampler : str
+        How the samples were drawn; with "worst_case" they are the corners of the variables' ranges, no production.
     """
 
     title: str
@@ -100,3 +102,4 @@ class ReportSpec:
     provenance: dict[str, str]
     requested: int
     simulate: str = ""
+    sampler: str = "random"

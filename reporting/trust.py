@@ -41,6 +41,14 @@ class Check:
     value: float | None = None
 
 
+CORNERS = Check(
+    "Sampling",
+    "attention",
+    "The samples are the corners of the variables' ranges and their middle, not a production: read the worst case; "
+    "sigma, indices and ppm describe the corners only.",
+)
+
+
 def trust_checks(
     spec: ReportSpec,
     samples: Samples,
@@ -49,6 +57,7 @@ def trust_checks(
 ) -> tuple[Check, ...]:
     """Return the lines of the trust card, in reading order."""
     return (
+        *([CORNERS] if spec.sampler == "worst_case" else []),
         _complete(spec.requested, samples),
         _failed(samples),
         _largest("Friction residual", samples, samples.max_residual, "", RESIDUAL_BAR),

@@ -61,9 +61,10 @@ def new_course(control: Control) -> Course:
 def run(model, state, work, problem, control, course, rows, every, stop):
     """Simulate until rest in the last phase, or the horizon, or a failure.
 
-    A step whose friction problem or projection is not solved is repeated with half its length, at most ``HALVINGS``
-    times. Every ``every``-th step is written into ``rows`` (see `kernels.record`; 0: none); when they are full the
-    status is FULL, and the run goes on when called again with room in them.
+    A step whose friction problem or projection is not solved is repeated with half its length, ``HALVINGS`` times and
+    down to that many halvings of the shortest step. Every ``every``-th step is written into ``rows`` (see
+    `kernels.record`; 0: none); when they are full the status is FULL, and the run goes on when called again with
+    room in them.
 
     ``stop``, shape (1,) uint8, is set from another thread to end the run (time limit, cancel).
     """
@@ -146,7 +147,8 @@ def _advance(model, state, work, problem, control, theta, n, now):
     """Make one step, with half its length again and again if it is not solved, and judge it."""
     status, residual, worst, where, off = CONVERGED, 0.0, 0.0, -1, 0.0
     n[MISSED] = 0
-    for attempt in range(1 + HALVINGS):
+    attempt, shortest = 0, 0.5**HALVINGS * control.step
+    while True:
         status, residual, worst, where, off, fastest, iterations = step(
             model, state, work, problem, control, theta, n[PHASE], now[TIME], now[STEP]
         )
@@ -157,11 +159,12 @@ def _advance(model, state, work, problem, control, theta, n, now):
             break
         n[REPEATED] += 1
         n[MISSED] = 1
-        if attempt == HALVINGS:
+        attempt += 1
+        if attempt > HALVINGS and now[STEP] < 1.5 * shortest:
             break
         now[STEP] *= 0.5
         restore(state, work.kept, work.watch.budget)
-        _scale_impulses(state.r, 0.5 ** (attempt + 1))
+        _scale_impulses(state.r, 0.5**attempt)
     now[TIME] += now[STEP]
     now[RESIDUAL], now[WORST], now[OFF] = max(residual, now[RESIDUAL]), max(worst, now[WORST]), max(off, now[OFF])
     n[CONTACT] = where

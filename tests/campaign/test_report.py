@@ -22,7 +22,7 @@ def test_spec_says_limits_units_and_origin(plan):
     spec = report_spec(plan)
     assert (spec.title, spec.campaign, spec.requested) == ("demo", plan.campaign_id, 25)
     assert [response.name for response in spec.responses] == list(plan.mechanism.responses)
-    first, second = spec.responses[:2]
+    first, second = (next(r for r in spec.responses if r.name == name) for name in ("FC-1", "FC-2"))
     assert (first.unit, first.lsl, first.usl, first.target, first.source) == ("N", 9.0, 16.0, None, "a test")
     assert (second.unit, second.lsl, second.usl, second.target, second.source) == ("mm", None, None, None, "")
     clearance, preload = spec.variables

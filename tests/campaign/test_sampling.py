@@ -1,10 +1,12 @@
 """A sample is a function of (seed, sample number, variable name) alone."""
 
+import itertools
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from campaign.distributions import Normal, TruncatedNormal
+from campaign.distributions import Normal, TruncatedNormal, Uniform
 from campaign.sampling import draw, uniforms
 
 J = TruncatedNormal(distribution="truncated_normal", mean=0.07, std=0.0175, lower=0.01, upper=0.13)
@@ -50,3 +52,16 @@ def test_strictly_inside_the_unit_interval():
     assert 0.0 < u.min() < 1e-4
     assert 1.0 - 1e-4 < u.max() < 1.0
     assert ((np.uint64(2**64 - 1) >> np.uint64(12)).astype(np.float64) + 0.5) * 2.0**-52 < 1.0
+
+
+def test_corners_are_every_combination_of_ends_and_the_middle():
+    """Bit j of the sample number is the end of variable j; any piece of them is the same as in the whole."""
+    ranges = {"a": (0.0, 1.0), "b": (2.0, 4.0), "c": (-1.0, 1.0)}
+    variables = {name: Uniform(distribution="uniform", lower=low, upper=high) for name, (low, high) in ranges.items()}
+    whole = draw(variables, 0, 0, 9, "worst_case")
+    rows = list(zip(*whole.values(), strict=True))
+    assert set(rows[:8]) == set(itertools.product(*ranges.values()))
+    assert rows[5] == (1.0, 2.0, 1.0)
+    assert rows[8] == (0.5, 3.0, 0.0)
+    piece = draw(variables, 7, 3, 4, "worst_case")
+    assert all((piece[name] == whole[name][3:7]).all() for name in variables)

@@ -1,0 +1,85 @@
+"""Worst case over the corners of the tolerance box (paper, appendix A, eqs. 24-27)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reporting.errors import ReportError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class WorstCase:
+    """The extremes of a response over the corners; None where no corner has a value.
+
+    Attributes
+    ----------
+    lowest, highest : float or None
+        Least and largest value, LSL_Y and USL_Y of the paper (eqs. 24, 25).
+    nominal, tolerance : float or None
+        Their middle and half their distance, N_Y and T_Y (eqs. 26, 27).
+    lowest_corner, highest_corner : dict of str to float
+        The inputs where they are: each variable at an end of its range.
+    corners, missing : int
+        How many corners were simulated, and how many of them have no value.
+    within : bool or None
+        All simulated corners have a value and keep the limits; None without limits.
+    """
+
+    lowest: float | None
+    highest: float | None
+    nominal: float | None
+    tolerance: float | None
+    lowest_corner: dict[str, float]
+    highest_corner: dict[str, float]
+    corners: int
+    missing: int
+    within: bool | None
+
+
+def worst_case(y: Array, inputs: dict[str, Array], lsl: float | None = None, usl: float | None = None) -> WorstCase:
+    """Return the worst case of one response.
+
+    The corners hold the extremes only of a response that is monotone in every input between them: the centre, or any
+    other sample, is taken in as well, and a response that is not monotone may go farther inside.
+
+    Parameters
+    ----------
+    y : array, shape (n,)
+        The response at each sample; NaN where it has none.
+    inputs : dict of str to array, each of shape (n,)
+        The variables at each sample.
+    lsl, usl : float or None
+        Limits.
+
+    Raises
+    ------
+    ReportError
+        Columns of different lengths.
+    """
+    y = np.asarray(y, np.float64)
+    wrong = [name for name, column in inputs.items() if np.shape(column) != y.shape]
+    if wrong:
+        raise ReportError(f"worst case: {', '.join(wrong)}: not as long as the response; give columns of one table")
+    known = np.flatnonzero(np.isfinite(y))
+    missing = y.size - known.size
+    limited = lsl is not None or usl is not None
+    if known.size == 0:
+        return WorstCase(None, None, None, None, {}, {}, y.size, missing, False if limited else None)
+    low, high = (int(known[choose(y[known])]) for choose in (np.argmin, np.argmax))
+    lowest, highest = float(y[low]), float(y[high])
+    kept = (lsl is None or lowest >= lsl) and (usl is None or highest <= usl) and missing == 0
+    corner = {at: {name: float(column[at]) for name, column in inputs.items()} for at in (low, high)}
+    return WorstCase(
+        lowest=lowest,
+        highest=highest,
+        nominal=0.5 * (lowest + highest),
+        tolerance=0.5 * (highest - lowest),
+        lowest_corner=corner[low],
+        highest_corner=corner[high],
+        corners=y.size,
+        missing=missing,
+        within=kept if limited else None,
+    )
