@@ -41,12 +41,12 @@ def fixed():
     return {h: simulate(load_mechanism("c60"), step=h) for h in (5e-3, 2e-3, 1e-3)}
 
 
-def test_contact_force_is_the_couple_over_its_lever(nominal):
+def test_contact_force_is_the_couple_over_its_lever():
     """Planar balance of the moving contact about the needle, from the file's numbers alone.
 
     Without friction N = M / lever, about 13.4 N. Friction at C7 acts on the way from the needle to the contact,
     friction in J7 on the pin's radius; which way either points is not known, so N lies in a band. Play lets the plate
-    turn, which unwinds the spring: the hand calculation is for (almost) none.
+    turn, which unwinds the spring: the hand calculation is for none.
     """
     data = shipped("c60")
     spring, contact, joint = data["springs"]["A3"], data["contacts"]["C7"], data["joints"]["J7"]
@@ -64,18 +64,18 @@ def test_contact_force_is_the_couple_over_its_lever(nominal):
     arm = mu[contact["material"]] * abs(normal @ touch) + mu[joint["material"]] * joint["journal"]["radius"]
     low, high = abs(couple) / (lever + arm), abs(couple) / (lever - arm)
     assert high - low < 0.9
-    tight, loose = (
-        simulate(load_mechanism("c60"), {f"J{i}": play for i in range(1, 8)}, indeterminacy=True)
-        for play in (0.01, 0.02)
+    plays = np.linspace(0.01, 0.05, 33)
+    runs = [simulate(load_mechanism("c60"), {f"J{i}": play for i in range(1, 8)}) for play in plays]
+    least, force, largest = (
+        np.array([run.responses[name] for run in runs]) for name in ("FC-1_low", "FC-1", "FC-1_high")
     )
-    lost = (tight.responses["FC-1"] - nominal.responses["FC-1"]) / 6  # N for each 0.01 mm of play
-    assert low - 2 * lost < tight.responses["FC-1"] < high
-    # carried on to no play at all, with what friction leaves open of either force
-    (least, largest), (least_loose, largest_loose) = tight.ranges["FC-1"], loose.ranges["FC-1"]
-    assert least < tight.responses["FC-1"] < largest
-    assert 2 * least - largest_loose < high
-    assert 2 * largest - least_loose > low
-    assert largest - least < 0.4
+    assert (least < force).all()
+    assert (force < largest).all()
+    assert (largest - least).max() < 0.4
+    # a line through them, carried on to no play at all: single runs scatter by 0.13 N, as friction holds the plate
+    slope, tight = np.polyfit(plays, force, 1)
+    assert slope < 0
+    assert low < tight < high
 
 
 def test_every_run_is_certified(nominal, fixed):
