@@ -14,7 +14,7 @@ from engine.kernels.rotations import rotation_matrix, turn
 from engine.kernels.ties import tie_violations, whitened_ties
 from engine.kernels.watch import look_around, spend
 
-ROUNDS = 20
+ROUNDS = 40
 REACH = 2.0  # contacts open by less than this many times the violation take part
 TOLERANCE = 1e-4  # of a displacement problem: the next round removes what is left
 
