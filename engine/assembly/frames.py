@@ -1,5 +1,6 @@
 """Where bodies are: their own frames inside the state's, their order, and the pose and twists at the start."""
 
+import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -39,9 +40,11 @@ def quaternion(axis: Iterable[float], angle: float) -> Array:
 
 
 def tangent(n: Array) -> Array:
-    """Return a unit vector across n."""
-    t = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
-    return np.asarray(t / np.linalg.norm(t))
+    """Return a unit vector across n: n x e, with e the axis that is most across."""
+    x, y, z = map(float, n)
+    least = min(abs(x), abs(y), abs(z))
+    t = (0.0, z, -y) if abs(x) == least else (-z, 0.0, x) if abs(y) == least else (y, -x, 0.0)
+    return np.array(t) / math.hypot(*t)
 
 
 def order_bodies(mechanism: Mechanism) -> list[str]:

@@ -65,8 +65,12 @@ def row_b(side: Side, frame: Frame) -> Array:
 
 def _row(*numbers: Any) -> Array:
     """Return the numbers and vectors as a row, filled up with zeros."""
-    given = np.concatenate([np.atleast_1d(np.asarray(part, float)) for part in numbers])
-    return np.concatenate([given, np.zeros(GEOMETRY - given.size)])
+    row, at = np.zeros(GEOMETRY), 0
+    for part in numbers:
+        size = 1 if isinstance(part, float | int) else len(part)
+        row[at : at + size] = part
+        at += size
+    return row
 
 
 def _walls(radius: float, hollow: bool) -> tuple[float, float]:

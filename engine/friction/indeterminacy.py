@@ -7,6 +7,7 @@ each other; the ends are found by Newton's method on the barrier -log(s_0^2 - |s
 ever closer to their boundary (Nesterov, Nemirovskii: a path-following method).
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -15,20 +16,21 @@ from numpy.typing import ArrayLike, NDArray
 from engine.friction.problem import FrictionError
 
 Array = NDArray[np.float64]
-SLACK = 1e-9  # of the largest force: how exactly the known forces lie in their cones, and how far each is opened
+SLACK = 1e-8  # of the largest force: how exactly the known forces lie in their cones, and how far each is opened
 FRICTIONLESS = 1e-12  # a smaller mu is none
 GAP = 1e-8  # of the largest force: how exactly an end is found
 SHARPER = 300.0  # from one barrier to the next
 NEWTON = 60  # steps for one barrier
+ROUNDING = 1e-16  # of the barrier's curvature: keeps Newton's matrix regular at the edge of sliding
 ROOM = 1e4  # in largest forces: how far forces are looked for
 ENDLESS = 1e-2 * ROOM  # farther away there is no end: friction wedges
 
 
 class Cones(NamedTuple):
-    """Forces s = start + basis y, one cone s_0 >= |s_T| for each contact."""
+    """Forces s = start + basis y, one cone s_0 >= |s_T| for each contact; the rows s_0 of all, then s_1, then s_2."""
 
-    start: Array  # (nc, 3)
-    basis: Array  # (nc, 3, d)
+    start: Array  # (3 nc,)
+    basis: Array  # (3 nc, d)
 
 
 def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) -> tuple[float, float]:
@@ -64,10 +66,11 @@ def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) 
         raise FrictionError(f"indeterminacy: r of contact {int(outside.argmax())} is outside Coulomb's cone")
 
     cones, scale = _balanced(H, mu, r / size)
-    if not np.abs(cones.basis[contact, 0]).max(initial=0) > SLACK:
+    way = cones.basis[contact] * scale[contact]
+    if not np.abs(way).max(initial=0) > SLACK:
         return float(r[3 * contact]), float(r[3 * contact])
-    centre = _centred(cones, np.zeros(cones.basis.shape[2]), np.zeros(cones.basis.shape[2]))
-    way = cones.basis[contact, 0] * scale[contact]
+    nowhere = np.zeros(way.size)
+    centre = _centred(cones, nowhere, nowhere)
     low, high = (sign * _least(cones, sign * way, centre) for sign in (1.0, -1.0))
     return max(float(r[3 * contact] + size * low), 0.0), float(r[3 * contact] + size * high)
 
@@ -81,7 +84,8 @@ def _balanced(H: Array, mu: Array, r: Array) -> tuple[Cones, Array]:
     rank = int((values > 1e-10 * values.max(initial=0)).sum())
     start = r.reshape(-1, 3) / np.where(columns > 0, columns, 1.0).reshape(-1, 3)
     start[:, 0] = np.maximum(start[:, 0], np.hypot(start[:, 1], start[:, 2])) + SLACK
-    return Cones(start, right[rank:].T.reshape(mu.size, 3, -1)), scale
+    basis = right[rank:].T.reshape(mu.size, 3, -1)
+    return Cones(start.T.ravel(), np.concatenate([basis[:, 0], basis[:, 1], basis[:, 2]])), scale
 
 
 def _least(cones: Cones, way: Array, y: Array) -> float:
@@ -91,7 +95,7 @@ def _least(cones: Cones, way: Array, y: Array) -> float:
         y = _centred(cones, weight * way, y)
         if way @ y < -ENDLESS:
             return -np.inf
-        if 2 * len(cones.start) / weight < GAP:
+        if cones.start.size / weight < GAP:
             return float(way @ y)
         weight *= SHARPER
 
@@ -101,47 +105,49 @@ def _centred(cones: Cones, push: Array, y: Array) -> Array:
 
     The cone R >= |y| keeps it from running away where friction wedges.
     """
-    s = cones.start + cones.basis @ y
+    basis, s = cones.basis, cones.start + cones.basis @ y
+    signs = np.repeat((1.0, -1.0, -1.0), s.size // 3)
+    value = _barrier(s, y)
     for _ in range(NEWTON):
         room = ROOM**2 - y @ y
-        det = _determinant(s, s)
-        mirrored = s * (1.0, -1.0, -1.0)
-        slope = np.einsum("ck,ckd->cd", mirrored, cones.basis) / det[:, None]
-        bend = 4 * slope.T @ slope
-        for k, sign in enumerate((1.0, -1.0, -1.0)):
-            bend -= sign * (cones.basis[:, k].T * (2 / det)) @ cones.basis[:, k]
-        bend += 4 * np.outer(y, y) / room**2 + np.diag(np.full(y.size, 2 / room))
-        down = push - 2 * slope.sum(axis=0) + 2 * y / room
+        weight = 2 * signs / np.tile(_determinant(s, s), 3)
+        slope = ((weight * s)[:, None] * basis).reshape(3, -1, y.size).sum(axis=0)  # (nc, d)
+        bend = slope.T @ slope - basis.T @ (weight[:, None] * basis) + np.outer(2 * y / room, 2 * y / room)
+        bend.flat[:: y.size + 1] += 2 / room + ROUNDING * bend.trace()
+        down = push - slope.sum(axis=0) + 2 * y / room
         step = np.linalg.solve(bend, -down)
         decrement = float(-down @ step)
         if not decrement > 1e-3:
             return y
-        ds = cones.basis @ step
+        ds = basis @ step
         length = min(1.0, 0.95 * _reach(s, ds)) if decrement > 0.1 else 1.0
-        now = _barrier(s, y) - 1e-4 * length * decrement
-        while _barrier(s + length * ds, y + length * step) + length * (push @ step) > now:
+        while True:
+            after = _barrier(s + length * ds, y + length * step)
+            if after + length * float(push @ step) <= value - 1e-4 * length * decrement:
+                break
             length *= 0.5
             if length < 1e-12:
                 return y
-        y, s = y + length * step, s + length * ds
+        y, s, value = y + length * step, s + length * ds, after
     return y
 
 
 def _determinant(s: Array, t: Array) -> Array:
     """Return s_0 t_0 - s_T . t_T of every cone."""
-    return np.asarray(s[:, 0] * t[:, 0] - s[:, 1] * t[:, 1] - s[:, 2] * t[:, 2])
+    product = (s * t).reshape(3, -1)
+    return np.asarray(product[0] - product[1] - product[2])
 
 
 def _barrier(s: Array, y: Array) -> float:
     """Return the barrier; inf outside."""
-    det, room = _determinant(s, s), ROOM**2 - y @ y
-    return float(-np.log(det).sum() - np.log(room)) if (det > 0).all() and (s[:, 0] > 0).all() and room > 0 else np.inf
+    det, room = _determinant(s, s), ROOM**2 - float(y @ y)
+    inside = room > 0 and det.min() > 0 and s[: det.size].min() > 0
+    return -float(np.log(det).sum()) - math.log(room) if inside else math.inf
 
 
 def _reach(s: Array, ds: Array) -> float:
     """Return how many times ds the forces may move until one meets the boundary of its cone."""
     a, b, c = _determinant(ds, ds), _determinant(s, ds), _determinant(s, s)
-    root = np.sqrt(np.maximum(b * b - a * c, 0.0))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        first = c / np.where(-b + root > 0, -b + root, np.nan)  # the smallest positive root of c + 2 b x + a x^2
-    return float(np.nanmin(first, initial=np.inf))
+    root = np.sqrt(np.maximum(b * b - a * c, 0.0)) - b
+    ahead = root > 0
+    return float((c[ahead] / root[ahead]).min(initial=math.inf))  # smallest positive roots of c + 2 b x + a x^2

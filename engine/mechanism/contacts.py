@@ -1,5 +1,6 @@
 """Unilateral contacts between two named primitives."""
 
+from functools import cached_property
 from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
@@ -39,7 +40,7 @@ class Side(Model):
         default=None, description="a rectangular face: { centre, normal, along, half_lengths, ... }"
     )
 
-    @property
+    @cached_property
     def kind(self) -> str:
         """The primitive's kind, its key: ``"point"``, ``"plane"``, ``"arc"``, ..."""
         return next(kind for kind in PRIMITIVES if getattr(self, kind) is not None)
@@ -67,12 +68,12 @@ class Contact(PairLaw):
     b: Side = Field(description="the other side: { body, and one primitive }")
     offset: Length = Field(default=0.0, description="a skin subtracted from the gap")
 
-    @property
+    @cached_property
     def kind(self) -> str:
         """The pair of primitives, in the order of ``sides``: ``"point-plane"``, ``"arc-plane"``, ..."""
         return "-".join(side.kind for side in self.sides)
 
-    @property
+    @cached_property
     def sides(self) -> tuple[Side, Side]:
         """The two sides in the order of a supported pair, such as (arc, plane)."""
         return (self.a, self.b) if f"{self.a.kind}-{self.b.kind}" in PAIRS else (self.b, self.a)
