@@ -79,7 +79,7 @@ def plot_conditions(mechanism: Mechanism, path: Path) -> None:
         for i, measure in enumerate(found):
             colour = FORCE if measure.force else PALETTE[i % len(PALETTE)]
             _draw_measure(axes, measure, view, size, colour, levels)
-            _explain(figure, measure, colour, 0.9 - 0.075 * i)
+            _explain(figure, measure, colour, 0.9 - i * min(0.075, 0.85 / len(found)))
         figure.savefig(path, dpi=DPI, metadata=file_metadata(path.suffix, described(mechanism, found)))
 
 
