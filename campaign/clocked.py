@@ -28,6 +28,7 @@ IN_STEP = {
     "move": LOADS,
     "apply_loads": LOADS,
     "free_twist": LOADS,
+    "damp": LOADS,
     "tie_targets": JOINTS,
     "hold_joints": JOINTS,
     "spend": CONTACTS,

@@ -9,6 +9,7 @@ from campaign.cli.bench import bench
 from campaign.cli.campaigns import report, status
 from campaign.cli.mechanism import mechanism_app
 from campaign.cli.output import say, show_logs
+from campaign.cli.polarisation import polarisation
 from campaign.cli.run import run
 from campaign.cli.schema import schema_app
 from campaign.cli.simulate import simulate
@@ -25,6 +26,7 @@ app.command()(run)
 app.command()(status)
 app.command()(report)
 app.command()(simulate)
+app.command()(polarisation)
 app.command()(bench)
 app.add_typer(mechanism_app, name="mechanism")
 app.add_typer(schema_app, name="schema")

@@ -1,5 +1,6 @@
 """``clearcap mechanism``: the shipped mechanisms, what one is made of, and whether a file is right."""
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -26,11 +27,18 @@ def list_mechanisms(json: Json = False) -> None:
 
 
 @mechanism_app.command()
-def show(mechanism: Which, json: Json = False) -> None:
+def show(
+    mechanism: Which,
+    picture: Annotated[Path | None, typer.Option(help="Draw it and what is measured: .png, .svg or .pdf.")] = None,
+    json: Json = False,
+) -> None:
     """Show what a mechanism is made of: inputs with value and unit, responses, validity conditions."""
     from engine import load_mechanism
 
-    document = _description(load_mechanism(mechanism))
+    loaded = load_mechanism(mechanism)
+    if picture:
+        _draw(loaded, picture)
+    document = _description(loaded)
     if json:
         print_json(document)
         return
@@ -65,6 +73,16 @@ def check(mechanism: Which, json: Json = False) -> None:
         print_json({"mechanism": loaded.name, "ok": True, "digest": loaded.digest()})
     else:
         print(f"{mechanism}: right")
+
+
+def _draw(mechanism: Any, picture: Path) -> None:
+    """Draw the mechanism at its start with what its responses measure."""
+    from campaign.pictures.conditions import plot_conditions
+    from campaign.pictures.outputs import PLOTS, check_output, replacing
+
+    check_output("--picture", picture, PLOTS)
+    with replacing(picture) as temporary:
+        plot_conditions(mechanism, temporary)
 
 
 def _description(mechanism: Any) -> dict[str, Any]:

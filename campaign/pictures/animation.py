@@ -11,6 +11,7 @@ from campaign.pictures.style import STYLE
 from engine import Trajectory
 
 FRAMES, PER_SECOND = 90, 15
+HOLD = 20  # frames for which the end stays before a film begins again
 LARGEST_PAGE = 100.0  # MB; matplotlib leaves frames out above
 SYMBOLS = {
     "minus": "slower",
@@ -32,7 +33,7 @@ def animate(trajectory: Trajectory, path: Path, frames: int | None = None) -> No
     ----------
     trajectory : of the run
     path : where; its ending says what: ``.gif``, ``.mp4`` (with ffmpeg) or ``.html``
-    frames : at most so many, evenly spaced in simulated time; default 90
+    frames : at most so many, close together where much moves (`poses.progress`); default 90
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -47,6 +48,8 @@ def animate(trajectory: Trajectory, path: Path, frames: int | None = None) -> No
             for frame in range(len(scene.time)):
                 stage.show(frame)
                 writer.grab_frame()
+            for _ in range(0 if path.suffix == ".html" else HOLD):  # the page has a button to stop it
+                writer.grab_frame()
     if path.suffix == ".html":
         path.write_text(_page(path.read_text("utf-8"), f"{len(scene.time)} frames of {heading(trajectory)}"), "utf-8")
 
@@ -57,11 +60,13 @@ def can_write(suffix: str) -> bool:
 
 
 def _writer(suffix: str) -> Any:
-    from matplotlib.animation import FFMpegWriter, HTMLWriter, PillowWriter
+    from matplotlib.animation import FFMpegWriter, HTMLWriter
+
+    from campaign.pictures.film import Film
 
     if suffix == ".html":
         return HTMLWriter(fps=PER_SECOND, embed_frames=True, default_mode="loop", embed_limit=LARGEST_PAGE)
-    return FFMpegWriter(fps=PER_SECOND) if suffix == ".mp4" else PillowWriter(fps=PER_SECOND)
+    return FFMpegWriter(fps=PER_SECOND) if suffix == ".mp4" else Film(fps=PER_SECOND)
 
 
 def _page(player: str, label: str) -> str:

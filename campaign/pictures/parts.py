@@ -13,6 +13,7 @@ from campaign.pictures.view import Array, View, start_rotation
 from engine import Mechanism
 from engine.mechanism.base import BodyPoint
 
+WORKING = ("arc", "rectangle")  # drawn of a body with an outline: a whole cylinder would hide the piece that is there
 FACE_ON = 0.95  # cosine of a plane's normal to the line of sight from which on the plane is not drawn
 LEAST_PATCH = 0.05  # half side of a plane's patch beyond what is touched, in sizes of the mechanism
 
@@ -26,7 +27,8 @@ class Part:
     lines : outlines of primitives and pins, polylines (k, 3)
     faces : touched patches of planes, (5, 3) each
     joints : where its joints are, (k, 3)
-    outline : corners around all but the planes, (k, 3): a polygon, or the two ends of a line, or one point or none
+    outline : the file's, or corners around all but the planes, (k, 3): a polygon, or the two ends of a line, or one
+        point or none
     """
 
     lines: tuple[Array, ...]
@@ -48,20 +50,30 @@ def part_of(mechanism: Mechanism, body: str, view: View, touched: dict[str, Arra
     turn = start_rotation(mechanism, body)
     facing = turn.T @ view.normal
     lines, planes = [], defaultdict(list)
+    outlined = mechanism.bodies[body].outline is not None
     for name, side in _sides(mechanism, body):
         primitive = getattr(side, side.kind)
-        lines += outline_of(side.kind, primitive, facing)
+        if not outlined or side.kind in WORKING:
+            lines += outline_of(side.kind, primitive, facing)
         if side.kind == "plane" and abs(np.dot(primitive.normal, facing)) < FACE_ON:
             planes[primitive.point, primitive.normal].append(touched[name])  # contacts on one plane share a patch
     lines += _pins(mechanism, body, facing)
-    corners = np.vstack([np.reshape(list(_points(mechanism, body)), (-1, 3)), *lines])
     joints = [side.point for joint in mechanism.joints.values() for side in joint.sides if side.body == body]
     return Part(
         lines=tuple(lines),
         faces=tuple(patch(np.array(n), np.vstack(t), facing, LEAST_PATCH * size) for (_, n), t in planes.items()),
         joints=np.reshape(joints, (-1, 3)),
-        outline=corners[around(view.project(corners @ turn.T))],
+        outline=_outline(mechanism, body, lines, view),
     )
+
+
+def _outline(mechanism: Mechanism, body: str, lines: list[Array], view: View) -> Array:
+    """Return the outline the file gives a body; else the hull around its lines and the points the file names on it."""
+    given = mechanism.bodies[body].outline
+    if given is not None:
+        return np.array(given)
+    corners = np.vstack([np.reshape(list(_points(mechanism, body)), (-1, 3)), *lines])
+    return np.asarray(corners[around(view.project(corners @ start_rotation(mechanism, body).T))])
 
 
 def around(points: Array) -> list[int]:

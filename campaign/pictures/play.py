@@ -20,11 +20,13 @@ class Play:
     joint : name
     clearance : radius of the circle it moves in [length]
     way : (m, rings, 2) divided by the clearance, as seen across the joint's axis
+    across : (m, 2, 3) the two directions in the world that are its right and up
     """
 
     joint: str
     clearance: float
     way: Array
+    across: Array
 
 
 def plays(mechanism: Mechanism, at: dict[str, Pose], view: View) -> Iterator[Play]:
@@ -38,14 +40,15 @@ def plays(mechanism: Mechanism, at: dict[str, Pose], view: View) -> Iterator[Pla
         centre = at[inner.body].world(np.array([inner.point]))
         if joint.axes is None:
             away = centre - at[outer.body].world(np.array([outer.point]))
-            yield Play(name, clearance, view.project(away) / clearance)
+            across = np.tile([view.right, view.up], (len(away), 1, 1))
+            yield Play(name, clearance, view.project(away) / clearance, across)
             continue
         rings = np.array(outer.point) + np.outer(stations, joint.axes[0])
         away = centre - at[outer.body].world(rings)
         axis = at[inner.body].direction(np.array(joint.axes[1]))[:, None]
         away -= np.sum(away * axis, axis=-1, keepdims=True) * axis
-        first, second = _across(axis, view)
-        yield Play(name, clearance, np.stack([_dot(away, first), _dot(away, second)], axis=-1) / clearance)
+        across = _across(axis[:, 0], view)
+        yield Play(name, clearance, np.einsum("mri,mki->mrk", away, across) / clearance, across)
 
 
 def _stations(joint: Any) -> tuple[float, ...]:
@@ -56,15 +59,11 @@ def _stations(joint: Any) -> tuple[float, ...]:
     return rings or ()
 
 
-def _across(axis: Array, view: View) -> tuple[Array, Array]:
-    """Return two unit vectors across the axes, shape (m, 1, 3), as near as can be to the view's right and up."""
-    candidates = sorted((view.right, view.up, view.normal), key=lambda v: round(abs(float(axis[0, 0] @ v)), 3))[:2]
+def _across(axis: Array, view: View) -> Array:
+    """Return two unit vectors across each axis, shape (m, 2, 3), as near as can be to the view's right and up."""
+    candidates = sorted((view.right, view.up, view.normal), key=lambda v: round(abs(float(axis[0] @ v)), 3))[:2]
     ordered = [v for v in (view.right, view.up, view.normal) if any(v is c for c in candidates)]
-    first = ordered[0] - _dot(axis, ordered[0])[..., None] * axis
-    first = first / np.linalg.norm(first, axis=-1, keepdims=True)
+    first = ordered[0] - (axis @ ordered[0])[:, None] * axis
+    first = first / np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(axis, first)
-    return first, second * np.sign(_dot(second, ordered[1]))[..., None]
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return np.asarray(np.sum(a * b, axis=-1))
+    return np.stack([first, second * np.sign(second @ ordered[1])[:, None]], axis=1)

@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from campaign.pictures.view import Array, Rows, start_rotation
 from engine import Mechanism, Trajectory
 
+TIME_COUNTS = 0.3  # share of an animation that is spent evenly in time; the rest goes evenly with what moves
 FAR = 1e100  # positions beyond are as good as infinite: their squares soon are
 
 
@@ -54,7 +55,35 @@ def finite_rows(trajectory: Trajectory) -> int:
     return int(finite.size if finite.all() else np.argmin(finite))
 
 
-def spread_rows(time: Array, count: int) -> Rows:
-    """Return at most ``count`` rows, the first and the last among them, as evenly spaced in time as there are any."""
-    wanted = np.linspace(time[0], time[-1], count)
-    return np.unique(np.searchsorted(0.5 * (time[1:] + time[:-1]), wanted))
+def progress(trajectory: Trajectory, mechanism: Mechanism, usable: int) -> Array:
+    """Return how much of what there is to see has happened at each of the first rows, shape (usable,), 0 to 1.
+
+    Time counts for a part, and the way of the body that moves most for the rest: of its centre of mass, and of a point
+    at its radius of gyration.
+    """
+    ways = [np.zeros(max(usable - 1, 0))]
+    for name, motion in trajectory.bodies.items():
+        body = mechanism.bodies[name]
+        arm = np.sqrt(np.trace(np.array(body.inertia, float)) / (2 * (body.mass or 1.0)))
+        shift, turn = (_lengths(np.diff(x[:usable], axis=0)) for x in (motion.position, motion.quaternion))
+        ways.append(shift + 2 * arm * turn)  # a small change of a unit quaternion is half the angle
+    time, way = np.diff(trajectory.time[:usable]), np.max(ways, axis=0)
+    parts = [(share, steps) for share, steps in ((TIME_COUNTS, time), (1 - TIME_COUNTS, way)) if steps.sum() > 0]
+    done = np.sum([share * np.append(0.0, np.cumsum(steps)) / steps.sum() for share, steps in parts], axis=0)
+    return np.asarray(done / done[-1] if parts else np.zeros(usable))
+
+
+def _lengths(vectors: Array) -> Array:
+    return np.asarray(np.linalg.norm(vectors, axis=1))
+
+
+def spread_rows(done: Array, count: int) -> Rows:
+    """Return at most ``count`` rows, the first and the last among them, spread as evenly as there are any.
+
+    Parameters
+    ----------
+    done : (n,) what is to be even between rows, increasing: time, or `progress`
+    count : of rows, at most
+    """
+    wanted = np.linspace(done[0], done[-1], count)
+    return np.unique(np.searchsorted(0.5 * (done[1:] + done[:-1]), wanted))

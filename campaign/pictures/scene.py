@@ -6,7 +6,7 @@ import numpy as np
 
 from campaign.pictures.parts import links, part_of
 from campaign.pictures.play import Play, plays
-from campaign.pictures.poses import Pose, finite_rows, poses, spread_rows
+from campaign.pictures.poses import Pose, finite_rows, poses, progress, spread_rows
 from campaign.pictures.view import Array, Rows, View, choose_view
 from engine import Mechanism, Trajectory
 
@@ -54,7 +54,7 @@ def scene_of(trajectory: Trajectory, frames: int) -> Scene:
 
     mechanism = trajectory.mechanism()
     view, usable = choose_view(mechanism), finite_rows(trajectory)
-    rows = spread_rows(trajectory.time[:usable], frames)
+    rows = spread_rows(progress(trajectory, mechanism, usable), frames)
     at = poses(trajectory, mechanism, rows)
     points, forces = contact_forces(trajectory, rows.tolist())
     size = _size(mechanism, at, points)

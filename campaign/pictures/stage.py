@@ -6,7 +6,7 @@ import numpy as np
 
 from campaign.pictures.play import Play
 from campaign.pictures.scene import Drawn, Scene
-from campaign.pictures.style import FORCE, INK, MARKERS, MUTED, PALETTE, bare
+from campaign.pictures.style import FORCE, GRID, INK, MARKERS, MUTED, PALETTE, bare
 from campaign.pictures.view import Array
 from engine import Trajectory
 
@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COMMON = 95  # percentile of the forces that are not zero: an arrow of this size is a common one
-ARROW = 0.15  # its length, in diagonals of the box
+ARROW = 0.1  # its length, in diagonals of the box
 CUT = 2.0  # longer arrows are cut at so many times it
-SIZE, DPI = (9.6, 6.0), 90
+SIZE, DPI = (10.0, 6.2), 90
 TRAIL = 12  # frames whose way of a journal stays visible
 
 
@@ -47,6 +47,7 @@ class Stage:
         self._insets = [_Inset(a, p, mechanism.unit("length")) for a, p in zip(places, scene.plays, strict=True)]
         if scene.plays:
             _explain_insets(figure, max(play.way.shape[1] for play in scene.plays))
+        self._clock = _clock(figure, wide, float(scene.time[-1]), self._unit)
 
     def show(self, frame: int) -> None:
         """Draw a frame."""
@@ -57,6 +58,7 @@ class Stage:
         for line, ends in zip(self._springs, scene.springs, strict=True):
             line.set_data(*zigzag(*ends[frame]).T)
         self._arrows.show(frame)
+        self._clock.set_data([0.0, scene.time[frame]], [0.0, 0.0])
         for inset in self._insets:
             inset.show(scene.rows[max(frame - TRAIL, 0)], scene.rows[frame])
 
@@ -101,6 +103,17 @@ class _Arrows:
         """Draw the forces of a frame."""
         self._quiver.set_offsets(self._points[frame])
         self._quiver.set_UVC(*self._arrows[frame].T)
+
+
+def _clock(figure: "Figure", wide: float, end: float, unit: str) -> Any:
+    """Draw a line from the start of the run to its end, and return one upon it: frames are not even in time."""
+    axes = figure.add_axes((0.1, 0.03, wide - 0.16, 0.02))
+    axes.set_axis_off()
+    axes.set(xlim=(0.0, end or 1.0), ylim=(-1.0, 1.0))
+    axes.plot([0.0, end], [0.0, 0.0], color=GRID, linewidth=4, clip_on=False, solid_capstyle="butt")
+    for x, side, text in ((-0.01, "right", f"0 {unit}"), (1.01, "left", f"{end:.4g} {unit}")):
+        axes.text(x, 0.5, text, transform=axes.transAxes, ha=side, va="center", fontsize=8, color=MUTED)
+    return axes.plot([], [], color=MUTED, linewidth=4, clip_on=False, solid_capstyle="butt")[0]
 
 
 def _quiver(axes: "Axes", points: Array, arrows: Array) -> Any:

@@ -12,6 +12,7 @@ Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[flo
 
 _THREE = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
 _INERTIA_SCHEMA: dict[str, Any] = {"anyOf": [_THREE, {**_THREE, "items": _THREE}]}
+_OUTLINE_SCHEMA: dict[str, Any] = {"type": "array", "items": {**_THREE, "minItems": 2}, "minItems": 3}
 
 
 def _inertia(value: Any) -> Matrix | None:
@@ -47,6 +48,20 @@ def _inertia(value: Any) -> Matrix | None:
     return tuple(tuple(row) for row in tensor.tolist())  # type: ignore[return-value]
 
 
+def _outline(value: Any) -> tuple[tuple[float, float, float], ...] | None:
+    """Read the corners of a polygon, [x, y] or [x, y, z] each."""
+    if value is None:
+        return None
+    corners = value if isinstance(value, list | tuple) else ()
+    sound = [isinstance(c, list | tuple) and len(c) in (2, 3) and all(map(is_number, c)) for c in corners]
+    if len(corners) < 3 or not all(sound):
+        raise refuse(
+            "not a polygon; allowed: three or more corners, each [x, y] or [x, y, z] of finite numbers, in the body "
+            "frame; write the corners in order, the first one once"
+        )
+    return tuple((float(c[0]), float(c[1]), float(c[2]) if len(c) == 3 else 0.0) for c in corners)
+
+
 class Body(Model):
     """A rigid body. Its frame is at ``origin``, turned by ``angle`` about ``axis``, at the start."""
 
@@ -74,6 +89,13 @@ class Body(Model):
     )
     angular_velocity: Annotated[Vector, Quantity("angular speed")] = Field(
         default=(0.0, 0.0, 0.0), description="the initial angular velocity, in body axes"
+    )
+    outline: Annotated[
+        tuple[tuple[float, float, float], ...] | None, BeforeValidator(_outline), WithJsonSchema(_OUTLINE_SCHEMA)
+    ] = Field(
+        default=None,
+        description="how pictures draw the body: the corners of a polygon, [x, y] or [x, y, z] each, in the body "
+        "frame; without effect on its motion",
     )
 
     @model_validator(mode="after")

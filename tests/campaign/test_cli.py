@@ -56,6 +56,10 @@ BAD_INPUT = {
         "--plot a.jpg: unknown ending; allowed: .png, .svg, .pdf",
     ),
     "unknown animation": (["simulate", "incline", "--animate", "a.avi"], "allowed: .gif, .html, .mp4"),
+    "unknown picture": (["mechanism", "show", "incline", "--picture", "a.gif"], "allowed: .png, .svg, .pdf"),
+    "unknown figure": (["polarisation", "c60", "a.gif"], "allowed: .png, .svg, .pdf"),
+    "no samples to polarise": (["polarisation", "c60", "a.png", "--samples", "0"], "--samples"),
+    "polarisation of what": (["polarisation", "c61", "a.png"], "did you mean 'c60'?"),
     "no folder": (["simulate", "incline", "--trajectory", "none/a.h5"], "no folder none"),
     "every of nothing": (["simulate", "incline", "--every", "5"], "give --trajectory, --plot or --animate"),
     "every none": (["simulate", "incline", "--trajectory", "a.h5", "--every", "0"], "--every"),
@@ -243,3 +247,14 @@ def test_help_is_quick(words, tmp_path):
     loaded = done.stderr.split("LOADED")[1].split()
     assert {"distributed", "pyarrow", "pandas", "numba", "matplotlib", "scipy", "h5py"}.isdisjoint(loaded)
     assert elapsed < 5.0  # 0.2 to 0.3 s on a quiet machine; the imports above are what would spoil it
+
+
+def test_pictures_of_mechanism_and_campaign(tmp_path):
+    """``show --picture`` and ``polarisation`` write their file and one document; nothing else is left."""
+    shown = clearcap("mechanism", "show", "clearance_pendulum", "--picture", "a.svg", "--json", cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    assert json.loads(shown.stdout)["name"] == "clearance_pendulum"
+    drawn = clearcap("polarisation", "c60", "b.png", "--samples", 1, "--workers", 1, "--json", cwd=tmp_path)
+    assert drawn.returncode == 0, drawn.stderr
+    assert json.loads(drawn.stdout) == {"picture": "b.png", "samples": 1, "failed": 0}
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.svg", "b.png"]

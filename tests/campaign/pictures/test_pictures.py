@@ -10,6 +10,7 @@ from PIL import Image
 from campaign.errors import CampaignError, SpecError
 from campaign.pictures.animation import animate
 from campaign.pictures.curves import cut_range, panels, plot
+from campaign.pictures.film import palette_of
 from campaign.pictures.outputs import PLOTS, check_output, replacing
 from campaign.pictures.stage import arrow_lengths, common_force, joined, limits, zigzag
 from engine import read_trajectory, simulate
@@ -80,6 +81,19 @@ def test_gif_has_its_frames(pendulum, tmp_path):
         first = np.asarray(image.convert("RGB"), int)
         image.seek(3)
         assert (np.abs(np.asarray(image.convert("RGB"), int) - first) > 50).any()
+
+
+def test_palette_keeps_areas_and_thin_things():
+    """Colours of areas come out exactly, the hue of a few pixels nearly, among as many shades as there are pixels."""
+    picture = np.full((100, 100, 3), 255, np.uint8)
+    picture[:50] = (244, 246, 249)
+    picture[60:80] = np.arange(20 * 100 * 3).reshape(20, 100, 3) % 251
+    picture[90, 40:60] = (166, 28, 0)
+    frame = Image.fromarray(picture)
+    drawn = np.asarray(frame.quantize(palette=palette_of(frame), dither=Image.Dither.NONE).convert("RGB"), int)
+    np.testing.assert_array_equal(drawn[:50], picture[:50])
+    np.testing.assert_array_equal(drawn[95], picture[95])
+    assert np.abs(drawn[90, 50] - [166, 28, 0]).max() < 30
 
 
 def test_page_needs_no_network(slide, tmp_path):

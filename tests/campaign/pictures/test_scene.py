@@ -1,12 +1,14 @@
 """What an animation shows, as numbers: the plane, poses, shapes, forces, and the play of joints."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from campaign.pictures.parts import around
+from campaign.pictures.parts import around, part_of
 from campaign.pictures.play import plays
-from campaign.pictures.poses import poses, spread_rows
+from campaign.pictures.poses import poses, progress, spread_rows
 from campaign.pictures.scene import scene_of
 from campaign.pictures.shapes import circle, patch, square
 from campaign.pictures.view import choose_view
@@ -61,6 +63,22 @@ def test_rows_are_spread_in_time():
     np.testing.assert_array_equal(spread_rows(time, 3), [0, 5, 6])
     np.testing.assert_array_equal(spread_rows(time, 100), np.arange(7))
     np.testing.assert_array_equal(spread_rows(np.zeros(1), 10), [0])
+
+
+def test_progress_is_time_and_way(pendulum):
+    """A body that falls freely, then swings: 0 to 1, growing; at rest time alone counts, and turning is way."""
+    mechanism, n = pendulum.mechanism(), len(pendulum.time)
+    done = progress(pendulum, mechanism, n)
+    assert (done[0], done[-1]) == pytest.approx((0, 1))
+    assert (np.diff(done) > 0).all()
+    link = pendulum.bodies["link"]
+    held = {"position": np.tile(link.position[0], (n, 1)), "quaternion": np.tile(link.quaternion[0], (n, 1))}
+    still = replace(pendulum, bodies={"link": replace(link, **held)})
+    np.testing.assert_allclose(progress(still, mechanism, n), pendulum.time / pendulum.time[-1], atol=1e-12)
+    turn = np.where(np.arange(n)[:, None] < n // 2, 0.0, 0.3) * [[0, 0, 1]]  # at once, in the middle
+    held["quaternion"] = Rotation.from_rotvec(turn).as_quat(scalar_first=True)
+    jump = np.diff(progress(replace(pendulum, bodies={"link": replace(link, **held)}), mechanism, n))
+    assert jump.max() == pytest.approx(0.7 + 0.3 / (n - 1))
 
 
 def test_poses_of_moving_and_fixed_bodies(pendulum):
@@ -140,13 +158,30 @@ def test_outline():
     assert around(np.zeros((0, 2))) == []
 
 
+def test_outline_of_the_file_comes_first():
+    """In place of the hull; then of contact primitives only working faces are drawn: arcs and rectangles."""
+    data = shipped("clearance_pendulum")
+    corners = [[0.0, 0.0], [0.1, -0.1], [0.0, -0.2, 0.01]]
+    link = part_of(made(data), "link", choose_view(made(data)), {}, 1.0)
+    assert len(link.outline) > 3
+    data["bodies"]["link"]["outline"] = corners
+    drawn = part_of(made(data), "link", choose_view(made(data)), {}, 1.0)
+    np.testing.assert_array_equal(drawn.outline, [[0, 0, 0], [0.1, -0.1, 0], [0, -0.2, 0.01]])
+    assert len(drawn.lines) == len(link.lines) == 1  # its bore
+    mechanism = load_mechanism("c60")
+    touched = {name: np.zeros((1, 3)) for name in mechanism.contacts}
+    contact = part_of(mechanism, "moving_contact", choose_view(mechanism), touched, 1.0)
+    assert all(np.ptp(line, axis=0).max() < 5 for line in contact.lines)  # not the whole cylinder of C7, 10.4 wide
+
+
 # --- the scene
 
 
 def test_scene_of_the_slide(slide):
     """Frames, bodies, one patch for the four contacts on the slope, forces that carry the weight across the slope."""
     scene = scene_of(slide, 5)
-    np.testing.assert_allclose(scene.time, np.linspace(0, 0.2, 5), atol=1e-9)
+    share = np.linspace(0, 1, 5)  # of what happens: 0.3 of it time t, 0.7 the way t^2 down the slope
+    np.testing.assert_allclose(scene.time / 0.2, (np.sqrt(0.09 + 2.8 * share) - 0.3) / 1.4, atol=0.01)
     assert (scene.bodies["slope"].fixed, scene.bodies["block"].fixed) == (True, False)
     (face,) = scene.bodies["slope"].faces
     along = np.array([np.cos(np.pi / 6), -np.sin(np.pi / 6)])

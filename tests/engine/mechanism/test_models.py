@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from engine.errors import MechanismError
-from engine.mechanism import Mechanism, mechanism_from, mechanism_schema
+from engine.mechanism import Mechanism, mechanism_from, mechanism_schema, settable_keys
 from tests.engine.mechanism.plain import pendulum, put
 
 
@@ -93,6 +93,10 @@ REFUSED = [
     ("bodies.link.origin", [1, 2, float("nan")], "bodies.link.origin", "three finite numbers"),
     ("bodies.link.axis", [0, 0, 0], "bodies.link.axis = [0, 0, 0]", "has no direction"),
     ("bodies.ground.velocity", [1, 0, 0], "bodies.ground.velocity", "a fixed body does not move"),
+    ("bodies.link.outline", [[0, 0], [1, 0]], "bodies.link.outline = [[0, 0], [1, 0]]", "three or more corners"),
+    ("bodies.link.outline", [[0, 0], [1, 0], [1]], "bodies.link.outline", "[x, y] or [x, y, z]"),
+    ("bodies.link.outline", [[0, 0], [1, 0], [1, float("inf")]], "bodies.link.outline", "finite numbers"),
+    ("bodies.link.outline", [], "bodies.link.outline = []", "not a polygon"),
     ("bodies.link.fixed", "yes", "bodies.link.fixed = 'yes'", "not true or false"),
     ("bodies.b c", {"fixed": True}, "bodies.b c", "not a usable name"),
     ("bodies", 3, "bodies = 3", "not a table"),
@@ -233,6 +237,17 @@ def test_dumped_and_read_again_it_is_the_same():
     again = mechanism_from(json.loads(text), "JSON")
     assert again == mechanism
     assert again.digest() == mechanism.digest()
+
+
+def test_outline_is_a_polygon_of_the_body_frame():
+    """Corners without z lie at z = 0; it counts in the digest, is read again, and is no number to be set."""
+    plain = mechanism_from(pendulum(), "FILE")
+    drawn = mechanism_from(put(pendulum(), "bodies.link.outline", [[0, 0], [1, 0], [1, 2, 3]]), "FILE")
+    assert drawn.bodies["link"].outline == ((0, 0, 0), (1, 0, 0), (1, 2, 3))
+    assert plain.bodies["link"].outline is None
+    assert drawn.digest() != plain.digest()
+    assert mechanism_from(drawn.model_dump(by_alias=True, exclude_unset=True), "again") == drawn
+    assert settable_keys(drawn) == settable_keys(plain)
 
 
 def test_validity_condition():

@@ -1,0 +1,41 @@
+"""``clearcap polarisation``: where journals lie in their bearings, over the first samples of a campaign."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from campaign.cli.output import Json, print_json, say
+
+
+def polarisation(
+    campaign: Annotated[str, typer.Argument(help="A shipped campaign or a campaign file.")],
+    picture: Annotated[Path, typer.Argument(help="Where to draw: .png, .svg or .pdf.")],
+    samples: Annotated[int, typer.Option(min=1, help="Simulate so many of its samples, from the first.")] = 100,
+    workers: Annotated[int | None, typer.Option(min=1, help="Processes; default one a core.")] = None,
+    json: Json = False,
+) -> None:
+    """Draw where each journal lies in its bearing at the end of the runs, and which way it presses."""
+    from campaign.errors import CampaignError
+    from campaign.load import load_campaign
+    from campaign.local import cores
+    from campaign.pictures.outputs import PLOTS, check_output, replacing
+    from campaign.pictures.polarisation import plot_polarisation
+    from campaign.pictures.seats import seats_of_campaign
+
+    check_output("polarisation", picture, PLOTS)
+    loaded = load_campaign(campaign, samples=samples)
+    say(f"simulating {samples} samples")
+    seats = seats_of_campaign(loaded, workers or cores())
+    if not seats:
+        raise CampaignError(
+            f"polarisation: no journal to show: {loaded.mechanism.name} has no round joint with clearance, or not one "
+            f"of {samples} runs succeeded; look at one with clearcap simulate"
+        )
+    with replacing(picture) as temporary:
+        plot_polarisation(seats, f"{loaded.spec.title or loaded.spec.name}, where journals lie", temporary)
+    failed = samples - len(seats[0].ways)
+    if json:
+        print_json({"picture": str(picture), "samples": samples, "failed": failed})
+    else:
+        print(f"picture: {picture}" + (f" ({failed} of {samples} runs failed and are left out)" if failed else ""))
