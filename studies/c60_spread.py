@@ -63,7 +63,7 @@ def variants() -> list[Variant]:
         Variant("handle spring 2.68 times (as coded)", values={"springs.handle_spring.stiffness": 2.68 * 3.82}),
         Variant("A3 by unbalanced forces (as coded)", {"springs": {"A3": as_coded}}),
         Variant("bump of the latch of radius 0.45", values=_bump(0.45)),
-        Variant("bump of the latch of radius 0.50", values=_bump(0.499)),
+        Variant("bump of the latch of radius 0.499", values=_bump(0.499)),
         Variant("needle seats with 0.1 mm of play", values={"S3": 0.1}),
         Variant("A3 varies, stiffness +- 1 %", varied={"springs.A3.stiffness": 0.01}),
         Variant("A3 varies, stiffness +- 4 %", varied={"springs.A3.stiffness": 0.04}),
