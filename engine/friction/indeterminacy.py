@@ -7,12 +7,12 @@ each other; the ends are found by Newton's method on the barrier -log(s_0^2 - |s
 ever closer to their boundary (Nesterov, Nemirovskii: a path-following method).
 """
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from engine.friction.barrier import ROOM, centre
 from engine.friction.problem import FrictionError
 
 Array = NDArray[np.float64]
@@ -20,17 +20,14 @@ SLACK = 1e-8  # of the largest force: how exactly the known forces lie in their 
 FRICTIONLESS = 1e-12  # a smaller mu is none
 GAP = 1e-8  # of the largest force: how exactly an end is found
 SHARPER = 300.0  # from one barrier to the next
-NEWTON = 60  # steps for one barrier
-ROUNDING = 1e-16  # of the barrier's curvature: keeps Newton's matrix regular at the edge of sliding
-ROOM = 1e4  # in largest forces: how far forces are looked for
-ENDLESS = 1e-2 * ROOM  # farther away there is no end: friction wedges
+ENDLESS = 1e-2 * ROOM  # largest forces away there is no end: friction wedges
 
 
 class Cones(NamedTuple):
-    """Forces s = start + basis y, one cone s_0 >= |s_T| for each contact; the rows s_0 of all, then s_1, then s_2."""
+    """Forces s = start + basis y, one cone s_0 >= |s_T| for each contact."""
 
-    start: Array  # (3 nc,)
-    basis: Array  # (3 nc, d)
+    start: Array  # (nc, 3)
+    basis: Array  # (nc, 3, d)
 
 
 def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) -> tuple[float, float]:
@@ -66,12 +63,11 @@ def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) 
         raise FrictionError(f"indeterminacy: r of contact {int(outside.argmax())} is outside Coulomb's cone")
 
     cones, scale = _balanced(H, mu, r / size)
-    way = cones.basis[contact] * scale[contact]
+    way = cones.basis[contact, 0] * scale[contact]
     if not np.abs(way).max(initial=0) > SLACK:
         return float(r[3 * contact]), float(r[3 * contact])
-    nowhere = np.zeros(way.size)
-    centre = _centred(cones, nowhere, nowhere)
-    low, high = (sign * _least(cones, sign * way, centre) for sign in (1.0, -1.0))
+    middle = _centred(cones, np.zeros(way.size), np.zeros(way.size))
+    low, high = (sign * _least(cones, sign * way, middle) for sign in (1.0, -1.0))
     return max(float(r[3 * contact] + size * low), 0.0), float(r[3 * contact] + size * high)
 
 
@@ -84,8 +80,7 @@ def _balanced(H: Array, mu: Array, r: Array) -> tuple[Cones, Array]:
     rank = int((values > 1e-10 * values.max(initial=0)).sum())
     start = r.reshape(-1, 3) / np.where(columns > 0, columns, 1.0).reshape(-1, 3)
     start[:, 0] = np.maximum(start[:, 0], np.hypot(start[:, 1], start[:, 2])) + SLACK
-    basis = right[rank:].T.reshape(mu.size, 3, -1)
-    return Cones(start.T.ravel(), np.concatenate([basis[:, 0], basis[:, 1], basis[:, 2]])), scale
+    return Cones(start, np.ascontiguousarray(right[rank:].T).reshape(mu.size, 3, -1)), scale
 
 
 def _least(cones: Cones, way: Array, y: Array) -> float:
@@ -101,53 +96,8 @@ def _least(cones: Cones, way: Array, y: Array) -> float:
 
 
 def _centred(cones: Cones, push: Array, y: Array) -> Array:
-    """Return the minimum of push . y - sum log(s_0^2 - |s_T|^2), by Newton steps that stay inside the cones.
-
-    The cone R >= |y| keeps it from running away where friction wedges.
-    """
-    basis, s = cones.basis, cones.start + cones.basis @ y
-    signs = np.repeat((1.0, -1.0, -1.0), s.size // 3)
-    value = _barrier(s, y)
-    for _ in range(NEWTON):
-        room = ROOM**2 - y @ y
-        weight = 2 * signs / np.tile(_determinant(s, s), 3)
-        slope = ((weight * s)[:, None] * basis).reshape(3, -1, y.size).sum(axis=0)  # (nc, d)
-        bend = slope.T @ slope - basis.T @ (weight[:, None] * basis) + np.outer(2 * y / room, 2 * y / room)
-        bend.flat[:: y.size + 1] += 2 / room + ROUNDING * bend.trace()
-        down = push - slope.sum(axis=0) + 2 * y / room
-        step = np.linalg.solve(bend, -down)
-        decrement = float(-down @ step)
-        if not decrement > 1e-3:
-            return y
-        ds = basis @ step
-        length = min(1.0, 0.95 * _reach(s, ds)) if decrement > 0.1 else 1.0
-        while True:
-            after = _barrier(s + length * ds, y + length * step)
-            if after + length * float(push @ step) <= value - 1e-4 * length * decrement:
-                break
-            length *= 0.5
-            if length < 1e-12:
-                return y
-        y, s, value = y + length * step, s + length * ds, after
+    """Return the minimum of push . y and the barrier, from ``y`` inside the cones."""
+    y, d = y.copy(), y.size
+    work = (np.zeros_like(cones.start), np.zeros_like(cones.start), np.zeros((d, d)), np.zeros(d), np.zeros(d))
+    centre(cones.start, cones.basis, push, y, *work)
     return y
-
-
-def _determinant(s: Array, t: Array) -> Array:
-    """Return s_0 t_0 - s_T . t_T of every cone."""
-    product = (s * t).reshape(3, -1)
-    return np.asarray(product[0] - product[1] - product[2])
-
-
-def _barrier(s: Array, y: Array) -> float:
-    """Return the barrier; inf outside."""
-    det, room = _determinant(s, s), ROOM**2 - float(y @ y)
-    inside = room > 0 and det.min() > 0 and s[: det.size].min() > 0
-    return -float(np.log(det).sum()) - math.log(room) if inside else math.inf
-
-
-def _reach(s: Array, ds: Array) -> float:
-    """Return how many times ds the forces may move until one meets the boundary of its cone."""
-    a, b, c = _determinant(ds, ds), _determinant(s, ds), _determinant(s, s)
-    root = np.sqrt(np.maximum(b * b - a * c, 0.0)) - b
-    ahead = root > 0
-    return float((c[ahead] / root[ahead]).min(initial=math.inf))  # smallest positive roots of c + 2 b x + a x^2

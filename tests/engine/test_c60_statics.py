@@ -108,8 +108,8 @@ def settled(tmp_path_factory):
 def test_forces_without_friction(statics):
     """Against the hand calculation of the public model, whose A3 gives the plate 1.2513 times its couple.
 
-    It has 13.2 N at the contact, 55.7 N in the rod and 10.1 to 11.5 N at the latch; rod and latch hold the plate against
-    A2 and A3, 74.6 N mm and 265.8 N mm, and are less by so much as the couple here is balanced.
+    It has 13.2 N at the contact, 55.7 N in the rod and 10.1 to 11.5 N at the latch; rod and latch hold the plate
+    against A2 and A3, 74.6 N mm and 265.8 N mm, and are less by so much as the couple here is balanced.
     """
     less = (74.6 + 265.8) / (74.6 + 1.2513 * 265.8)
     assert statics["C7"][0] == pytest.approx(13.2, abs=0.2)

@@ -1,0 +1,134 @@
+"""Newton's method on the barrier of the friction cones, -sum log(s_0^2 - |s_T|^2), over forces s = start + basis y."""
+
+import numpy as np
+
+from engine.kernels.jit import inner, kernel
+
+NEWTON = 60  # steps for one barrier
+CLOSE = 1e-3  # Newton's decrement squared at which the minimum is near enough to go on from
+INSIDE = 0.95  # of the way to the boundary
+ROUNDING = 1e-16  # of the barrier's curvature: keeps Newton's matrix regular at the edge of sliding
+ROOM = 1e4  # farthest y: where friction wedges forces would run away
+
+
+@kernel
+def centre(start, basis, push, y, s, ds, bend, slope, step):
+    """Move ``y`` to the minimum of push . y plus the barrier; it is inside the cones and stays there.
+
+    Parameters
+    ----------
+    start, basis : (nc, 3), (nc, 3, d)
+    push, y : (d,)
+    s, ds, bend, slope, step : work space, (nc, 3), (nc, 3), (d, d), (d,), (d,)
+    """
+    nc, d = basis.shape[0], basis.shape[2]
+    for i in range(nc):
+        for k in range(3):
+            s[i, k] = start[i, k]
+            for a in range(d):
+                s[i, k] += basis[i, k, a] * y[a]
+    value = _barrier(s, ds, y, step, 0.0)
+    for _ in range(NEWTON):
+        _newton_system(basis, push, y, s, bend, slope, step)
+        decrement = _solve(bend, step)
+        if not decrement > CLOSE:
+            return
+        uphill = 0.0
+        for a in range(d):
+            uphill += push[a] * step[a]
+        for i in range(nc):
+            for k in range(3):
+                ds[i, k] = 0.0
+                for a in range(d):
+                    ds[i, k] += basis[i, k, a] * step[a]
+        length = min(1.0, INSIDE * _reach(s, ds))
+        after = _barrier(s, ds, y, step, length)
+        while not after + length * uphill <= value - 1e-4 * length * decrement:
+            length *= 0.5
+            if length < 1e-12:
+                return
+            after = _barrier(s, ds, y, step, length)
+        value = after
+        for a in range(d):
+            y[a] += length * step[a]
+        for i in range(nc):
+            for k in range(3):
+                s[i, k] += length * ds[i, k]
+
+
+@inner
+def _newton_system(basis, push, y, s, bend, slope, step):
+    """Write second derivatives (lower half) into ``bend`` and minus the first ones into ``step``."""
+    nc, d = basis.shape[0], basis.shape[2]
+    room = ROOM * ROOM
+    for a in range(d):
+        room -= y[a] * y[a]
+    for a in range(d):
+        step[a] = -push[a] - 2 * y[a] / room
+        for b in range(a + 1):
+            bend[a, b] = 4 * y[a] * y[b] / (room * room)
+        bend[a, a] += 2 / room
+    for i in range(nc):
+        w = 2 / (s[i, 0] * s[i, 0] - s[i, 1] * s[i, 1] - s[i, 2] * s[i, 2])
+        for a in range(d):
+            slope[a] = w * (s[i, 0] * basis[i, 0, a] - s[i, 1] * basis[i, 1, a] - s[i, 2] * basis[i, 2, a])
+            step[a] += slope[a]
+            b0, b1, b2 = w * basis[i, 0, a], w * basis[i, 1, a], w * basis[i, 2, a]
+            for b in range(a + 1):
+                bend[a, b] += slope[a] * slope[b] - b0 * basis[i, 0, b] + b1 * basis[i, 1, b] + b2 * basis[i, 2, b]
+
+
+@inner
+def _solve(A, x):
+    """Solve A x = x by Cholesky's factors, the lower half of A given and overwritten; return x . A^-1 x."""
+    d, trace, square = x.shape[0], 0.0, 0.0
+    for a in range(d):
+        trace += A[a, a]
+    for a in range(d):
+        for b in range(a + 1):
+            t = A[a, b]
+            for k in range(b):
+                t -= A[a, k] * A[b, k]
+            A[a, b] = np.sqrt(max(t, ROUNDING * trace)) if a == b else t / A[b, b]
+        t = x[a]
+        for k in range(a):
+            t -= A[a, k] * x[k]
+        x[a] = t / A[a, a]
+        square += x[a] * x[a]
+    for a in range(d - 1, -1, -1):
+        t = x[a]
+        for k in range(a + 1, d):
+            t -= A[k, a] * x[k]
+        x[a] = t / A[a, a]
+    return square
+
+
+@inner
+def _barrier(s, ds, y, step, length):
+    """Return the barrier at s + length ds; inf outside."""
+    room, value = ROOM * ROOM, 0.0
+    for a in range(y.shape[0]):
+        room -= (y[a] + length * step[a]) ** 2
+    if not room > 0.0:
+        return np.inf
+    for i in range(s.shape[0]):
+        s0, s1, s2 = s[i, 0] + length * ds[i, 0], s[i, 1] + length * ds[i, 1], s[i, 2] + length * ds[i, 2]
+        det = s0 * s0 - s1 * s1 - s2 * s2
+        if not (det > 0.0 and s0 > 0.0):
+            return np.inf
+        value -= np.log(det)
+    return value - np.log(room)
+
+
+@inner
+def _reach(s, ds):
+    """Return how many times ds the forces may move until one meets the boundary of its cone."""
+    reach = np.inf
+    for i in range(s.shape[0]):
+        a = ds[i, 0] * ds[i, 0] - ds[i, 1] * ds[i, 1] - ds[i, 2] * ds[i, 2]
+        b = s[i, 0] * ds[i, 0] - s[i, 1] * ds[i, 1] - s[i, 2] * ds[i, 2]
+        c = s[i, 0] * s[i, 0] - s[i, 1] * s[i, 1] - s[i, 2] * s[i, 2]
+        root = np.sqrt(max(b * b - a * c, 0.0)) - b  # the smallest positive root of c + 2 b x + a x^2 is c / root
+        if root > 0.0:
+            reach = min(reach, c / root)
+    return reach
