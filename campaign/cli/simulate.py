@@ -75,7 +75,8 @@ def _print(run: "Run", files: dict[str, str], json: bool) -> None:
     for name, value in run.responses.items():
         least, largest = run.ranges.get(name, (value, value))
         between = f"  (friction leaves {least:.6g} to {largest:.6g})" if largest > least else ""
-        print(f"{name:{width}}  {value:.10g} {run.units[name]}{between}")
+        unit = "" if run.units[name] == "1" else f" {run.units[name]}"
+        print(f"{name:{width}}  {value:.10g}{unit}{between}")
     print("\n".join(f"  {name} = {value}" for name, value in asdict(run.certificate).items()))
     for name, path in files.items():
         print(f"{name}: {path}")
