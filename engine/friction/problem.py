@@ -127,20 +127,27 @@ def sparse_rows(G: Array, n: int) -> Any:
     from engine.friction.arrays import friction_arrays
     from engine.friction.banded import BODY, PAIR
 
-    columns = [np.flatnonzero(np.abs(rows).max(axis=0) > 0) for rows in G]
-    runs = [[c[c // BODY == body] for body in np.unique(c // BODY)] for c in columns]
-    runs = [[np.arange(run[0], run[-1] + 1) for run in of_contact] for of_contact in runs]
+    nc, bodies = len(G), -(-n // BODY)
+    touched = np.zeros((nc, bodies * BODY), bool)
+    touched[:, :n] = np.abs(G).max(axis=1) > 0
+    blocks = touched.reshape(nc, bodies, BODY)
+    contact, body = np.nonzero(blocks.any(axis=2))  # contact by contact
+    start = BODY * body + blocks.argmax(axis=2)[contact, body]
+    width = BODY * (body + 1) - blocks[:, :, ::-1].argmax(axis=2)[contact, body] - start
+    runs = np.bincount(contact, minlength=nc)
+    columns = np.bincount(contact, width, minlength=nc)
+    spans = [np.flatnonzero(row) for row in touched if row.any()]
     arrays = friction_arrays(
         n,
-        len(G),
-        max([2, *map(len, runs)]),
-        max([PAIR, *(sum(map(len, of_contact)) for of_contact in runs)]),
-        max((int(c[-1] - c[0]) for c in columns if c.size), default=0),
+        nc,
+        max(2, int(runs.max(initial=0))),
+        max(PAIR, int(columns.max(initial=0))),
+        max((int(span[-1] - span[0]) for span in spans), default=0),
     )
-    for i, of_contact in enumerate(runs):
-        filled = 0
-        for j, run in enumerate(of_contact):
-            arrays.rows.G[i, :, filled : filled + len(run)] = G[i][:, run]
-            arrays.rows.start[i, j], arrays.rows.width[i, j] = run[0], len(run)
-            filled += len(run)
+    run, filled = [0] * nc, [0] * nc
+    for i, first, count in zip(contact.tolist(), start.tolist(), width.tolist(), strict=True):
+        arrays.rows.G[i, :, filled[i] : filled[i] + count] = G[i, :, first : first + count]
+        arrays.rows.start[i, run[i]], arrays.rows.width[i, run[i]] = first, count
+        run[i] += 1
+        filled[i] += count
     return arrays
