@@ -5,14 +5,14 @@ BIN    := $(VENV)/bin
 export MPLBACKEND := Agg
 
 .DEFAULT_GOAL := help
-.PHONY: help run test lint bench clean
+.PHONY: help run test prove storms lint bench clean
 
 help: ## show these verbs
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1|\2/' | column -t -s '|'
 
 $(BIN)/clearcap: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --editable .
+	$(BIN)/pip install --quiet --editable '.[excel]'
 	@touch $@
 
 $(VENV)/.dev: $(BIN)/clearcap
@@ -22,8 +22,14 @@ $(VENV)/.dev: $(BIN)/clearcap
 run: $(BIN)/clearcap ## install, simulate 500 C-60 circuit breakers on this machine's cores, write the capability report
 	$(BIN)/clearcap run c60 --samples 500 --store runs
 
-test: $(VENV)/.dev ## prove the parts (about 5 minutes on 2 cores)
-	$(BIN)/python -m pytest
+test: $(VENV)/.dev ## prove the parts, one process a core
+	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
+
+prove: $(VENV)/.dev ## the slow proofs: what fails while a campaign runs, scale, several hosts, a browser
+	$(BIN)/python -m pytest -m "slow and not storm"
+
+storms: $(VENV)/.dev ## twenty campaigns whose processes are killed at random (about 15 minutes)
+	$(BIN)/python -m pytest -m storm
 
 lint: $(VENV)/.dev ## style, types, import contracts
 	$(BIN)/ruff check .

@@ -9,10 +9,10 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import against_siconos, c60, campaign, chains, first_use, friction, machine
+from benchmarks import against_siconos, c60, campaign, chains, first_use, friction, machine, overhead
 from engine import warm_up
 
-PARTS = ("friction", "c60", "chain", "campaign", "first_use", "siconos")
+PARTS = ("friction", "c60", "chain", "campaign", "overhead", "first_use", "siconos")
 
 
 def main() -> None:
@@ -42,6 +42,9 @@ def main() -> None:
     if "campaign" in parts:
         numbers["campaign"] = campaign.measure()
         _show(console, "clearcap run against bare processes", [numbers["campaign"]])
+    if "overhead" in parts:
+        numbers["overhead"] = overhead.measure()
+        _show(console, "clearcap with runs that take no time", [numbers["overhead"]])
     if "first_use" in parts:
         numbers["first_use"] = first_use.measure(unit)
         _show(console, "first use, processes of their own", numbers["first_use"])

@@ -23,3 +23,9 @@ class StoreError(CampaignError):
     """The store cannot be reached, read or written."""
 
     exit_code = 4
+
+
+class UnreachableError(CampaignError):
+    """The scheduler or the cluster cannot be reached; what the store holds stays."""
+
+    exit_code = 4

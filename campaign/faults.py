@@ -7,25 +7,24 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from campaign.distributions import Constant, Distribution, Normal, Triangular, TruncatedNormal, Uniform
-from campaign.spec import CampaignSpec, Response, Simulation
+from campaign.distributions import DISTRIBUTIONS, Batch
+from campaign.policy import Execution, Failures, Simulation, Stop
+from campaign.spec import CampaignSpec, Response, Rows
 from engine.mechanism.faults import did_you_mean
 
-DISTRIBUTIONS: dict[str, type[Distribution]] = {
-    "truncated_normal": TruncatedNormal,
-    "normal": Normal,
-    "uniform": Uniform,
-    "triangular": Triangular,
-    "constant": Constant,
+_TABLES: dict[str, type[BaseModel]] = {
+    "responses": Response,
+    "simulation": Simulation,
+    "failures": Failures,
+    "execution": Execution,
+    "stop": Stop,
+    "table": Rows,
 }
-
-
-_TABLES: dict[str, type[BaseModel]] = {"responses": Response, "simulation": Simulation}
 
 
 def structure_faults(error: ValidationError) -> list[str]:
     """Return one line for each fault pydantic found in a campaign."""
-    return [_line(fault) for fault in error.errors(include_url=False)]
+    return list(dict.fromkeys(_line(fault) for fault in error.errors(include_url=False)))
 
 
 def fault(keys: Iterable[str], value: Any, text: str) -> str:
@@ -41,11 +40,17 @@ def key_path(keys: Iterable[str]) -> str:
 
 def _line(error: Mapping[str, Any]) -> str:
     keys = [str(part) for part in error["loc"]]
+    if keys[:1] == ["grid"] and len(keys) > 1:  # pydantic says what is wrong with either way to write levels
+        text = "must be a number of levels, at least 2, or a list of levels, finite numbers; correct it"
+        return fault(keys[:2], None, text)
+    if not keys:  # of the campaign as a whole
+        return _text(error, keys, CampaignSpec)
     if keys[0] == "variables" and len(keys) > 2 and keys[2] in DISTRIBUTIONS:
         model: type[BaseModel] = DISTRIBUTIONS[keys.pop(2)]
+        model = Batch if keys[2:3] == ["batch"] and len(keys) > 3 else model
     else:
         model = _TABLES.get(keys[0], CampaignSpec) if len(keys) > 1 else CampaignSpec
-    return fault(keys, error["input"], _text(error, keys, model)) if keys else _text(error, keys, model)
+    return fault(keys, error["input"], _text(error, keys, model))
 
 
 def _text(error: Mapping[str, Any], keys: list[str], model: type[BaseModel]) -> str:
@@ -56,8 +61,6 @@ def _text(error: Mapping[str, Any], keys: list[str], model: type[BaseModel]) -> 
             return "missing; add it"
         case "extra_forbidden":
             return f"unknown key; allowed: {', '.join(names)}{did_you_mean(keys[-1], names)}"
-        case "union_tag_not_found":
-            return f"no distribution named; add distribution = one of {', '.join(DISTRIBUTIONS)}"
         case "union_tag_invalid":
             tag = error["ctx"]["tag"]
             allowed = ", ".join(DISTRIBUTIONS)
@@ -67,7 +70,13 @@ def _text(error: Mapping[str, Any], keys: list[str], model: type[BaseModel]) -> 
         case "string_pattern_mismatch":
             return "allowed: up to 60 letters, digits, - and _, the first a letter or digit; rename the campaign"
         case "too_short":
-            return "no variable; add at least one table [variables.NAME]"
+            what = "variable; add at least one table [variables.NAME]" if keys == ["variables"] else "entry; add one"
+            return f"no {what}"
+        case "model_type" | "model_attributes_type" | "dict_type":
+            return "must be a table of keys; write {key = value, ...}"
+        case "tuple_type":
+            row = ', each a list [variable, variable, rank correlation], [["J1", "J2", 0.6]]'
+            return f"must be a list{row if keys[0] == 'correlations' else ''}"
         case "float_type" | "int_type":
             return f"must be {'a whole' if error['type'] == 'int_type' else 'a'} number, written without quotes"
         case "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":

@@ -1,15 +1,21 @@
 """Files of a store, in a folder or behind any fsspec URL: each is written whole or not at all."""
 
-import os
-import secrets
-import tempfile
-from pathlib import Path
-
-import fsspec
+import re
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
 
 from campaign.errors import SpecError, StoreError
+from campaign.folder import Folder
+
+if TYPE_CHECKING:
+    from campaign.objects import Objects
 
 TEMPORARY = ".tmp"  # ending of files that are being written
+LARGEST = 256 * 2**20  # bytes that are read into memory at once: ten times the largest file a store should hold
+LONGEST_NAME = 500  # characters of a name relative to the root
+DEAD_AFTER = 3600.0  # s: no write of one file takes so long
+
+T = TypeVar("T")
 
 
 class Files:
@@ -23,9 +29,7 @@ class Files:
     Attributes
     ----------
     local : bool
-        The root is a folder of this machine.
-    shared : bool
-        Other processes see the same files.
+        The root is a folder of this machine, maybe one it shares with others.
 
     Raises
     ------
@@ -34,19 +38,45 @@ class Files:
     """
 
     def __init__(self, url: str) -> None:
-        try:
-            self.fs, root = fsspec.url_to_fs(url)
-        except (ValueError, ImportError) as error:
-            raise SpecError(f"store {url}: {error}; name a folder, or a URL fsspec can open") from error
         self.url = url
-        self.root = str(root).rstrip("/")
-        protocols = {self.fs.protocol} if isinstance(self.fs.protocol, str) else set(self.fs.protocol)
-        self.local = "file" in protocols
-        self.shared = "memory" not in protocols
+        self.local = ("://" not in url and "::" not in url) or url.startswith(("file://", "local://"))
+        self._backend = Folder(re.sub(r"^(file|local)://", "", url)) if self.local else _objects(url)
+
+    @property
+    def root(self) -> str:
+        """The path or URL under which every process finds the same files, whatever folder it stands in."""
+        return self._backend.root if isinstance(self._backend, Folder) else self.url
+
+    @property
+    def shared(self) -> bool:
+        """Whether other processes see the same files."""
+        return self._backend.shared
 
     def path(self, name: str) -> str:
-        """Return the full path of a name relative to the root."""
-        return f"{self.root}/{name}"
+        """Return the full path of a name relative to the root.
+
+        Raises
+        ------
+        StoreError
+            If the name leads out of the root, or is none a file could have.
+        """
+        if (
+            len(name) > LONGEST_NAME
+            or not name.isprintable()
+            or name.startswith(("/", "~"))
+            or "\\" in name
+            or ".." in name.split("/")
+        ):
+            shown = name if len(name) <= 60 else name[:57] + "..."
+            raise StoreError(
+                f"store {self.url}: {shown!r} is no name of a file in it; names are relative, without .."
+                f" and of at most {LONGEST_NAME} characters"
+            )
+        return self._backend.path(name)
+
+    def address(self, name: str) -> str:
+        """Return the path or URL by which others open a file."""
+        return self._backend.address(self.path(name))
 
     def check_writable(self) -> None:
         """Make sure that files can be written, leaving none.
@@ -57,108 +87,100 @@ class Files:
             If not.
         """
         try:
-            if self.local:
-                _probe_folder(Path(self.root))
-            else:
-                probe = self.path(f"probe-{secrets.token_hex(4)}{TEMPORARY}")
-                self.fs.pipe_file(probe, b"")
-                self.fs.rm_file(probe)
+            self._backend.probe()
         except Exception as error:  # every file system has its own
-            reason = error.strerror if isinstance(error, OSError) and error.strerror else error
-            raise SpecError(f"store {self.url}: not writable ({reason}); name a folder you may write to") from error
-
-    def read(self, name: str) -> bytes:
-        """Return a file's content; FileNotFoundError if it is not there, StoreError if it cannot be read."""
-        try:
-            return bytes(self.fs.cat_file(self.path(name)))
-        except FileNotFoundError:
-            raise
-        except OSError as error:
-            raise StoreError(f"store {self.url}: {name} cannot be read ({error})") from error
-
-    def exists(self, name: str) -> bool:
-        """Return whether there is such a file or folder."""
-        return bool(self.fs.exists(self.path(name)))
-
-    def names(self, folder: str) -> list[str]:
-        """Return the names in a folder, sorted; none if there is no such folder."""
-        try:
-            self.fs.invalidate_cache()
-            entries = self.fs.ls(self.path(folder).rstrip("/"), detail=False)
-        except (FileNotFoundError, NotADirectoryError):
-            return []
-        except OSError as error:
-            raise StoreError(f"store {self.url}: {folder or 'the store'} cannot be listed ({error})") from error
-        return sorted(str(entry).rstrip("/").rsplit("/", 1)[-1] for entry in entries)
-
-    def write(self, name: str, content: bytes, *, exclusive: bool = False) -> bool:
-        """Write a file whole or not at all.
-
-        Parameters
-        ----------
-        name : str
-            Where, relative to the root; a file already there is replaced.
-        content : bytes
-            What.
-        exclusive : bool
-            Leave a file that is already there.
-
-        Returns
-        -------
-        bool
-            Whether it was written.
-        """
-        try:
-            if self.local:
-                return _write_local(Path(self.path(name)), content, exclusive)
-            if exclusive and self.exists(name):
-                return False
-            self.fs.pipe_file(self.path(name), content)  # object stores put all or nothing
-            return True
-        except OSError as error:
-            raise StoreError(
-                f"store {self.url}: {name} cannot be written ({error.strerror or error});"
-                " free or repair the disk, then run the same command again"
+            raise SpecError(
+                f"store {self.url}: not writable ({_reason(error)}); name a folder you may write to"
             ) from error
 
-    def rename(self, old: str, new: str) -> None:
-        """Rename a file, replacing one of the new name."""
+    def read(self, name: str, at_most: int = LARGEST) -> bytes:
+        """Return a file's content.
+
+        Raises
+        ------
+        FileNotFoundError
+            If it is not there.
+        StoreError
+            If it cannot be read, or has more than ``at_most`` bytes.
+        """
+        size = self.size(name)
+        if size > at_most:
+            raise StoreError(
+                f"store {self.url}: {name} has {size} bytes, and at most {at_most} are read; no such file is written"
+                " here, so move it away"
+            )
+        return self._do(self._backend.read, name, "read")
+
+    def size(self, name: str) -> int:
+        """Return a file's size in bytes; FileNotFoundError if it is not there."""
+        return self._do(self._backend.size, name, "read")
+
+    def exists(self, name: str) -> bool:
+        """Return whether there is such a file."""
         try:
-            self.fs.mv(self.path(old), self.path(new))
-        except OSError as error:
-            raise StoreError(f"store {self.url}: {old} cannot be renamed to {new} ({error})") from error
+            self.size(name)
+        except FileNotFoundError:
+            return False
+        return True
+
+    def sizes(self, folder: str) -> dict[str, int]:
+        """Return the size in bytes of each file in a folder, by name; none if there is no such folder."""
+        return self._do(self._backend.sizes, folder, "listed")
+
+    def names(self, folder: str) -> list[str]:
+        """Return the names of the files and folders in a folder, sorted; none if there is no such folder."""
+        return self._do(self._backend.names, folder, "listed")
+
+    def write(self, name: str, content: bytes) -> None:
+        """Write a file whole or not at all, replacing one that is there."""
+        self._do(lambda path: self._backend.write(path, content), name, "written")
+
+    def create(self, name: str, content: bytes) -> bool:
+        """Write a file whole or not at all, unless it is there; return whether it was written."""
+        return self._do(lambda path: self._backend.create(path, content), name, "written")
+
+    def move(self, old: str, new: str) -> None:
+        """Give a file another name; FileNotFoundError if it is not there.
+
+        Behind a URL it is copied and then removed: killed between, both are there.
+        """
+        target = self.path(new)
+        self._do(lambda path: self._backend.move(path, target), old, "moved")
+
+    def remove(self, name: str) -> None:
+        """Remove a file; nothing happens if it is not there."""
+        self._do(lambda path: self._backend.remove(path), name, "removed")
 
     def sweep(self, folder: str) -> None:
-        """Remove what writers that were killed left behind in a folder."""
-        for name in self.names(folder):
-            if name.endswith(TEMPORARY) and self.exists(f"{folder}/{name}"):
-                self.fs.rm_file(self.path(f"{folder}/{name}"))
+        """Remove what writers that are surely dead left behind in a folder."""
+        self._do(lambda path: self._backend.sweep(path, TEMPORARY, DEAD_AFTER), folder, "swept")
+
+    def _do(self, action: Callable[[str], T], name: str, what: str) -> T:
+        """Do something with a file; what the file system says against it is an error that tells what to do."""
+        try:
+            return action(self.path(name))
+        except (FileNotFoundError, NotADirectoryError) as error:
+            if what in ("read", "moved"):
+                raise FileNotFoundError(name) from error
+            reason: Exception = error
+        except OSError as error:
+            reason = error
+        remedy = "free or repair the disk" if self.local else "see that it is there and can be reached"
+        raise StoreError(
+            f"store {self.url}: {name or 'its folder'} cannot be {what} ({_reason(reason)});"
+            f" {remedy}, then run the same command again"
+        ) from reason
 
 
-def _probe_folder(folder: Path) -> None:
-    """Write and remove a file in the folder, or in the nearest one above it that exists."""
-    existing = folder
-    while not existing.exists():
-        existing = existing.parent
-    with tempfile.TemporaryFile(dir=existing):
-        pass
+def _reason(error: Exception) -> str:
+    return (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
 
 
-def _write_local(path: Path, content: bytes, exclusive: bool) -> bool:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f"{path.name}.{os.getpid()}-{secrets.token_hex(4)}{TEMPORARY}")
+def _objects(url: str) -> "Objects":
+    """Return what speaks to the file system of a URL."""
+    from campaign import objects
+
     try:
-        with temporary.open("xb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        if exclusive:
-            try:
-                os.link(temporary, path)
-            except FileExistsError:
-                return False
-            return True
-        os.replace(temporary, path)
-        return True
-    finally:
-        temporary.unlink(missing_ok=True)
+        return objects.Objects(url)
+    except (ValueError, ImportError) as error:
+        raise SpecError(f"store {url}: {error}; name a folder, or a URL fsspec can open") from error

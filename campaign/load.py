@@ -10,7 +10,8 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from campaign.distributions import Distribution, Variable
+from campaign.columns import with_values
+from campaign.distributions import Distribution, Empirical, Variable
 from campaign.errors import SpecError
 from campaign.faults import fault, structure_faults
 from campaign.schema import CERTIFICATE_COLUMNS
@@ -68,7 +69,7 @@ def load_campaign(name_or_path: str, *, samples: int | None = None, seed: int | 
     """
     path = _locate(name_or_path)
     raw = _read(path) | {k: v for k, v in (("samples", samples), ("seed", seed)) if v is not None}
-    faults: list[str] = []
+    raw, faults = with_values(raw, path.parent)
     spec = None
     try:
         spec = CampaignSpec.model_validate(raw)
@@ -100,12 +101,12 @@ def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> list[str]:
         What the campaign is about.
     """
     variables = dict(_sound_variables(raw.get("variables")))
-    faults = list(_name_faults(raw, mechanism))
+    faults = [*_name_faults(raw, mechanism), *_stop_faults(raw, mechanism)]
     by_target = defaultdict(list)
     for name, variable in variables.items():
         target = variable.target or name
         by_target[mechanism.full_key(target)].append(name)
-        faults += _target_faults(name, target, variable, mechanism)
+        faults += _target_faults(name, target, {*variable.ends(), *_extremes(raw, name)}, mechanism)
     for target, names in by_target.items():
         if len(names) > 1:
             both = " and ".join(names)
@@ -153,9 +154,11 @@ def _sound_variables(table: Any) -> Iterator[tuple[str, Distribution]]:
     """Yield the variables that are right by themselves."""
     for name, entry in table.items() if isinstance(table, dict) else ():
         try:
-            yield name, _variable.validate_python(entry)
+            variable = _variable.validate_python(entry)
         except ValidationError:
             continue
+        if not isinstance(variable, Empirical) or variable.values:  # a file that could not be read is said already
+            yield name, variable
 
 
 def _name_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
@@ -176,15 +179,42 @@ def _name_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
                 yield fault([table, name], None, text)
 
 
-def _target_faults(name: str, target: str, variable: Distribution, mechanism: Mechanism) -> Iterator[str]:
-    """Yield what the mechanism says to a variable's target, or to its lowest and highest value."""
+def _stop_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
+    """Yield what a stopping rule asks of a response that has not got it."""
+    rule, responses = raw.get("stop"), raw.get("responses")
+    name = rule.get("response") if isinstance(rule, dict) else None
+    if not isinstance(rule, dict) or not isinstance(name, str):
+        return
+    known, statistic = list(mechanism.responses), rule.get("statistic")
+    if name not in known:
+        text = f"{mechanism.name} has no such response; allowed: {', '.join(known)}{did_you_mean(name, known)}"
+        yield fault(["stop", "response"], name, text)
+        return
+    limits = responses.get(name) if isinstance(responses, dict) else None
+    given = {"lsl", "usl", "nominal"} & set(limits if isinstance(limits, dict) else ())
+    if statistic in ("cp", "cpk", "ppm") and (not given or (statistic == "cp" and given in ({"lsl"}, {"usl"}))):
+        both = "both limits" if statistic == "cp" else "limits"
+        yield fault(["stop", "statistic"], statistic, f"needs {both} of {name}; give them in [responses.{name}]")
+
+
+def _extremes(raw: Mapping[str, Any], name: str) -> list[float]:
+    """Return the smallest and the largest value that the user lists for a variable, if any is listed."""
+    grid, table = raw.get("grid"), raw.get("table")
+    columns = table.get("columns") if isinstance(table, dict) else None
+    listed = [entry.get(name) for entry in (grid, columns) if isinstance(entry, dict)]
+    numbers = [x for values in listed if isinstance(values, list) for x in values if isinstance(x, (int, float))]
+    return [min(numbers), max(numbers)] if numbers else []
+
+
+def _target_faults(name: str, target: str, values: set[float], mechanism: Mechanism) -> Iterator[str]:
+    """Yield what the mechanism says to a variable's target, or to some of its values."""
     keys = ["variables", name]
     try:
         mechanism.value(target)
     except MechanismError as error:
         yield fault(keys, None, f"sets no number of {mechanism.name}: {_reason(error)}")
         return
-    for value in dict.fromkeys(variable.ends()):
+    for value in sorted(values):
         try:
             check(mechanism, {target: value})
         except MechanismError as error:

@@ -3,23 +3,31 @@
 import logging
 import os
 import signal
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 
 import dask
-from distributed import Client, LocalCluster
+from distributed import Client, LocalCluster, Security
+from distributed.system import MEMORY_LIMIT
 
 # Dotted, because setting a whole table replaces it. Independent tasks need no stealing and no rebalancing;
 # results are counts, so nothing is ever worth spilling to disk.
 SETTINGS = {
-    "distributed.scheduler.allowed-failures": 3,
+    "distributed.scheduler.allowed-failures": 0,
     "distributed.scheduler.work-stealing": False,
     "distributed.scheduler.active-memory-manager.start": False,
     "distributed.worker.profile.enabled": False,
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.monitor-interval": "500ms",
+    "distributed.worker.memory.pause": 0.85,
+    "distributed.worker.memory.terminate": 0.95,
+    # Dask watches itself 50 times a second in each process: a twentieth of what two cores can compute.
+    "distributed.admin.tick.interval": "500ms",
+    "distributed.admin.system-monitor.interval": "5s",
+    "distributed.comm.timeouts.connect": "30s",
+    "distributed.comm.timeouts.tcp": "30s",
     "distributed.nanny.pre-spawn-environ.OMP_NUM_THREADS": 1,
     "distributed.nanny.pre-spawn-environ.MKL_NUM_THREADS": 1,
     "distributed.nanny.pre-spawn-environ.OPENBLAS_NUM_THREADS": 1,
@@ -34,22 +42,29 @@ def cores() -> int:
 
 
 @contextmanager
-def local_client(workers: int) -> Iterator[Client]:
-    """Start ``workers`` single-threaded processes and yield a dask client to them; stop them at the end."""
+def local_client(workers: int, security: Security | None = None) -> Iterator[Client]:
+    """Start ``workers`` single-threaded processes and yield a dask client to them; stop them at the end.
+
+    Each may use an equal share of the machine's memory, one share being left to this process: a worker that takes more
+    is restarted, and its batch counts as one that killed its worker. Their scratch folder is dask's own: what killed
+    ones left there goes at the next start.
+    """
     quiet = dask.config.set(SETTINGS)
-    with quiet, tempfile.TemporaryDirectory(prefix="clearcap-") as scratch:
+    with quiet:
         with interrupts_held():
             cluster = LocalCluster(  # type: ignore[no-untyped-call]  # distributed is annotated in parts
                 n_workers=workers,
                 threads_per_worker=1,
                 processes=True,
                 host="127.0.0.1",
+                protocol="tls://" if security else "tcp://",
+                security=security,
+                memory_limit=MEMORY_LIMIT // (workers + 1),
                 scheduler_kwargs={
                     "dashboard": False,
                     "dashboard_address": "127.0.0.1:0",
                 },  # 8787 may be taken
                 silence_logs=logging.CRITICAL,
-                local_directory=scratch,
             )
             client = Client(cluster, set_as_default=False)  # type: ignore[no-untyped-call]
         try:

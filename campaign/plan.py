@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,7 +16,9 @@ from engine import build_id
 from engine.mechanism import Mechanism
 
 FORMAT = 1
-LARGEST_BATCH = 100  # runs: what a killed worker loses at most
+BATCH_TAKES = 10.0  # s: what a killed worker loses at most, and how long a cancelled campaign goes on
+LARGEST_BATCH = 500  # runs
+UNTRIED_BATCH = 100  # runs, where nobody knows how long one takes
 BATCHES_AT_LEAST = 40  # so that the progress moves and the last batches keep all workers busy
 
 
@@ -50,19 +51,33 @@ class Plan:
         """Columns, units and campaign id of every part."""
         return results_schema(self.mechanism, self.spec.targets(), self.campaign_id)
 
-    def to_json(self) -> str:
-        """Return the content of ``plan.json``."""
-        columns = [
-            {"name": f.name, "type": str(f.type), "unit": (f.metadata or {}).get(b"unit", b"").decode()}
+    @cached_property
+    def targets(self) -> dict[str, str]:
+        """Key of the mechanism that each variable sets, by variable name."""
+        return self.spec.targets()
+
+    @cached_property
+    def columns(self) -> list[dict[str, Any]]:
+        """Name, type, unit and whether it may be null, of each column."""
+        return [
+            {
+                "name": f.name,
+                "type": str(f.type),
+                "unit": (f.metadata or {}).get(b"unit", b"").decode(),
+                "nullable": f.nullable,
+            }
             for f in self.schema
         ]
+
+    def to_json(self) -> str:
+        """Return the content of ``plan.json``."""
         content = {
             "format": FORMAT,
             "campaign": self.campaign_id,
             "engine_build": self.engine_build,
             "mechanism_digest": self.mechanism.digest(),
             "spec": dump(self.spec),
-            "schema": columns,
+            "schema": self.columns,
             "batches": self.batches,
             "mechanism": json.loads(self.mechanism.model_dump_json(by_alias=True, exclude_none=True)),
         }
@@ -95,7 +110,7 @@ class Plan:
         return plan
 
 
-def make_plan(campaign: Campaign, batch_size: int | None = None) -> Plan:
+def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run: float | None = None) -> Plan:
     """Plan a campaign for this build of the engine.
 
     Parameters
@@ -103,12 +118,26 @@ def make_plan(campaign: Campaign, batch_size: int | None = None) -> Plan:
     campaign : Campaign
         What to compute.
     batch_size : int, optional
-        Samples in a batch; default a fortieth of all, between 1 and 100. Rows do not depend on it.
+        Samples in a batch. Rows do not depend on it.
+    seconds_per_run : float, optional
+        Without a size, batches take about ten seconds of a worker, but are at least forty in number and hold at most
+        500 samples; without this either, at most 100.
     """
     spec, build = campaign.spec, build_id()
-    size = batch_size or min(max(spec.samples // BATCHES_AT_LEAST, 1), LARGEST_BATCH)
+    size = batch_size or _size(spec.samples, seconds_per_run)
     batches = tuple((first, min(size, spec.samples - first)) for first in range(0, spec.samples, size))
     return Plan(_identity(spec, campaign.mechanism, build), spec, campaign.mechanism, build, batches)
+
+
+def size_is_sure(samples: int) -> bool:
+    """Return whether batches of so few samples have their size whatever a run takes."""
+    return samples < 2 * BATCHES_AT_LEAST
+
+
+def _size(samples: int, seconds: float | None) -> int:
+    """Return how many samples make a batch."""
+    most = UNTRIED_BATCH if seconds is None else min(BATCH_TAKES / max(seconds, 1e-6), LARGEST_BATCH)
+    return max(int(min(most, samples // BATCHES_AT_LEAST)), 1)
 
 
 def dump(spec: CampaignSpec) -> dict[str, Any]:
@@ -117,6 +146,8 @@ def dump(spec: CampaignSpec) -> dict[str, Any]:
 
 
 def _identity(spec: CampaignSpec, mechanism: Mechanism, build: str) -> str:
-    content: Mapping[str, Any] = {"spec": dump(spec), "mechanism": mechanism.digest(), "engine": build}
+    content: dict[str, Any] = {"spec": dump(spec), "mechanism": mechanism.digest(), "engine": build}
+    if spec.sampler != "random":
+        content["order"] = list(spec.variables)  # other samplers number their dimensions
     canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return f"{spec.name}-{hashlib.sha256(canonical.encode()).hexdigest()[:10]}"

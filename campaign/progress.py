@@ -1,131 +1,84 @@
-"""How far a campaign is: a live bar on a terminal, a line now and then elsewhere; on standard error."""
+"""How far a campaign is, for a person: a live view on a terminal, a line now and then elsewhere; on standard error."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import timedelta
 from time import monotonic
-from types import TracebackType
-from typing import Protocol, Self
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    ProgressColumn,
-    SpinnerColumn,
-    Task,
-    TextColumn,
-    TimeRemainingColumn,
-)
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
 from rich.text import Text
 
+if TYPE_CHECKING:
+    from campaign.heartbeat import Heartbeat
+    from campaign.settle import Show
+
 LINE_EVERY = 10.0  # s, between two lines where there is no terminal
+BAR = 40  # characters
 
 
-class Watcher(Protocol):
-    """Is told how far a campaign is, inside a ``with`` block."""
-
-    def __enter__(self) -> Self:
-        """Begin to show."""
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Stop showing."""
-
-    def advance(self, done: int, failed: int) -> None:
-        """Take note of ``done`` more rows, ``failed`` of them not ok."""
-
-
-class Bar:
-    """A live bar with rows done and failed, rate and time to go.
-
-    Parameters
-    ----------
-    console : Console
-        Where to draw.
-    total, done, failed : int
-        Rows planned, and rows there from the start.
-    """
-
-    def __init__(self, console: Console, total: int, done: int, failed: int) -> None:
-        self._bar = Progress(
-            SpinnerColumn(),
-            BarColumn(),
-            TextColumn("{task.completed:.0f}/{task.total:.0f} runs, {task.fields[failed]} failed"),
-            _Rate(),
-            TextColumn("ETA"),
-            TimeRemainingColumn(),
-            console=console,
-        )
-        self._failed = failed
-        self._task = self._bar.add_task("", total=total, completed=done, failed=failed)
-
-    def __enter__(self) -> Self:
-        """Begin to draw."""
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Leave the bar as it is."""
-        self._bar.stop()
-
-    def advance(self, done: int, failed: int) -> None:
-        """Take note of ``done`` more rows, ``failed`` of them not ok."""
-        self._failed += failed
-        self._bar.update(self._task, advance=done, failed=self._failed)
+@contextmanager
+def shown(console: Console) -> Iterator["Show"]:
+    """Yield what shows each heartbeat it is told: the view on a terminal, lines elsewhere."""
+    if not console.is_terminal:
+        yield Lines(console)
+        return
+    with Live(console=console, auto_refresh=False, transient=False) as live:
+        yield lambda heartbeat: live.update(view(heartbeat), refresh=True)
 
 
 class Lines:
-    """A line every ten seconds and one at the end.
+    """A line every ten seconds, and one when the state changes.
 
     Parameters
     ----------
     console : Console
         Where to write.
-    total, done, failed : int
-        Rows planned, and rows there from the start.
     """
 
-    def __init__(self, console: Console, total: int, done: int, failed: int) -> None:
+    def __init__(self, console: Console) -> None:
         self._console = console
-        self._total, self._done, self._failed = total, done, failed
-        self._before = done
-        self._start = self._said = monotonic()
+        self._said, self._state = monotonic(), "running"
 
-    def __enter__(self) -> Self:
-        """Start the clock."""
-        self._start = self._said = monotonic()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Do nothing: the last line has been written."""
-
-    def advance(self, done: int, failed: int) -> None:
-        """Take note of ``done`` more rows, ``failed`` of them not ok."""
-        self._done += done
-        self._failed += failed
+    def __call__(self, heartbeat: "Heartbeat") -> None:
+        """Say how far the campaign is, if it is time to."""
         now = monotonic()
-        if now - self._said < LINE_EVERY and self._done < self._total:
+        if now - self._said < LINE_EVERY and heartbeat.state == self._state:
             return
-        self._said = now
-        rate = (self._done - self._before) / max(now - self._start, 1e-9)
-        left = (self._total - self._done) / rate if rate > 0 else 0.0
-        text = f"{self._done}/{self._total} runs, {self._failed} failed, {rate:.1f} runs/s, ETA {left:.0f} s"
-        self._console.print(text, highlight=False)
+        self._said, self._state = now, heartbeat.state
+        self._console.print(line(heartbeat), highlight=False, soft_wrap=True)
 
 
-class _Rate(ProgressColumn):
-    """Runs a second."""
+def line(heartbeat: "Heartbeat") -> str:
+    """Return how far a campaign is, in a line."""
+    head = f"{heartbeat.done}/{heartbeat.samples} runs, {heartbeat.failed} failed"
+    if heartbeat.state != "running":
+        return f"{head}, {heartbeat.state}"
+    return f"{head}, {heartbeat.rate:.1f} runs/s, ETA {eta(heartbeat.eta_s)}, {_workers(heartbeat.workers)}"
 
-    def render(self, task: Task) -> Text:
-        """Return the rate of the last while."""
-        speed = task.finished_speed or task.speed
-        return Text("" if speed is None else f"{speed:.1f} runs/s", style="progress.data.speed")
+
+def view(heartbeat: "Heartbeat") -> RenderableType:
+    """Return the live view: a bar, what a line says, and the responses so far."""
+    bar = Table.grid(padding=(0, 1))
+    bar.add_row(ProgressBar(total=max(heartbeat.samples, 1), completed=heartbeat.done, width=BAR), line(heartbeat))
+    limited = {name: r for name, r in heartbeat.responses.items() if r["cpk"] is not None}
+    if not limited:
+        return bar
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for head in ("so far", "n", "mean", "sigma", "Cpk"):
+        table.add_column(head, justify="left" if head == "so far" else "right")
+    for name, r in limited.items():
+        table.add_row(Text(name), f"{r['n']}", *(f"{r[key] or 0.0:.4g}" for key in ("mean", "std", "cpk")))
+    return Group(bar, table)
 
 
-def watcher(console: Console, total: int, done: int, failed: int) -> Watcher:
-    """Return the bar on a terminal, the lines elsewhere."""
-    kind = Bar if console.is_terminal else Lines
-    return kind(console, total, done, failed)
+def eta(seconds: float | None) -> str:
+    """Return a time to go as h:mm:ss; a dash for an unknown one."""
+    return "-" if seconds is None else str(timedelta(seconds=round(seconds)))
+
+
+def _workers(count: int) -> str:
+    return f"{count} worker{'' if count == 1 else 's'}"

@@ -17,6 +17,7 @@ CERTIFICATE_COLUMNS = (
     "max_penetration",
     "settled",
     "attempts",
+    "earlier_attempts",
 )
 
 
@@ -45,13 +46,9 @@ def results_schema(mechanism: Mechanism, targets: Mapping[str, str], campaign_id
         _number("max_penetration", length),
         pa.field("settled", pa.bool_(), nullable=False),
         pa.field("attempts", pa.int64(), nullable=False),
+        pa.field("earlier_attempts", pa.string(), nullable=False),
     ]
     return pa.schema(fields, metadata={"format": "1", "campaign": campaign_id})
-
-
-def units_of(schema: pa.Schema) -> dict[str, str]:
-    """Return the unit of every column that has one."""
-    return {f.name: f.metadata[b"unit"].decode() for f in schema if f.metadata and b"unit" in f.metadata}
 
 
 def _number(name: str, unit: str, *, nullable: bool = True) -> pa.Field:

@@ -98,6 +98,8 @@ def drive(
             run(model, state, work, problem, control, course, rows, stride, stop)
     finally:
         timer.cancel()
+        if stop[0] == TIMEOUT:
+            stop[0] = 0  # the limit was this run's; the flag may go on to the next
         if sink:
             if record(model, state, work, course.reals[0], course.reals[1], rows):
                 _hand_on(rows, sink)

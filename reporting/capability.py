@@ -1,7 +1,8 @@
 """Capability of one response: location, spread, indices with intervals, non-conforming share.
 
 Formulas are those of the C-60 paper's appendix A (eqs. 28-30, Akhadkar, Acary, Brogliato 2018), which are the
-Pp and Ppk of AIAG and ISO 22514-2: `sigma` is the overall standard deviation with divisor ``n - 1``.
+Pp and Ppk of AIAG and ISO 22514-2: `sigma` is the overall standard deviation with divisor ``n - 1``. With the batch
+of every value, the indices with the sigma within batches (AIAG's Cp and Cpk) stand beside them.
 """
 
 import math
@@ -10,20 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtr
 
 from reporting.errors import ReportError
-from reporting.intervals import (
-    Interval,
-    cp_interval,
-    cpk_interval,
-    one_sided_interval,
-    share_upper_bound,
-)
-
-PPM = 1e6
-# A spread below this share of the largest value is the rounding of a constant, not a spread.
-_ROUNDING = 8 * float(np.finfo(np.float64).eps)
+from reporting.indices import SIX_SIGMA_SHIFT, centring, overall_intervals, point_indices
+from reporting.intervals import Interval, cpm_interval
+from reporting.moments import ROUNDING, location_and_shape, series
+from reporting.shares import expected_normal, nonconforming, ppm_of_z
+from reporting.within import Within, within
 
 
 @dataclass(frozen=True)
@@ -46,6 +40,16 @@ class Capability:
         Indices. `cc` is signed: positive above the middle. `cpm` has divisor n around the target.
     cp_interval, cpk_interval, cpl_interval, cpu_interval : (float, float) or None
         Chi-square, Bissell, exact noncentral t, exact noncentral t.
+    cpk_interval_joint : (float, float) or None
+        Interval of Cpk that covers at least as often as it says; with one limit the exact one of that side.
+    cc_interval, cpm_interval : (float, float) or None
+        Student's t, Boyles.
+    z_lsl, z_usl, z_bench : float or None
+        Distance to each limit in sigmas, and the normal quantile of both sides' share together.
+    z_bench_interval : (float, float) or None
+        Exact for one limit, delta method for two. Three times Cpl's and Cpu's are those of `z_lsl` and `z_usl`.
+    sigma_level : float or None
+        ``z_bench + 1.5``, the customary number of Six Sigma tables, where 3.4 ppm are 6 sigma.
     below, above : int or None
         Values under the lower and over the upper limit; a value on a limit conforms.
     ppm_observed, ppm_observed_below, ppm_observed_above : float or None
@@ -54,6 +58,10 @@ class Capability:
         Clopper-Pearson upper bound of that share: what this many values can still not rule out.
     ppm_expected, ppm_expected_below, ppm_expected_above : float or None
         Share out of limits of a normal distribution with this mean and sigma.
+    ppm_expected_interval : (float, float) or None
+        Of the total, from that of `z_bench`.
+    within : Within or None
+        Indices with the sigma within batches; None without batches.
     notes : tuple of str
         Why a number is None, and what to mind.
     """
@@ -81,6 +89,14 @@ class Capability:
     cpk_interval: Interval | None = None
     cpl_interval: Interval | None = None
     cpu_interval: Interval | None = None
+    cpk_interval_joint: Interval | None = None
+    cc_interval: Interval | None = None
+    cpm_interval: Interval | None = None
+    z_lsl: float | None = None
+    z_usl: float | None = None
+    z_bench: float | None = None
+    z_bench_interval: Interval | None = None
+    sigma_level: float | None = None
     below: int | None = None
     above: int | None = None
     ppm_observed: float | None = None
@@ -92,6 +108,8 @@ class Capability:
     ppm_expected: float | None = None
     ppm_expected_below: float | None = None
     ppm_expected_above: float | None = None
+    ppm_expected_interval: Interval | None = None
+    within: Within | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -101,6 +119,7 @@ def capability(
     usl: float | None = None,
     target: float | None = None,
     confidence: float = 0.95,
+    batches: ArrayLike | None = None,
 ) -> Capability:
     """Return the capability of the values `x` against their limits.
 
@@ -114,6 +133,8 @@ def capability(
         Wanted value, for Cpm.
     confidence : float
         Confidence of the intervals and bounds, between 0 and 1.
+    batches : array_like, shape (n,), optional
+        Production batch of each value, numbers or names, for the sigma within.
 
     Returns
     -------
@@ -122,33 +143,46 @@ def capability(
     Raises
     ------
     ReportError
-        Limits crossed, equal or not finite; confidence outside (0, 1); values that are no series of numbers.
+        Limits crossed, equal or not finite; confidence outside (0, 1); values that are no series of numbers;
+        batches that are not as many as the values.
     """
     _check(lsl, usl, target, confidence)
-    values = _series(x)
-    finite = values[np.isfinite(values)]
-    base: dict[str, object] = {
-        "n": int(finite.size),
-        "dropped": int(values.size - finite.size),
-        "lsl": lsl,
-        "usl": usl,
-        "target": target,
-        "confidence": confidence,
-    }
-    location = _location(finite)
-    mean, std = location.get("mean"), location.get("std")
-    spread = std if std is not None and std > 0 else None
-    result = {
-        **base,
-        **location,
-        **_indices(mean, spread, lsl, usl),
-        **_intervals(int(finite.size), mean, spread, lsl, usl, confidence),
-        "cpm": _cpm(finite, lsl, usl, target),
-        **_observed(finite, lsl, usl, confidence),
-        **_expected(mean, spread, lsl, usl),
-        "notes": _notes(finite, int(values.size), spread, lsl, usl, target),
-    }
-    return Capability(**result)  # type: ignore[arg-type]
+    values = series(x)
+    groups = _groups(batches, values.size)
+    kept = np.isfinite(values)
+    finite = values[kept]
+    with np.errstate(over="ignore", invalid="ignore"):  # values near the largest double: their numbers become None
+        location = location_and_shape(finite)
+        mean, std = location.get("mean"), location.get("std")
+        spread = std if std is not None and math.isfinite(std) and std > 0 else None
+        grouped = None
+        if groups is not None and spread is not None:
+            grouped = within(finite, groups[kept], lsl, usl, confidence)
+        numbers = {
+            **location,
+            "cc": centring(mean, lsl, usl),
+            **_normal_indices(int(finite.size), mean, spread, lsl, usl, confidence),
+            **_cpm(finite, mean, lsl, usl, target, confidence),
+            **_observed(finite, lsl, usl, confidence),
+        }
+    return Capability(
+        n=int(finite.size),
+        dropped=int(values.size - finite.size),
+        lsl=lsl,
+        usl=usl,
+        target=target,
+        confidence=confidence,
+        **{name: value for name, value in numbers.items() if _representable(value)},  # type: ignore[arg-type]
+        within=grouped,
+        notes=_notes(finite, int(values.size), std, lsl, usl, target)
+        + _batch_notes(groups is not None and spread is not None, grouped),
+    )
+
+
+def _representable(value: object) -> bool:
+    """Return whether every number of a result is finite; what is not would be None."""
+    numbers = value if isinstance(value, tuple) else (value,)
+    return all(number is not None and math.isfinite(number) for number in numbers)
 
 
 def _check(lsl: float | None, usl: float | None, target: float | None, confidence: float) -> None:
@@ -162,118 +196,79 @@ def _check(lsl: float | None, usl: float | None, target: float | None, confidenc
         raise ReportError(f"confidence = {confidence}: must lie between 0 and 1, 0.95 is usual")
 
 
-def _series(x: ArrayLike) -> NDArray[np.float64]:
-    """Return `x` as a one-dimensional array of floats."""
-    try:
-        values = np.asarray(x, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ReportError(f"values are not numbers: {error}") from error
-    if values.ndim != 1:
-        raise ReportError(f"values have shape {values.shape}: one series of numbers is needed")
-    return values
-
-
-def _location(x: NDArray[np.float64]) -> dict[str, float]:
-    """Return location, spread and shape as far as the number of values allows."""
-    if x.size == 0:
-        return {}
-    low, high = float(x.min()), float(x.max())
-    # The mean of equal values may round to a neighbour of them; it still lies between its extremes.
-    mean = min(max(float(np.mean(x)), low), high)
-    numbers = {"mean": mean, "min": low, "max": high, "median": float(np.median(x))}
-    if x.size < 2:
-        return numbers
-    std = float(np.std(x, ddof=1))
-    if low == high or std <= _ROUNDING * max(abs(low), abs(high)):
-        return numbers | {"std": 0.0}
-    return numbers | {"std": std} | _shape((x - mean) / std)
-
-
-def _shape(z: NDArray[np.float64]) -> dict[str, float]:
-    """Return adjusted skewness and excess kurtosis of standardised values (Joanes, Gill 1998: G1, G2)."""
-    n, numbers = z.size, {}
-    if n > 2:
-        numbers["skewness"] = n / ((n - 1) * (n - 2)) * float(np.sum(z**3))
-    if n > 3:
-        third = n * (n + 1) / ((n - 1) * (n - 2) * (n - 3)) * float(np.sum(z**4))
-        numbers["kurtosis"] = third - 3 * (n - 1) ** 2 / ((n - 2) * (n - 3))
-    return numbers
-
-
-def _indices(mean: float | None, std: float | None, lsl: float | None, usl: float | None) -> dict[str, float | None]:
-    """Return Cp, Cpk, Cpl, Cpu (eqs. 28, 29) and Cc (eq. 30)."""
-    cpl = (mean - lsl) / (3 * std) if mean is not None and std and lsl is not None else None
-    cpu = (usl - mean) / (3 * std) if mean is not None and std and usl is not None else None
-    sides = [side for side in (cpl, cpu) if side is not None]
-    both = lsl is not None and usl is not None
-    return {
-        "cpl": cpl,
-        "cpu": cpu,
-        "cpk": min(sides) if sides else None,
-        "cp": (usl - lsl) / (6 * std) if both and std else None,  # type: ignore[operator]
-        "cc": (mean - (usl + lsl) / 2) / ((usl - lsl) / 2) if both and mean is not None else None,  # type: ignore[operator]
-    }
-
-
-def _intervals(
-    n: int, mean: float | None, std: float | None, lsl: float | None, usl: float | None, confidence: float
-) -> dict[str, Interval | None]:
-    """Return the intervals of the indices that exist."""
-    index = _indices(mean, std, lsl, usl)
-    methods = {
-        "cp": cp_interval,
-        "cpk": cpk_interval,
-        "cpl": one_sided_interval,
-        "cpu": one_sided_interval,
-    }
-    return {
-        f"{name}_interval": None if (value := index[name]) is None else method(value, n, confidence)
-        for name, method in methods.items()
-    }
-
-
-def _cpm(x: NDArray[np.float64], lsl: float | None, usl: float | None, target: float | None) -> float | None:
-    """Return Cpm, divisor n around the target; it needs both limits and values off the target."""
-    if lsl is None or usl is None or target is None or x.size < 2:
+def _groups(batches: ArrayLike | None, n: int) -> NDArray[np.generic] | None:
+    """Return the batch of each of `n` values as an array."""
+    if batches is None:
         return None
+    groups = np.asarray(batches)
+    if groups.shape != (n,):
+        raise ReportError(f"batches have shape {groups.shape}: one batch for each of the {n} values is needed")
+    return groups
+
+
+def _normal_indices(
+    n: int, mean: float | None, std: float | None, lsl: float | None, usl: float | None, confidence: float
+) -> dict[str, float | Interval | None]:
+    """Return indices, their intervals and the expected ppm of a normal distribution."""
+    if mean is None or std is None:
+        return {}
+    index = point_indices(mean, std, lsl, usl)
+    intervals = overall_intervals(index, centring(mean, lsl, usl), n, confidence)
+    expected = expected_normal(mean, std, lsl, usl)
+    z, bench = index["z_bench"], intervals["z_bench_interval"]
+    return {
+        **index,
+        **intervals,
+        "sigma_level": None if z is None else z + SIX_SIGMA_SHIFT,
+        "ppm_expected": expected.get("total"),
+        "ppm_expected_below": expected.get("below"),
+        "ppm_expected_above": expected.get("above"),
+        "ppm_expected_interval": None if bench is None else (ppm_of_z(bench[1]), ppm_of_z(bench[0])),
+    }
+
+
+def _cpm(
+    x: NDArray[np.float64],
+    mean: float | None,
+    lsl: float | None,
+    usl: float | None,
+    target: float | None,
+    confidence: float,
+) -> dict[str, float | Interval | None]:
+    """Return Cpm, divisor n around the target, and its interval; it needs both limits and values off the target."""
+    if mean is None or lsl is None or usl is None or target is None or x.size < 2:
+        return {}
     around_target = math.sqrt(float(np.mean((x - target) ** 2)))
-    return (usl - lsl) / (6 * around_target) if around_target > 0 else None
+    if not 0 < around_target < math.inf:
+        return {}
+    cpm = (usl - lsl) / (6 * around_target)
+    std = float(np.std(x))
+    if std <= ROUNDING * max(abs(mean), abs(target)):  # a constant off its target: nothing scatters
+        return {"cpm": cpm}
+    return {"cpm": cpm, "cpm_interval": cpm_interval(cpm, (mean - target) / std, x.size, confidence)}
 
 
 def _observed(
     x: NDArray[np.float64], lsl: float | None, usl: float | None, confidence: float
 ) -> dict[str, float | int | None]:
     """Return counts out of limits, their ppm and upper bounds; the total is over the sides with a limit."""
-    n = x.size
-    if n == 0 or (lsl is None and usl is None):
+    found = nonconforming(x, lsl, usl, confidence)
+    if found is None:
         return {}
-    below = int(np.count_nonzero(x < lsl)) if lsl is not None else None
-    above = int(np.count_nonzero(x > usl)) if usl is not None else None
-    counts = {"_below": below, "_above": above, "": (below or 0) + (above or 0)}
-    numbers: dict[str, float | int | None] = {"below": below, "above": above}
-    for side, count in counts.items():
-        if count is not None:
-            numbers[f"ppm_observed{side}"] = PPM * count / n
-            numbers[f"ppm_upper{side}"] = PPM * share_upper_bound(count, n, confidence)
+    numbers: dict[str, float | int | None] = {}
+    for side, share in (("_below", found.below), ("_above", found.above), ("", found.total)):
+        if share is not None:
+            numbers[f"ppm_observed{side}"] = share.ppm
+            numbers[f"ppm_upper{side}"] = share.upper
+            if side:
+                numbers[side[1:]] = share.count
     return numbers
-
-
-def _expected(mean: float | None, std: float | None, lsl: float | None, usl: float | None) -> dict[str, float]:
-    """Return the ppm of a normal distribution per side that has a limit, and their sum."""
-    if mean is None or std is None or (lsl is None and usl is None):
-        return {}
-    numbers = {}
-    if lsl is not None:
-        numbers["ppm_expected_below"] = PPM * float(ndtr((lsl - mean) / std))
-    if usl is not None:
-        numbers["ppm_expected_above"] = PPM * float(ndtr((mean - usl) / std))
-    return numbers | {"ppm_expected": sum(numbers.values())}
 
 
 def _notes(
     finite: NDArray[np.float64],
     size: int,
-    spread: float | None,
+    std: float | None,
     lsl: float | None,
     usl: float | None,
     target: float | None,
@@ -284,13 +279,18 @@ def _notes(
         (size > finite.size, f"{size - finite.size} of {size} values are not finite and were left out."),
         (finite.size == 0, "No values: nothing can be said."),
         (finite.size == 1, "One value only: no spread, so no index."),
-        (
-            finite.size > 1 and spread is None,
-            "All values are equal: zero spread, so no index and no expected ppm.",
-        ),
+        (finite.size > 1 and std == 0, "All values are equal: zero spread, so no index and no expected ppm."),
+        (std is not None and not math.isfinite(std), "Values too large to be squared: no spread, so no index."),
         (not has_limit, "No limits: no index and no share out of limits."),
         (has_limit and usl is None, "Lower limit only: Cp, Cc and Cpm are undefined, Cpk is Cpl."),
         (has_limit and lsl is None, "Upper limit only: Cp, Cc and Cpm are undefined, Cpk is Cpu."),
         (lsl is not None and usl is not None and target is None, "No target: Cpm is undefined."),
     )
     return tuple(text for holds, text in notes if holds)
+
+
+def _batch_notes(asked: bool, grouped: Within | None) -> tuple[str, ...]:
+    """Return why there is no sigma within."""
+    if not asked or grouped is not None:
+        return ()
+    return ("No batch has two values that differ: no sigma within, so no index within batches.",)

@@ -1,13 +1,18 @@
-"""The report as data: capability.json, every number of the page and those behind its figures."""
+"""The report as data: capability.json, every number of the page and those behind its figures, and its schema."""
 
 import json
 from dataclasses import asdict
 from typing import Any
 
-from reporting.analysis import CAPABLE, MARGINAL, Analysis
+from reporting.analysis import Analysis
+from reporting.verdicts import CAPABLE, MARGINAL
 
-# History: 1, the first.
-FORMAT = 1
+# History: 1, the first. 2: sampling, shares, shape, methods, running index, sensitivity, correlations, advice,
+# comparison; the command that replays a sample.
+FORMAT = 2
+
+_OF_SPEC = ("title", "campaign", "header", "requested", "sampler", "stop", "replay")
+_REPEATED = ("lsl", "usl", "target")  # inside a capability these are only what it was called with
 
 
 def document(analysis: Analysis) -> dict[str, Any]:
@@ -22,12 +27,11 @@ def document(analysis: Analysis) -> dict[str, Any]:
     spec = body.pop("spec")
     for response in body["responses"]:
         response["yield"] = response.pop("yield_")
-        # The limits stand in `spec`; inside the capability they are only what it was called with.
-        for name in ("lsl", "usl", "target"):
+        for name in _REPEATED:
             del response["capability"][name]
     return {
         "format": FORMAT,
-        **{name: spec[name] for name in ("title", "campaign", "header", "requested")},
+        **{name: spec[name] for name in _OF_SPEC},
         "thresholds": {"capable": CAPABLE, "marginal": MARGINAL},
         **body,
         "provenance": spec["provenance"],
@@ -37,3 +41,42 @@ def document(analysis: Analysis) -> dict[str, Any]:
 def render_json(analysis: Analysis) -> str:
     """Return the document as text, the same for the same analysis; it never holds NaN or Infinity."""
     return json.dumps(document(analysis), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def report_schema() -> dict[str, Any]:
+    """Return the JSON Schema of capability.json."""
+    from pydantic import TypeAdapter
+
+    found = TypeAdapter(Analysis).json_schema(mode="serialization")
+    models = found.pop("$defs")
+    spec = models.pop("ReportSpec")["properties"]
+    response = models["ResponseAnalysis"]
+    response["properties"]["yield"] = response["properties"].pop("yield_")
+    response["required"] = ["yield" if name == "yield_" else name for name in response["required"]]
+    models["ComparedCapability"] = json.loads(json.dumps(models["Capability"]))
+    for name in _REPEATED:
+        del models["Capability"]["properties"][name]
+        models["Capability"]["required"].remove(name)
+    for name in ("capability", "capability_other"):
+        models["ResponseComparison"]["properties"][name] = {"$ref": "#/$defs/ComparedCapability"}
+    numbers = {"type": "object", "additionalProperties": {"type": "number"}}
+    del found["properties"]["spec"]
+    properties = {
+        "format": {"const": FORMAT},
+        **{name: spec[name] for name in (*_OF_SPEC, "provenance")},
+        "thresholds": numbers,
+        **found["properties"],
+    }
+    for model in [*models.values(), found]:
+        if isinstance(model.get("description"), str):
+            model["description"] = " ".join(model["description"].split("\n\n")[0].split())
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "capability.json",
+        "description": "Everything a capability report says; lengths and responses in the units their spec states.",
+        "type": "object",
+        "properties": properties,
+        "required": list(properties),
+        "additionalProperties": False,
+        "$defs": models,
+    }

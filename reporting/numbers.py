@@ -58,6 +58,13 @@ def percent(share: float | None) -> str:
     return NONE if share is None else f"{fixed(100 * share, 0 if share in (0, 1) else 2, (0.0, 100.0))}\u00a0%"
 
 
+def part(share: float | None) -> str:
+    """Return an estimate of a share of a whole as percent: what is below a tenth of a percent is nothing."""
+    if share is None:
+        return NONE
+    return "0\u00a0%" if share < 0.0005 else f"{100 * share:.{0 if share >= 0.9995 else 1}f}\u00a0%"
+
+
 def significant(value: float | None, digits: int = 3) -> str:
     """Return `value` with that many significant digits, with an exponent where it is very small or large."""
     if value is None:
@@ -72,6 +79,23 @@ def grouped(number: int | str) -> str:
     """Return a number with its thousands apart by a narrow space."""
     whole, point, rest = str(number).partition(".")
     return f"{int(whole):,}".replace(",", "\u202f") + point + rest
+
+
+def probability(value: float | None) -> str:
+    """Return a p-value: two digits, and no more than a bound where it is small."""
+    if value is None:
+        return NONE
+    return "< 0.0001" if value < 1e-4 else f"{value:.2g}"
+
+
+def duration(seconds: float | None) -> str:
+    """Return a time in the unit that fits it."""
+    if seconds is None:
+        return NONE
+    for size, unit in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.3g} s"
 
 
 def _side(value: float, limit: float) -> int:

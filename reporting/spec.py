@@ -56,6 +56,10 @@ class VariableSpec:
         Points (value, density [1/unit]) of the requested density curve; empty for a constant.
     key : str
         What `clearcap simulate --set` calls it; empty: the name.
+    cdf : tuple of (float, float)
+        Points (value, requested probability of values up to it), rising; empty where they are not known.
+    batch : int
+        Consecutive samples that share a shift, a production batch; 0 without batches.
     """
 
     name: str
@@ -67,6 +71,8 @@ class VariableSpec:
     std: float
     density: tuple[tuple[float, float], ...]
     key: str = ""
+    cdf: tuple[tuple[float, float], ...] = ()
+    batch: int = 0
 
 
 @dataclass(frozen=True)
@@ -91,7 +97,19 @@ class ReportSpec:
         The command that repeats a sample, without its `--set` options; empty: `clearcap simulate` with the
         provenance's "mechanism", or with the campaign's id where there is none.
     sampler : str
-        How the samples were drawn; with "worst_case" they are the corners of the variables' ranges, no production.
+        How the samples were drawn, a key of `reporting.designs.DESIGNS`; some are no production.
+    replay : str
+        The command that repeats a sample of the campaign, without the sample's number; empty: there is none.
+    correlations : tuple of (str, str, float)
+        Pairs of variables and the rank correlation (Spearman) asked for.
+    batch_column : str
+        Column with the number of the production batch each sample is in; empty without batches.
+    stop : str
+        What the campaign's stopping rule said, in words; empty without a rule.
+    designed : tuple of str
+        The k variables of Saltelli's design, in its order, where samples are one: sample s belongs to row s // (k + 2),
+        and s % (k + 2) says which of its runs it is, 0 A's, 1 B's, 2 + j A's with variable j of B. Otherwise empty:
+        goes with sampler "saltelli" and with no other.
     """
 
     title: str
@@ -103,3 +121,8 @@ class ReportSpec:
     requested: int
     simulate: str = ""
     sampler: str = "random"
+    replay: str = ""
+    correlations: tuple[tuple[str, str, float], ...] = ()
+    batch_column: str = ""
+    stop: str = ""
+    designed: tuple[str, ...] = ()

@@ -104,7 +104,7 @@ def mechanism_of(variant: Variant) -> Mechanism:
 def run(variant: Variant, sample: int) -> tuple[float, float]:
     """Return response and FC-6 of one sample; NaN unless its run is ok."""
     spec = load_campaign("c60").spec
-    values = {name: float(x[0]) for name, x in draw(spec.variables, spec.seed, sample, 1).items()} | variant.values
+    values = {name: float(x[0]) for name, x in draw(spec, sample, 1).items()} | variant.values
     mechanism = mechanism_of(variant)
     rng = np.random.default_rng([spec.seed, sample])
     for key, share in variant.varied.items():

@@ -1,43 +1,102 @@
 """``clearcap status`` and ``clearcap report``: what a store holds of a campaign."""
 
-from typing import Annotated
+from datetime import timedelta
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from campaign.cli.output import Json, print_json
+from campaign.cli.output import Json, print_json, say
+
+if TYPE_CHECKING:
+    from campaign.store import Store
+    from campaign.store.outline import Outline
 
 Id = Annotated[str | None, typer.Argument(help="Id of the campaign; not needed if it is the only one.")]
 StoreUrl = Annotated[str, typer.Option("--store", help="Folder or URL of the results.")]
 
 
 def status(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
-    """Say how far a campaign is: rows done, failed and left."""
-    from campaign.store import count_statuses, open_store, warn_of_bad_parts
+    """Say how far a campaign is: its state, rows done, failed and left, and what its coordinator said last."""
+    from campaign.lease import HEARTBEAT
+    from campaign.state import state_of
+    from campaign.store import open_store
 
     opened = open_store(store)
-    plan = opened.plan(opened.find(campaign))
-    scan = opened.scan(plan)
-    warn_of_bad_parts(plan, scan)
-    statuses = count_statuses(scan)
-    done, ok = scan.table.num_rows, statuses.get("ok", 0)
-    left = plan.spec.samples - done
+    outline = opened.outline(opened.find(campaign))
+    state, counts = state_of(opened, outline.campaign_id), progress(opened, outline)
+    heartbeat = opened.read_json(outline.campaign_id, HEARTBEAT) if state["state"] == "running" else None
     if json:
-        document = {"campaign": plan.campaign_id, "store": opened.url, "samples": plan.spec.samples}
-        counts = {"done": done, "ok": ok, "failed": done - ok, "left": left, "statuses": statuses}
-        print_json({**document, **counts})
-    else:
-        print(f"{plan.campaign_id}: {done} of {plan.spec.samples} done, {done - ok} failed, {left} left")
+        document = {"campaign": outline.campaign_id, "store": opened.url, **state, **counts}
+        print_json({**document, "heartbeat": heartbeat})
+        return
+    done, failed, left = counts["done"], counts["failed"], counts["left"]
+    print(f"{outline.campaign_id}: {state['state']}, {done} of {counts['samples']} done, {failed} failed, {left} left")
+    if state["message"]:
+        print(f"  {state['message']}")
+    if heartbeat:
+        eta = "-" if heartbeat["eta_s"] is None else timedelta(seconds=round(heartbeat["eta_s"]))
+        print(f"  {heartbeat['rate']:.1f} runs/s on {heartbeat['workers']} workers, ETA {eta}")
+    for status, count in counts["statuses"].items():
+        if status != "ok":
+            print(f"  {count} {status}")
 
 
-def report(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
-    """Write the report of a campaign again, from the rows there are."""
+def progress(store: "Store", outline: "Outline") -> dict[str, Any]:
+    """Return how many rows of a campaign are done and how they ended; say which parts are bad."""
+    survey = store.survey(outline)
+    for reason in dict.fromkeys(survey.bad.values()):
+        say(f"{outline.campaign_id}: {reason}; run the campaign again to replace it")
+    done, ok = survey.rows, survey.statuses.get("ok", 0)
+    samples = store.end(outline)
+    counts = {"samples": samples, "done": done, "ok": ok, "failed": done - ok, "left": samples - done}
+    return {**counts, "statuses": survey.statuses}
+
+
+def watch(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
+    """Follow a campaign until nobody drives it any more; it does not mind."""
+    from rich.console import Console
+
+    from campaign.progress import shown
+    from campaign.store import open_store
+    from campaign.watching import heartbeats
+
+    opened = open_store(store)
+    campaign_id = opened.find(campaign)
+    heartbeat = None
+    try:
+        with shown(Console(stderr=True)) as show:
+            for heartbeat in heartbeats(opened, campaign_id):
+                show(heartbeat)
+    except KeyboardInterrupt:
+        raise typer.Exit(130) from None
+    if json and heartbeat:
+        print_json(heartbeat.to_json())
+
+
+def report(
+    campaign: Id = None,
+    store: StoreUrl = "runs",
+    against: Annotated[
+        str | None, typer.Option(metavar="ID", help="Compare with another campaign of the store.")
+    ] = None,
+    pdf: Annotated[
+        bool, typer.Option("--pdf/--no-pdf", help="Write report.pdf too; it takes most of the time.")
+    ] = False,
+    excel: Annotated[bool, typer.Option("--excel/--no-excel", help="Write report.xlsx too.")] = True,
+    json: Json = False,
+) -> None:
+    """Write the report of a campaign again, from the rows there are; it may be running."""
     from campaign.report import report as write
     from campaign.store import open_store
 
     opened = open_store(store)
     campaign_id = opened.find(campaign)
-    files = write(opened, opened.plan(campaign_id), opened.table(campaign_id))
+    kinds = ["html", "json", "parquet", *(["pdf"] if pdf else []), *(["xlsx"] if excel else [])]
+    files = write(opened, opened.plan(campaign_id), kinds=kinds, against=against)
+    if pdf and "pdf" not in files:
+        say("report.pdf takes WeasyPrint: pip install 'clearcap[pdf]'")
     if json:
         print_json({"campaign": campaign_id, "store": opened.url, "report": files})
-    else:
-        print(f"report: {files['html']}")
+        return
+    for path in files.values():
+        print(f"report: {path}")

@@ -1,4 +1,4 @@
-"""``clearcap schema``: JSON Schemas of the two file formats, for editors and other programs."""
+"""``clearcap schema``: JSON Schemas of the file formats, for editors and other programs."""
 
 import typer
 
@@ -21,3 +21,11 @@ def campaign(json: Json = False) -> None:
     from campaign.spec import campaign_schema
 
     print_json(campaign_schema())
+
+
+@schema_app.command()
+def report(json: Json = False) -> None:
+    """Print the JSON Schema of a report's capability.json."""
+    from reporting.json import report_schema
+
+    print_json(report_schema())

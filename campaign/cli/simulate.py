@@ -43,7 +43,7 @@ def simulate(
     loaded = loaded.on_bench(bench) if bench else loaded
     if loaded.plot and not (json or plot or trajectory or animation):
         plot = Path(f"{loaded.name}-{bench}.png" if bench else f"{loaded.name}.png")
-    _check_outputs(trajectory, every, plot, animation)
+    check_outputs(trajectory, every, plot, animation)
     with TemporaryDirectory(prefix="clearcap-") as folder:
         motion = trajectory or (Path(folder) / "motion.h5" if plot or animation else None)
         run = simulate_once(
@@ -57,7 +57,7 @@ def simulate(
             indeterminacy=True,
         )
         if motion and (plot or animation):
-            _draw(motion, plot, animation)
+            draw(motion, plot, animation)
     files = {"trajectory": trajectory, "plot": plot, "animation": animation}
     _print(run, {name: str(path) for name, path in files.items() if path}, json)
     if run.status != "ok":
@@ -82,7 +82,7 @@ def _print(run: "Run", files: dict[str, str], json: bool) -> None:
         print(f"{name}: {path}")
 
 
-def _check_outputs(trajectory: Path | None, every: int | None, plot: Path | None, animation: Path | None) -> None:
+def check_outputs(trajectory: Path | None, every: int | None, plot: Path | None, animation: Path | None) -> None:
     """Refuse files that could not be written, before the work begins."""
     from campaign.errors import SpecError
     from campaign.pictures.outputs import ANIMATIONS, PLOTS, TRAJECTORIES, check_output
@@ -102,7 +102,7 @@ def _check_outputs(trajectory: Path | None, every: int | None, plot: Path | None
             )
 
 
-def _draw(motion: Path, plot: Path | None, animation: Path | None) -> None:
+def draw(motion: Path, plot: Path | None, animation: Path | None) -> None:
     """Draw the pictures of a trajectory."""
     from campaign.pictures.animation import animate
     from campaign.pictures.curves import plot as draw_curves

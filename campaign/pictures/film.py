@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.animation import AbstractMovieWriter
 from PIL import Image
 
-AREAS, OTHERS = 32, 64  # colours
+AREAS, OTHERS = 16, 32  # colours of large areas, and of all else
 CLOSE = 8  # of 256, in each channel
 
 

@@ -62,7 +62,7 @@ def seats_of_campaign(campaign: Campaign, processes: int) -> list[Seat]:
     processes : that share the work
     """
     spec = campaign.spec
-    drawn, targets = draw(spec.variables, spec.seed, 0, spec.samples), spec.targets()
+    drawn, targets = draw(spec, 0, spec.samples), spec.targets()
     values = [{targets[name]: float(x[i]) for name, x in drawn.items()} for i in range(spec.samples)]
     end = partial(_end_of, campaign.mechanism, spec.simulation.step, spec.simulation.horizon)
     warm_up()  # compiled once, for all processes

@@ -46,8 +46,13 @@ def _follows(response: Mapping[str, Any]) -> bool:
 
 
 def broken_phases(data: Mapping[str, Any]) -> Iterator[Fault]:
-    """Find motions that stop and start again, and laws that begin before their motion does."""
+    """Find motions that stop and start again, laws before their motion, searches that end before they begin."""
     order = phase_names(data)
+    for name, entry in sub_table(data, "responses").items():
+        first, last = (sub_table({"e": entry}, "e").get(key) for key in ("from_phase", "to_phase"))
+        if first in order and last in order and order.index(last) < order.index(first):
+            text = f"{last} comes before {first}, where the search begins; allowed: {first} or later; exchange them"
+            yield Fault(f"responses.{name}.to_phase", text, last)
     for name, entry in sub_table(data, "motions").items():
         named = sub_table({"e": entry}, "e").get("phases")
         at = sorted({order.index(p) for p in named if p in order}) if isinstance(named, list | tuple) else []

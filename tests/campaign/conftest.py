@@ -1,10 +1,19 @@
 """A small campaign on the C-60's description, for tests that need no physics."""
 
-import pytest
+from contextlib import contextmanager
+from functools import partial
 
+import pytest
+from typer.testing import CliRunner
+
+from campaign import coordinate as coordinating
+from campaign import rerun as rerunning
+from campaign import submission
 from campaign.load import load_campaign
+from campaign.local import local_client
 from campaign.plan import make_plan
 from campaign.store import open_store
+from tests.campaign import fake_engine
 
 SPEC = """\
 format = 1
@@ -59,3 +68,31 @@ def store(tmp_path, plan):
     opened = open_store(str(tmp_path / "runs"))
     opened.create_plan(plan)
     return opened
+
+
+@pytest.fixture(scope="module")
+def kept_workers():
+    """Return a client of two workers that serve all tests of a module; they stand in another folder than the tests."""
+    with local_client(2) as client:
+        yield client
+
+
+@pytest.fixture
+def workers(kept_workers, monkeypatch):
+    """Have campaigns computed by workers that are there, whatever cluster they ask for: starting some takes seconds."""
+
+    @contextmanager
+    def connect(_):
+        yield kept_workers
+
+    for module in (coordinating, rerunning):
+        monkeypatch.setattr(module, "connect", connect)
+
+
+@pytest.fixture
+def faked(workers, monkeypatch, tmp_path):
+    """Put the stand-in in the engine's place, stand in an empty folder, and return what runs the command."""
+    monkeypatch.chdir(tmp_path)
+    for module, verb in ((coordinating, "coordinate"), (submission, "submit")):
+        monkeypatch.setattr(module, verb, partial(getattr(module, verb), simulate=fake_engine.simulate))
+    return CliRunner()

@@ -1,6 +1,7 @@
 """The plan: same campaign, same id; anything a row depends on, another id."""
 
 import json
+import re
 
 import pytest
 import tomli_w
@@ -35,6 +36,18 @@ def test_another_campaign_another_id(campaign, campaign_file, old, new):
     before = make_plan(campaign).campaign_id
     campaign_file.write_text(campaign_file.read_text().replace(old, new))
     assert make_plan(load_campaign(str(campaign_file))).campaign_id != before
+
+
+def test_another_content_of_the_mechanism_another_id(campaign, campaign_file):
+    """A file of the same name with another number in it is another mechanism."""
+    content = campaign.mechanism.model_dump(mode="json", by_alias=True, exclude_none=True)
+    campaign_file.write_text(campaign_file.read_text().replace('"c60"', '"own.toml"'))
+    ids = set()
+    for step in (content["simulation"]["step"], 0.5 * content["simulation"]["step"]):
+        content["simulation"]["step"] = step
+        (campaign_file.parent / "own.toml").write_text(tomli_w.dumps(content))
+        ids.add(make_plan(load_campaign(str(campaign_file))).campaign_id)
+    assert len(ids) == 2
 
 
 def test_another_engine_another_id(campaign, monkeypatch):
@@ -88,3 +101,15 @@ def test_unreadable_plan_is_refused(text):
     """What is no plan is said to be none."""
     with pytest.raises(StoreError, match=r"plan\.json"):
         Plan.from_json(text)
+
+
+@pytest.mark.parametrize(("sampler", "same"), [("random", True), ("sobol", False), ("halton", False)])
+def test_order_of_variables_counts_where_samples_depend_on_it(campaign_file, sampler, same):
+    """Dimensions of evenly spread samplers are numbered; random streams are named."""
+    text = campaign_file.read_text().replace("seed = 7", f'seed = 7\nsampler = "{sampler}"')
+    head, *variables = re.split(r"(?=^\[)", text, flags=re.MULTILINE)
+    ids = set()
+    for ordered in (variables, [variables[1], variables[0], *variables[2:]]):
+        campaign_file.write_text("".join([head, *ordered]))
+        ids.add(make_plan(load_campaign(str(campaign_file))).campaign_id)
+    assert len(ids) == (1 if same else 2)

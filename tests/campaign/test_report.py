@@ -13,7 +13,7 @@ from campaign.load import load_campaign
 from campaign.plan import make_plan
 from campaign.report import report, report_spec
 from campaign.store import open_store
-from campaign.task import Task, run_batch
+from campaign.task import Order, Task, run_batch
 from tests.campaign import fake_engine
 
 
@@ -42,7 +42,7 @@ def test_report_says_how_to_repeat_a_failed_run(campaign_file, tmp_path):
     plan = make_plan(load_campaign(str(campaign_file)), 25)
     store = open_store(str(tmp_path / "runs"))
     store.create_plan(plan)
-    run_batch(Task(store.url, plan.campaign_id, plan.engine_build, partial(fake_engine.raises_above, 0.07)), 0)
+    run_batch(Task(store.url, plan.campaign_id, plan.engine_build, partial(fake_engine.raises_above, 0.07)), Order(0))
     table = store.table()
     written = report(store, plan, table)
     failures = json.loads(Path(written["json"]).read_text())["failures"]
@@ -72,7 +72,7 @@ def test_report_lies_in_the_store(plan, tmp_path, kind):
     store = open_store(str(tmp_path) if kind == "folder" else f"memory://{secrets.token_hex(4)}")
     store.create_plan(plan)
     for batch in range(3):
-        run_batch(Task(store.url, plan.campaign_id, plan.engine_build, fake_engine.simulate), batch)
+        run_batch(Task(store.url, plan.campaign_id, plan.engine_build, fake_engine.simulate), Order(batch))
     written = report(store, plan, store.table())
     content = store.files.read(f"{plan.campaign_id}/report/{Path(written['html']).name}").decode()
     assert plan.campaign_id in content
@@ -87,3 +87,31 @@ def test_error_of_reporting_is_for_the_user(store, plan):
     """What reporting refuses ends in one message."""
     with pytest.raises(CampaignError, match=f"report of {plan.campaign_id}"):
         report(store, plan, plan.schema.empty_table().drop_columns(["status"]))
+
+
+def test_a_running_campaign_gets_a_provisional_report(plan, tmp_path):
+    """With one of three batches there, every number is called provisional; with none, there is a page all the same."""
+    store = open_store(str(tmp_path))
+    store.create_plan(plan)
+    page = Path(report(store, plan)["html"]).read_text()
+    assert "0 of 25 samples asked for are done" in page.replace("\u202f", "")
+    run_batch(Task(store.url, plan.campaign_id, plan.engine_build, fake_engine.simulate), Order(1))
+    written = report(store, plan)
+    content = json.loads(Path(written["json"]).read_text())
+    assert (content["requested"], content["finished"]) == (25, 10)
+    assert "every number below is provisional" in Path(written["html"]).read_text()
+
+
+def test_a_page_has_the_distributions_and_the_advice_of_the_campaign(plan, tmp_path):
+    """What only the campaign knows reaches the page: probabilities asked for, batches, how far a spread may grow."""
+    store = open_store(str(tmp_path))
+    store.create_plan(plan)
+    for batch in range(3):
+        run_batch(Task(store.url, plan.campaign_id, plan.engine_build, fake_engine.simulate), Order(batch))
+    spec = report_spec(plan, store)
+    x, p = zip(*spec.variables[0].cdf, strict=True)
+    assert p == pytest.approx(plan.spec.variables["J1"].cdf(x))
+    assert spec.replay == f"clearcap replay --store {store.url} {plan.campaign_id}"
+    content = json.loads(Path(report(store, plan)["json"]).read_text())
+    assert content["replay"] == spec.replay
+    assert {each["variable"] for each in content["advice"]} == {"J1", "preload"} or content["advice_note"]

@@ -5,10 +5,13 @@ from functools import partial
 
 import pytest
 
-from campaign.errors import CampaignError
+from campaign.load import load_campaign
+from campaign.plan import make_plan
 from campaign.sampling import draw
-from campaign.task import Task, run_batch, run_sample
+from campaign.task import Order, Task, WrongBuild, compute_row, rows_here, run_batch, sample_values
+from engine.loop import Cancel
 from tests.campaign import fake_engine
+from tests.campaign.driving import computed
 
 
 def address(store, plan, simulate):
@@ -17,10 +20,10 @@ def address(store, plan, simulate):
 
 def test_rows_hold_inputs_responses_and_certificate(store, plan):
     """A row is the sample's inputs, the responses of a run with them, and the run's certificate."""
-    done = run_batch(address(store, plan, fake_engine.simulate), 2)
-    assert done == {"batch": 2, "statuses": {"ok": 5}}
+    done = run_batch(address(store, plan, fake_engine.simulate), Order(2))
+    assert (done.part.batch, done.part.rows, done.part.statuses, done.computed) == (2, 5, {"ok": 5}, True)
     row = store.read_part(plan, 2).to_pylist()[3]
-    drawn = {name: x[0] for name, x in draw(plan.spec.variables, 7, 23, 1).items()}
+    drawn = {name: x[0] for name, x in draw(plan.spec, 23, 1).items()}
     run = fake_engine.simulate(plan.mechanism, {"J1": drawn["J1"], "springs.A3.preload": drawn["preload"]})
     certificate = {
         "steps": 1000,
@@ -29,13 +32,12 @@ def test_rows_hold_inputs_responses_and_certificate(store, plan):
         "max_penetration": 1e-9,
         "settled": True,
     }
-    ending = {"status": "ok", "message": "", "attempts": 1}
+    ending = {"status": "ok", "message": "", "attempts": 1, "earlier_attempts": ""}
     assert row == {"sample": 23, **drawn, **run.responses, **certificate, **ending}
 
 
 def test_settings_reach_the_engine(campaign_file, tmp_path):
     """Step and horizon of the campaign are the run's."""
-    from campaign.load import load_campaign
     from campaign.plan import make_plan
     from campaign.store import open_store
 
@@ -46,11 +48,11 @@ def test_settings_reach_the_engine(campaign_file, tmp_path):
     store.create_plan(plan)
     seen = []
 
-    def listens(mechanism, values, *, step=None, horizon=None):
+    def listens(mechanism, values, *, step=None, horizon=None, cancel=None):
         seen.append((step, horizon))
         return fake_engine.simulate(mechanism, values)
 
-    run_batch(address(store, plan, listens), 0)
+    run_batch(address(store, plan, listens), Order(0))
     assert seen == [(0.004, None)] * 5
 
 
@@ -72,7 +74,7 @@ def test_a_run_that_raises_is_a_row(store, plan):
 
 def run_rows(store, plan, simulate, name):
     """Return the rows of all samples, computed one by one."""
-    return [run_sample(address(store, plan, simulate), sample, 1) for sample in range(plan.spec.samples)]
+    return list(rows_here(address(store, plan, simulate), range(plan.spec.samples)))
 
 
 def test_ok_without_a_number_is_not_ok(store, plan):
@@ -83,16 +85,82 @@ def test_ok_without_a_number_is_not_ok(store, plan):
 
 def test_part_that_is_there_is_not_computed(store, plan):
     """A batch that arrives twice is computed once."""
-    run_batch(address(store, plan, fake_engine.simulate), 0)
-    done = run_batch(address(store, plan, partial(fake_engine.raises_above, -1.0)), 0)
-    assert done["statuses"] == {"ok": 10}
+    first = run_batch(address(store, plan, fake_engine.simulate), Order(0))
+    again = run_batch(address(store, plan, partial(fake_engine.raises_above, -1.0)), Order(0))
+    assert again.part.statuses == {"ok": 10}
+    assert again.part.sha256 == first.part.sha256
+    assert (first.computed, again.computed) == (True, False)
 
 
 def test_other_engine_build_is_refused(store, plan):
     """A worker with another engine refuses the campaign, naming both builds."""
     task = Task(store.url, plan.campaign_id, "0123456789abcdef", fake_engine.simulate)
-    with pytest.raises(CampaignError, match=f"build 0123456789abcdef, this process runs {plan.engine_build}"):
-        run_batch(task, 0)
+    with pytest.raises(WrongBuild, match=f"build 0123456789abcdef, this process runs {plan.engine_build}"):
+        run_batch(task, Order(0))
+
+
+POLICY = """
+[failures]
+retry = [{ step = 0.002, tolerance = 1e-7 }, { step = 0.001 }]
+"""
+
+
+def test_failed_runs_are_tried_with_other_settings(campaign_file, tmp_path):
+    """In turn, until one succeeds; the row says what came before, and is the last attempt's."""
+    campaign_file.write_text(campaign_file.read_text() + POLICY)
+    store, _ = computed(tmp_path, load_campaign(str(campaign_file)), 100, fake_engine.needs_a_short_step)
+    rows = store.table().to_pylist()
+    assert {row["attempts"] for row in rows} == {3}
+    before = (
+        "settings of the mechanism: not_converged (residual 1e-3); "
+        "step 0.002, tolerance 1e-07: not_converged (residual 1e-3)"
+    )
+    assert {row["earlier_attempts"] for row in rows} == {before}
+    for row in rows:
+        status = "diverged" if row["J1"] > 0.09 else "ok"
+        assert (row["status"], row["FC-1"] is None) == (status, status != "ok")
+    assert {row["status"] for row in rows} == {"ok", "diverged"}
+
+
+def test_a_cancelled_run_is_not_tried_again(campaign_file):
+    """Its attempt ends because it was told to; the retry policy has nothing to mend."""
+    campaign_file.write_text(campaign_file.read_text() + POLICY)
+    plan = make_plan(load_campaign(str(campaign_file)), 10)
+    cancel, tried = Cancel(), []
+
+    def cancelled(mechanism, values, **settings):
+        tried.append(settings)
+        settings["cancel"].set()
+        return fake_engine.simulate(mechanism, values, status="not_converged")
+
+    assert compute_row(plan, cancelled, 0, sample_values(plan, 0), 1, cancel)["status"] == "not_converged"
+    assert len(tried) == 1
+
+
+def test_a_good_run_is_tried_once(campaign_file, tmp_path):
+    """Nor is one tried again that other settings cannot mend."""
+    campaign_file.write_text(campaign_file.read_text() + POLICY)
+    crashing = partial(fake_engine.raises_above, 0.07)
+    store, _ = computed(tmp_path, load_campaign(str(campaign_file)), 100, crashing)
+    table = store.table()
+    assert set(table["status"].to_pylist()) == {"ok", "crashed"}
+    assert set(table["attempts"].to_pylist()) == {1}
+    assert set(table["earlier_attempts"].to_pylist()) == {""}
+
+
+def test_limits_reach_the_engine(campaign_file, tmp_path):
+    """The campaign's limit of real time is the run's, and its tolerance."""
+    tables = "[simulation]\ntolerance = 1e-6\n\n[execution]\ntime_limit = 5.0\n\n[variables.J1]"
+    campaign_file.write_text(campaign_file.read_text().replace("[variables.J1]", tables))
+    seen = {}
+
+    def listens(mechanism, values, **settings):
+        seen.update(values)
+        return fake_engine.simulate(mechanism, values)
+
+    computed(tmp_path, load_campaign(str(campaign_file)), 100, listens)
+    assert seen.keys() == {"J1", "springs.A3.preload", "simulation.wall_limit", "simulation.tolerance"}
+    assert (seen["simulation.wall_limit"], seen["simulation.tolerance"]) == (5.0, 1e-6)
 
 
 def test_task_is_small(store, plan):

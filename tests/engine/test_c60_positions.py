@@ -26,6 +26,7 @@ def recorded(tmp_path_factory):
     return run
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bench", list(C60.benches))
 def test_no_part_is_lost_and_nothing_passes_through(recorded, bench):
     """On every bench the run is ok, no gap is ever below the detection precision, all parts stay in the case."""
@@ -52,6 +53,7 @@ def test_open_parts_rest_on_their_stops(recorded, bench):
     assert run.responses["latched"] == (bench == "off")  # the bar's return spring holds the latch when switched off
 
 
+@pytest.mark.slow
 def test_the_cycle_ends_where_it_began(recorded):
     """ON, TRIP, OFF, ON: latched again, on the ON stop, with the contact force of ON within 0.5 N."""
     run, motion = recorded("cycle")
@@ -127,6 +129,7 @@ def test_contact_force_of_the_prototype():
     assert 0.2 < run.responses["hysteresis"] < 2.0
 
 
+@pytest.mark.slow
 def test_hysteresis_is_friction(recorded):
     """With a third of the friction the loop is narrower: forward and back differ less."""
     rough, _ = recorded("contact_force")

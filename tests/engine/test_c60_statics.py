@@ -161,13 +161,14 @@ def _rotation(quaternion):
     )
 
 
+@pytest.mark.slow
 def test_sensitivity_to_play_is_that_of_finite_differences():
     """FC-1 and FC-6 by regression on 60 samples, all joints together, against runs with all of them changed.
 
     Joint by joint the friction that is frozen in, 0.1 N, hides the 2 N/mm that a joint takes; the sum stands out.
     """
     mechanism, spec = load_mechanism("c60"), load_campaign("c60").spec
-    drawn = draw(spec.variables, spec.seed, 0, 60)
+    drawn = draw(spec, 0, 60)
     plays = np.column_stack(list(drawn.values()))
     found = [simulate(mechanism, dict(zip(drawn, map(float, row), strict=True))).responses for row in plays]
     grid = np.linspace(0.05, 0.09, 9)

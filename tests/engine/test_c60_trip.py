@@ -35,6 +35,7 @@ def open_gap(motion, stop: str) -> float:
     return min(float(c.gap[-1]) for name, c in motion.contacts.items() if name.startswith(stop))
 
 
+@pytest.mark.slow
 def test_nothing_passes_through_anything(tripped):
     """All signed gaps of all steps."""
     certificate, motion = tripped

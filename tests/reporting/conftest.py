@@ -5,9 +5,14 @@ from dataclasses import replace
 
 import pyarrow as pa
 import pytest
+from hypothesis import settings
 from synthetic import c60_spec, c60_table
 
 from reporting import ReportSpec
+
+# The first call of a test pays for imports; what a report may cost is measured by tests of their own.
+settings.register_profile("reporting", deadline=None)
+settings.load_profile("reporting")
 
 
 @pytest.fixture

@@ -7,7 +7,9 @@ import pyarrow as pa
 import pytest
 
 from reporting import ReportError, capability
-from reporting.analysis import STATUSES, analyse, verdict
+from reporting.analysis import analyse
+from reporting.failures import STATUSES
+from reporting.verdicts import verdict
 
 
 def column(table: pa.Table, name: str, values) -> pa.Table:

@@ -271,3 +271,34 @@ def test_all_numbers_are_plain_python() -> None:
     for name, value in vars(c).items():
         for number in value if isinstance(value, tuple) else (value,):
             assert type(number) in (int, float, str, type(None)), name
+
+
+def test_z_and_sigma_level_belong_to_the_ppm() -> None:
+    """The 3.4 ppm of Six Sigma are 4.5 sigma, customarily called 6."""
+    c = capability(standardised(100, 0, 1), usl=4.5)
+    assert c.z_usl == pytest.approx(4.5, rel=1e-12)
+    assert c.z_bench == c.z_usl
+    assert c.sigma_level == pytest.approx(6.0, rel=1e-12)
+    assert c.ppm_expected == pytest.approx(3.39767, rel=2e-6)
+    both = capability(standardised(100, 0, 1), -2, 3)
+    assert both.z_bench == pytest.approx(-stats.norm.ppf(both.ppm_expected * 1e-6), rel=1e-9)
+    low, high = both.ppm_expected_interval
+    assert low < both.ppm_expected < high
+
+
+@pytest.mark.parametrize(
+    ("x", "fence"),
+    [
+        ([1e308, -1e308], (0.0, 1.0)),
+        ([1e200, 2e200, -1e200], (0.0, 1e201)),
+        ([1.0, 2.0, 3.0], (-1e300, 1e300)),
+        ([0.0, 1e-12, 3e-12], (-1e6, 2e6)),
+        ([0.0, 1.0, 2.0, 3.0], (1e6, 1e6 + 1e-3)),
+        ([1e9, 1e9 + 1e-3, 1e9 - 1e-3], (1e9 - 1, 1e9 + 1)),
+    ],
+)
+def test_huge_and_tiny_numbers_are_finite_or_none(x, fence) -> None:
+    c = capability(x, *fence, target=fence[0], batches=[1] * len(x))
+    for name, value in vars(c).items():
+        for number in value if isinstance(value, tuple) else (value,):
+            assert not isinstance(number, float) or math.isfinite(number), name

@@ -1,11 +1,14 @@
-"""The examples of docs/report.md print what they say."""
+"""The examples of the pages on reporting print what they say."""
 
 import doctest
 from pathlib import Path
 
+import pytest
 
-def test_examples_of_the_report_page() -> None:
-    page = Path(__file__).parents[2] / "docs" / "report.md"
+
+@pytest.mark.parametrize("name", ["report.md", "sensitivity.md"])
+def test_examples_of_the_report_page(name: str) -> None:
+    page = Path(__file__).parents[2] / "docs" / name
     result = doctest.testfile(str(page), module_relative=False)
     assert result.attempted >= 4
     assert result.failed == 0

@@ -96,6 +96,33 @@ def test_a_fault_of_the_whole_has_a_line(bench, where, allowed):
     assert allowed in line
 
 
+ORDER = [
+    ("motions", "lift", {"phases": ["a", "c"]}, "motions.lift.phases = ['a', 'c']", "phases that follow each other"),
+    ("motions", "lift", {"phases": ["b", "c"], "since": "a"}, "motions.lift.since = 'a'", "b or later"),
+    (
+        "responses",
+        "height",
+        {"at": "maximum", "from_phase": "c", "to_phase": "b"},
+        "responses.height.to_phase = 'b'",
+        "c or later",
+    ),
+]
+
+
+@pytest.mark.parametrize(("table", "name", "keys", "where", "allowed"), ORDER, ids=lambda x: str(x)[:30])
+def test_phases_in_an_impossible_order_are_refused(table, name, keys, where, allowed):
+    """A motion that stops and starts again, a law before its motion, a search that ends before it begins."""
+    data = copy.deepcopy(pendulum())
+    data["phases"] = [{"name": phase} for phase in "abc"]
+    data["torques"], data["validity"] = {}, []
+    data[table][name] |= keys
+    with pytest.raises(MechanismError) as caught:
+        mechanism_from(data, "FILE")
+    _, line = str(caught.value).splitlines()
+    assert where in line
+    assert allowed in line
+
+
 def test_an_unknown_bench_or_preset_is_refused_with_those_there_are():
     """So is a table that no bench has."""
     with pytest.raises(MechanismError, match=r"pendulum: no bench 'tst'; allowed: test; did you mean 'test'\?"):

@@ -1,0 +1,164 @@
+"""Certificates for the mutual TLS of one campaign cluster.
+
+Dask looks at nothing but whether the other side has a certificate of the same authority: no host name is checked and
+nothing can be revoked. So each cluster gets an authority of its own, and the authority's key is never written: who is
+to be kept out later is kept out by a new set of certificates.
+"""
+
+import datetime
+import ipaddress
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from campaign.errors import SpecError
+
+ROLES = ("scheduler", "worker", "client")
+LONGEST = 825  # days: what common TLS libraries accept
+_SKEW = datetime.timedelta(minutes=5)  # clocks of a cluster may differ
+
+
+@dataclass(frozen=True)
+class _Authority:
+    certificate: x509.Certificate
+    key: ec.EllipticCurvePrivateKey
+
+
+def make_certificates(folder: Path, days: int, hosts: Sequence[str] = ()) -> dict[str, Path]:
+    """Write the certificates of a new authority for scheduler, workers and clients.
+
+    Parameters
+    ----------
+    folder : Path
+        Where; made with mode 0700 if it is not there.
+    days : int
+        How long they are valid [days], 1 to 825.
+    hosts : sequence of str
+        Names or addresses of the scheduler, for tools that check them; dask does not.
+
+    Returns
+    -------
+    dict
+        Path by file name: ``ca.pem``, and for each role a certificate ``.pem`` and a private key ``.key`` of mode 0600.
+
+    Raises
+    ------
+    SpecError
+        If the days are out of bounds, one of the files is there, or the folder cannot be written. Nothing is replaced.
+    """
+    if not 1 <= days <= LONGEST:
+        raise SpecError(f"--days {days}: must be 1 to {LONGEST}; make new certificates before these end")
+    paths = {
+        name: folder / name for name in ("ca.pem", *(f"{role}{end}" for role in ROLES for end in (".pem", ".key")))
+    }
+    there = [str(path) for path in paths.values() if path.exists()]
+    if there:
+        raise SpecError(f"{', '.join(there)}: already there, and never replaced; name another folder")
+    now = datetime.datetime.now(datetime.UTC)
+    valid = (now - _SKEW, now + datetime.timedelta(days=days))
+    authority = _authority(valid)
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        _write(paths["ca.pem"], authority.certificate.public_bytes(serialization.Encoding.PEM), 0o644)
+        for role in ROLES:
+            certificate, key = _signed(authority, role, hosts if role == "scheduler" else (), valid)
+            _write(paths[f"{role}.pem"], certificate, 0o644)
+            _write(paths[f"{role}.key"], key, 0o600)
+    except OSError as error:
+        raise SpecError(f"{folder}: cannot be written ({error.strerror}); name a folder of yours") from error
+    return paths
+
+
+def _authority(valid: tuple[datetime.datetime, datetime.datetime]) -> _Authority:
+    """Return a new authority, which signs itself and lives in memory only."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    # two authorities of one name would be mixed up by programs that hold both
+    name = _name(f"clearcap cluster {x509.random_serial_number():x}"[:40])
+    builder = _begun(name, name, key.public_key(), key.public_key(), valid)
+    builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+    builder = builder.add_extension(_usage(signs_certificates=True), critical=True)
+    return _Authority(builder.sign(key, hashes.SHA256()), key)
+
+
+def _signed(
+    authority: _Authority, role: str, hosts: Sequence[str], valid: tuple[datetime.datetime, datetime.datetime]
+) -> tuple[bytes, bytes]:
+    """Return certificate and private key of a role, in PEM."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    issuer = authority.certificate.subject
+    builder = _begun(_name(f"clearcap {role}"), issuer, key.public_key(), authority.key.public_key(), valid)
+    builder = builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+    builder = builder.add_extension(_usage(signs_certificates=False), critical=True)
+    # scheduler and workers both listen and connect
+    both = x509.ExtendedKeyUsage([ExtendedKeyUsageOID.SERVER_AUTH, ExtendedKeyUsageOID.CLIENT_AUTH])
+    builder = builder.add_extension(both, critical=False)
+    if hosts:
+        builder = builder.add_extension(x509.SubjectAlternativeName([_host(h) for h in hosts]), critical=False)
+    certificate = builder.sign(authority.key, hashes.SHA256())
+    private = key.private_bytes(
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    )
+    return certificate.public_bytes(serialization.Encoding.PEM), private
+
+
+def _begun(
+    subject: x509.Name,
+    issuer: x509.Name,
+    key: ec.EllipticCurvePublicKey,
+    issuer_key: ec.EllipticCurvePublicKey,
+    valid: tuple[datetime.datetime, datetime.datetime],
+) -> x509.CertificateBuilder:
+    """Return what all certificates have."""
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key)
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(valid[0])
+        .not_valid_after(valid[1])
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key), critical=False)
+        .add_extension(x509.AuthorityKeyIdentifier.from_issuer_public_key(issuer_key), critical=False)
+    )
+
+
+def _usage(*, signs_certificates: bool) -> x509.KeyUsage:
+    return x509.KeyUsage(
+        digital_signature=not signs_certificates,
+        key_cert_sign=signs_certificates,
+        crl_sign=signs_certificates,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        encipher_only=False,
+        decipher_only=False,
+    )
+
+
+def _name(common_name: str) -> x509.Name:
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
+
+
+def _host(host: str) -> x509.GeneralName:
+    """Return a host as an address if it is one, else as a name."""
+    try:
+        return x509.IPAddress(ipaddress.ip_address(host))
+    except ValueError:
+        pass
+    try:
+        return x509.DNSName(host)
+    except ValueError as error:
+        raise SpecError(f"--host {host}: neither an address nor a host name in ASCII") from error
+
+
+def _write(path: Path, content: bytes, mode: int) -> None:
+    """Write a file that is not there yet, never readable by more than its mode says."""
+    with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
+        file.write(content)

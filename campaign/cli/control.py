@@ -1,0 +1,100 @@
+"""``clearcap coordinate``, ``resume`` and ``cancel``: who drives a campaign, and whether."""
+
+import signal
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from campaign.cli.campaigns import Id, StoreUrl
+from campaign.cli.options import on_cluster
+from campaign.cli.output import Json, print_json, say
+from campaign.cli.run import NoReport
+
+if TYPE_CHECKING:
+    from campaign.clusters import Cluster
+
+
+@on_cluster
+def coordinate(
+    where: "Cluster",
+    campaign: Annotated[str | None, typer.Argument(help="Id of the campaign; without it, all that are queued.")] = None,
+    store: StoreUrl = "runs",
+    once: Annotated[bool, typer.Option("--once", help="Without an id: end when nothing is queued.")] = False,
+    no_report: NoReport = False,
+    json: Json = False,
+) -> None:
+    """Drive a campaign that is planned; without an id serve the store: drive every campaign that is queued.
+
+    Made to be supervised: it may be killed at any time and started again.
+    """
+    from campaign.store import open_store
+
+    signal.signal(signal.SIGTERM, _terminate)
+    opened = open_store(store)
+    if campaign is None:
+        from campaign.service import serve
+
+        done = serve(opened, where, once=once, with_report=not no_report)
+        if json:
+            print_json({"store": opened.url, "campaigns": done})
+        return
+    from campaign.cli.drive import drive
+
+    drive(opened, opened.plan(opened.find(campaign)), where, with_report=not no_report, as_json=json)
+
+
+@on_cluster
+def resume(
+    where: "Cluster",
+    campaign: Id = None,
+    store: StoreUrl = "runs",
+    detach: Annotated[bool, typer.Option("--detach", help="Leave it to a coordinator, as submit does.")] = False,
+    no_report: NoReport = False,
+    json: Json = False,
+) -> None:
+    """Go on with a campaign that was interrupted or cancelled, or that failed."""
+    from campaign.store import open_store
+    from campaign.task import CANCEL
+
+    opened = open_store(store)
+    plan = opened.plan(opened.find(campaign))
+    opened.remove(plan.campaign_id, CANCEL)
+    if not detach:
+        from campaign.cli.drive import drive
+
+        drive(opened, plan, where, with_report=not no_report, as_json=json)
+        return
+    from campaign.cli.drive import options_of
+    from campaign.submission import hand_over
+
+    driver = hand_over(opened, plan, options_of(where))
+    say(driver.text())
+    if json:
+        print_json({"campaign": plan.campaign_id, "store": opened.url, **driver.to_json()})
+
+
+def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
+    """End a campaign after the runs in hand; what is finished stays, and ``resume`` goes on."""
+    from campaign.lease import seems_driven
+    from campaign.state import enter, state_of
+    from campaign.store import open_store
+    from campaign.task import CANCEL
+
+    opened = open_store(store)
+    campaign_id = opened.find(campaign)
+    before = state_of(opened, campaign_id)["state"]
+    if before != "completed":
+        opened.files.write(f"{campaign_id}/{CANCEL}", b"")
+        if not seems_driven(opened, campaign_id):
+            enter(opened, campaign_id, "cancelled")
+    if json:
+        print_json({"campaign": campaign_id, "store": opened.url, "before": before})
+    elif before == "completed":
+        print(f"{campaign_id} is completed; nothing to cancel")
+    else:
+        print(f"{campaign_id} was {before}; go on with: clearcap resume {campaign_id} --store {opened.url}")
+
+
+def _terminate(*_: Any) -> None:
+    """End in order when a supervisor says so; the campaign is open for the next coordinator."""
+    raise SystemExit(143)

@@ -1,0 +1,129 @@
+"""What the verbs that drive a campaign share: to the end with progress, then the report and the results."""
+
+import shlex
+from collections import Counter
+from contextlib import nullcontext
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from campaign.cli.output import number, print_json, say
+
+if TYPE_CHECKING:
+    from campaign.clusters import Cluster
+    from campaign.coordinate import Outcome
+    from campaign.plan import Plan
+    from campaign.store import Store
+
+
+def drive(
+    store: "Store", plan: "Plan", cluster: "Cluster", *, with_report: bool, as_json: bool, quiet: bool = False
+) -> None:
+    """Drive a campaign to its end, write its report, and print the results.
+
+    Raises
+    ------
+    typer.Exit
+        1 if no run succeeded, or fewer than the campaign asks for; 130 on Ctrl-C.
+    """
+    from rich.console import Console
+
+    from campaign.coordinate import coordinate
+    from campaign.progress import shown
+
+    try:
+        with nullcontext(lambda _: None) if quiet else shown(Console(stderr=True)) as show:
+            outcome = coordinate(store, plan, cluster, show)
+    except KeyboardInterrupt:
+        command = shlex.join(["clearcap", "resume", plan.campaign_id, "--store", store.url, *options_of(cluster)])
+        say(f"interrupted; what is finished is kept in {store.url}. Go on with:\n  {command}")
+        raise typer.Exit(130) from None
+    finish(store, outcome, with_report=with_report, as_json=as_json)
+
+
+def options_of(cluster: "Cluster") -> list[str]:
+    """Return the options of the command that describe a cluster."""
+    words: list[str] = []
+    tls = cluster.tls
+    for option, value in (
+        ("--scheduler", cluster.scheduler),
+        ("--cluster", cluster.kind if cluster.kind != "local" else None),
+        ("--workers", cluster.workers),
+        ("--tls-ca", tls and tls.ca),
+        ("--tls-cert", tls and tls.cert),
+        ("--tls-key", tls and tls.key),
+    ):
+        words += [] if value is None else [option, str(value)]
+    return [*words, "--insecure"] if cluster.insecure else words
+
+
+def finish(store: "Store", outcome: "Outcome", *, with_report: bool, as_json: bool) -> None:
+    """Write the report, print the results, and fail if too few runs succeeded."""
+    plan, files = outcome.plan, {}
+    if with_report:
+        from campaign.report import report
+
+        files = report(store, plan)
+    if as_json:
+        print_json(_summary(store, outcome, files))
+    else:
+        _print_results(store, outcome)
+        if files:
+            print(f"report: {files['html']}")
+    ok, least = outcome.survey.statuses.get("ok", 0), plan.spec.failures.min_ok
+    if ok == 0:
+        messages = Counter(text for rows in store.stream(plan, ["message"]) for text in rows["message"].to_pylist())
+        worst, count = messages.most_common(1)[0]
+        say(f"error: not one run succeeded; {count} of {messages.total()} say: {worst}")
+    elif ok < least * outcome.samples:
+        say(f"error: {ok} of {outcome.samples} runs succeeded; failures.min_ok asks for {least:g} of them")
+    else:
+        return
+    raise typer.Exit(1)
+
+
+def _summary(store: "Store", outcome: "Outcome", files: dict[str, str]) -> dict[str, Any]:
+    statuses = outcome.survey.statuses
+    ok = statuses.get("ok", 0)
+    return {
+        "campaign": outcome.plan.campaign_id,
+        "store": store.url,
+        "samples": outcome.samples,
+        "ok": ok,
+        "failed": outcome.samples - ok,
+        "computed": outcome.computed,
+        "wall_s": outcome.wall_s,
+        "statuses": statuses,
+        "stop": outcome.verdict.to_json() if outcome.verdict else None,
+        "report": files,
+    }
+
+
+def _print_results(store: "Store", outcome: "Outcome") -> None:
+    """Print how the runs ended and what the responses are worth."""
+    import pyarrow as pa
+    from rich.console import Console
+    from rich.table import Table
+
+    from reporting import capability
+
+    plan = outcome.plan
+    names = list(plan.mechanism.responses)
+    rows = pa.concat_tables([plan.schema.empty_table().select(names), *store.stream(plan, names)])
+    shown = Table(title=plan.spec.title or plan.spec.name)
+    for head in ("response", "unit", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out"):
+        shown.add_column(head, justify="left" if head in ("response", "unit") else "right", no_wrap=True)
+    units = plan.mechanism.response_units()
+    for name in names:
+        asked = plan.spec.responses.get(name)
+        lsl, usl, target = asked.limits() if asked else (None, None, None)
+        values = rows[name].drop_null().to_numpy()
+        c = capability(values, lsl=lsl, usl=usl, target=target)
+        ppm = "-" if c.ppm_observed is None else f"{c.ppm_observed:.0f}"
+        cells = (number(c.mean), number(c.std, 3), number(lsl), number(usl), number(c.cpk, 3), ppm)
+        shown.add_row(name, units[name], *cells)
+    Console().print(shown)
+    counts = ", ".join(f"{count} {status}" for status, count in outcome.survey.statuses.items())
+    print(f"{outcome.samples} runs: {counts}; {outcome.computed} computed in {outcome.wall_s:.1f} s")
+    if outcome.verdict:
+        print(f"{'sure' if outcome.verdict.sure else 'not sure yet'}: {outcome.verdict.text()}")

@@ -1,0 +1,101 @@
+"""Options that say where a campaign is computed, shared by the verbs that compute."""
+
+import inspect
+from collections.abc import Callable
+from functools import wraps
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from campaign.clusters import Cluster
+
+_PANEL = "Where to compute"
+
+Scheduler = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="A dask scheduler: tls://host:port, tcp://host:port, or its scheduler file.",
+        rich_help_panel=_PANEL,
+    ),
+]
+ClusterKind = Annotated[
+    str,
+    typer.Option(
+        "--cluster",
+        metavar="KIND",
+        help="Start workers here or as jobs: local, slurm, oar, pbs, kubernetes.",
+        rich_help_panel=_PANEL,
+    ),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option(min=1, help="Worker processes to start; default one a core.", rich_help_panel=_PANEL),
+]
+TlsCa = Annotated[
+    Path | None,
+    typer.Option("--tls-ca", metavar="FILE", help="Certificate of the cluster's authority.", rich_help_panel=_PANEL),
+]
+TlsCert = Annotated[
+    Path | None,
+    typer.Option("--tls-cert", metavar="FILE", help="Certificate of this side.", rich_help_panel=_PANEL),
+]
+TlsKey = Annotated[
+    Path | None,
+    typer.Option("--tls-key", metavar="FILE", help="Its private key, mode 0600.", rich_help_panel=_PANEL),
+]
+Insecure = Annotated[
+    bool,
+    typer.Option("--insecure", help="Allow a cluster beyond this machine without TLS.", rich_help_panel=_PANEL),
+]
+
+
+def cluster_from(
+    scheduler: Scheduler = None,
+    cluster: ClusterKind = "local",
+    workers: Workers = None,
+    tls_ca: TlsCa = None,
+    tls_cert: TlsCert = None,
+    tls_key: TlsKey = None,
+    insecure: Insecure = False,
+) -> "Cluster":
+    """Return the cluster that options describe, checked as far as that goes without reaching it.
+
+    Raises
+    ------
+    SpecError
+        If options contradict each other, name files that cannot be used, or would speak in the clear.
+    """
+    from campaign.clusters import Cluster, Tls, check_cluster
+    from campaign.errors import SpecError
+    from campaign.tls import security
+
+    files = {"--tls-ca": tls_ca, "--tls-cert": tls_cert, "--tls-key": tls_key}
+    missing = [option for option, path in files.items() if path is None]
+    if missing and len(missing) < len(files):
+        raise SpecError(f"{', '.join(missing)}: not given; TLS needs --tls-ca, --tls-cert and --tls-key together")
+    tls = None if missing else Tls(*(str(Path(path).absolute()) for path in files.values() if path))
+    where = Cluster(scheduler, cluster, workers, tls, insecure)  # type: ignore[arg-type]  # check_cluster looks
+    check_cluster(where)
+    if tls:
+        security(tls)
+    return where
+
+
+def on_cluster(verb: Callable[..., None]) -> Callable[..., None]:
+    """Give a verb, in the place of its parameter ``where``, the options that describe a cluster."""
+    own, options = inspect.signature(verb).parameters, inspect.signature(cluster_from).parameters
+
+    @wraps(verb)
+    def with_options(**given: Any) -> None:
+        where = cluster_from(**{name: given.pop(name) for name in options})
+        verb(where=where, **given)
+
+    parameters = [p for name, p in own.items() if name != "where"]
+    last = next((i for i, p in enumerate(parameters) if p.name == "json"), len(parameters))
+    parameters[last:last] = options.values()
+    with_options.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # what typer reads
+    with_options.__annotations__ = {p.name: p.annotation for p in parameters}
+    return with_options

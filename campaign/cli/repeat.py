@@ -1,0 +1,141 @@
+"""``clearcap rerun`` and ``replay``: rows of a campaign once more."""
+
+import math
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from campaign.cli.campaigns import StoreUrl
+from campaign.cli.options import on_cluster
+from campaign.cli.output import Json, print_json, say
+
+if TYPE_CHECKING:
+    from campaign.clusters import Cluster
+    from campaign.plan import Plan
+    from campaign.store import Store
+
+CampaignId = Annotated[str, typer.Argument(help="Id of the campaign.")]
+
+
+@on_cluster
+def rerun(
+    where: "Cluster",
+    campaign: CampaignId,
+    sample: Annotated[list[int] | None, typer.Option(help="Only this sample; may be repeated.")] = None,
+    status: Annotated[
+        list[str] | None, typer.Option(help="Only runs that ended so; may be repeated. Default: all that failed.")
+    ] = None,
+    store: StoreUrl = "runs",
+    json: Json = False,
+) -> None:
+    """Compute failed rows again, when what made them fail is mended."""
+    from campaign.rerun import failed_samples
+    from campaign.rerun import rerun as compute
+    from campaign.store import open_store
+
+    opened = open_store(store)
+    plan = opened.plan(opened.find(campaign))
+    asked = sample or failed_samples(opened, plan, status or ())
+    if not asked:
+        print_json({"campaign": campaign, "samples": 0}) if json else print(f"{campaign}: no such run")
+        return
+    say(f"computing {len(asked)} rows again")
+    again = compute(opened, plan, asked, where)
+    if json:
+        print_json({"campaign": campaign, "store": opened.url, **again.to_json()})
+        return
+    counts = ", ".join(f"{count} {status}" for status, count in again.after.items())
+    print(f"{again.samples} rows computed again: {counts}; write the report anew with: clearcap report {campaign}")
+
+
+def replay(
+    campaign: CampaignId,
+    sample: Annotated[int, typer.Argument(min=0, help="Number of the sample.")],
+    store: StoreUrl = "runs",
+    trajectory: Annotated[Path | None, typer.Option(help="Write the motion to an HDF5 file: .h5.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw curves over time: .png, .svg or .pdf.")] = None,
+    animation: Annotated[Path | None, typer.Option("--animate", help="Draw the motion: .gif, .html or .mp4.")] = None,
+    json: Json = False,
+) -> None:
+    """Repeat one run of a campaign in this process, and compare it with its row, bit for bit."""
+    from campaign.cli.simulate import check_outputs, draw
+    from campaign.store import open_store
+    from engine import build_id
+
+    opened = open_store(store)
+    plan = opened.plan(opened.find(campaign))
+    _check(plan, sample)
+    check_outputs(trajectory, None, plot, animation)
+    if build_id() != plan.engine_build:
+        say(f"the campaign is of engine build {plan.engine_build}, this is {build_id()}: numbers may differ")
+    with TemporaryDirectory(prefix="clearcap-") as folder:
+        motion = trajectory or (Path(folder) / "motion.h5" if plot or animation else None)
+        row = _repeat(plan, sample, motion)
+        if motion and (plot or animation):
+            draw(motion, plot, animation)
+    stored = _stored(opened, plan, sample)
+    same = None if stored is None else _same(row, stored, list(plan.mechanism.responses))
+    if json:
+        print_json({"campaign": campaign, "sample": sample, "row": row, "stored": stored, "same": same})
+    else:
+        _print(plan, row, same)
+    if same is False and build_id() == plan.engine_build:
+        raise typer.Exit(1)
+
+
+def _check(plan: "Plan", sample: int) -> None:
+    from campaign.errors import SpecError
+
+    if sample >= plan.spec.samples:
+        raise SpecError(f"sample {sample}: campaign {plan.campaign_id} has samples 0 to {plan.spec.samples - 1}")
+
+
+def _repeat(plan: "Plan", sample: int, motion: Path | None) -> dict[str, Any]:
+    """Return the row of a sample, computed here as a worker would."""
+    from campaign.task import compute_row, sample_values
+    from engine import simulate, warm_up
+    from engine.loop import Cancel
+
+    warm_up()  # before any clock runs
+    run = partial(simulate, trajectory=motion) if motion else simulate
+    return compute_row(plan, run, sample, sample_values(plan, sample), 1, Cancel())
+
+
+def _stored(store: "Store", plan: "Plan", sample: int) -> dict[str, Any] | None:
+    """Return the row of a sample as the store has it; None if it has none."""
+    from campaign.store import BadPart
+
+    batch = next(b for b, (first, count) in enumerate(plan.batches) if first <= sample < first + count)
+    try:
+        rows = store.read_part(plan, batch)
+    except (FileNotFoundError, BadPart):
+        return None
+    found: dict[str, Any] = rows.slice(sample - plan.batches[batch][0], 1).to_pylist()[0]
+    return found
+
+
+def _same(row: dict[str, Any], stored: dict[str, Any], responses: list[str]) -> bool:
+    """Return whether two rows agree in all that the sample determines."""
+    names = ["status", "message", "steps", "max_residual", "max_penetration", "settled", *responses]
+    return all(_equal(row[name], stored[name]) for name in names)
+
+
+def _equal(a: Any, b: Any) -> bool:
+    both_nan = isinstance(a, float) and isinstance(b, float) and math.isnan(a) and math.isnan(b)
+    return bool(a == b or both_nan)
+
+
+def _print(plan: "Plan", row: dict[str, Any], same: bool | None) -> None:
+    print(f"sample {row['sample']}: {row['status']}{': ' if row['message'] else ''}{row['message']}")
+    units = plan.mechanism.response_units()
+    for name in plan.spec.variables:
+        print(f"  {name} = {row[name]:.10g}")
+    for name in plan.mechanism.responses:
+        unit = "" if units[name] == "1" else f" {units[name]}"
+        value = "-" if row[name] is None else f"{row[name]:.10g}{unit}"
+        print(f"{name}  {value}")
+    words = {None: "the store has no row of it", True: "equal to its row, bit for bit", False: "differs from its row"}
+    print(words[same])

@@ -1,0 +1,159 @@
+"""Files in a folder of this machine, or one that many machines share.
+
+Nothing here needs locks, which shared folders do not always have: a file is written under a temporary name, forced to
+the disk, and renamed; of two who create the same one, the first ``link`` wins. Folders are listed anew each time.
+"""
+
+import contextlib
+import hashlib
+import os
+import re
+import secrets
+import socket
+import tempfile
+from functools import cache
+from pathlib import Path
+
+
+class Folder:
+    """Files under a folder; paths are full, errors those of the operating system."""
+
+    shared = True
+
+    def __init__(self, root: str) -> None:
+        self.root = os.path.abspath(os.path.expanduser(root))
+
+    def path(self, name: str) -> str:
+        """Return the full path of a name; the folder's own for an empty one."""
+        return os.path.join(self.root, name) if name else self.root
+
+    def address(self, path: str) -> str:
+        """Return the path itself."""
+        return path
+
+    def probe(self) -> None:
+        """Write and remove a file in the folder, or in the nearest one above it that exists."""
+        existing = Path(self.root)
+        while not existing.exists():
+            existing = existing.parent
+        with tempfile.TemporaryFile(dir=existing):
+            pass
+
+    def read(self, path: str) -> bytes:
+        """Return a file's content."""
+        return Path(path).read_bytes()
+
+    def size(self, path: str) -> int:
+        """Return a file's size in bytes."""
+        return os.stat(path).st_size
+
+    def names(self, path: str) -> list[str]:
+        """Return the names in a folder, sorted."""
+        try:
+            return sorted(os.listdir(path))
+        except (FileNotFoundError, NotADirectoryError):
+            return []
+
+    def sizes(self, path: str) -> dict[str, int]:
+        """Return the size of each file in a folder."""
+        found = {}
+        for name in self.names(path):
+            try:
+                status = os.stat(os.path.join(path, name))
+            except FileNotFoundError:  # renamed since it was listed
+                continue
+            found[name] = status.st_size
+        return found
+
+    def write(self, path: str, content: bytes) -> None:
+        """Write a file whole or not at all."""
+        temporary = _written(path, content)
+        try:
+            os.replace(temporary, path)
+        except OSError:
+            _discard(temporary)
+            raise
+        _keep_names(path)
+
+    def create(self, path: str, content: bytes) -> bool:
+        """Write a file unless it is there."""
+        temporary = _written(path, content)
+        try:
+            os.link(temporary, path)
+        except FileExistsError:
+            return False
+        finally:
+            _discard(temporary)
+        _keep_names(path)
+        return True
+
+    def move(self, path: str, new: str) -> None:
+        """Rename a file."""
+        os.rename(path, new)
+        _keep_names(new)
+
+    def remove(self, path: str) -> None:
+        """Remove a file."""
+        _discard(path)
+
+    def sweep(self, path: str, ending: str, dead_after: float) -> None:
+        """Remove the temporary files of writers that are surely dead.
+
+        A writer on this machine is dead when its process is gone. One elsewhere, or from before this machine
+        started, is dead when its file is older than ``dead_after`` seconds by the clock that dates the files.
+        """
+        leftovers = [os.path.join(path, name) for name in self.names(path) if name.endswith(ending)]
+        if not leftovers:
+            return
+        with tempfile.NamedTemporaryFile(dir=path, suffix=ending) as clock:
+            now = os.stat(clock.name).st_mtime
+        for leftover in leftovers:
+            try:
+                old = now - os.stat(leftover).st_mtime > dead_after
+            except FileNotFoundError:
+                continue
+            if old or _writer_is_gone(leftover):
+                _discard(leftover)
+
+
+@cache
+def _place() -> str:
+    """Return a name of what gives out process numbers: this machine since it started, or a container on it."""
+    boot = Path("/proc/sys/kernel/random/boot_id")
+    identity = f"{socket.gethostname()} {boot.read_text()}{os.stat('/proc/self/ns/pid').st_ino}"
+    return hashlib.sha256(identity.encode()).hexdigest()[:12]
+
+
+def _writer_is_gone(temporary: str) -> bool:
+    """Return whether a temporary file was begun by a process of this place that is no more."""
+    writer = re.search(r"\.([0-9a-f]{12})-(\d+)-[0-9a-f]{8}\.tmp$", temporary)
+    return writer is not None and writer[1] == _place() and not os.path.exists(f"/proc/{writer[2]}")
+
+
+def _written(path: str, content: bytes) -> str:
+    """Write a temporary file next to ``path``, down to the disk, and return its path."""
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    temporary = f"{path}.{_place()}-{os.getpid()}-{secrets.token_hex(4)}.tmp"
+    try:
+        with open(temporary, "xb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+    except BaseException:
+        _discard(temporary)
+        raise
+    return temporary
+
+
+def _keep_names(path: str) -> None:
+    """Force the names in the folder of ``path`` to the disk, without which a file is lost with its name."""
+    descriptor = os.open(os.path.dirname(path), os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _discard(path: str) -> None:
+    with contextlib.suppress(FileNotFoundError):
+        os.unlink(path)

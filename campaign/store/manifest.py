@@ -1,0 +1,64 @@
+"""``manifest.json``: what the files of rows were when they were last checked, so that they need not be read again.
+
+It is a memory of the store and no part of its truth: what it does not know, or no longer knows rightly, is read.
+"""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable
+from typing import Any
+
+from campaign.store.parts import Part, Planned, batches_of
+
+NAME = "manifest.json"
+FORMAT = 1
+
+
+def dump(plan: Planned, parts: Iterable[Part]) -> bytes:
+    """Return the content of a manifest."""
+    files: dict[str, Any] = {}
+    for part in sorted(parts, key=lambda part: part.batch):
+        entry = files.setdefault(part.file, {"size": part.size, "sha256": part.sha256, "statuses": {}})
+        entry["statuses"][str(part.batch)] = part.statuses
+    document = {"format": FORMAT, "campaign": plan.campaign_id, "digest": _digest(files), "files": files}
+    return (json.dumps(document, separators=(",", ":")) + "\n").encode()
+
+
+def load(plan: Planned, content: bytes) -> dict[str, list[Part]]:
+    """Return the parts a manifest knows, by the name of their file.
+
+    Raises
+    ------
+    ValueError
+        If it is not a manifest of this plan as it was written.
+    """
+    document = json.loads(content)
+    try:
+        if (document["format"], document["campaign"]) != (FORMAT, plan.campaign_id):
+            raise ValueError("it is of another campaign or format")
+        if document["digest"] != _digest(document["files"]):
+            raise ValueError("its content was changed after it was written")
+        files = {name: _parts(plan, name, entry) for name, entry in document["files"].items()}
+        return {name: parts for name, parts in files.items() if parts}
+    except (KeyError, TypeError, AttributeError) as error:
+        raise ValueError(f"it has not the form of a manifest ({error!r})") from error
+
+
+def _parts(plan: Planned, name: str, entry: dict[str, Any]) -> list[Part]:
+    span = batches_of(name, plan)
+    size, sha256 = int(entry["size"]), str(entry["sha256"])
+    if span is None or size <= 0 or not re.fullmatch("[0-9a-f]{64}", sha256):
+        raise ValueError(f"it names a file that cannot be one: {name[:60]!r}")
+    merged = span if name.startswith("rows") else None
+    parts = []
+    for key, statuses in entry["statuses"].items():
+        batch, rows = int(key), sum(statuses.values())
+        if not span[0] <= batch <= span[1] or rows != plan.batches[batch][1]:
+            raise ValueError(f"it counts other rows of batch {batch} than the plan")
+        parts.append(Part(batch, rows, statuses, size, sha256, merged))
+    return parts if len(parts) == span[1] - span[0] + 1 else []
+
+
+def _digest(files: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(files, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

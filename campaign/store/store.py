@@ -1,0 +1,260 @@
+"""The store's face: plans, parts, tables and small documents of campaigns under one root."""
+
+import json
+import logging
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+from campaign.errors import SpecError, StoreError
+from campaign.files import Files
+from campaign.store import manifest
+from campaign.store.aside import set_aside
+from campaign.store.outline import Outline, read_outline
+from campaign.store.parts import Part, Planned, check, encode, file_name, part_name
+from campaign.store.rows import batch_rows, stream
+from campaign.store.survey import Survey, read_file, survey
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from campaign.plan import Plan
+    from campaign.store.compact import Compacted
+
+STOPPED = "stopped.json"
+_CAMPAIGN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}")
+logger = logging.getLogger(__name__)
+
+
+class Store:
+    """Campaigns under one folder or URL; see the package's text for the layout."""
+
+    def __init__(self, files: Files) -> None:
+        self.files = files
+
+    @property
+    def url(self) -> str:
+        """What the store was opened with."""
+        return self.files.url
+
+    # -- campaigns ---------------------------------------------------------------------------------------------------
+
+    def campaigns(self) -> list[str]:
+        """Return the ids of all campaigns, sorted."""
+        names = filter(_CAMPAIGN.fullmatch, self.files.names(""))
+        return [name for name in names if self.files.exists(f"{name}/plan.json")]
+
+    def find(self, campaign_id: str | None) -> str:
+        """Return the id of the campaign meant: the one named, or the only one there is.
+
+        Raises
+        ------
+        SpecError
+            If there is no such campaign, or no id was given and there are several.
+        """
+        known = self.campaigns()
+        there = f"campaigns there: {', '.join(known) or 'none'}"
+        if campaign_id is None and len(known) != 1:
+            raise SpecError(f"store {self.url}: say which campaign; {there}")
+        if campaign_id is not None and campaign_id not in known:
+            raise SpecError(f"store {self.url}: no campaign {campaign_id}; {there}")
+        return campaign_id or known[0]
+
+    def create_plan(self, plan: "Plan") -> "Plan":
+        """Put a plan into the store, unless it is there already; return the one that is there then."""
+        name = f"{plan.campaign_id}/plan.json"
+        if not self.files.exists(name):
+            import tomli_w
+
+            from campaign.plan import dump
+
+            self.files.write(f"{plan.campaign_id}/campaign.toml", tomli_w.dumps(dump(plan.spec)).encode())
+            self.files.create(name, plan.to_json().encode())
+        return self.plan(plan.campaign_id)
+
+    def plan(self, campaign_id: str) -> "Plan":
+        """Read a campaign's plan."""
+        from campaign.plan import Plan
+
+        try:
+            text = self.files.read(f"{campaign_id}/plan.json").decode()
+            plan = Plan.from_json(text)
+        except (FileNotFoundError, UnicodeDecodeError, StoreError) as error:
+            raise StoreError(f"store {self.url}, campaign {campaign_id}: {error}") from error
+        if plan.campaign_id != campaign_id:
+            raise StoreError(f"store {self.url}: folder {campaign_id} holds the plan of {plan.campaign_id}")
+        return plan
+
+    def outline(self, campaign_id: str) -> Outline:
+        """Read of a campaign's plan what counting its rows takes: a hundred times as quick as `plan`."""
+        try:
+            outline = read_outline(self.files.read(f"{campaign_id}/plan.json").decode())
+        except (FileNotFoundError, UnicodeDecodeError, StoreError) as error:
+            raise StoreError(f"store {self.url}, campaign {campaign_id}: {error}") from error
+        if outline.campaign_id != campaign_id:
+            raise StoreError(f"store {self.url}: folder {campaign_id} holds the plan of {outline.campaign_id}")
+        return outline
+
+    # -- rows --------------------------------------------------------------------------------------------------------
+
+    def write_part(self, plan: Planned, batch: int, table: "pa.Table") -> Part:
+        """Write the rows of a batch, replacing those there are; ``table`` has the plan's columns."""
+        content = encode(plan, table, batch, batch)
+        self.files.write(part_name(plan, batch), content)
+        return check(plan, content, batch, batch, merged=False)[0]
+
+    def read_part(self, plan: Planned, batch: int) -> "pa.Table":
+        """Read the rows of a batch, from its own part or from a merged file.
+
+        Raises
+        ------
+        FileNotFoundError
+            If no file holds the batch.
+        BadPart
+            If none of those that do is sound: truncated, damaged, or from elsewhere.
+        """
+        return batch_rows(self.files, plan, batch)
+
+    def read_own_part(self, plan: Planned, batch: int) -> "pa.Table":
+        """Read the rows of a batch from its own part; errors as of `read_part`, which lists the folder as well."""
+        return read_file(self.files, plan, file_name(batch, batch))
+
+    def survey(self, plan: Planned, verify: bool = False) -> Survey:
+        """Return what there is of a plan.
+
+        Parameters
+        ----------
+        plan : Planned
+            The campaign.
+        verify : bool
+            Check every file in full, and not only those that the manifest does not know, or knows with another size.
+        """
+        return survey(self.files, plan, self.end(plan), verify=verify)
+
+    def record(self, plan: Planned, parts: Iterable[Part]) -> None:
+        """Replace the manifest, so that the next survey need not read these parts."""
+        self.files.write(f"{plan.campaign_id}/{manifest.NAME}", manifest.dump(plan, parts))
+
+    def set_aside(self, plan: Planned, bad: Iterable[int]) -> list[str]:
+        """Rename the files of bad batches to ``.bad``, so that the batches are computed again, and say so.
+
+        Parameters
+        ----------
+        plan : Planned
+            The campaign.
+        bad : iterable of int
+            Batches, such as a survey's ``bad``. Each file is read once more: one that is sound by now stays.
+
+        Returns
+        -------
+        list of str
+            The names the files have now, within the folder of the parts.
+        """
+        return set_aside(self.files, plan, bad)
+
+    def compact(self, plan: Planned) -> "Compacted":
+        """Merge the parts there are into files of about 100,000 rows, and record them.
+
+        It may be killed and repeated at any time, and while the campaign goes on: what is computed later is merged
+        by the next call. Bad files stay; running the campaign sets them aside.
+        """
+        from campaign.store.compact import compact
+
+        done = compact(self.files, plan)
+        self.record(plan, done.parts.values())
+        return done
+
+    def end(self, plan: Planned) -> int:
+        """Return the number of the sample before which the table ends: all samples, unless the campaign stopped.
+
+        Raises
+        ------
+        StoreError
+            If the document that says where it stopped does not.
+        """
+        samples = sum(plan.batches[-1])
+        stopped = self.read_json(plan.campaign_id, STOPPED)
+        if stopped is None:
+            return samples
+        end = stopped.get("samples")
+        if not isinstance(end, int) or isinstance(end, bool) or not 0 < end <= samples:
+            raise StoreError(
+                f"store {self.url}: {plan.campaign_id}/{STOPPED} says samples = {end!r}; allowed: 1 to {samples};"
+                " restore it, or remove it to have all samples computed"
+            )
+        return end
+
+    def stream(self, plan: Planned, columns: Sequence[str] | None = None) -> "Iterator[pa.Table]":
+        """Yield the rows of a campaign in the order of the samples, some thousands at a time.
+
+        Parameters
+        ----------
+        plan : Planned
+            The campaign.
+        columns : sequence of str, optional
+            Only these.
+
+        Yields
+        ------
+        pyarrow.Table
+            Rows that follow those before, of a file or of several small ones. Batches that are missing are left out;
+            bad ones too, with a warning.
+        """
+        return stream(self.files, plan, self.end(plan), columns)
+
+    def table(self, campaign_id: str | None = None) -> "pa.Table":
+        """Return the rows of a campaign, sorted by sample.
+
+        Parameters
+        ----------
+        campaign_id : str, optional
+            Which; not needed when the store holds only one.
+
+        Returns
+        -------
+        pyarrow.Table
+            The rows there are: one a sample, units in the field metadata. Bad parts are logged and left out.
+        """
+        import pyarrow as pa
+
+        plan = self.plan(self.find(campaign_id))
+        return pa.concat_tables([plan.schema.empty_table(), *self.stream(plan)]).combine_chunks()
+
+    # -- small documents ---------------------------------------------------------------------------------------------
+
+    def read_json(self, campaign_id: str, name: str) -> dict[str, Any] | None:
+        """Return a document of a campaign, None if there is none; StoreError if it cannot be read."""
+        path = f"{campaign_id}/{name}"
+        try:
+            content = json.loads(self.files.read(path))
+        except FileNotFoundError:
+            return None
+        except (ValueError, RecursionError) as error:
+            raise StoreError(f"store {self.url}: {path} is not JSON ({error}); restore or remove it") from error
+        if not isinstance(content, dict):
+            raise StoreError(f"store {self.url}: {path} holds no JSON object; restore or remove it")
+        return content
+
+    def write_json(self, campaign_id: str, name: str, content: dict[str, Any]) -> None:
+        """Write a document of a campaign, whole or not at all, replacing one that is there."""
+        self.files.write(f"{campaign_id}/{name}", _json(content))
+
+    def create_json(self, campaign_id: str, name: str, content: dict[str, Any]) -> bool:
+        """Write a document of a campaign unless it is there; of several who try at once, one is told True.
+
+        Behind a URL the content must name its writer: two who try the same content may both be told True.
+        """
+        return self.files.create(f"{campaign_id}/{name}", _json(content))
+
+    def remove(self, campaign_id: str, name: str) -> None:
+        """Remove a document of a campaign; nothing happens if it is not there."""
+        self.files.remove(f"{campaign_id}/{name}")
+
+
+def open_store(url: str) -> Store:
+    """Open a store by the path of a folder or by an fsspec URL; nothing is read or written yet."""
+    return Store(Files(url))
+
+
+def _json(content: dict[str, Any]) -> bytes:
+    return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()

@@ -1,0 +1,76 @@
+#!/usr/bin/env bash
+# One campaign in one allocation of a batch system: scheduler and coordinator on the first node, workers on all nodes.
+# Called by the job scripts beside this file, with the name of the batch system. From the environment:
+#   CAMPAIGN            a shipped campaign or a campaign file
+#   STORE               folder on a file system all nodes share, or URL
+#   CLEARCAP_TLS        folder of `clearcap certificates`, shared by all nodes; default ~/.clearcap/tls
+#   CLEARCAP_INTERFACE  network interface between the nodes, such as ib0; default the one of the host name
+# When the walltime ends, submit the same job again: it computes what is missing.
+set -euo pipefail
+
+system=$1
+: "${CAMPAIGN:?say which campaign to compute}" "${STORE:?say where the results go}"
+tls=${CLEARCAP_TLS:-$HOME/.clearcap/tls}
+# seen by all nodes, and of this job alone
+scratch=$(mktemp -d "$HOME/.clearcap-job.XXXXXX")
+file=$scratch/scheduler.json
+
+network=(--protocol tls)
+if [ -n "${CLEARCAP_INTERFACE:-}" ]; then
+    network+=(--interface "$CLEARCAP_INTERFACE")
+fi
+closed=(--no-dashboard --dashboard-address 127.0.0.1:0)
+
+secured() { # secured ROLE: options of mutual TLS
+    echo "--tls-ca-file=$tls/ca.pem" "--tls-cert=$tls/$1.pem" "--tls-key=$tls/$1.key"
+}
+read -ra as_scheduler <<<"$(secured scheduler)"
+read -ra as_worker <<<"$(secured worker)"
+
+local=${TMPDIR:-/tmp}
+environment=(env "PATH=$PATH" "NUMBA_CACHE_DIR=$local/clearcap-$USER" NUMBA_NUM_THREADS=1)
+worker=("${environment[@]}" dask worker --scheduler-file "$file" "${network[@]}" "${as_worker[@]}" "${closed[@]}"
+    --nworkers -1 --nthreads 1 --local-directory "$local" --death-timeout 120
+    --preload-nanny 'import engine; engine.warm_up()')
+
+pids=()
+finish() {
+    kill "${pids[@]}" 2>/dev/null || true
+    wait "${pids[@]}" 2>/dev/null || true
+    rm -rf "$scratch"
+}
+trap finish EXIT
+trap 'exit 143' TERM
+
+dask scheduler --port 0 "${network[@]}" "${as_scheduler[@]}" "${closed[@]}" --scheduler-file "$file" &
+pids+=($!)
+
+case $system in
+    slurm)
+        srun --ntasks-per-node=1 --export=ALL "${worker[@]}" &
+        pids+=($!)
+        ;;
+    oar)
+        mapfile -t nodes < <(sort -u "$OAR_NODEFILE")
+        for node in "${nodes[@]}"; do
+            oarsh "$node" "$(printf '%q ' "${worker[@]}")" &
+            pids+=($!)
+        done
+        ;;
+    pbs)
+        mapfile -t nodes < <(sort -u "$PBS_NODEFILE")
+        for node in "${nodes[@]}"; do
+            pbs_tmrsh "$node" "${worker[@]}" &
+            pids+=($!)
+        done
+        ;;
+    *)
+        echo "allocation.sh: $system: not a batch system; allowed: slurm, oar, pbs" >&2
+        exit 2
+        ;;
+esac
+
+clearcap run "$CAMPAIGN" --store "$STORE" --scheduler "$file" \
+    --tls-ca "$tls/ca.pem" --tls-cert "$tls/client.pem" --tls-key "$tls/client.key" &
+pids+=($!)
+wait $!

@@ -1,0 +1,81 @@
+"""How samples ended, and those that have no result."""
+
+import shlex
+from dataclasses import dataclass
+
+import numpy as np
+
+from reporting.numbers import plain
+from reporting.samples import OK, Samples
+from reporting.spec import ReportSpec, VariableSpec
+
+FAILURES_LISTED = 20
+
+STATUSES = {
+    OK: "settled, every number is used",
+    "not_converged": "a step missed the friction tolerance",
+    "diverged": "a number was no longer finite",
+    "timeout": "ran longer than allowed",
+    "invalid": "settled, but broke a validity condition",
+    "crashed": "the process or the code failed",
+}
+
+
+@dataclass(frozen=True)
+class StatusCount:
+    """How many samples ended with a status, and the first of them as example."""
+
+    status: str
+    meaning: str
+    count: int
+    share: float | None
+    example: int | None
+    message: str
+
+
+@dataclass(frozen=True)
+class FailedSample:
+    """A sample without a result, and the command that repeats it."""
+
+    sample: int
+    status: str
+    message: str
+    command: str
+
+
+def count_statuses(samples: Samples) -> tuple[StatusCount, ...]:
+    """Count every known status, zero too, and any other that the rows hold."""
+    counts = []
+    for status in [*STATUSES, *sorted(set(samples.statuses) - set(STATUSES))]:
+        rows = samples.rows_of(status)
+        example = int(samples.sample[rows[0]]) if status != OK and rows.size > 0 else None
+        counts.append(
+            StatusCount(
+                status=status,
+                meaning=STATUSES.get(status, "a status this version does not know"),
+                count=int(rows.size),
+                share=rows.size / samples.sample.size if samples.sample.size else None,
+                example=example,
+                message="" if example is None else samples.messages.get(example, ""),
+            )
+        )
+    return tuple(counts)
+
+
+def list_failures(spec: ReportSpec, samples: Samples) -> tuple[FailedSample, ...]:
+    """List the first failed samples, each with the command that repeats it to the last bit of its inputs."""
+    start = spec.simulate or f"clearcap simulate {shlex.quote(spec.provenance.get('mechanism', spec.campaign))}"
+    return tuple(
+        FailedSample(
+            sample=int(samples.sample[row]),
+            status=samples.statuses[samples.status[row]],
+            message=samples.messages.get(int(samples.sample[row]), ""),
+            command=" ".join([start, *(_option(v, samples.values[v.name][row]) for v in spec.variables)]),
+        )
+        for row in np.flatnonzero(~samples.ok)[:FAILURES_LISTED]
+    )
+
+
+def _option(variable: VariableSpec, value: float) -> str:
+    """Return the option that sets a variable, in full precision."""
+    return f"--set {shlex.quote(f'{variable.key or variable.name}={plain(value)}')}"

@@ -1,0 +1,169 @@
+"""Marks in a coordinate system, as SVG text: what the figures of the report are made of.
+
+Text stays text, in the reader's font; the same numbers give the same bytes. Colours are attributes, not style sheets:
+every program that shows SVG knows those.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from markupsafe import escape
+
+INK, MUTED, GRID = "#1d2733", "#4d5967", "#e3e7ec"
+SIZE = 12.0  # of text, in the figure's units
+_WIDTH_OF_A_LETTER = 0.56  # of its size, on average
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A rectangle of the figure and the numbers at its ends.
+
+    Attributes
+    ----------
+    width, height : float
+        Of the whole figure.
+    x, y : (float, float)
+        Numbers at left and right, at bottom and top.
+    left, right, top, bottom : float
+        Margins.
+    """
+
+    width: float
+    height: float
+    x: tuple[float, float]
+    y: tuple[float, float]
+    left: float = 64.0
+    right: float = 16.0
+    top: float = 24.0
+    bottom: float = 46.0
+
+    def across(self, value: float) -> float:
+        """Return where a number lies from left to right."""
+        low, high = self.x
+        return self.left + (value - low) / (high - low) * (self.width - self.left - self.right)
+
+    def up(self, value: float) -> float:
+        """Return where a number lies from the top down."""
+        low, high = self.y
+        return self.height - self.bottom - (value - low) / (high - low) * (self.height - self.top - self.bottom)
+
+    @property
+    def ground(self) -> float:
+        """Where the axis of x lies."""
+        return self.height - self.bottom
+
+
+def svg(frame: Frame, label: str, marks: Iterable[str]) -> str:
+    """Return the figure; `label` says in words what it shows."""
+    body = "\n".join(marks)
+    return (
+        f'<svg viewBox="0 0 {frame.width:g} {frame.height:g}" role="img" aria-label="{escape(label)}" '
+        f'font-size="{SIZE:g}" fill="{INK}">\n{body}\n</svg>'
+    )
+
+
+def text(x: float, y: float, words: str, anchor: str = "middle", colour: str = INK, more: str = "") -> str:
+    """Return words at a place of the figure."""
+    place = f'x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" fill="{colour}"'
+    return f"<text {place}{' ' if more else ''}{more}>{escape(words)}</text>"
+
+
+def line(points: Iterable[tuple[float, float]], colour: str = INK, width: float = 1.4, dash: str = "") -> str:
+    """Return a line through places of the figure."""
+    at = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+    dashes = f' stroke-dasharray="{dash}"' if dash else ""
+    return f'<polyline points="{at}" fill="none" stroke="{colour}" stroke-width="{width:g}"{dashes}/>'
+
+
+def curve(frame: Frame, x: Sequence[float], y: Sequence[float], colour: str = INK, dash: str = "") -> str:
+    """Return a line through numbers."""
+    return line(((frame.across(a), frame.up(b)) for a, b in zip(x, y, strict=True)), colour, 1.5, dash)
+
+
+def band(frame: Frame, x: Sequence[float], low: Sequence[float], high: Sequence[float], colour: str) -> str:
+    """Return the area between two curves."""
+    there = [f"{frame.across(a):.1f},{frame.up(b):.1f}" for a, b in zip(x, high, strict=True)]
+    back = [f"{frame.across(a):.1f},{frame.up(b):.1f}" for a, b in zip(x, low, strict=True)]
+    return f'<polygon points="{" ".join(there + back[::-1])}" fill="{colour}"/>'
+
+
+def box(x: float, y: float, width: float, height: float, colour: str, more: str = "") -> str:
+    """Return a rectangle; a width below nothing is drawn as nothing."""
+    size = f'width="{max(width, 0):.1f}" height="{max(height, 0):.1f}"'
+    return f'<rect x="{x:.1f}" y="{y:.1f}" {size} fill="{colour}"{" " if more else ""}{more}/>'
+
+
+def dots(places: Iterable[tuple[float, float]], colour: str, radius: float = 2.2) -> str:
+    """Return dots at places of the figure."""
+    # A line of no length with round ends is a dot, and takes a quarter of the bytes of a circle.
+    path = "".join(f"M{x:.1f} {y:.1f}h0" for x, y in places)
+    return f'<path d="{path}" stroke="{colour}" stroke-width="{2 * radius:g}" stroke-linecap="round" fill="none"/>'
+
+
+def marker(frame: Frame, value: float, words: str, colour: str, dash: str, row: int = 0) -> str:
+    """Return a line from the ground up with its name above, kept inside the figure; `row` 1 stands higher."""
+    x = frame.across(value)
+    half = 0.5 * text_width(words) * 1.05 + 1
+    middle = min(max(x, half), frame.width - half)
+    name = text(middle, frame.top - 6 - 14 * row, words, colour=colour, more='font-weight="600"')
+    return line([(x, frame.ground), (x, frame.top - 3 - 14 * row)], colour, 1.5, dash) + "\n" + name
+
+
+def axis_x(frame: Frame, label: str, ticks: Sequence[tuple[float, str]] | None = None) -> str:
+    """Return the axis of x: line, ticks, numbers, label."""
+    marks = [line([(frame.left, frame.ground), (frame.width - frame.right, frame.ground)], MUTED, 1)]
+    known = ticks or _fitting(frame)
+    for value, words in known:
+        x = frame.across(value)
+        marks.append(line([(x, frame.ground), (x, frame.ground + 4)], MUTED, 1))
+        marks.append(text(x, frame.ground + 17, words, colour=MUTED))
+    marks.append(text(0.5 * (frame.left + frame.width - frame.right), frame.height - 8, label))
+    return "\n".join(marks)
+
+
+def axis_y(frame: Frame, label: str, ticks: Sequence[tuple[float, str]] | None = None) -> str:
+    """Return the axis of y: grid, numbers, label."""
+    marks = []
+    for value, words in ticks or labelled(*frame.y, 4):
+        y = frame.up(value)
+        marks.append(line([(frame.left, y), (frame.width - frame.right, y)], GRID, 1))
+        marks.append(text(frame.left - 6, y + 4, words, "end", MUTED))
+    middle = 0.5 * (frame.top + frame.ground)
+    marks.append(text(13, middle, label, more=f'transform="rotate(-90 13 {middle:.1f})"'))
+    return "\n".join(marks)
+
+
+def text_width(words: str) -> float:
+    """Return about how wide words are."""
+    return _WIDTH_OF_A_LETTER * SIZE * len(words)
+
+
+def labelled(low: float, high: float, count: int) -> list[tuple[float, str]]:
+    """Return about `count` round numbers between two, each with its text."""
+    step = _round_step((high - low) / count)
+    first = math.ceil(low / step - 1e-9)
+    values = [step * i for i in range(first, math.floor(high / step + 1e-9) + 1)]
+    largest = max((abs(v) for v in values), default=0.0)
+    if largest and (largest >= 1e6 or largest < 1e-4):
+        # As many digits as tell two neighbours apart.
+        digits = max(0, math.floor(math.log10(largest)) - math.floor(math.log10(step) + 1e-9))
+        return [(v, "0" if v == 0 else f"{v:.{min(digits, 15)}e}") for v in values]
+    decimals = max(0, -math.floor(math.log10(step) + 1e-9))
+    return [(v, f"{v:.{decimals}f}".replace("-", "−") if abs(v) > step / 2 else "0") for v in values]
+
+
+def _fitting(frame: Frame) -> list[tuple[float, str]]:
+    """Return round numbers whose texts fit side by side below the axis."""
+    room = frame.width - frame.left - frame.right
+    for count in (8, 6, 4, 3, 2):
+        ticks = labelled(*frame.x, count)
+        if sum(text_width(words) + 14 for _, words in ticks) < room:
+            return ticks
+    return ticks[:1]
+
+
+def _round_step(about: float) -> float:
+    """Return the next of 1, 2, 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(about))
+    return power * next(factor for factor in (1, 2, 5, 10) if factor * power >= about * (1 - 1e-9))

@@ -1,0 +1,147 @@
+"""Sums over a sample from which every regression of the report follows: one pass over the rows, no more.
+
+Each variable gets a basis of polynomials that are orthonormal under its own sample (Stieltjes' procedure,
+Gautschi 2004, section 2.2): a change of unit or of origin changes nothing, and the normal equations stay well
+conditioned at any degree used here. The rows are dealt into groups, and products are summed group by group: the sums
+without one group give both the error of prediction on that group and the delete-a-group jackknife. Groups are dealt at
+random: every 20th sample of a Sobol' sequence or of a grid is no sample of the whole.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+GROUPS = 20
+MOST_ROWS = 200_000  # more would change no digit that is read: the error of a share is then below 0.002
+_CHUNK = 50_000  # rows whose basis is in memory at a time
+_RECURRENCE_ROWS = 20_000  # the basis only needs to be nearly orthonormal: the sums hold what it is
+# Below this norm a polynomial is zero on the sample: the variable has no more distinct values.
+_VANISHES = 1e-7
+
+
+@dataclass(frozen=True)
+class Basis:
+    """Polynomials of k variables up to a degree; column order: constant, all of degree 1, all of degree 2, ...
+
+    Attributes
+    ----------
+    mean, std : array, shape (k,)
+        Of the sample, in the variables' units.
+    center, norm : array, shape (degree, k)
+        ``norm[j] p[j+1] = (t - center[j]) p[j] - norm[j-1] p[j-1]`` with ``t = (x - mean) / std``; a norm of 0 ends
+        the basis of that variable.
+    """
+
+    mean: Array
+    std: Array
+    center: Array
+    norm: Array
+
+    @property
+    def degree(self) -> int:
+        """Highest degree."""
+        return int(self.center.shape[0])
+
+    def columns(self, variable: int, degree: int) -> NDArray[np.intp]:
+        """Return where the polynomials of a variable up to a degree are, constant left out."""
+        return 1 + variable + self.mean.size * np.arange(degree)
+
+    def __call__(self, x: Array) -> Array:
+        """Return the basis at points, shape (n, k) -> (n, 1 + k degree)."""
+        t = (x - self.mean) / self.std
+        before, at, below = np.zeros_like(t), np.ones_like(t), np.zeros(t.shape[1])
+        blocks = [np.ones((t.shape[0], 1))]
+        for center, norm in zip(self.center, self.norm, strict=True):
+            before, at = at, _over((t - center) * at - below * before, norm)
+            below = norm
+            blocks.append(at)
+        return np.concatenate(blocks, axis=1)
+
+
+@dataclass(frozen=True)
+class Sums:
+    """Products of basis and responses, summed over each group; responses are standardised.
+
+    Attributes
+    ----------
+    basis : Basis
+    rows : array, shape (g,)
+        Rows of each group.
+    bb : array, shape (g, p, p)
+    by : array, shape (g, p, m)
+    yy : array, shape (g, m)
+    """
+
+    basis: Basis
+    rows: Array
+    bb: Array
+    by: Array
+    yy: Array
+
+    def without_each(self) -> "Sums":
+        """Return the sums over all rows, and over all rows but those of each group, shape (1 + g, ...)."""
+        return Sums(self.basis, *(total_and_rest(a) for a in (self.rows, self.bb, self.by, self.yy)))
+
+
+def dealt(n: int) -> NDArray[np.intp]:
+    """Return row numbers in random order, always the same for the same n, at most 200,000 of them."""
+    return np.random.Generator(np.random.PCG64(n)).permutation(n)[:MOST_ROWS]
+
+
+def basis_of(x: Array, degree: int) -> Basis:
+    """Return the orthonormal polynomials of each column, shape (n, k), no column constant."""
+    mean, std = x.mean(axis=0), x.std(axis=0)
+    t = (x[:: max(1, x.shape[0] // _RECURRENCE_ROWS)] - mean) / std
+    center, norm = np.zeros((degree, t.shape[1])), np.zeros((degree, t.shape[1]))
+    before, at, below = np.zeros_like(t), np.ones_like(t), np.zeros(t.shape[1])
+    for j in range(degree):
+        center[j] = np.mean(t * at * at, axis=0)
+        following = (t - center[j]) * at - below * before
+        size = np.sqrt(np.mean(following**2, axis=0))
+        norm[j] = np.where(size > _VANISHES, size, 0.0)
+        before, at = at, _over(following, norm[j])
+        below = norm[j]
+    return Basis(mean, std, center, norm)
+
+
+def group_sums(x: Array, y: Array, degree: int, groups: int = GROUPS) -> Sums:
+    """Return the sums of a sample.
+
+    Parameters
+    ----------
+    x : array, shape (n, k)
+        Variables, finite, no column constant; rows in random order (`dealt`).
+    y : array, shape (n, m)
+        Responses, finite, no column constant.
+    degree : int
+        Highest degree of the polynomials, at least 1.
+    groups : int
+        Row i belongs to group ``i % groups``.
+    """
+    basis = basis_of(x, degree)
+    y_mean, y_std = y.mean(axis=0), y.std(axis=0)
+    p, m = 1 + degree * x.shape[1], y.shape[1]
+    rows, bb, by, yy = np.zeros(groups), np.zeros((groups, p, p)), np.zeros((groups, p, m)), np.zeros((groups, m))
+    for g in range(groups):
+        for first in range(g, x.shape[0], groups * _CHUNK):
+            part = slice(first, first + groups * _CHUNK, groups)
+            values, z = basis(x[part]), (y[part] - y_mean) / y_std
+            rows[g] += z.shape[0]
+            bb[g] += values.T @ values
+            by[g] += values.T @ z
+            yy[g] += np.sum(z * z, axis=0)
+    return Sums(basis, rows, bb, by, yy)
+
+
+def _over(values: Array, norm: Array) -> Array:
+    """Return values / norm, zero where the basis of a variable has ended."""
+    return values * np.where(norm > 0, 1.0 / np.where(norm > 0, norm, 1.0), 0.0)
+
+
+def total_and_rest(groups: Array) -> Array:
+    """Return the total over the first axis, then the total without each entry, shape (1 + g, ...)."""
+    total = groups.sum(axis=0)
+    return np.concatenate([total[None], total[None] - groups])

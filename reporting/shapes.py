@@ -1,0 +1,216 @@
+"""Distributions in the closed form of `scipy.special`: a fit calls them some thousand times.
+
+`scipy.stats` builds a whole object for every set of parameters, which costs fifty times what these formulas do.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+from scipy.special import ndtr, ndtri
+
+Array = NDArray[np.float64]
+Function = Callable[[Array], Array]
+
+_HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)
+_HALVINGS = 80
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A distribution: logarithm of the density, share up to and above a value, quantile of a share; on arrays."""
+
+    logpdf: Function
+    cdf: Function
+    sf: Function
+    ppf: Function
+
+
+def normal_after(score: Function, log_slope: Function, inverse: Function) -> Shape:
+    """Return the distribution of values whose increasing `score` is standard normal.
+
+    Parameters
+    ----------
+    score, log_slope, inverse : callable
+        The score of a value, the logarithm of its derivative, the value of a score.
+    """
+    return Shape(
+        logpdf=lambda z: log_slope(z) - 0.5 * score(z) ** 2 - _HALF_LOG_2PI,
+        cdf=lambda z: ndtr(score(z)),
+        sf=lambda z: ndtr(-score(z)),
+        ppf=lambda p: inverse(ndtri(p)),
+    )
+
+
+def normal(mean: float, std: float) -> Shape:
+    """Return the normal distribution."""
+    slope = -math.log(std)
+    return normal_after(lambda z: (z - mean) / std, lambda z: np.full_like(z, slope), lambda s: mean + std * s)
+
+
+def lognormal(low: float, mean: float, std: float) -> Shape:
+    """Return the distribution of values above `low` whose logarithm there is normal (Johnson's SL)."""
+    return normal_after(
+        lambda z: (np.log(np.maximum(z - low, 0.0)) - mean) / std,
+        lambda z: -np.log(z - low) - math.log(std),
+        lambda s: low + np.exp(mean + std * s),
+    )
+
+
+def johnson_su(gamma: float, delta: float, xi: float, scale: float) -> Shape:
+    """Return Johnson's (1949) unbounded distribution: ``gamma + delta asinh((z - xi) / scale)`` is normal."""
+    return normal_after(
+        lambda z: gamma + delta * np.arcsinh((z - xi) / scale),
+        lambda z: math.log(delta / scale) - 0.5 * np.log1p(((z - xi) / scale) ** 2),
+        lambda s: xi + scale * np.sinh((s - gamma) / delta),
+    )
+
+
+def johnson_sb(gamma: float, delta: float, low: float, high: float) -> Shape:
+    """Return Johnson's (1949) bounded distribution: ``gamma + delta ln((z - low) / (high - z))`` is normal."""
+    return normal_after(
+        lambda z: gamma + delta * special.logit(np.clip((z - low) / (high - low), 0.0, 1.0)),
+        lambda z: math.log(delta * (high - low)) - np.log(z - low) - np.log(high - z),
+        lambda s: low + (high - low) * special.expit((s - gamma) / delta),
+    )
+
+
+def box_cox_normal(power: float, mean: float, std: float) -> Shape:
+    """Return positive values whose ``(z^power - 1) / power`` are normal (Box, Cox 1964)."""
+    return normal_after(
+        lambda z: (special.boxcox(np.maximum(z, 0.0), power) - mean) / std,
+        lambda z: (power - 1.0) * np.log(z) - math.log(std),
+        lambda s: special.inv_boxcox(mean + std * s, power),
+    )
+
+
+def yeo_johnson_normal(power: float, mean: float, std: float) -> Shape:
+    """Return values of any sign that are normal after the power transform of Yeo and Johnson (2000)."""
+
+    def transformed(z: Array) -> Array:
+        up, down = special.boxcox1p(np.maximum(z, 0), power), special.boxcox1p(np.maximum(-z, 0), 2 - power)
+        return np.asarray(np.where(z >= 0, up, -down))
+
+    def back(y: Array) -> Array:
+        up, down = special.inv_boxcox1p(np.maximum(y, 0), power), special.inv_boxcox1p(np.maximum(-y, 0), 2 - power)
+        return np.asarray(np.where(y >= 0, up, -down))
+
+    return normal_after(
+        lambda z: (transformed(z) - mean) / std,
+        lambda z: (power - 1.0) * np.sign(z) * np.log1p(np.abs(z)) - math.log(std),
+        lambda s: back(mean + std * s),
+    )
+
+
+def weibull(shape: float, scale: float) -> Shape:
+    """Return the two-parameter Weibull distribution, ``P(Z > z) = exp(-(z/scale)^shape)``."""
+
+    def hazard(z: Array) -> Array:
+        return np.asarray(np.maximum(z / scale, 0.0) ** shape)
+
+    return Shape(
+        logpdf=lambda z: math.log(shape / scale) + (shape - 1) * np.log(z / scale) - hazard(z),
+        cdf=lambda z: -np.expm1(-hazard(z)),
+        sf=lambda z: np.exp(-hazard(z)),
+        ppf=lambda p: scale * (-np.log1p(-p)) ** (1 / shape),
+    )
+
+
+def gamma(shape: float, scale: float) -> Shape:
+    """Return the gamma distribution."""
+    constant = -float(special.gammaln(shape)) - math.log(scale)
+    return Shape(
+        logpdf=lambda z: constant + (shape - 1) * np.log(z / scale) - z / scale,
+        cdf=lambda z: special.gammainc(shape, np.maximum(z / scale, 0.0)),
+        sf=lambda z: special.gammaincc(shape, np.maximum(z / scale, 0.0)),
+        ppf=lambda p: scale * special.gammaincinv(shape, p),
+    )
+
+
+def beta(a: float, b: float) -> Shape:
+    """Return the beta distribution on 0 to 1."""
+    constant = -float(special.betaln(a, b))
+    return Shape(
+        logpdf=lambda z: constant + (a - 1) * np.log(z) + (b - 1) * np.log1p(-z),
+        cdf=lambda z: special.betainc(a, b, np.clip(z, 0.0, 1.0)),
+        sf=lambda z: special.betainc(b, a, np.clip(1.0 - z, 0.0, 1.0)),
+        ppf=lambda p: special.betaincinv(a, b, p),
+    )
+
+
+def folded_normal(mean: float, std: float) -> Shape:
+    """Return the distribution of the magnitude of a normal value; with mean 0 the half-normal one."""
+    slope = -math.log(std) - _HALF_LOG_2PI
+
+    def cdf(z: Array) -> Array:
+        z = np.maximum(z, 0.0)
+        return np.asarray(ndtr((z - mean) / std) - ndtr((-z - mean) / std))
+
+    return Shape(
+        logpdf=lambda z: slope + np.logaddexp(-0.5 * ((z - mean) / std) ** 2, -0.5 * ((z + mean) / std) ** 2),
+        cdf=cdf,
+        sf=lambda z: np.where(z > 0, ndtr((mean - z) / std) + ndtr((-z - mean) / std), 1.0),
+        ppf=lambda p: _bisect(cdf, p, np.zeros_like(p), abs(mean) + std * np.abs(ndtri((1 + p) / 2))),
+    )
+
+
+def logistic(mean: float, scale: float) -> Shape:
+    """Return the logistic distribution."""
+
+    def log_density(z: Array) -> Array:
+        u = (z - mean) / scale
+        return np.asarray(-u - 2 * np.logaddexp(0.0, -u) - math.log(scale))
+
+    return Shape(
+        logpdf=log_density,
+        cdf=lambda z: special.expit((z - mean) / scale),
+        sf=lambda z: special.expit((mean - z) / scale),
+        ppf=lambda p: mean + scale * special.logit(p),
+    )
+
+
+def largest_extreme(mode: float, scale: float) -> Shape:
+    """Return the distribution of the largest of many values (Gumbel); mirrored, that of the smallest."""
+
+    def log_density(z: Array) -> Array:
+        u = (z - mode) / scale
+        return np.asarray(-u - np.exp(-u) - math.log(scale))
+
+    return Shape(
+        logpdf=log_density,
+        cdf=lambda z: np.exp(-np.exp((mode - z) / scale)),
+        sf=lambda z: -np.expm1(-np.exp((mode - z) / scale)),
+        ppf=lambda p: mode - scale * np.log(-np.log(p)),
+    )
+
+
+def two_normals(share: float, mean1: float, std1: float, mean2: float, std2: float) -> Shape:
+    """Return a mixture: `share` of the values from one normal distribution, the others from a second."""
+    one, two = normal(mean1, std1), normal(mean2, std2)
+    rest = 1.0 - share
+
+    def cdf(z: Array) -> Array:
+        return share * one.cdf(z) + rest * two.cdf(z)
+
+    def ppf(p: Array) -> Array:
+        ends = one.ppf(p), two.ppf(p)
+        return _bisect(cdf, p, np.minimum(*ends), np.maximum(*ends))
+
+    return Shape(
+        logpdf=lambda z: np.logaddexp(np.log(share) + one.logpdf(z), np.log(rest) + two.logpdf(z)),
+        cdf=cdf,
+        sf=lambda z: share * one.sf(z) + rest * two.sf(z),
+        ppf=ppf,
+    )
+
+
+def _bisect(cdf: Function, p: Array, low: Array, high: Array) -> Array:
+    """Return where `cdf` is `p`, between `low` and `high`."""
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        under = cdf(middle) < p
+        low, high = np.where(under, middle, low), np.where(under, high, middle)
+    return np.asarray((low + high) / 2)

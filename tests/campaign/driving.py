@@ -1,0 +1,31 @@
+"""What tests of the coordinator share: drive a campaign with a stand-in for the physics, and compare rows."""
+
+from campaign.clusters import Cluster
+from campaign.coordinate import coordinate
+from campaign.store import open_store
+from campaign.submission import submit
+from campaign.task import Order, Task, run_batch
+from tests.campaign import fake_engine
+
+
+def start(folder, asked, workers=2, batch_size=3, simulate=fake_engine.simulate, show=lambda _: None):
+    """Drive a campaign to its end in a store of its own; return the store and what came of it."""
+    store = open_store(str(folder))
+    plan = submit(store, asked, batch_size)
+    return store, coordinate(store, plan, Cluster(workers=workers), show, simulate)
+
+
+def rows(store, driven):
+    """Return what must not depend on how a campaign is driven, of an outcome or a plan."""
+    plan = getattr(driven, "plan", driven)
+    return store.table(plan.campaign_id).drop_columns(["wall_s", "attempts"])
+
+
+def computed(folder, asked, batch_size, simulate=fake_engine.simulate):
+    """Compute a campaign in this process, without a cluster; return the store and the plan."""
+    store = open_store(str(folder))
+    plan = submit(store, asked, batch_size)
+    task = Task(store.url, plan.campaign_id, plan.engine_build, simulate)
+    for batch in range(len(plan.batches)):
+        run_batch(task, Order(batch))
+    return store, plan

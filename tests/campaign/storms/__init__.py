@@ -1,0 +1,1 @@
+"""Campaigns while their processes are killed, on real processes that a supervisor starts again."""

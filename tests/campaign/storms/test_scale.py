@@ -1,0 +1,150 @@
+"""A million samples of the stand-in: what a run costs besides itself, and memory that does not grow with the campaign.
+
+The stand-in (``tests.campaign.fake_engine.simulate``) takes no time, so what is measured is the whole way of a row:
+drawn, made a row, written, counted. ``CLEARCAP_SCALE_SAMPLES`` sets how many; the figures of a million are in
+docs/speed.md.
+"""
+
+import json
+import math
+import os
+import subprocess
+import sys
+import time
+import uuid
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from campaign.load import load_campaign
+from campaign.store import open_store
+from campaign.submission import submit
+from tests.campaign.storms.cluster import DASK, drive, start_cluster
+from tests.campaign.storms.supervisor import Supervisor, those_left
+
+pytestmark = pytest.mark.slow
+
+SAMPLES = int(os.environ.get("CLEARCAP_SCALE_SAMPLES", "100000"))
+WORKERS = 2
+OVERHEAD = 100e-6  # s a run: the processor time of all processes of the campaign over the number of workers
+PER_BATCH = 4096  # bytes: what the coordinator remembers of a batch (counts and digest), and the manifest of it
+CACHES = 30 * 2**20  # bytes that either process may take once, however long it runs
+REPORT = (60.0, 2**30)  # s, bytes
+
+
+class Course:
+    """What a campaign's processes took while it went on: memory [bytes], processor time and time [s], runs done."""
+
+    def __init__(self):
+        self.memory = {"coordinator": [], "scheduler": []}
+        self.done, self.spent, self.at = [], [], []
+
+    def watch(self, supervisor, store, plan):
+        """Look every second until the coordinator is finished."""
+        last = {}
+        while not supervisor.finished("coordinator"):
+            time.sleep(1.0)
+            with suppress(psutil.NoSuchProcess):
+                for process in _of(supervisor):
+                    last[process.pid] = sum(process.cpu_times()[:2])
+                sizes = {name: psutil.Process(supervisor.pid(name)).memory_info().rss for name in self.memory}
+                heartbeat = store.read_json(plan.campaign_id, "heartbeat.json")
+                if heartbeat is None or heartbeat["done"] in (0, plan.spec.samples):
+                    continue
+                for name, size in sizes.items():
+                    self.memory[name].append(size)
+                self.done.append(heartbeat["done"])
+                self.spent.append(sum(last.values()))
+                self.at.append(time.monotonic())
+
+    def per_run(self, what):
+        """Return what a run took of something, the start and the end left out: from a fifth to the last look.
+
+        NaN when the campaign was over before it was seen twice.
+        """
+        seen = [i for i, done in enumerate(self.done) if done >= self.done[-1] / 5]
+        runs = self.done[seen[-1]] - self.done[seen[0]] if seen else 0
+        return (what[seen[-1]] - what[seen[0]]) / runs if runs else math.nan
+
+    def growth(self, name):
+        """Return by how much a process grew after its first quarter [bytes]; NaN if it was never seen."""
+        if not (seen := self.memory[name]):
+            return math.nan
+        return np.mean(seen[-5:]) - np.mean(seen[len(seen) // 4 :][:5])
+
+
+def _of(supervisor):
+    pids = [supervisor.pid(name) for name in ("coordinator", "scheduler", "worker-0", "worker-1")]
+    for process in [psutil.Process(pid) for pid in pids if pid is not None]:
+        yield from (process, *process.children(recursive=True))
+
+
+@pytest.mark.parametrize(("size", "samples"), [(50, SAMPLES), (500, 3 * SAMPLES)])  # large batches take less time
+def test_scale(size, samples, tmp_path, campaign_file, capsys):
+    """Overhead a run below 100 us; the memory of coordinator and scheduler is flat."""
+    store = open_store(str(tmp_path / "store"))
+    plan = submit(store, load_campaign(str(campaign_file), samples=samples), size)
+    course = Course()
+    with Supervisor(tmp_path, str(uuid.uuid4()), **DASK) as supervisor:
+        address = start_cluster(supervisor, tmp_path)
+        began = time.monotonic()
+        drive(supervisor, store, plan, address, 0.0)
+        course.watch(supervisor, store, plan)
+        wall = time.monotonic() - began
+    assert those_left(supervisor.mark) == []
+    overhead, slack = course.per_run(course.spent) / WORKERS, _slack()
+    figures = {
+        "samples": samples,
+        "batch": size,
+        "wall_s": round(wall, 1),
+        "wall_us": round(1e6 * course.per_run(course.at), 1),
+        "overhead_us": round(1e6 * overhead, 1),
+        "load": round(os.getloadavg()[0], 1),
+        **{f"{name}_MiB": _tenths(seen) for name, seen in course.memory.items()},
+        **_asked(store, plan, tmp_path),
+    }
+    with capsys.disabled():
+        print(f"\n{json.dumps(figures)}")
+    assert course.growth("coordinator") < CACHES + PER_BATCH * len(plan.batches), figures
+    assert course.growth("scheduler") < CACHES, figures
+    if size == 50:
+        assert overhead < OVERHEAD * slack, figures
+    assert figures["report_s"] < REPORT[0] * _slack(), figures
+    assert figures["report_MiB"] * 2**20 < REPORT[1], figures
+
+
+def _tenths(seen):
+    return [round(size / 2**20) for size in seen[:: max(len(seen) // 10, 1)]]
+
+
+def _slack():
+    """Return how much longer things take because others use the machine's processors."""
+    return max(os.getloadavg()[0] / len(os.sched_getaffinity(0)), 1.0)
+
+
+def _asked(store, plan, folder):
+    """Return what status and report take on the campaign, in processes of their own."""
+    figures = {}
+    for verb in ("status", "report"):
+        began = time.monotonic()
+        command = [sys.executable, "-m", "campaign", verb, plan.campaign_id, "--store", store.url, "--json"]
+        with (folder / f"{verb}.json").open("wb") as out, subprocess.Popen(command, stdout=out) as process:
+            peak = 0
+            while process.poll() is None:
+                peak = max(peak, _peak(process.pid))
+                time.sleep(0.05)
+        assert process.returncode == 0
+        figures |= {f"{verb}_s": time.monotonic() - began, f"{verb}_MiB": round(peak / 2**20)}
+    return figures
+
+
+def _peak(pid):
+    """Return the largest resident set a process had so far [bytes]."""
+    try:
+        status = Path(f"/proc/{pid}/status").read_text()
+    except (FileNotFoundError, ProcessLookupError):
+        return 0
+    return 1024 * next((int(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM")), 0)

@@ -1,0 +1,85 @@
+"""What test_hosts.py does on its hosts: ``python -m tests.deploy.on_host WHAT ...`` prints JSON."""
+
+import json
+import socket
+import ssl
+import sys
+
+import campaign.clusters
+from campaign.clusters import Cluster, Tls, connect
+from campaign.coordinate import coordinate
+from campaign.errors import CampaignError
+from campaign.store import open_store
+from tests.campaign import fake_engine
+
+
+def compute(address, url, campaign_id):
+    """Compute a planned campaign by a scheduler's two workers, with certificates of dask's configuration."""
+    return _compute(Cluster(address), 2, url, campaign_id)
+
+
+def submit(kind, workers, url, campaign_id):
+    """Compute a planned campaign by jobs of a batch system."""
+    return _compute(Cluster(kind=kind, workers=int(workers)), int(workers), url, campaign_id)
+
+
+def run_as_told(campaign_id, *words):
+    """Compute a planned campaign as ``clearcap run`` would with these words."""
+    verb, _, *options = words
+    given = dict(zip(options[::2], options[1::2], strict=True))
+    tls = Tls(*(given[f"--tls-{name}"] for name in ("ca", "cert", "key")))
+    assert verb == "run"
+    return _compute(Cluster(given["--scheduler"], tls=tls), 1, given["--store"], campaign_id)
+
+
+def _compute(cluster, workers, url, campaign_id):
+    """Compute a planned campaign; return by which hosts, and what was computed."""
+    store, hosts = open_store(url), []
+    plan = store.plan(campaign_id)
+    if cluster.scheduler:
+        with connect(cluster) as client:
+            client.wait_for_workers(workers, timeout=300)
+            hosts = sorted({worker["host"] for worker in client.scheduler_info(n_workers=-1)["workers"].values()})
+    outcome = coordinate(store, plan, cluster, simulate=fake_engine.simulate)
+    return {"hosts": hosts, "statuses": outcome.survey.statuses, "batches": sorted(outcome.survey.parts)}
+
+
+def reach(address, *files):
+    """Try to reach a scheduler, with certificates or without."""
+    campaign.clusters.REACHED_WITHIN = 3.0
+    tls = Tls(*files) if files else None
+    try:
+        with connect(Cluster(address, tls=tls, insecure=True)) as client:
+            return {"reached": client.scheduler.address}
+    except CampaignError as error:
+        return {"refused": f"{type(error).__name__}: {error}"}
+
+
+def knock(host, port):
+    """Speak to a port without a certificate, in the clear and over TLS; return what it answers."""
+    with socket.create_connection((host, int(port)), timeout=5) as plain:
+        plain.sendall(b"GET / HTTP/1.0\r\n\r\n")
+        clear = read(plain)
+    context = ssl.create_default_context()
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    try:
+        with socket.create_connection((host, int(port)), timeout=5) as plain, context.wrap_socket(plain) as secured:
+            secured.sendall(b"GET / HTTP/1.0\r\n\r\n")
+            anonymous = read(secured)
+    except OSError as error:
+        anonymous = f"refused: {error}"
+    return {"clear": clear, "anonymous": anonymous}
+
+
+def read(connection):
+    """Return the first bytes that come, as hexadecimal digits."""
+    try:
+        return connection.recv(64).hex()
+    except ConnectionResetError:
+        return ""
+
+
+if __name__ == "__main__":
+    json.dump(
+        {f.__name__: f for f in (compute, submit, run_as_told, reach, knock)}[sys.argv[1]](*sys.argv[2:]), sys.stdout
+    )

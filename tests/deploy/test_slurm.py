@@ -1,0 +1,94 @@
+"""The job scripts for SLURM and `--cluster slurm`, on a real SLURM."""
+
+import json
+import os
+import stat
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from campaign.certificates import make_certificates
+from engine.kernels import jit
+from tests.deploy.campaigns import computed_here, planned, rows
+from tests.deploy.slurm import is_here, slurm
+
+ROOT = Path(__file__).parents[2]
+DEPLOY = ROOT / "deploy"
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not is_here(), reason="needs root and SLURM: apt-get install slurm-wlm iproute2"),
+]
+SMALL = ("--nodes=1", "--cpus-per-task=2", "--mem-per-cpu=1G")
+
+
+@pytest.fixture(scope="module")
+def home(tmp_path_factory):
+    """Return a home folder with certificates, and what the engine has compiled where jobs look for it."""
+    home = tmp_path_factory.mktemp("home")
+    make_certificates(home / ".clearcap/tls", 2)
+    (home / "clearcap-root").symlink_to(Path(jit.numba.config.CACHE_DIR).parent)
+    return home
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory, home):
+    """Return what runs a command where SLURM is, as a user of the certificates would."""
+    path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
+    user = {"HOME": str(home), "TMPDIR": str(home), "USER": "root", "PATH": path, "PYTHONPATH": str(ROOT)}
+    with slurm(tmp_path_factory.mktemp("slurm")) as plain:
+        yield lambda *words, **more: plain(*words, **(user | more))
+
+
+def test_accepts_the_job_scripts(run, tmp_path):
+    """SLURM itself parses the directives and would start the jobs as they are, on fewer nodes."""
+    for script in ("campaign.slurm", "workers.slurm"):
+        said = run("sbatch", "--test-only", "--nodes=1", DEPLOY / "batch" / script)
+        assert "to start at" in said
+        assert "using 16 processors" in said
+    broken = tmp_path / "broken.slurm"
+    broken.write_text((DEPLOY / "batch/campaign.slurm").read_text().replace("--mem-per-cpu", "--memory-per-cpu"))
+    with pytest.raises(AssertionError, match="memory-per-cpu"):
+        run("sbatch", "--test-only", "--nodes=1", broken)
+
+
+def test_a_campaign_in_one_allocation(run, tmp_path):
+    """campaign.slurm starts scheduler, workers and the coordinator, and nothing stays when the campaign is done."""
+    store, plan = planned(tmp_path, "shared")
+    binaries = tmp_path / "bin"
+    binaries.mkdir()
+    stand_in = binaries / "clearcap"  # computes the plan with the engine's stand-in
+    stand_in.write_text(
+        f'#!/bin/sh\nexec {sys.executable} -m tests.deploy.on_host run_as_told {plan.campaign_id} "$@"\n'
+    )
+    stand_in.chmod(stand_in.stat().st_mode | stat.S_IXUSR)
+    said = run(
+        *("sbatch", "--wait", *SMALL, f"--output={tmp_path}/log", DEPLOY / "batch/campaign.slurm"),
+        PATH=f"{binaries}:{Path(sys.executable).parent}:{os.environ['PATH']}",
+        **{"CAMPAIGN": "demo", "STORE": store.url, "CLEARCAP_DEPLOY": str(DEPLOY)},
+    )
+    assert "Submitted" in said
+    assert rows(store, plan).equals(computed_here(tmp_path)), (tmp_path / "log").read_text()
+    assert not run("squeue", "--noheader")
+
+
+def test_workers_as_jobs(run, tmp_path):
+    """`--cluster slurm` submits jobs, computes over the temporary certificates it makes, and cancels the jobs."""
+    store, plan = planned(tmp_path, "shared")
+    shared = tmp_path / "private"
+    shared.mkdir()
+    job = {"CORES": "1", "MEMORY": "1GB", "SHARED_TEMP_DIRECTORY": str(shared), "LOG_DIRECTORY": str(tmp_path)}
+    told = run(
+        *(sys.executable, "-m", "tests.deploy.on_host", "submit", "slurm", "2", store.url, plan.campaign_id),
+        DASK_CONFIG=str(DEPLOY / "jobqueue.yaml"),
+        **{f"DASK_JOBQUEUE__SLURM__{key}": value for key, value in job.items()},
+    )
+    assert json.loads(told)["batches"] == list(range(len(plan.batches)))
+    assert rows(store, plan).equals(computed_here(tmp_path))
+    assert not list(shared.iterdir())
+    until = time.monotonic() + 30
+    while run("squeue", "--noheader") and time.monotonic() < until:
+        time.sleep(0.5)
+    assert not run("squeue", "--noheader")
