@@ -9,10 +9,10 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import against_siconos, c60, campaign, chains, first_use, friction, machine, overhead
+from benchmarks import against_siconos, c60, campaign, chains, first_use, friction, machine, overhead, report
 from engine import warm_up
 
-PARTS = ("friction", "c60", "chain", "campaign", "overhead", "first_use", "siconos")
+PARTS = ("friction", "c60", "chain", "campaign", "overhead", "report", "first_use", "siconos")
 
 
 def main() -> None:
@@ -45,6 +45,9 @@ def main() -> None:
     if "overhead" in parts:
         numbers["overhead"] = overhead.measure()
         _show(console, "clearcap with runs that take no time", [numbers["overhead"]])
+    if "report" in parts:
+        numbers["report"] = report.measure()
+        _show(console, "report of made-up samples, processes of their own", numbers["report"])
     if "first_use" in parts:
         numbers["first_use"] = first_use.measure(unit)
         _show(console, "first use, processes of their own", numbers["first_use"])

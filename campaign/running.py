@@ -4,7 +4,6 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
 import pyarrow as pa
 
 
@@ -38,8 +37,9 @@ def moments(table: pa.Table, responses: Iterable[str]) -> dict[str, Moments]:
     found = {}
     for name in responses:
         x = table[name].drop_null().to_numpy()
-        mean = float(np.mean(x)) if x.size else 0.0
-        found[name] = Moments(int(x.size), mean, float(np.sum((x - mean) ** 2)))
+        mean = float(x.sum()) / x.size if x.size else 0.0
+        apart = x - mean
+        found[name] = Moments(x.size, mean, float((apart * apart).sum()))
     return found
 
 

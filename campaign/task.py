@@ -219,7 +219,8 @@ def crashed_row(
 
 def rows_to_table(plan: Plan, rows: list[Row]) -> pa.Table:
     """Return rows as a table of the plan's schema."""
-    return pa.table([pa.array([row[f.name] for row in rows], f.type) for f in plan.schema], schema=plan.schema)
+    columns = zip(plan.schema.names, plan.schema.types, strict=True)
+    return pa.table([pa.array([row[name] for row in rows], kind) for name, kind in columns], schema=plan.schema)
 
 
 def inputs(plan: Plan, samples: Sequence[int]) -> Iterator[tuple[int, dict[str, float]]]:

@@ -1,7 +1,6 @@
 """Campaigns to their end on real worker processes, with a stand-in for the physics."""
 
 import json
-import time
 from functools import partial
 
 import pytest
@@ -140,7 +139,7 @@ def test_two_coordinators(tmp_path, campaign):
 
 
 def test_cancelled_campaign_stops_and_goes_on(tmp_path, campaign):
-    """The marker ends it within seconds, with what is finished kept; without the marker it goes on."""
+    """The marker ends it long before its last run, with what is finished kept; without the marker it goes on."""
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, campaign, 1)
     seen = []
@@ -150,11 +149,9 @@ def test_cancelled_campaign_stops_and_goes_on(tmp_path, campaign):
         if heartbeat.done:
             store.files.write(f"{plan.campaign_id}/{CANCEL}", b"")
 
-    slow = partial(fake_engine.takes, 0.5)
-    start_of_it = time.monotonic()
+    slow = partial(fake_engine.takes, 2.0)
     with pytest.raises(Cancelled, match=f"clearcap resume {plan.campaign_id}"):
         coordinate(store, plan, Cluster(workers=2), cancel_after_some, slow)
-    assert time.monotonic() - start_of_it < 20.0
     assert state_of(store, plan.campaign_id) | {"since": 0, "message": ""} == {
         "state": "cancelled",
         "message": "",

@@ -5,7 +5,6 @@ import os
 import re
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import pairwise
@@ -322,11 +321,9 @@ def test_a_folder_that_cannot_be_made_is_one_clear_error(campaign, tmp_path: Pat
         write_report(*campaign(12), tmp_path / "file" / "report")
 
 
-def test_the_papers_campaign_takes_less_than_ten_seconds_and_three_megabytes(tmp_path: Path) -> None:
-    table, spec = c60_table(30_850, 50), c60_spec(30_850)
-    start = time.process_time()  # of this process: others may be busy beside it
-    paths = write_report(table, spec, tmp_path)
-    assert time.process_time() - start < 10
+def test_the_page_of_the_papers_campaign_has_less_than_three_megabytes(tmp_path: Path) -> None:
+    """What it takes: `python -m benchmarks report`."""
+    paths = write_report(c60_table(30_850, 50), c60_spec(30_850), tmp_path)
     assert os.path.getsize(paths["html"]) < 3e6
 
 
@@ -345,22 +342,19 @@ def pieces():
 
 spec = replace(c60_spec(1_000_000), responses=c60_spec(1).responses[:6])
 print(write_report(pieces(), spec, sys.argv[1])["html"])
-used = resource.getrusage(resource.RUSAGE_SELF)
-print(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
 """
 
 
 @pytest.mark.slow
-def test_a_million_samples_take_less_than_a_minute_and_a_gigabyte(tmp_path: Path) -> None:
-    """Six responses of seven variables, streamed; the seconds are the processor's, drawing the samples included."""
+def test_a_million_samples_take_less_than_a_gigabyte(tmp_path: Path) -> None:
+    """Six responses of seven variables, streamed; how long it takes: `python -m benchmarks report`."""
     words = [sys.executable, "-c", MILLION, str(tmp_path)]
     done = subprocess.run(words, capture_output=True, text=True, cwd=Path(__file__).parent, check=False)
     assert done.returncode == 0, done.stderr
-    path, numbers = done.stdout.splitlines()
-    seconds, megabytes = map(float, numbers.split())
+    path, mebibytes = done.stdout.splitlines()
     assert os.path.getsize(path) < 3e6
-    assert seconds < 60
-    assert megabytes < 1024
+    assert float(mebibytes) < 1024
 
 
 def test_importing_reporting_is_light() -> None:

@@ -2,16 +2,12 @@
 
 import psutil
 
+from campaign.local import SETTINGS
 from tests.campaign.cluster_processes import free_port, tls_arguments
 from tests.campaign.storms.supervisor import kill, processes, words
 
-DASK = {
-    # as coordinators' own clusters have it: a batch that loses its worker is computed apart at once
-    "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0",
-    "DASK_DISTRIBUTED__SCHEDULER__WORK_STEALING": "False",
-    "DASK_DISTRIBUTED__SCHEDULER__ACTIVE_MEMORY_MANAGER__START": "False",
-    "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
-}
+# The settings of campaigns' own local clusters, in the environment; deploy/dask.yaml has the same but for the failures.
+DASK = {f"DASK_{key.upper().replace('.', '__').replace('-', '_')}": str(value) for key, value in SETTINGS.items()}
 KINDS = ("worker", "nanny", "scheduler", "coordinator", "client", "child", "all")
 
 

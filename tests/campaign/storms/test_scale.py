@@ -2,7 +2,8 @@
 
 The stand-in (``tests.campaign.fake_engine.simulate``) takes no time, so what is measured is the whole way of a row:
 drawn, made a row, written, counted. ``CLEARCAP_SCALE_SAMPLES`` sets how many; the figures of a million are in
-docs/speed.md.
+docs/speed.md. Microseconds are those of the machine and of whoever else uses it: they are told, and what is held
+against a bound is their ratio to the same batches computed in the same minute by processes that do nothing else.
 """
 
 import json
@@ -29,10 +30,12 @@ pytestmark = pytest.mark.slow
 
 SAMPLES = int(os.environ.get("CLEARCAP_SCALE_SAMPLES", "100000"))
 WORKERS = 2
-OVERHEAD = 100e-6  # s a run: the processor time of all processes of the campaign over the number of workers
+ROOT = Path(__file__).parents[3]
+BARE = 50_000  # runs of each process that does nothing else
+RATIO = 2.5  # the processor time of a campaign to that of its rows alone; 1.3 to 1.5 on two quiet cores
 PER_BATCH = 4096  # bytes: what the coordinator remembers of a batch (counts and digest), and the manifest of it
 CACHES = 30 * 2**20  # bytes that either process may take once, however long it runs
-REPORT = (60.0, 2**30)  # s, bytes
+REPORT = 2**30  # bytes
 
 
 class Course:
@@ -84,9 +87,10 @@ def _of(supervisor):
 
 @pytest.mark.parametrize(("size", "samples"), [(50, SAMPLES), (500, 3 * SAMPLES)])  # large batches take less time
 def test_scale(size, samples, tmp_path, campaign_file, capsys):
-    """Overhead a run below 100 us; the memory of coordinator and scheduler is flat."""
+    """Dask and the counting take about as much as the rows themselves at most; the memory of coordinator and scheduler is flat."""
     store = open_store(str(tmp_path / "store"))
-    plan = submit(store, load_campaign(str(campaign_file), samples=samples), size)
+    campaign = load_campaign(str(campaign_file), samples=samples)
+    plan = submit(store, campaign, size)
     course = Course()
     with Supervisor(tmp_path, str(uuid.uuid4()), **DASK) as supervisor:
         address = start_cluster(supervisor, tmp_path)
@@ -95,13 +99,14 @@ def test_scale(size, samples, tmp_path, campaign_file, capsys):
         course.watch(supervisor, store, plan)
         wall = time.monotonic() - began
     assert those_left(supervisor.mark) == []
-    overhead, slack = course.per_run(course.spent) / WORKERS, _slack()
+    ratio = course.per_run(course.spent) / _bare(f"{store.url}-bare", campaign, size)
     figures = {
         "samples": samples,
         "batch": size,
         "wall_s": round(wall, 1),
         "wall_us": round(1e6 * course.per_run(course.at), 1),
-        "overhead_us": round(1e6 * overhead, 1),
+        "overhead_us": round(1e6 * course.per_run(course.spent) / WORKERS, 1),
+        "to_bare": round(ratio, 2),
         "load": round(os.getloadavg()[0], 1),
         **{f"{name}_MiB": _tenths(seen) for name, seen in course.memory.items()},
         **_asked(store, plan, tmp_path),
@@ -110,19 +115,43 @@ def test_scale(size, samples, tmp_path, campaign_file, capsys):
         print(f"\n{json.dumps(figures)}")
     assert course.growth("coordinator") < CACHES + PER_BATCH * len(plan.batches), figures
     assert course.growth("scheduler") < CACHES, figures
-    if size == 50:
-        assert overhead < OVERHEAD * slack, figures
-    assert figures["report_s"] < REPORT[0] * _slack(), figures
-    assert figures["report_MiB"] * 2**20 < REPORT[1], figures
+    assert ratio < RATIO, figures
+    assert figures["report_MiB"] * 2**20 < REPORT, figures
+
+
+COMPUTE = """
+import sys, time
+from campaign.store import open_store
+from campaign.task import Order, Task, run_batches
+from tests.campaign.fake_engine import simulate
+
+store, plan = open_store(sys.argv[1]), sys.argv[2]
+task = Task(store.files.root, plan, store.plan(plan).engine_build, simulate)
+first, last = map(int, sys.argv[3:])
+run_batches(task, [Order(first)])
+start = time.process_time()
+run_batches(task, [Order(batch) for batch in range(first + 1, last)])
+print(time.process_time() - start)
+"""
+
+
+def _bare(url, campaign, size):
+    """Return the processor time of a run [s] in as many processes as there are workers, each with batches of its own.
+
+    They compute the first batches of the campaign once more, into a store of their own.
+    """
+    store = open_store(url)
+    plan = submit(store, campaign, size)
+    each = BARE // size
+    shares = [(each * worker, each * (worker + 1)) for worker in range(WORKERS)]
+    command = [sys.executable, "-c", COMPUTE, store.url, plan.campaign_id]
+    running = [subprocess.Popen([*command, *map(str, share)], stdout=subprocess.PIPE, cwd=ROOT) for share in shares]
+    spent = [float(process.communicate()[0]) for process in running]
+    return sum(spent) / (len(spent) * (each - 1) * size)
 
 
 def _tenths(seen):
     return [round(size / 2**20) for size in seen[:: max(len(seen) // 10, 1)]]
-
-
-def _slack():
-    """Return how much longer things take because others use the machine's processors."""
-    return max(os.getloadavg()[0] / len(os.sched_getaffinity(0)), 1.0)
 
 
 def _asked(store, plan, folder):

@@ -1,0 +1,78 @@
+"""What a report costs: of the paper's campaign, and of a million samples that do not fit at once.
+
+Each is written by a process of its own, so that time and memory are whole: imports, the samples (made up here, in
+place of the store's), the page, the workbook, the JSON.
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+PIECE = 50_000  # rows at a time, as a store gives them
+SIZES = (30_850, 1_000_000)
+RESPONSES = 6
+ROOT = Path(__file__).parents[1]
+
+
+def measure() -> list[dict[str, Any]]:
+    """Return time [s], processor time [s], memory [MiB] and the size of the page [MB] of reports of 6 responses.
+
+    ``making_s`` is what of the time it took to make up the samples.
+    """
+    return [_written(samples) for samples in SIZES]
+
+
+def _written(samples: int) -> dict[str, Any]:
+    with tempfile.TemporaryDirectory(prefix="clearcap-bench-") as folder:
+        command = [sys.executable, "-m", "benchmarks.report", str(samples), folder]
+        done = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
+    figures: dict[str, Any] = json.loads(done.stdout)
+    return figures
+
+
+def main() -> None:
+    """Write a report of as many samples as the first word says into the folder of the second; print what it took."""
+    import resource
+    from collections.abc import Iterator
+    from dataclasses import replace
+    from time import perf_counter
+
+    import pyarrow as pa
+
+    from reporting import write_report
+    from tests.reporting.synthetic import c60_spec, c60_table
+
+    samples, folder = int(sys.argv[1]), Path(sys.argv[2])
+    spec, making = c60_spec(samples), 0.0
+
+    def pieces() -> Iterator[pa.Table]:
+        nonlocal making
+        for first in range(0, samples, PIECE):
+            start = perf_counter()
+            count = min(PIECE, samples - first)
+            numbers = pa.array(range(first, first + count), pa.int64())
+            table = c60_table(count, count // 1000, seed=first).set_column(0, "sample", numbers)
+            making += perf_counter() - start
+            yield table
+
+    start = perf_counter()
+    written = write_report(pieces(), replace(spec, responses=spec.responses[:RESPONSES]), folder)
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    figures = {
+        "samples": samples,
+        "responses": RESPONSES,
+        "variables": len(spec.variables),
+        "wall_s": perf_counter() - start,
+        "making_s": making,
+        "processor_s": used.ru_utime + used.ru_stime,
+        "memory_MiB": used.ru_maxrss / 1024,
+        "page_MB": Path(written["html"]).stat().st_size / 1e6,
+    }
+    print(json.dumps(figures))
+
+
+if __name__ == "__main__":
+    main()
