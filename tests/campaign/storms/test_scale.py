@@ -87,7 +87,7 @@ def _of(supervisor):
 
 @pytest.mark.parametrize(("size", "samples"), [(50, SAMPLES), (500, 3 * SAMPLES)])  # large batches take less time
 def test_scale(size, samples, tmp_path, campaign_file, capsys):
-    """Dask and the counting take about as much as the rows themselves at most; the memory of coordinator and scheduler is flat."""
+    """Dask and the counting take about as much as the rows themselves; memory does not grow with the campaign."""
     store = open_store(str(tmp_path / "store"))
     campaign = load_campaign(str(campaign_file), samples=samples)
     plan = submit(store, campaign, size)
