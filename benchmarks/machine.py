@@ -4,6 +4,7 @@ import os
 import platform
 import resource
 from collections.abc import Callable
+from pathlib import Path
 from time import perf_counter
 from typing import Any
 
@@ -33,6 +34,16 @@ def solve_us() -> float:
 def processor_s() -> float:
     """Return the processor time of this process and of those it started that are over [s]."""
     return sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+
+
+def most_memory_mib() -> float:
+    """Return the most memory this process had at once [MiB]; NaN where the system does not tell.
+
+    `resource.getrusage` would also count what the process that started this one had at that moment.
+    """
+    status = Path("/proc/self/status")
+    lines = status.read_text().splitlines() if status.exists() else []
+    return next((int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM")), np.nan)
 
 
 def description() -> dict[str, Any]:

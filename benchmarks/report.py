@@ -22,10 +22,11 @@ def measure() -> list[dict[str, Any]]:
 
     ``making_s`` is what of the time it took to make up the samples.
     """
-    return [_written(samples) for samples in SIZES]
+    return [report_of(samples) for samples in SIZES]
 
 
-def _written(samples: int) -> dict[str, Any]:
+def report_of(samples: int) -> dict[str, Any]:
+    """Return what one report took; see `measure`."""
     with tempfile.TemporaryDirectory(prefix="clearcap-bench-") as folder:
         command = [sys.executable, "-m", "benchmarks.report", str(samples), folder]
         done = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True)
@@ -35,13 +36,13 @@ def _written(samples: int) -> dict[str, Any]:
 
 def main() -> None:
     """Write a report of as many samples as the first word says into the folder of the second; print what it took."""
-    import resource
     from collections.abc import Iterator
     from dataclasses import replace
-    from time import perf_counter
+    from time import perf_counter, process_time
 
     import pyarrow as pa
 
+    from benchmarks.machine import most_memory_mib
     from reporting import write_report
     from tests.reporting.synthetic import c60_spec, c60_table
 
@@ -60,15 +61,14 @@ def main() -> None:
 
     start = perf_counter()
     written = write_report(pieces(), replace(spec, responses=spec.responses[:RESPONSES]), folder)
-    used = resource.getrusage(resource.RUSAGE_SELF)
     figures = {
         "samples": samples,
         "responses": RESPONSES,
         "variables": len(spec.variables),
         "wall_s": perf_counter() - start,
         "making_s": making,
-        "processor_s": used.ru_utime + used.ru_stime,
-        "memory_MiB": used.ru_maxrss / 1024,
+        "processor_s": process_time(),
+        "memory_MiB": most_memory_mib(),
         "page_MB": Path(written["html"]).stat().st_size / 1e6,
     }
     print(json.dumps(figures))

@@ -15,6 +15,7 @@ import pyarrow as pa
 import pytest
 from synthetic import c60_spec, c60_table
 
+from benchmarks.report import report_of
 from reporting import ReportError, ResponseSpec, write_report
 from reporting.analysis import analyse
 from reporting.figures import response_figure
@@ -327,34 +328,13 @@ def test_the_page_of_the_papers_campaign_has_less_than_three_megabytes(tmp_path:
     assert os.path.getsize(paths["html"]) < 3e6
 
 
-MILLION = """
-import resource, sys
-from dataclasses import replace
-import pyarrow as pa
-from synthetic import c60_spec, c60_table
-from reporting import write_report
-
-def pieces():
-    for first in range(0, 1_000_000, 100_000):
-        table = c60_table(100_000, 100, seed=first)
-        numbers = pa.array(range(first, first + 100_000), pa.int64())
-        yield table.set_column(0, "sample", numbers)
-
-spec = replace(c60_spec(1_000_000), responses=c60_spec(1).responses[:6])
-print(write_report(pieces(), spec, sys.argv[1])["html"])
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
-"""
-
-
 @pytest.mark.slow
 def test_a_million_samples_take_less_than_a_gigabyte(tmp_path: Path) -> None:
-    """Six responses of seven variables, streamed; how long it takes: `python -m benchmarks report`."""
-    words = [sys.executable, "-c", MILLION, str(tmp_path)]
-    done = subprocess.run(words, capture_output=True, text=True, cwd=Path(__file__).parent, check=False)
-    assert done.returncode == 0, done.stderr
-    path, mebibytes = done.stdout.splitlines()
-    assert os.path.getsize(path) < 3e6
-    assert float(mebibytes) < 1024
+    """Six responses of seven variables, streamed."""
+    figures = report_of(1_000_000)
+    assert (figures["responses"], figures["variables"]) == (6, 7)
+    assert figures["page_MB"] < 3
+    assert figures["memory_MiB"] < 1024
 
 
 def test_importing_reporting_is_light() -> None:
