@@ -5,7 +5,7 @@ from typing import Any
 
 from campaign.load import load_campaign
 from campaign.plan import make_plan
-from campaign.task import sample_values
+from campaign.row import sample_values
 from engine import load_mechanism, simulate
 from engine.simulate import Certificate
 

@@ -75,7 +75,7 @@ def _bare(samples: int) -> float:
 def _compute(taken: "Synchronized[int]", samples: int) -> None:
     from campaign.load import load_campaign
     from campaign.plan import make_plan
-    from campaign.task import sample_values
+    from campaign.row import sample_values
     from engine import simulate
 
     plan = make_plan(load_campaign("c60"))

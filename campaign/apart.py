@@ -13,7 +13,8 @@ from collections.abc import Iterator, Sequence
 from typing import BinaryIO
 
 from campaign.limits import end_with_stdin
-from campaign.task import Cancelled, Row, Task, crashed_row, opened, rows_here, sample_values
+from campaign.row import Row, crashed_row, sample_values
+from campaign.task import Cancelled, Task, opened, rows_here
 
 FROM_OUTSIDE = {signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP}  # also sent by operators and kernels
 TRIES = 3  # at a run whose process is ended by one of these

@@ -23,12 +23,13 @@ from campaign.errors import StoreError, UnreachableError
 from campaign.heartbeat import Ledger
 from campaign.lease import LeaseLost, held
 from campaign.plan import Plan
+from campaign.row import Simulate
 from campaign.running import moments
 from campaign.settle import TRIES, Drive, Lost, Show, pause
 from campaign.state import enter
 from campaign.stop import STOPPED, Verdict
 from campaign.store import Store, Survey
-from campaign.task import Cancelled, Done, Simulate, Task
+from campaign.task import Cancelled, Done, Task
 from campaign.window import beat, compute, look_for_checkpoint
 from engine import simulate, warm_up
 

@@ -10,8 +10,9 @@ from dataclasses import replace
 
 from campaign.apart import rows_apart
 from campaign.plan import Plan
+from campaign.row import Simulate
 from campaign.store import open_store
-from campaign.task import Simulate, Task
+from campaign.task import Task
 
 logger = logging.getLogger(__name__)
 

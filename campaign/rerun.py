@@ -13,8 +13,9 @@ from campaign.clusters import Cluster, connect
 from campaign.errors import SpecError
 from campaign.lease import held
 from campaign.plan import Plan
+from campaign.row import Row, Simulate, rows_to_table
 from campaign.store import Store
-from campaign.task import Row, Simulate, Task, opened, rows_to_table
+from campaign.task import Task, opened
 from engine import simulate
 
 

@@ -13,9 +13,10 @@ from campaign.lease import LEASE, alive, seems_driven
 from campaign.load import Campaign
 from campaign.plan import Plan, make_plan, size_is_sure
 from campaign.probe import seconds_per_run
+from campaign.row import Simulate
 from campaign.state import enter, state_of
 from campaign.store import Store
-from campaign.task import CANCEL, Simulate
+from campaign.task import CANCEL
 from engine import simulate
 
 logger = logging.getLogger(__name__)

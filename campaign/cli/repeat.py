@@ -95,7 +95,7 @@ def _check(plan: "Plan", sample: int) -> None:
 
 def _repeat(plan: "Plan", sample: int, motion: Path | None) -> dict[str, Any]:
     """Return the row of a sample, computed here as a worker would."""
-    from campaign.task import compute_row, sample_values
+    from campaign.row import compute_row, sample_values
     from engine import simulate, warm_up
     from engine.loop import Cancel
 
