@@ -17,7 +17,7 @@ retry = [{ step = 0.002, tolerance = 1e-7 }, { step = 0.001 }]
 """
 
 
-def run_rows(store, plan, simulate, name):
+def run_rows(store, plan, simulate):
     """Return the rows of all samples, computed one by one."""
     return list(rows_here(Task(store.url, plan.campaign_id, plan.engine_build, simulate), range(plan.spec.samples)))
 
@@ -41,9 +41,9 @@ def test_settings_reach_the_engine(campaign_file, tmp_path):
 
 def test_a_run_that_raises_is_a_row(store, plan):
     """An exception becomes a ``crashed`` row with its message and inputs; neighbours are untouched."""
-    whole = run_rows(store, plan, fake_engine.simulate, "a")
+    whole = run_rows(store, plan, fake_engine.simulate)
     limit = sorted(row["J1"] for row in whole)[-3]
-    rows = run_rows(store, plan, partial(fake_engine.raises_above, limit), "b")
+    rows = run_rows(store, plan, partial(fake_engine.raises_above, limit))
     failed = [row for row in rows if row["status"] != "ok"]
     assert len(failed) == 2
     for row, before in zip(rows, whole, strict=True):
@@ -57,7 +57,7 @@ def test_a_run_that_raises_is_a_row(store, plan):
 
 def test_ok_without_a_number_is_not_ok(store, plan):
     """A response that is not finite never enters a table as a result."""
-    row = run_rows(store, plan, fake_engine.not_finite, "c")[0]
+    row = run_rows(store, plan, fake_engine.not_finite)[0]
     assert (row["status"], row["message"], row["FC-2"]) == ("invalid", "no finite value of FC-1", None)
 
 
