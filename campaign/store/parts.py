@@ -167,13 +167,15 @@ def decode(plan: Planned, content: bytes, columns: Sequence[str] | None = None) 
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    fields = [field for field in plan.schema if columns is None or field.name in columns]
+    wanted = pa.schema(fields, plan.schema.metadata)
     try:
-        file = pq.ParquetFile(pa.BufferReader(content))
-        if not file.schema_arrow.with_metadata(plan.schema.metadata).equals(plan.schema, check_metadata=True):
-            raise BadPart("has other columns or units than the plan")
-        table = file.read(columns, use_threads=False).replace_schema_metadata(plan.schema.metadata)
+        table = pq.ParquetFile(pa.BufferReader(content)).read(columns, use_threads=False)
     except (pa.ArrowException, OSError) as error:
         raise BadPart(f"no Parquet file that can be read here ({str(error).splitlines()[0]})") from error
+    table = table.replace_schema_metadata(plan.schema.metadata)
+    if not table.schema.equals(wanted, check_metadata=True):
+        raise BadPart("has other columns or units than the plan")
     return table if columns is None else table.select(columns)
 
 
