@@ -7,6 +7,9 @@ from campaign.errors import SpecError
 from campaign.load import load_campaign
 from campaign.policy import Stop
 from campaign.stop import judge
+from campaign.store import Store
+from campaign.task import Order, Task, run_batch
+from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows, start
 
 RULE = """
@@ -52,6 +55,23 @@ def test_stops_alike_for_any_workers_and_batches(tmp_path, campaign_file):
     before = points[points.index(outcome.samples) - 1]
     assert not judge(store, outcome.plan, before).sure
     assert rows(*start(tmp_path / "b", asked, workers=1, batch_size=7)).equals(table)
+
+
+def test_rows_that_arrive_after_the_end_do_not_count(tmp_path, campaign_file, workers, monkeypatch):
+    """A worker may finish a batch beyond the end when nobody waits for it any more."""
+    record = Store.record
+
+    def late(self, plan, parts):
+        task = Task(self.url, plan.campaign_id, plan.engine_build, fake_engine.simulate)
+        run_batch(task, Order(len(plan.batches) - 1))
+        record(self, plan, parts)
+
+    monkeypatch.setattr(Store, "record", late)
+    said = []
+    store, outcome = start(tmp_path / "a", stopping(campaign_file), batch_size=3, show=said.append)
+    assert outcome.verdict.sure
+    assert store.read_part(outcome.plan, len(outcome.plan.batches) - 1).num_rows > 0
+    assert (said[-1].done, rows(store, outcome).num_rows) == (outcome.samples, outcome.samples)
 
 
 def test_stopped_campaign_computes_nothing_more(tmp_path, campaign_file, workers):
