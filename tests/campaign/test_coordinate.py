@@ -15,7 +15,7 @@ from campaign.load import load_campaign
 from campaign.plan import make_plan
 from campaign.settle import TooManyFailed
 from campaign.state import state_of
-from campaign.store import open_store
+from campaign.store import Store, open_store, part_name
 from campaign.submission import submit
 from campaign.task import CANCEL, Cancelled
 from tests.campaign import fake_engine
@@ -163,6 +163,23 @@ def test_cancelled_campaign_stops_and_goes_on(tmp_path, campaign):
     store.remove(plan.campaign_id, CANCEL)
     outcome = coordinate(store, plan, Cluster(workers=2), simulate=fake_engine.simulate)
     assert outcome.computed == 25 - kept
+
+
+def test_rows_computed_again_count_once(tmp_path, campaign, workers, monkeypatch):
+    """A part that was damaged meanwhile is set aside and computed again; what is said counts its rows once."""
+    record, damaged = Store.record, []
+
+    def damaging(self, plan, parts):
+        record(self, plan, parts)
+        if not damaged and not self.survey(plan).missing:
+            damaged.append(part_name(plan, 0))
+            self.files.write(damaged[0], b"damaged")
+
+    monkeypatch.setattr(Store, "record", damaging)
+    said = []
+    store, outcome = start(tmp_path / "s", campaign, show=said.append)
+    assert [store.files.exists(f"{name}.bad") for name in damaged] == [True]
+    assert (said[-1].done, said[-1].responses["FC-1"]["n"], rows(store, outcome).num_rows) == (25, 25, 25)
 
 
 def test_too_many_failures_end_it(tmp_path, campaign_file, workers):
