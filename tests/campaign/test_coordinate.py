@@ -22,10 +22,6 @@ from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows, start
 
 
-def part_name(plan, batch):
-    return f"{plan.campaign_id}/parts/part-{batch:06d}.parquet"
-
-
 def test_rows_do_not_depend_on_workers_and_batches(tmp_path, campaign):
     """The bits of one process, for 1 and 2 workers and batches of 7 and 3; storms/test_same_bits.py goes on."""
     reference = rows(*computed(tmp_path / "a", campaign, 25))
