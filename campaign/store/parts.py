@@ -167,16 +167,17 @@ def decode(plan: Planned, content: bytes, columns: Sequence[str] | None = None) 
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    fields = [field for field in plan.schema if columns is None or field.name in columns]
-    wanted = pa.schema(fields, plan.schema.metadata)
+    names = plan.schema.names if columns is None else list(columns)
+    wanted = pa.schema([plan.schema.field(name) for name in names], plan.schema.metadata)
     try:
         table = pq.ParquetFile(pa.BufferReader(content)).read(columns, use_threads=False)
-    except (pa.ArrowException, OSError) as error:
+        table = table if columns is None else table.select(names)
+    except (pa.ArrowException, OSError, KeyError) as error:
         raise BadPart(f"no Parquet file that can be read here ({str(error).splitlines()[0]})") from error
     table = table.replace_schema_metadata(plan.schema.metadata)
     if not table.schema.equals(wanted, check_metadata=True):
         raise BadPart("has other columns or units than the plan")
-    return table if columns is None else table.select(columns)
+    return table
 
 
 def _seal(content: bytes) -> tuple[str, dict[str, Any]]:

@@ -161,6 +161,15 @@ def test_cancelled_campaign_stops_and_goes_on(tmp_path, campaign):
     assert outcome.computed == 25 - kept
 
 
+def test_what_is_damaged_is_kept_aside(tmp_path, campaign, workers):
+    """Nothing is written over: who looks for the cause finds the file as it was."""
+    store = open_store(str(tmp_path / "s"))
+    name = part_name(submit(store, campaign, 3), 1)
+    store.files.write(name, b"damaged")
+    _, outcome = start(tmp_path / "s", campaign)
+    assert (store.files.read(f"{name}.bad"), outcome.computed) == (b"damaged", 25)
+
+
 def test_rows_computed_again_count_once(tmp_path, campaign, workers, monkeypatch):
     """A part that was damaged meanwhile is set aside and computed again; what is said counts its rows once."""
     record, damaged = Store.record, []

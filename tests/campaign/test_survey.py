@@ -185,6 +185,8 @@ def test_stream_is_the_table_in_pieces(store, plan, monkeypatch):
     fill(store, plan, [0, 2])
     (together,) = store.stream(plan, ["sample", "FC-1"])
     assert together["sample"].to_pylist() == [*range(10), *range(20, 25)]
+    (turned,) = store.stream(plan, ["FC-1", "sample"])
+    assert turned.equals(together.select(["FC-1", "sample"]))
     monkeypatch.setattr(rows, "ROW_GROUP", 10)
     pieces = list(store.stream(plan, ["sample", "FC-1"]))
     assert [piece["sample"].to_pylist() for piece in pieces] == [[*range(10)], [*range(20, 25)]]

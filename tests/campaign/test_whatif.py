@@ -194,6 +194,15 @@ def test_a_response_that_is_below_does_not_hide_the_others(campaign_file, tmp_pa
     assert "FC-2 is below Cpk 1.33" in told
 
 
+def test_a_constant_has_no_tolerance(campaign_file, tmp_path):
+    """Nothing is advised of a variable that does not vary."""
+    path = campaign_file.parent / "constant.toml"
+    path.write_text(campaign_file.read_text() + '\n[variables.J2]\ndistribution = "constant"\nvalue = 0.05\n')
+    store, plan = computed(tmp_path / "s", load_campaign(str(path), samples=400), 200)
+    assert "J2" in plan.spec.variables
+    assert [each.variable for each in tolerance_advice(store, plan)[0]] == ["J1", "preload"]
+
+
 def test_two_campaigns_are_compared_on_one_page(filled, campaign_file):
     """Report --against names the other campaign on the page and in the JSON."""
     store, plan = filled
