@@ -45,7 +45,7 @@ def rows_apart(task: Task, samples: Sequence[int], attempt: int) -> Iterator[Row
         if answered == len(asked):
             ended_at = 0
             continue
-        ended_at = 1 if answered else ended_at + 1
+        ended_at += 1
         if -ended in FROM_OUTSIDE and ended_at < TRIES:
             continue
         status, message = _cause(ended)
