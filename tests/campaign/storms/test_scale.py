@@ -142,7 +142,7 @@ def _bare(url, campaign, size):
     """
     store = open_store(url)
     plan = submit(store, campaign, size)
-    each = BARE // size
+    each = min(BARE // size, len(plan.batches) // WORKERS)
     shares = [(each * worker, each * (worker + 1)) for worker in range(WORKERS)]
     command = [sys.executable, "-c", COMPUTE, store.url, plan.campaign_id]
     running = [subprocess.Popen([*command, *map(str, share)], stdout=subprocess.PIPE, cwd=ROOT) for share in shares]
