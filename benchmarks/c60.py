@@ -3,9 +3,9 @@
 from statistics import median
 from typing import Any
 
-from campaign.load import load_campaign
 from campaign.plan import make_plan
-from campaign.row import sample_values
+from campaign.spec.load import load_campaign
+from campaign.worker.row import sample_values
 from engine import load_mechanism, simulate
 from engine.simulate import Certificate
 

@@ -18,7 +18,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.machine import processor_s
-from campaign.local import cores
+from campaign.cluster.local import cores
 
 if TYPE_CHECKING:
     from multiprocessing.sharedctypes import Synchronized
@@ -73,9 +73,9 @@ def _bare(samples: int) -> float:
 
 
 def _compute(taken: "Synchronized[int]", samples: int) -> None:
-    from campaign.load import load_campaign
     from campaign.plan import make_plan
-    from campaign.row import sample_values
+    from campaign.spec.load import load_campaign
+    from campaign.worker.row import sample_values
     from engine import simulate
 
     plan = make_plan(load_campaign("c60"))

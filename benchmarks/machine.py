@@ -48,7 +48,7 @@ def most_memory_mib() -> float:
 
 def description() -> dict[str, Any]:
     """Return what the numbers were measured on."""
-    from campaign.local import cores
+    from campaign.cluster.local import cores
     from engine import build_id
 
     return {

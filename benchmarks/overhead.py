@@ -13,12 +13,12 @@ from time import perf_counter
 from typing import Any
 
 from benchmarks.machine import processor_s
-from campaign.clusters import Cluster
-from campaign.coordinate import coordinate
-from campaign.load import load_campaign
-from campaign.local import cores
+from campaign.cluster.connect import Cluster
+from campaign.cluster.local import cores
+from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator.submit import submit
+from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.submission import submit
 
 BATCH, FEW, MANY = 50, 10_000, 100_000
 ROOT = Path(__file__).parents[1]

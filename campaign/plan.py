@@ -9,9 +9,9 @@ from typing import Any
 import pyarrow as pa
 
 from campaign.errors import StoreError
-from campaign.load import Campaign
-from campaign.schema import results_schema
-from campaign.spec import CampaignSpec
+from campaign.spec.campaign_file import CampaignSpec
+from campaign.spec.load import Campaign
+from campaign.spec.result_columns import results_schema
 from engine import build_id
 from engine.mechanism import Mechanism
 

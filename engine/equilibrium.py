@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from engine.friction.arrays import CONVERGED, FrictionArrays, friction_arrays
+from engine.friction.bilateral import hold_ties, tie_down
 from engine.friction.solver import solve_friction
-from engine.friction.ties import hold_ties, tie_down
+from engine.kernels.bilateral import tie_targets, tie_velocity, tie_violations, whitened_ties
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.gaps import find_contacts
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import free_twist
 from engine.kernels.rest import LOADED
-from engine.kernels.ties import tie_targets, tie_velocity, tie_violations, whitened_ties
 
 if TYPE_CHECKING:
     from engine.assembly import Array, Assembly
-    from engine.assembly.ties import Places
+    from engine.assembly.bilateral import Places
     from engine.kernels.model import Bodies
 
 # compliance, as a share of the mean diagonal of the Delassus operator, and the residual to reach with it: the limit is

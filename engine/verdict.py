@@ -9,7 +9,7 @@ from engine.kernels import run
 from engine.kernels.run import Course
 from engine.loop import CANCELLED
 from engine.mechanism import Mechanism
-from engine.mechanism.moments import Event
+from engine.mechanism.readout import Event
 
 Status = Literal["ok", "not_converged", "diverged", "timeout", "cancelled", "invalid"]
 

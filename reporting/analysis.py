@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from reporting.advice import Advice, advise
 from reporting.comparison import Comparison, compare
-from reporting.designed import Totals, draws, totals
 from reporting.designs import CORNERS, Design, design
 from reporting.failures import FailedSample, StatusCount, count_statuses, list_failures
-from reporting.influence import ResponseSensitivity, Sensitivity
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_correlations, analyse_variable
-from reporting.polynomials import dealt
 from reporting.response import ResponseAnalysis, analyse_response
-from reporting.reweighting import Change
 from reporting.samples import Samples, read_samples
-from reporting.sensitivity import sensitivity
+from reporting.sensitivity.influence import ResponseSensitivity, Sensitivity
+from reporting.sensitivity.polynomials import dealt
+from reporting.sensitivity.sensitivity import sensitivity
+from reporting.sensitivity.total_order import Totals, draws, totals
 from reporting.spec import ReportSpec
+from reporting.tolerance.advice import Advice, advise
+from reporting.tolerance.reweighting import Change
 from reporting.trust import Check
 from reporting.trust_card import trust_checks
 from reporting.verdicts import CAPABLE

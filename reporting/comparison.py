@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import betainc, ndtr, ndtri, stdtr, stdtrit
 
-from reporting.capability import Capability, capability
+from reporting.capability.capability import Capability, capability
+from reporting.capability.intervals import Interval
+from reporting.capability.moments import ROUNDING
 from reporting.errors import ReportError
-from reporting.histogram import Histogram, histogram
-from reporting.intervals import Interval
-from reporting.moments import ROUNDING
 from reporting.samples import Samples
+from reporting.shape.histogram import Histogram, histogram
 from reporting.spec import ReportSpec, ResponseSpec
 
 Array = NDArray[np.float64]

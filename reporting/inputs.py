@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import kolmogorov
 
-from reporting.histogram import Histogram, histogram
 from reporting.samples import Samples
+from reporting.shape.histogram import Histogram, histogram
 from reporting.spec import ReportSpec, VariableSpec
 
 Array = NDArray[np.float64]

@@ -7,22 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from reporting.capability import Capability, capability
+from reporting.capability.capability import Capability, capability
+from reporting.capability.convergence import Running, running
+from reporting.capability.intervals import share_lower_bound
+from reporting.capability.shares import Nonconforming, nonconforming, runs_to_claim
 from reporting.designs import design
 from reporting.errors import ReportError
-from reporting.fits import Fits, fit_families
-from reporting.histogram import Histogram, histogram
-from reporting.influence import ResponseSensitivity
-from reporting.intervals import share_lower_bound
-from reporting.nonnormal import NonnormalIndices, empirical_indices, percentile_indices, z_score_indices
-from reporting.normality import CLOSE, Normality, ProbabilityPlot, normality, probability_plot
-from reporting.running import Running, running
 from reporting.samples import Samples
-from reporting.shares import Nonconforming, nonconforming, runs_to_claim
+from reporting.sensitivity.influence import ResponseSensitivity
+from reporting.shape.fits import Fits, fit_families
+from reporting.shape.histogram import Histogram, histogram
+from reporting.shape.nonnormal import NonnormalIndices, empirical_indices, percentile_indices, z_score_indices
+from reporting.shape.normality import CLOSE, Normality, ProbabilityPlot, normality, probability_plot
+from reporting.shape.tails import TailShare, pareto_tails
 from reporting.spec import ReportSpec, ResponseSpec
-from reporting.tails import TailShare, pareto_tails
+from reporting.tolerance.worst_case import WorstCase, worst_case
 from reporting.verdicts import class_of, verdict
-from reporting.worst_case import WorstCase, worst_case
 
 Array = NDArray[np.float64]
 

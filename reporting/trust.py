@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from reporting import numbers
+from reporting.render import format_numbers as numbers
 from reporting.samples import OK, Samples
 
 if TYPE_CHECKING:

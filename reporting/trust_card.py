@@ -3,10 +3,10 @@
 import math
 from typing import TYPE_CHECKING
 
-from reporting import numbers
+from reporting.capability.convergence import DRIFT_BAR
+from reporting.capability.intervals import cpk_half_width
 from reporting.designs import design
-from reporting.intervals import cpk_half_width
-from reporting.running import DRIFT_BAR
+from reporting.render import format_numbers as numbers
 from reporting.samples import Samples
 from reporting.spec import ReportSpec
 from reporting.trust import PENETRATION_BAR, RESIDUAL_BAR, Check, complete, failed, largest, missing, settled

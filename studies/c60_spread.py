@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from campaign import load_campaign
-from campaign.sampling import draw
+from campaign.inputs.sampling import draw
 from engine import load_mechanism, simulate, warm_up
 from engine.mechanism import Mechanism
 from engine.mechanism.benches import Bench, with_bench

@@ -13,7 +13,7 @@ from typer.main import get_command
 from typer.testing import CliRunner
 
 from campaign.cli import app
-from campaign.load import load_campaign
+from campaign.spec.load import load_campaign
 from engine.mechanism import mechanism_from
 
 ROOT = Path(__file__).parents[1]

@@ -8,7 +8,7 @@ import typer
 from campaign.cli.output import Json, print_json, say
 
 if TYPE_CHECKING:
-    from campaign.bench import Bench
+    from engine.profile.step_times import Bench
 
 
 def bench(
@@ -21,8 +21,8 @@ def bench(
     json: Json = False,
 ) -> None:
     """Measure the time of a step, what it is spent on, and what the solver leaves: all shipped mechanisms, or these."""
-    from campaign.bench import bench as measure
     from engine import library_names, load_mechanism
+    from engine.profile.step_times import bench as measure
 
     loaded = [load_mechanism(name) for name in mechanisms or library_names()]
     say("the first mechanism waits for the loop with clocks to be compiled, about a minute")

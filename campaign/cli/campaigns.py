@@ -9,7 +9,7 @@ from campaign.cli.output import Json, print_json, say
 
 if TYPE_CHECKING:
     from campaign.store import Store
-    from campaign.store.outline import Outline
+    from campaign.store.plan_header import Outline
 
 Id = Annotated[str | None, typer.Argument(help="Id of the campaign; not needed if it is the only one.")]
 StoreUrl = Annotated[str, typer.Option("--store", help="Folder or URL of the results.")]
@@ -17,8 +17,8 @@ StoreUrl = Annotated[str, typer.Option("--store", help="Folder or URL of the res
 
 def status(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
     """Say how far a campaign is: its state, rows done, failed and left, and what its coordinator said last."""
-    from campaign.lease import HEARTBEAT
-    from campaign.state import state_of
+    from campaign.coordinator.lease import HEARTBEAT
+    from campaign.coordinator.state import state_of
     from campaign.store import open_store
 
     opened = open_store(store)
@@ -56,9 +56,9 @@ def watch(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> 
     """Follow a campaign until nobody drives it any more; it does not mind."""
     from rich.console import Console
 
-    from campaign.progress import shown
+    from campaign.cli.progress import shown
+    from campaign.coordinator.follow import heartbeats
     from campaign.store import open_store
-    from campaign.watching import heartbeats
 
     opened = open_store(store)
     campaign_id = opened.find(campaign)
@@ -86,7 +86,7 @@ def report(
     json: Json = False,
 ) -> None:
     """Write the report of a campaign again, from the rows there are; it may be running."""
-    from campaign.report import report as write
+    from campaign.reports.report import report as write
     from campaign.store import open_store
 
     opened = open_store(store)

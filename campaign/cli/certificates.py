@@ -25,7 +25,7 @@ def certificates(
     from campaign.errors import SpecError
 
     try:
-        from campaign.certificates import make_certificates
+        from campaign.cluster.tls_certificates import make_certificates
     except ImportError as error:
         raise SpecError("certificates: needs a package that is not here; pip install 'clearcap[tls]'") from error
     paths = make_certificates(folder, days, hosts or ())

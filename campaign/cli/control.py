@@ -11,7 +11,7 @@ from campaign.cli.output import Json, print_json, say
 from campaign.cli.run import NoReport
 
 if TYPE_CHECKING:
-    from campaign.clusters import Cluster
+    from campaign.cluster.connect import Cluster
 
 
 @on_cluster
@@ -32,7 +32,7 @@ def coordinate(
     signal.signal(signal.SIGTERM, _terminate)
     opened = open_store(store)
     if campaign is None:
-        from campaign.service import serve
+        from campaign.coordinator.service import serve
 
         done = serve(opened, where, once=once, with_report=not no_report)
         if json:
@@ -54,7 +54,7 @@ def resume(
 ) -> None:
     """Go on with a campaign that was interrupted or cancelled, or that failed."""
     from campaign.store import open_store
-    from campaign.task import CANCEL
+    from campaign.worker.batch import CANCEL
 
     opened = open_store(store)
     plan = opened.plan(opened.find(campaign))
@@ -65,7 +65,7 @@ def resume(
         drive(opened, plan, where, with_report=not no_report, as_json=json)
         return
     from campaign.cli.drive import options_of
-    from campaign.submission import hand_over
+    from campaign.coordinator.submit import hand_over
 
     driver = hand_over(opened, plan, options_of(where))
     say(driver.text())
@@ -75,10 +75,10 @@ def resume(
 
 def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
     """End a campaign after the runs in hand; what is finished stays, and ``resume`` goes on."""
-    from campaign.lease import seems_driven
-    from campaign.state import enter, state_of
+    from campaign.coordinator.lease import seems_driven
+    from campaign.coordinator.state import enter, state_of
     from campaign.store import open_store
-    from campaign.task import CANCEL
+    from campaign.worker.batch import CANCEL
 
     opened = open_store(store)
     campaign_id = opened.find(campaign)

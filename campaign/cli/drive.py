@@ -10,8 +10,8 @@ import typer
 from campaign.cli.output import number, print_json, say
 
 if TYPE_CHECKING:
-    from campaign.clusters import Cluster
-    from campaign.coordinate import Outcome
+    from campaign.cluster.connect import Cluster
+    from campaign.coordinator.coordinator import Outcome
     from campaign.plan import Plan
     from campaign.store import Store
 
@@ -28,8 +28,8 @@ def drive(
     """
     from rich.console import Console
 
-    from campaign.coordinate import coordinate
-    from campaign.progress import shown
+    from campaign.cli.progress import shown
+    from campaign.coordinator.coordinator import coordinate
 
     try:
         with nullcontext(lambda _: None) if quiet else shown(Console(stderr=True)) as show:
@@ -61,7 +61,7 @@ def finish(store: "Store", outcome: "Outcome", *, with_report: bool, as_json: bo
     """Write the report, print the results, and fail if too few runs succeeded."""
     plan, files = outcome.plan, {}
     if with_report:
-        from campaign.report import report
+        from campaign.reports.report import report
 
         files = report(store, plan)
     if as_json:

@@ -16,12 +16,12 @@ def polarisation(
     json: Json = False,
 ) -> None:
     """Draw where each journal lies in its bearing at the end of the runs, and which way it presses."""
+    from campaign.cluster.local import cores
     from campaign.errors import CampaignError
-    from campaign.load import load_campaign
-    from campaign.local import cores
     from campaign.pictures.outputs import PLOTS, check_output, replacing
     from campaign.pictures.polarisation import plot_polarisation
-    from campaign.pictures.seats import seats_of_campaign
+    from campaign.reports.journal_positions import seats_of_campaign
+    from campaign.spec.load import load_campaign
 
     check_output("polarisation", picture, PLOTS)
     loaded = load_campaign(campaign, samples=samples)

@@ -9,9 +9,9 @@ from campaign.cli.campaigns import Id, StoreUrl
 from campaign.cli.output import Json, number, print_json, say
 
 if TYPE_CHECKING:
-    from reporting.advice import Advice
-    from reporting.allocation import Allocation
-    from reporting.whatif import Estimate, WhatIf
+    from reporting.tolerance.advice import Advice
+    from reporting.tolerance.allocation import Allocation
+    from reporting.tolerance.whatif import Estimate, WhatIf
 
 Settings = Annotated[
     list[str],
@@ -31,9 +31,9 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
     import numpy as np
 
     from campaign.errors import SpecError
-    from campaign.sampling import production_batch
+    from campaign.inputs.sampling import production_batch
+    from campaign.reports.whatif import what_if
     from campaign.store import open_store
-    from campaign.whatif import what_if
 
     if not settings:
         raise SpecError("nothing is changed; write for example --set J1.std=0.01")
@@ -65,8 +65,8 @@ def advise(
     """Say how far each tolerance may grow, or with --cost which set of them is cheapest."""
     from dataclasses import asdict
 
+    from campaign.reports.whatif import read_costs, tolerance_advice, tolerances
     from campaign.store import open_store
-    from campaign.whatif import read_costs, tolerance_advice, tolerances
 
     opened = open_store(store)
     plan = opened.plan(opened.find(campaign))

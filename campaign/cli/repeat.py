@@ -13,7 +13,7 @@ from campaign.cli.options import on_cluster
 from campaign.cli.output import Json, print_json, say
 
 if TYPE_CHECKING:
-    from campaign.clusters import Cluster
+    from campaign.cluster.connect import Cluster
     from campaign.plan import Plan
     from campaign.store import Store
 
@@ -32,8 +32,8 @@ def rerun(
     json: Json = False,
 ) -> None:
     """Compute failed rows again, when what made them fail is mended."""
-    from campaign.rerun import failed_samples
-    from campaign.rerun import rerun as compute
+    from campaign.coordinator.rerun import failed_samples
+    from campaign.coordinator.rerun import rerun as compute
     from campaign.store import open_store
 
     opened = open_store(store)
@@ -95,7 +95,7 @@ def _check(plan: "Plan", sample: int) -> None:
 
 def _repeat(plan: "Plan", sample: int, motion: Path | None) -> dict[str, Any]:
     """Return the row of a sample, computed here as a worker would."""
-    from campaign.row import compute_row, sample_values
+    from campaign.worker.row import compute_row, sample_values
     from engine import simulate, warm_up
     from engine.loop import Cancel
 

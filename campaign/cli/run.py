@@ -8,7 +8,7 @@ from campaign.cli.options import on_cluster
 from campaign.cli.output import Json, print_json, say
 
 if TYPE_CHECKING:
-    from campaign.clusters import Cluster
+    from campaign.cluster.connect import Cluster
     from campaign.plan import Plan
     from campaign.store import Store
 
@@ -37,7 +37,7 @@ def run(
     """
     opened, plan = _planned(campaign, store, samples, seed, batch_size)
     from campaign.cli.drive import drive
-    from campaign.task import CANCEL
+    from campaign.worker.batch import CANCEL
 
     opened.remove(plan.campaign_id, CANCEL)
     say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {store}")
@@ -63,7 +63,7 @@ def submit(
     """
     opened, plan = _planned(campaign, store, samples, seed, batch_size)
     from campaign.cli.drive import options_of
-    from campaign.submission import hand_over
+    from campaign.coordinator.submit import hand_over
 
     driver = hand_over(opened, plan, options_of(where), queue_only=queue_only)
     say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {store}; {driver.text()}")
@@ -80,7 +80,7 @@ def _planned(
 ) -> "tuple[Store, Plan]":
     """Check everything a user gave, then write the plan."""
     from campaign.errors import SpecError
-    from campaign.load import load_campaign
+    from campaign.spec.load import load_campaign
     from campaign.store import open_store
 
     opened = open_store(url)
@@ -88,6 +88,6 @@ def _planned(
         raise SpecError(f"store {url}: workers cannot reach the memory of this process; name a folder or a URL")
     asked = load_campaign(campaign, samples=samples, seed=seed)
     opened.files.check_writable()
-    from campaign.submission import submit
+    from campaign.coordinator.submit import submit
 
     return opened, submit(opened, asked, batch_size)

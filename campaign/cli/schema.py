@@ -18,7 +18,7 @@ def mechanism(json: Json = False) -> None:
 @schema_app.command()
 def campaign(json: Json = False) -> None:
     """Print the JSON Schema of campaign files."""
-    from campaign.spec import campaign_schema
+    from campaign.spec.campaign_file import campaign_schema
 
     print_json(campaign_schema())
 
@@ -26,6 +26,6 @@ def campaign(json: Json = False) -> None:
 @schema_app.command()
 def report(json: Json = False) -> None:
     """Print the JSON Schema of a report's capability.json."""
-    from reporting.json import report_schema
+    from reporting.render.json import report_schema
 
     print_json(report_schema())

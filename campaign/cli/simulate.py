@@ -106,7 +106,7 @@ def draw(motion: Path, plot: Path | None, animation: Path | None) -> None:
     """Draw the pictures of a trajectory."""
     from campaign.pictures.animation import animate
     from campaign.pictures.curves import plot as draw_curves
-    from campaign.pictures.loop import plot_loop
+    from campaign.pictures.hysteresis import plot_loop
     from campaign.pictures.outputs import replacing
     from engine import read_trajectory
 

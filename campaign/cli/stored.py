@@ -34,8 +34,8 @@ _COLUMNS = ("campaign", "state", "done", "failed", "left", "when", "title")
 def _entry(store: "Store", campaign_id: str) -> dict[str, Any]:
     """Return what is to be said of a campaign; of a broken one, what is wrong with it."""
     from campaign.cli.campaigns import progress
+    from campaign.coordinator.state import state_of
     from campaign.errors import CampaignError
-    from campaign.state import state_of
 
     entry: dict[str, Any] = dict.fromkeys((*_COLUMNS, "samples", "fault"))
     entry |= {"campaign": campaign_id, "state": "broken"}

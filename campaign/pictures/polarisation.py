@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from campaign.pictures.curves import file_metadata
-from campaign.pictures.seats import Seat
 from campaign.pictures.style import FORCE, INK, MUTED, PALETTE, STYLE, bare
 from campaign.pictures.view import Array
+from campaign.reports.journal_positions import Seat
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

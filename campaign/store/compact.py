@@ -12,7 +12,7 @@ from itertools import groupby
 import pyarrow as pa
 
 from campaign.errors import StoreError
-from campaign.files import Files
+from campaign.store.files.files import Files
 from campaign.store.parts import BadPart, Part, Planned, batches_of, encode, file_name, folder
 from campaign.store.rows import cut
 from campaign.store.survey import check_file, read_file, survey

@@ -4,7 +4,7 @@ import logging
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from campaign.files import Files
+from campaign.store.files.files import Files
 from campaign.store.parts import ROW_GROUP, BadPart, Planned, batches_of, folder, part_name
 from campaign.store.survey import read_file
 

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from campaign.errors import SpecError, StoreError
-from campaign.files import Files
 from campaign.store import manifest
-from campaign.store.aside import set_aside
-from campaign.store.outline import Outline, read_outline
+from campaign.store.files.files import Files
 from campaign.store.parts import Part, Planned, check, encode, file_name, part_name
+from campaign.store.plan_header import Outline, read_outline
+from campaign.store.quarantine import set_aside
 from campaign.store.rows import batch_rows, stream
 from campaign.store.survey import Survey, read_file, survey
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from campaign.errors import StoreError
-from campaign.files import LARGEST, Files
 from campaign.store import manifest
+from campaign.store.files.files import LARGEST, Files
 from campaign.store.parts import BadPart, Part, Planned, batches_of, check, decode, folder, total
 
 if TYPE_CHECKING:

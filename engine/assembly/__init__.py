@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from engine.assembly.bilateral import Places, layout, tie_arrays, tie_runs
 from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.frames import Array, order_bodies, place_bodies
 from engine.assembly.ideal_joints import joint_ties
@@ -13,7 +14,6 @@ from engine.assembly.motions import motion_ties
 from engine.assembly.phases import phase_arrays
 from engine.assembly.responses import response_arrays
 from engine.assembly.start import refuse_open_joints, refuse_overlap
-from engine.assembly.ties import Places, layout, tie_arrays, tie_runs
 from engine.assembly.time_laws import time_law_arrays
 from engine.friction.arrays import FrictionArrays, friction_arrays
 from engine.kernels.model import Bodies, Held, Kept, Model, Scratch, State, Watch

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from engine.assembly.bilateral import Tie, turning_arm
 from engine.assembly.frames import Array, Frame, tangent
 from engine.assembly.joints import Mate, mate
-from engine.assembly.ties import Tie, turning_arm
 from engine.kernels.model import SLIDE, TURN
 from engine.mechanism.joints import Prismatic
 from engine.mechanism.models import Mechanism

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from engine.assembly.bilateral import Tie, turning_arm
 from engine.assembly.frames import Frame, tangent
 from engine.assembly.phases import active_phases
-from engine.assembly.ties import Tie, turning_arm
 from engine.kernels.model import SLIDE, TURN, State
 from engine.mechanism.models import Mechanism
 from engine.mechanism.motions import Translation

@@ -7,7 +7,7 @@ import numpy as np
 from engine.assembly.frames import Array
 from engine.kernels.model import Phases
 from engine.mechanism.models import Mechanism
-from engine.mechanism.moments import Event
+from engine.mechanism.readout import Event
 
 
 def phase_arrays(mechanism: Mechanism) -> Phases:

@@ -12,7 +12,7 @@ from engine.kernels import model
 from engine.kernels.model import Responses, State
 from engine.mechanism.faults import Fault, did_you_mean
 from engine.mechanism.models import Mechanism
-from engine.mechanism.moments import Peak
+from engine.mechanism.readout import Peak
 
 ORIGIN = (0.0, 0.0, 0.0)
 KINDS = {

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from engine.assembly.ties import Tie, tie_arrays, turning_arm
+from engine.assembly.bilateral import Tie, tie_arrays, turning_arm
 from engine.errors import MechanismError
+from engine.kernels.bilateral import tie_violations
 from engine.kernels.gaps import find_contacts
 from engine.kernels.model import SLIDE, TURN, Contacts, Scratch, State
-from engine.kernels.ties import tie_violations
 from engine.mechanism.models import Mechanism
 
 JOINT_TOLERANCE = 1e-5  # how far off an ideal joint may be at the start, in arms of its bodies (hence also in rad)

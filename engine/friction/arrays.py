@@ -1,7 +1,7 @@
 """A friction problem as arrays, with the operations every solver shares.
 
 The problem, whitened (M = I), with bilateral rows J (ideal joints, drives):  w' = (v, l), B w = G' r,  u = G w + q,
-Coulomb's law between each r_i and u_i. B is the identity without such rows, see `engine.friction.ties`.
+Coulomb's law between each r_i and u_i. B is the identity without such rows, see `engine.friction.bilateral`.
 
 Kernels get the arrays they need and not the whole tuple: every array of a call costs compile time.
 """
@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from engine.friction.banded import PAIR, ROWS_AT_ONCE
-from engine.friction.ties import Ties, release
-from engine.kernels.jit import inner
+from engine.friction.bilateral import Ties, release
+from engine.jit import inner
 
 CONVERGED = 0
 NOT_CONVERGED = 1

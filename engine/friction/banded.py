@@ -5,7 +5,7 @@ is stored two wider than the contacts ask for: three rows are eliminated at a ti
 as the last. All systems here have a positive definite symmetric part, which is what spares the pivoting.
 """
 
-from engine.kernels.jit import inner
+from engine.jit import inner
 
 BODY = 6  # velocities of a body
 PAIR = 2 * BODY

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine.kernels.jit import inner, kernel
+from engine.jit import inner, kernel
 
 NEWTON = 60  # steps for one barrier
 CLOSE = 1e-3  # Newton's decrement squared at which the minimum is near enough to go on from

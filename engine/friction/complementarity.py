@@ -12,7 +12,7 @@ scale s: r and u are both velocities here, and f' = P s dr + Q du. Two equations
 import numpy as np
 
 from engine.friction.cone import project
-from engine.kernels.jit import inner
+from engine.jit import inner
 
 TINY = 1e-300
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine.kernels.jit import inner
+from engine.jit import inner
 
 LARGEST = 1e7
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from engine.friction.arrays import add_impulse, copy, finish, relative
 from engine.friction.banded import add_blocks, factorise, start_system, substitute
+from engine.friction.bilateral import add_ties
 from engine.friction.cone import residual
-from engine.friction.ties import add_ties
-from engine.kernels.jit import inner
+from engine.jit import inner
 
 TO_BOUNDARY = 0.95
 INSIDE = 1e-3  # of the load: how far inside the cones the first point is

@@ -9,10 +9,10 @@ import numpy as np
 
 from engine.friction.arrays import add_impulse, finish, relative
 from engine.friction.banded import add_blocks, factorise, start_system, substitute
+from engine.friction.bilateral import add_ties
 from engine.friction.complementarity import eliminate, fischer_burmeister, mismatch, natural_map
 from engine.friction.cone import residual
-from engine.friction.ties import add_ties
-from engine.kernels.jit import inner
+from engine.jit import inner
 
 SHRINK = 0.04  # of tau^2, when the smoothed equation is met as well as its smoothing deserves
 POOR = 0.5  # of the merit: a step on the natural map that leaves more is a poor one

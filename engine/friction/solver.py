@@ -16,7 +16,7 @@ import numpy as np
 from engine.friction.arrays import CONVERGED, NOT_CONVERGED, copy, finish, measure_scales
 from engine.friction.interior import interior_point
 from engine.friction.newton import newton
-from engine.kernels.jit import inner, kernel
+from engine.jit import inner, kernel
 
 NATURAL_STEPS = 30
 PROXIMAL = 1e-8  # share of a sticking contact's velocity in its equation: what makes its impulse unique

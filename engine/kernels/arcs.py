@@ -10,7 +10,7 @@ normal there is the one combination of the faces' normals that is across the arc
 
 import numpy as np
 
-from engine.kernels.jit import inner
+from engine.jit import inner
 from engine.kernels.model import ON_BALL, ON_DISC, ON_RECTANGLE
 from engine.kernels.solids import signed_distance
 from engine.kernels.vectors import dot

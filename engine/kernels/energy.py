@@ -1,6 +1,6 @@
 """Kinetic energy of the bodies."""
 
-from engine.kernels.jit import inner
+from engine.jit import inner
 
 
 @inner

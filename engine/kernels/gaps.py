@@ -27,8 +27,8 @@ keeps the moment balance exact.
 
 import numpy as np
 
+from engine.jit import inner, kernel
 from engine.kernels.arcs import nearest_on_arc
-from engine.kernels.jit import inner, kernel
 from engine.kernels.model import ARC_PLANE, CYLINDER_PLANE, ON_BALL, ON_RECTANGLE, ON_ROUND, RING_BORE
 from engine.kernels.rotations import to_world, turn_to_world
 from engine.kernels.solids import box, section

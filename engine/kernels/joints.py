@@ -5,11 +5,11 @@ the velocities themselves, J v+ = s' with J there (a multiplier each, as in the 
 second order and joints do no work; J v+ = s' with J at mid-step alone loses energy in every turn.
 """
 
-from engine.friction.ties import hold_ties, tie_down
+from engine.friction.bilateral import hold_ties, tie_down
+from engine.jit import inner
+from engine.kernels.bilateral import tie_velocity, tie_violations, whitened_ties
 from engine.kernels.contacts import add_whitened
-from engine.kernels.jit import inner
 from engine.kernels.motion import NOTHING
-from engine.kernels.ties import tie_velocity, tie_violations, whitened_ties
 
 
 @inner

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine.kernels.jit import inner, kernel
+from engine.jit import inner, kernel
 from engine.kernels.rotations import times, to_world, turn_to_world, twist_angle
 from engine.kernels.time_laws import time_law
 

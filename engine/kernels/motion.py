@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine.kernels.jit import inner, kernel
+from engine.jit import inner, kernel
 from engine.kernels.rotations import rotation_matrix, turn
 
 EULER_STEPS = 4

@@ -6,13 +6,13 @@ closed loops with clearance.
 """
 
 from engine.friction.arrays import CONVERGED
+from engine.friction.bilateral import hold_ties, tie_down
 from engine.friction.solver import solve_friction
-from engine.friction.ties import hold_ties, tie_down
+from engine.jit import inner
+from engine.kernels.bilateral import tie_violations, whitened_ties
+from engine.kernels.broad_phase import look_around, spend
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
-from engine.kernels.jit import inner
 from engine.kernels.rotations import rotation_matrix, turn
-from engine.kernels.ties import tie_violations, whitened_ties
-from engine.kernels.watch import look_around, spend
 
 ROUNDS = 40
 REACH = 2.0  # contacts open by less than this many times the violation take part

@@ -5,9 +5,9 @@ quaternion (4), velocity (3) and body-frame angular velocity (3); for each conta
 whether it is in the index set; every response. ``rows[0, 0]`` counts the rows written so far, from ``rows[1]`` on.
 """
 
+from engine.jit import kernel
 from engine.kernels.energy import kinetic_energy
 from engine.kernels.gaps import find_contact
-from engine.kernels.jit import kernel
 from engine.kernels.loads import potential_energy
 
 HEAD, BODY, CONTACT = 4, 13, 5

@@ -20,8 +20,8 @@ JOINT_FORCE       first contact, number, direction    sign of an impulse (0); di
 
 import numpy as np
 
+from engine.jit import inner, kernel
 from engine.kernels.gaps import find_contact
-from engine.kernels.jit import inner, kernel
 from engine.kernels.loads import speed_along, spin_along, spring_force, spring_torque
 from engine.kernels.model import (
     ANGLE,

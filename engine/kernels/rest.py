@@ -1,6 +1,6 @@
 """When a mechanism is at rest: no measured length and no contact that carries load moves for a while."""
 
-from engine.kernels.jit import inner
+from engine.jit import inner
 
 LOADED = 1e-3  # of the largest impulse: a contact that carries load
 

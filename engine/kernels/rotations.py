@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from engine.kernels.jit import inner, kernel
+from engine.jit import inner, kernel
 
 
 @kernel

@@ -5,13 +5,13 @@ from typing import NamedTuple
 import numpy as np
 
 from engine.friction.arrays import CONVERGED
-from engine.kernels.jit import inner, kernel
+from engine.jit import inner, kernel
+from engine.kernels.bilateral import begin_ties
 from engine.kernels.motion import impulse_time, restore
 from engine.kernels.record import record
 from engine.kernels.responses import measure, note
 from engine.kernels.rest import moved, slow, start_pause
 from engine.kernels.step import step
-from engine.kernels.ties import begin_ties
 
 HALVINGS = 4
 

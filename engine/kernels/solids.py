@@ -9,7 +9,7 @@ faster than the features move, and a point that leaves a face goes round its edg
 
 import math
 
-from engine.kernels.jit import inner
+from engine.jit import inner
 from engine.kernels.model import ON_RECTANGLE
 
 

@@ -2,12 +2,13 @@
 
 from engine.friction.arrays import CONVERGED
 from engine.friction.solver import solve_friction
-from engine.kernels.jit import inner
+from engine.jit import inner
+from engine.kernels.bilateral import tie_targets
+from engine.kernels.broad_phase import look_around, rates, spend
 from engine.kernels.joints import hold_joints
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import damp, free_twist, keep, move
 from engine.kernels.projection import project_positions
-from engine.kernels.ties import tie_targets
 from engine.kernels.velocity import (
     first_active_set,
     free_relative_velocities,
@@ -16,7 +17,6 @@ from engine.kernels.velocity import (
     scatter,
     worst_contact,
 )
-from engine.kernels.watch import look_around, rates, spend
 
 GROWTH_ROUNDS = 20
 

@@ -1,6 +1,6 @@
 """Vectors of three numbers as tuples: values in registers, where a kernel has no array to write them to."""
 
-from engine.kernels.jit import inner
+from engine.jit import inner
 
 
 @inner

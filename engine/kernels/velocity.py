@@ -3,9 +3,9 @@
 import numpy as np
 
 from engine.friction.cone import project
+from engine.jit import inner
+from engine.kernels.broad_phase import closing, look, rates
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
-from engine.kernels.jit import inner
-from engine.kernels.watch import closing, look, rates
 
 
 @inner

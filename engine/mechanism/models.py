@@ -19,9 +19,9 @@ from engine.mechanism.derived import Difference
 from engine.mechanism.faults import Fault, did_you_mean, faults_of
 from engine.mechanism.joints import AnyJoint, Joint
 from engine.mechanism.loads import Damper, Force, Spring, Torque
-from engine.mechanism.moments import Event
 from engine.mechanism.motions import Motion
 from engine.mechanism.quantities import Quantity, UnitSystem
+from engine.mechanism.readout import Event
 from engine.mechanism.references import pair_between, reference_faults
 from engine.mechanism.responses import Response
 

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from engine.mechanism.conditions import CONDITION
-from engine.mechanism.course import broken_phases, events_of_events
 from engine.mechanism.faults import Fault, did_you_mean
+from engine.mechanism.phase_checks import broken_phases, events_of_events
 from engine.mechanism.tables import phase_names, sub_table
 
 _PAIRED = {

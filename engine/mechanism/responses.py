@@ -6,8 +6,8 @@ from pydantic import Field, StringConstraints, model_validator
 
 from engine.mechanism.base import BodyPoint, Direction, Length, Model, Name, Number, Point, refuse
 from engine.mechanism.derived import ConditionMet, Difference
-from engine.mechanism.moments import At
 from engine.mechanism.quantities import Quantity
+from engine.mechanism.readout import At
 
 ContactName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*(\.[A-Za-z][A-Za-z0-9_-]*)?$")]
 

@@ -17,7 +17,7 @@ from engine.errors import MechanismError
 from engine.mechanism.base import Model
 from engine.mechanism.faults import Fault, did_you_mean, faults_of, field_of, field_quantity
 from engine.mechanism.joints import Joint
-from engine.mechanism.moments import Event
+from engine.mechanism.readout import Event
 
 if TYPE_CHECKING:
     from engine.mechanism.models import Mechanism

@@ -6,12 +6,12 @@ from functools import partial
 import pytest
 from typer.testing import CliRunner
 
-from campaign import coordinate as coordinating
-from campaign import rerun as rerunning
-from campaign import submission
-from campaign.load import load_campaign
-from campaign.local import local_client
+from campaign.cluster.local import local_client
+from campaign.coordinator import coordinator as coordinating
+from campaign.coordinator import rerun as rerunning
+from campaign.coordinator import submit as submission
 from campaign.plan import make_plan
+from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from tests.campaign import fake_engine
 

@@ -1,10 +1,10 @@
 """What tests of the coordinator share: drive a campaign with a stand-in for the physics, and compare rows."""
 
-from campaign.clusters import Cluster
-from campaign.coordinate import coordinate
+from campaign.cluster.connect import Cluster
+from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator.submit import submit
 from campaign.store import open_store
-from campaign.submission import submit
-from campaign.task import Order, Task, run_batch
+from campaign.worker.batch import Order, Task, run_batch
 from tests.campaign import fake_engine
 
 

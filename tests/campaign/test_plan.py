@@ -7,8 +7,8 @@ import pytest
 import tomli_w
 
 from campaign.errors import StoreError
-from campaign.load import load_campaign
 from campaign.plan import Plan, make_plan
+from campaign.spec.load import load_campaign
 
 
 def test_same_campaign_same_id(campaign, campaign_file):

@@ -1,9 +1,9 @@
 """A small campaign of a stand-in for the physics, planned in a store of its own."""
 
-from campaign.clusters import Cluster
-from campaign.coordinate import coordinate
-from campaign.load import load_campaign
+from campaign.cluster.connect import Cluster
+from campaign.coordinator.coordinator import coordinate
 from campaign.plan import make_plan
+from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC

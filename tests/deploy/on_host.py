@@ -5,9 +5,9 @@ import socket
 import ssl
 import sys
 
-import campaign.clusters
-from campaign.clusters import Cluster, Tls, connect
-from campaign.coordinate import coordinate
+import campaign.cluster.connect
+from campaign.cluster.connect import Cluster, Tls, connect
+from campaign.coordinator.coordinator import coordinate
 from campaign.errors import CampaignError
 from campaign.store import open_store
 from tests.campaign import fake_engine
@@ -46,7 +46,7 @@ def _compute(cluster, workers, url, campaign_id):
 
 def reach(address, *files):
     """Try to reach a scheduler, with certificates or without."""
-    campaign.clusters.REACHED_WITHIN = 3.0
+    campaign.cluster.connect.REACHED_WITHIN = 3.0
     tls = Tls(*files) if files else None
     try:
         with connect(Cluster(address, tls=tls, insecure=True)) as client:

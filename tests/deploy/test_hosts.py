@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from campaign.certificates import make_certificates
+from campaign.cluster.tls_certificates import make_certificates
 from tests.campaign.cluster_processes import scheduler, worker
 from tests.deploy.campaigns import computed_here, planned, rows
 from tests.deploy.hosts import inside, network

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from campaign.certificates import make_certificates
-from engine.kernels import jit
+from campaign.cluster.tls_certificates import make_certificates
+from engine import jit
 from tests.deploy.campaigns import computed_here, planned, rows
 from tests.deploy.slurm import is_here, slurm
 

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from campaign import load_campaign
-from campaign.sampling import draw
+from campaign.inputs.sampling import draw
 from engine import load_mechanism, read_trajectory, simulate
 from tests.engine.small import shipped
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from campaign.load import load_campaign
-from campaign.sampling import draw
+from campaign.inputs.sampling import draw
+from campaign.spec.load import load_campaign
 from engine import check
 from studies.c60_spread import Variant, mechanism_of, row, variants
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from campaign.load import load_campaign
 from campaign.pictures.polarisation import mean_way, plot_polarisation
-from campaign.pictures.seats import Seat, seats_of, seats_of_campaign, together
+from campaign.reports.journal_positions import Seat, seats_of, seats_of_campaign, together
+from campaign.spec.load import load_campaign
 from engine import read_trajectory, simulate
 from tests.engine.small import made, shipped
 

@@ -1,7 +1,7 @@
 """What must hold of a store when a campaign is over, whatever happened to it."""
 
-from campaign.files import TEMPORARY
 from campaign.store import manifest
+from campaign.store.files.files import TEMPORARY
 from campaign.store.survey import load_manifest
 
 VARIES = ["wall_s", "attempts"]

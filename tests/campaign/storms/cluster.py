@@ -2,7 +2,7 @@
 
 import psutil
 
-from campaign.local import SETTINGS
+from campaign.cluster.local import SETTINGS
 from tests.campaign.cluster_processes import free_port, tls_arguments
 from tests.campaign.storms.supervisor import kill, processes, words
 
@@ -37,7 +37,7 @@ def victims(supervisor, kind, chance):
     if kind == "all":
         return [process.pid for process in processes(supervisor.mark)]
     if kind == "child":
-        children = [p.pid for p in processes(supervisor.mark) if "campaign.apart" in words(p)]
+        children = [p.pid for p in processes(supervisor.mark) if "campaign.worker.subprocess_runs" in words(p)]
         return chance.sample(children, min(1, len(children)))
     if kind in ("worker", "nanny"):
         nanny = supervisor.pid(f"worker-{chance.randrange(2)}")

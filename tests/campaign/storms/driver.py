@@ -10,11 +10,11 @@ from functools import partial
 from pathlib import Path
 
 from campaign.cli.output import show_logs
-from campaign.clusters import Cluster
-from campaign.coordinate import coordinate
+from campaign.cluster.connect import Cluster
+from campaign.cluster.tls import Tls
+from campaign.coordinator.coordinator import coordinate
 from campaign.errors import CampaignError
 from campaign.store import open_store
-from campaign.tls import Tls
 from tests.campaign import fake_engine
 
 

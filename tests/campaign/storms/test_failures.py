@@ -13,16 +13,16 @@ from random import Random
 
 import pytest
 
-from campaign.clusters import Cluster
-from campaign.coordinate import coordinate
+from campaign.cluster.connect import Cluster
+from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator.lease import LEASE
+from campaign.coordinator.results import TRIES
+from campaign.coordinator.state import state_of
+from campaign.coordinator.submit import submit
 from campaign.errors import StoreError
-from campaign.lease import LEASE
-from campaign.load import load_campaign
-from campaign.settle import TRIES
-from campaign.state import state_of
+from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.submission import submit
-from campaign.task import CANCEL
+from campaign.worker.batch import CANCEL
 from tests.campaign import fake_engine
 from tests.campaign.cluster_processes import free_port, scheduler, worker
 from tests.campaign.driving import computed

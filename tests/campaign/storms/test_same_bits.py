@@ -6,12 +6,12 @@ import uuid
 
 import pytest
 
-from campaign.certificates import make_certificates
-from campaign.clusters import Cluster
-from campaign.coordinate import coordinate
-from campaign.load import load_campaign
+from campaign.cluster.connect import Cluster
+from campaign.cluster.tls_certificates import make_certificates
+from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator.submit import submit
+from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.submission import submit
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
 from tests.campaign.storms.checks import bits

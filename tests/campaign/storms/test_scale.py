@@ -20,9 +20,9 @@ import numpy as np
 import psutil
 import pytest
 
-from campaign.load import load_campaign
+from campaign.coordinator.submit import submit
+from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.submission import submit
 from tests.campaign.storms.cluster import DASK, drive, start_cluster
 from tests.campaign.storms.supervisor import Supervisor, those_left
 
@@ -122,7 +122,7 @@ def test_scale(size, samples, tmp_path, campaign_file, capsys):
 COMPUTE = """
 import sys, time
 from campaign.store import open_store
-from campaign.task import Order, Task, run_batches
+from campaign.worker.batch import Order, Task, run_batches
 from tests.campaign.fake_engine import simulate
 
 store, plan = open_store(sys.argv[1]), sys.argv[2]

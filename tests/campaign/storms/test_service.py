@@ -9,15 +9,15 @@ import uuid
 
 import pytest
 
-from campaign.load import load_campaign
+from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from engine import simulate
+from tests.campaign.cli.test_verbs import SLOPE
 from tests.campaign.driving import computed
 from tests.campaign.storms.checks import bits
 from tests.campaign.storms.cluster import DASK, start_cluster, strike
 from tests.campaign.storms.supervisor import Supervisor, those_left
 from tests.campaign.storms.test_failures import wait
-from tests.campaign.test_verbs import SLOPE
 
 pytestmark = pytest.mark.slow
 

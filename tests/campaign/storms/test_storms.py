@@ -6,9 +6,9 @@ import uuid
 
 import pytest
 
-from campaign.load import load_campaign
+from campaign.coordinator.submit import submit
+from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.submission import submit
 from tests.campaign.driving import computed
 from tests.campaign.storms.checks import bits, check_whole
 from tests.campaign.storms.cluster import DASK, KINDS, drive, start_cluster, strike

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from engine.assembly import Assembly, assemble
 from engine.errors import MechanismError
+from engine.kernels.bilateral import tie_velocity, tie_violations, whitened_ties
 from engine.kernels.model import SLIDE, TURN
-from engine.kernels.ties import tie_velocity, tie_violations, whitened_ties
 from tests.engine.assembly.pairs_of_bodies import WORD, joined, seen_from
 from tests.engine.small import made, place
 

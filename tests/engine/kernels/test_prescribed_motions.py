@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from engine.assembly import Assembly, assemble
-from engine.kernels.ties import tie_targets, tie_velocity, tie_violations
+from engine.kernels.bilateral import tie_targets, tie_velocity, tie_violations
 from tests.engine.small import made, place, small
 
 SEEDS = range(6)

@@ -1,0 +1,84 @@
+"""How far a campaign is, for a person: a live view on a terminal, a line now and then elsewhere; on standard error."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from time import monotonic
+from typing import TYPE_CHECKING
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+if TYPE_CHECKING:
+    from campaign.coordinator.heartbeat import Heartbeat
+    from campaign.coordinator.results import Show
+
+LINE_EVERY = 10.0  # s, between two lines where there is no terminal
+BAR = 40  # characters
+
+
+@contextmanager
+def shown(console: Console) -> Iterator["Show"]:
+    """Yield what shows each heartbeat it is told: the view on a terminal, lines elsewhere."""
+    if not console.is_terminal:
+        yield Lines(console)
+        return
+    with Live(console=console, auto_refresh=False, transient=False) as live:
+        yield lambda heartbeat: live.update(view(heartbeat), refresh=True)
+
+
+class Lines:
+    """A line every ten seconds, and one when the state changes.
+
+    Parameters
+    ----------
+    console : Console
+        Where to write.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._said, self._state = monotonic(), "running"
+
+    def __call__(self, heartbeat: "Heartbeat") -> None:
+        """Say how far the campaign is, if it is time to."""
+        now = monotonic()
+        if now - self._said < LINE_EVERY and heartbeat.state == self._state:
+            return
+        self._said, self._state = now, heartbeat.state
+        self._console.print(line(heartbeat), highlight=False, soft_wrap=True)
+
+
+def line(heartbeat: "Heartbeat") -> str:
+    """Return how far a campaign is, in a line."""
+    head = f"{heartbeat.done}/{heartbeat.samples} runs, {heartbeat.failed} failed"
+    if heartbeat.state != "running":
+        return f"{head}, {heartbeat.state}"
+    return f"{head}, {heartbeat.rate:.1f} runs/s, ETA {eta(heartbeat.eta_s)}, {_workers(heartbeat.workers)}"
+
+
+def view(heartbeat: "Heartbeat") -> RenderableType:
+    """Return the live view: a bar, what a line says, and the responses so far."""
+    bar = Table.grid(padding=(0, 1))
+    bar.add_row(ProgressBar(total=max(heartbeat.samples, 1), completed=heartbeat.done, width=BAR), line(heartbeat))
+    limited = {name: r for name, r in heartbeat.responses.items() if r["cpk"] is not None}
+    if not limited:
+        return bar
+    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for head in ("so far", "n", "mean", "sigma", "Cpk"):
+        table.add_column(head, justify="left" if head == "so far" else "right")
+    for name, r in limited.items():
+        table.add_row(Text(name), f"{r['n']}", *(f"{r[key] or 0.0:.4g}" for key in ("mean", "std", "cpk")))
+    return Group(bar, table)
+
+
+def eta(seconds: float | None) -> str:
+    """Return a time to go as h:mm:ss; a dash for an unknown one."""
+    return "-" if seconds is None else str(timedelta(seconds=round(seconds)))
+
+
+def _workers(count: int) -> str:
+    return f"{count} worker{'' if count == 1 else 's'}"

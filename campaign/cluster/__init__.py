@@ -1,0 +1,1 @@
+"""Where a campaign is computed: local workers, a dask scheduler, a batch system, Kubernetes."""

@@ -1,0 +1,214 @@
+"""Workers as jobs of a batch system (SLURM, OAR, PBS) or of Kubernetes, through dask's own packages for these.
+
+What a job looks like (queue, project, walltime, memory, image) is in dask's configuration, as users of those packages
+have it: tables ``jobqueue.slurm``, ``jobqueue.oar``, ``jobqueue.pbs`` and ``kubernetes``.
+"""
+
+import importlib
+import logging
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import dask
+from distributed import Client, Security, Status
+
+from campaign.cluster.local import SETTINGS, interrupts_held
+from campaign.cluster.tls import NEEDED, Tls, security
+from campaign.errors import SpecError, UnreachableError
+
+if TYPE_CHECKING:
+    from campaign.cluster.connect import Cluster
+
+_BATCH_SYSTEMS = {"slurm": "SLURMCluster", "oar": "OARCluster", "pbs": "PBSCluster"}
+# Neither is encrypted, nor does dask ask there who one is.
+_NO_DASHBOARD = ("--no-dashboard", "--dashboard-address", "127.0.0.1:0")
+
+
+@contextmanager
+def batch_jobs(cluster: "Cluster") -> Iterator[Client]:
+    """Start a scheduler in this process and workers as jobs; yield a client to them, cancel the jobs at the end.
+
+    Raises
+    ------
+    SpecError
+        If the package is missing, or its configuration does not say what it must.
+    UnreachableError
+        If the batch system refuses the jobs, or its commands are not here.
+    """
+    with job_certificates(cluster) as certificates:
+        with dask.config.set(SETTINGS), interrupts_held():
+            jobs = job_cluster(cluster, certificates)
+        try:
+            _submit(jobs, cluster)
+            with interrupts_held():
+                client = Client(jobs, set_as_default=False)  # type: ignore[no-untyped-call]  # annotated in parts
+            try:
+                yield client
+            finally:
+                client.close()  # type: ignore[no-untyped-call]
+        finally:
+            jobs.close()
+
+
+@contextmanager
+def job_certificates(cluster: "Cluster") -> Iterator[Security | None]:
+    """Yield the cluster's certificates, or some made for its jobs where these find them; none if insecure."""
+    given = security(cluster.tls)
+    if given or cluster.insecure:
+        yield given
+        return
+    _package("dask_jobqueue", "jobqueue", cluster.kind)  # brings the configuration's defaults
+    certificates = _package("campaign.cluster.tls_certificates", "tls", cluster.kind)
+    shared = Path(os.path.expandvars(_needed(cluster.kind, "shared-temp-directory"))).expanduser()
+    try:
+        folder = tempfile.TemporaryDirectory(prefix=".clearcap-tls-", dir=shared)
+    except OSError as error:
+        raise SpecError(
+            f"jobqueue.{cluster.kind}.shared-temp-directory: {shared} cannot be written ({error.strerror});"
+            " name a folder of yours that all nodes see"
+        ) from error
+    with folder as made:
+        files = certificates.make_certificates(Path(made), certificates.LONGEST)
+        yield security(Tls(*(str(files[name]) for name in ("ca.pem", "client.pem", "client.key"))))
+
+
+def _submit(jobs: Any, cluster: "Cluster") -> None:
+    """Submit the jobs and wait for the batch system's answer."""
+
+    async def answered() -> None:
+        jobs.scale(cluster.workers)
+        await jobs._correct_state()  # scale alone would not wait
+
+    with _muted("tornado.application"), _muted("asyncio"):  # where the same refusal would be told with a traceback
+        try:
+            jobs.sync(answered)
+        except (RuntimeError, OSError) as error:
+            for job in jobs.workers.values():
+                if job.job_id is None:
+                    job.status = Status.failed  # close() insists on a job that has ended or failed
+            raise UnreachableError(f"--cluster {cluster.kind}: the batch system refused the jobs: {error}") from error
+
+
+@contextmanager
+def _muted(name: str) -> Iterator[None]:
+    """Let a logger say nothing but what is critical."""
+    logger = logging.getLogger(name)
+    level = logger.level
+    logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logger.setLevel(level)
+
+
+def job_cluster(cluster: "Cluster", certificates: Security | None) -> Any:
+    """Return dask-jobqueue's cluster: a scheduler in this process, and no job yet.
+
+    Workers have one thread each, as many in a job as it has cores.
+    """
+    kind = cluster.kind
+    jobqueue = _package("dask_jobqueue", "jobqueue", kind)
+    if cluster.workers is None:
+        raise SpecError(f"--cluster {kind}: say how many workers the jobs are to have in all: --workers N")
+    _needed(kind, "memory")
+    made: Any = getattr(jobqueue, _BATCH_SYSTEMS[kind])
+    command = made.job_cls.submit_command.split()[0]
+    if shutil.which(command) is None:
+        raise UnreachableError(f"--cluster {kind}: no command {command} here; run this where jobs are submitted")
+    return made(
+        processes=_needed(kind, "cores"),
+        security=certificates,
+        worker_extra_args=[*_setting(kind, "worker-extra-args"), *_NO_DASHBOARD],
+        scheduler_options=_setting(kind, "scheduler-options")
+        | {"dashboard": False, "dashboard_address": "127.0.0.1:0"},
+        silence_logs=logging.CRITICAL,
+    )
+
+
+def _needed(kind: str, key: str) -> Any:
+    """Return what dask's configuration must say of jobs of a kind."""
+    value = _setting(kind, key)
+    if not value:
+        raise SpecError(
+            f"jobqueue.{kind}.{key}: not set; write it into dask's configuration, for example in"
+            " ~/.config/dask/jobqueue.yaml; deploy/jobqueue.yaml is one to begin with"
+        )
+    return value
+
+
+def _setting(kind: str, key: str) -> Any:
+    """Return what dask's configuration says of jobs of a kind; dask takes ``-`` and ``_`` in keys for the same."""
+    return dask.config.get(f"jobqueue.{kind}.{key}", None)
+
+
+@contextmanager
+def kubernetes_resource(cluster: "Cluster") -> Iterator[str]:
+    """Create the ``DaskCluster`` of dask's configuration, unless it is there, and yield its scheduler's address.
+
+    It is deleted at the end if it was created here and ``kubernetes.shutdown-on-close`` is set, as it is by default.
+    The address is one of the inside of Kubernetes: the campaign's coordinator runs there too.
+
+    Raises
+    ------
+    SpecError
+        If the package or certificates are missing, or the configuration names no manifest.
+    UnreachableError
+        If Kubernetes does not answer, or refuses.
+    """
+    _package("dask_kubernetes", "kubernetes", "kubernetes")
+    kr8s, httpx = (_package(name, "kubernetes", "kubernetes") for name in ("kr8s", "httpx"))
+    objects = importlib.import_module("kr8s.objects")
+    if security(cluster.tls) is None and not cluster.insecure:
+        raise SpecError(f"--cluster kubernetes: {NEEDED}, or type --insecure")
+    manifest = _manifest()
+    if cluster.workers is not None:
+        manifest["spec"]["worker"]["replicas"] = cluster.workers
+    made = objects.new_class("DaskCluster", "kubernetes.dask.org/v1", asyncio=False)
+    try:
+        resource = made(manifest, namespace=dask.config.get("kubernetes.namespace", None))
+        created = not resource.exists()
+        if created:
+            resource.create()
+    except (kr8s.ServerError, kr8s.APITimeoutError, kr8s.ConnectionClosedError, httpx.HTTPError, ValueError) as error:
+        raise UnreachableError(f"--cluster kubernetes: Kubernetes refused, or does not answer: {error}") from error
+    try:
+        scheme = "tcp" if cluster.insecure else "tls"
+        yield f"{scheme}://{resource.name}-scheduler.{resource.namespace}.svc:8786"
+    finally:
+        if created and dask.config.get("kubernetes.shutdown-on-close", True):
+            resource.delete()
+
+
+def _manifest() -> Any:
+    """Return the ``DaskCluster`` that dask's configuration names, as a table."""
+    key = "kubernetes.custom-cluster-spec"
+    given = dask.config.get(key, None)
+    if given is None:
+        raise SpecError(
+            f"{key}: not set; name the manifest of a DaskCluster in dask's configuration;"
+            " deploy/kubernetes/cluster.yaml is one"
+        )
+    if isinstance(given, dict):
+        return given
+    yaml = importlib.import_module("yaml")
+    try:
+        manifest = yaml.safe_load(Path(given).read_text(encoding="utf-8"))
+        manifest["spec"]["worker"]["replicas"] += 0
+    except (OSError, ValueError, KeyError, TypeError, yaml.YAMLError) as error:
+        raise SpecError(f"{key} {given}: not the manifest of one DaskCluster ({error})") from error
+    return manifest
+
+
+def _package(name: str, extra: str, kind: str) -> Any:
+    """Return a package that only some need."""
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise SpecError(
+            f"--cluster {kind}: needs the package {name}, which is not here; pip install 'clearcap[{extra}]'"
+        ) from error

@@ -1,0 +1,235 @@
+"""Where a campaign is computed: workers started here, a dask scheduler that is there, or a cluster's own queue.
+
+Nothing speaks beyond this machine without mutual TLS unless the user says so: whoever reaches a dask scheduler can run
+any code on its workers, and dask asks for nothing but a certificate of the campaign's own authority.
+"""
+
+import asyncio
+import ipaddress
+import json
+import logging
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, get_args
+from urllib.parse import urlsplit
+
+import dask
+from distributed import Client, Security
+from distributed.comm.core import connect as open_comm
+from distributed.utils import silence_logging_cmgr
+
+from campaign.cluster.batch_systems import batch_jobs, kubernetes_resource
+from campaign.cluster.local import SETTINGS, cores, interrupts_held, local_client
+from campaign.cluster.tls import NEEDED, configured, security
+from campaign.cluster.tls import Tls as Tls
+from campaign.errors import SpecError, UnreachableError
+
+Kind = Literal["local", "slurm", "oar", "pbs", "kubernetes"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+REACHED_WITHIN = 30.0  # s: a scheduler that is being started answers by then
+PODS_WITHIN = 300.0  # s: images may have to be fetched
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Where to compute.
+
+    Attributes
+    ----------
+    scheduler : str or None
+        Address (``tcp://host:port``, ``tls://host:port``) or scheduler file (``.json``) of a dask scheduler that is
+        there; None to start workers.
+    kind : str
+        Where workers are started: as processes here, or as jobs of a batch system.
+    workers : int or None
+        How many are started; None for one a core of this machine.
+    tls : Tls or None
+        Certificates; those of dask's configuration if None.
+    insecure : bool
+        Allow traffic beyond this machine that is neither encrypted nor authenticated.
+    """
+
+    scheduler: str | None = None
+    kind: Kind = "local"
+    workers: int | None = None
+    tls: Tls | None = None
+    insecure: bool = False
+
+
+def check_cluster(cluster: Cluster) -> None:
+    """Refuse a cluster that contradicts itself or would speak in the clear, before any work is done.
+
+    Raises
+    ------
+    SpecError
+        Saying which option, and what to write instead.
+    """
+    if cluster.kind not in KINDS:
+        raise SpecError(f"--cluster {cluster.kind}: not a kind of cluster; allowed: {', '.join(KINDS)}")
+    if cluster.scheduler is not None and cluster.kind != "local":
+        raise SpecError(
+            f"--scheduler {cluster.scheduler} with --cluster {cluster.kind}: the one uses workers that are there, the"
+            " other starts some; keep one of them"
+        )
+    if cluster.scheduler is not None and cluster.workers is not None:
+        raise SpecError(
+            f"--workers {cluster.workers} with --scheduler {cluster.scheduler}: a scheduler that is there has its own"
+            " workers; leave --workers out"
+        )
+    if cluster.scheduler is not None and not _is_file(cluster.scheduler):
+        _check_address(cluster.scheduler, cluster)
+
+
+@contextmanager
+def connect(cluster: Cluster) -> Iterator[Client]:
+    """Start or reach a cluster and yield a dask client to it.
+
+    Whatever was started ends with the block; a scheduler that was there stays. After a scheduler was lost the block
+    ends as usual, and another one connects anew.
+
+    Raises
+    ------
+    SpecError
+        If the options contradict each other, a file of TLS is missing, unreadable or not what it should be, or
+        traffic beyond this machine would be in the clear.
+    UnreachableError
+        If no scheduler answers in time, or either side does not accept the other's certificate.
+    """
+    check_cluster(cluster)
+    if cluster.scheduler is not None:
+        with _existing(cluster.scheduler, cluster) as client:
+            yield client
+    elif cluster.kind == "local":
+        with local_client(cluster.workers or cores(), security(cluster.tls) if cluster.tls else None) as client:
+            yield client
+    elif cluster.kind == "kubernetes":
+        with (
+            kubernetes_resource(cluster) as address,
+            client_at(address, None if cluster.insecure else security(cluster.tls), PODS_WITHIN) as client,
+        ):
+            yield client
+    else:
+        with batch_jobs(cluster) as client:
+            yield client
+
+
+@contextmanager
+def _existing(scheduler: str, cluster: Cluster) -> Iterator[Client]:
+    """Yield a client to a scheduler that is there."""
+    address = _address_in(Path(scheduler)) if _is_file(scheduler) else scheduler
+    _check_address(address, cluster)
+    with client_at(address, security(cluster.tls) if address.startswith("tls://") else None) as client:
+        yield client
+
+
+@contextmanager
+def client_at(address: str, with_security: Security | None, within: float | None = None) -> Iterator[Client]:
+    """Yield a client to the scheduler at an address, waiting for it at most so long [s].
+
+    Raises
+    ------
+    UnreachableError
+        If it does not answer in time, or either side does not accept the other's certificate.
+    """
+    within = within or REACHED_WITHIN
+    with dask.config.set(SETTINGS), silence_logging_cmgr(logging.CRITICAL):
+        _reach(address, with_security, within)
+        try:
+            with interrupts_held():
+                client = Client(  # type: ignore[no-untyped-call]  # distributed is annotated in parts
+                    address, security=with_security, timeout=within, set_as_default=False
+                )
+        except OSError as error:
+            raise UnreachableError(_silence(address, error)) from error
+        try:
+            yield client
+        finally:
+            client.close()  # type: ignore[no-untyped-call]
+
+
+def _is_file(scheduler: str) -> bool:
+    return scheduler.endswith(".json")
+
+
+def _address_in(path: Path) -> str:
+    """Return the address a scheduler wrote into its file, waiting for it: the scheduler may be starting."""
+    until = time.monotonic() + REACHED_WITHIN
+    while True:
+        try:
+            return str(json.loads(path.read_text(encoding="utf-8"))["address"])
+        except FileNotFoundError:
+            problem = f"--scheduler {path}: no such file after {REACHED_WITHIN:.0f} s"
+        except OSError as error:
+            raise SpecError(f"--scheduler {path}: cannot be read ({error.strerror})") from error
+        except (ValueError, KeyError, TypeError):  # half written, or something else
+            problem = f"--scheduler {path}: not a file written by dask scheduler --scheduler-file"
+        if time.monotonic() > until:
+            raise UnreachableError(f"{problem}; start the scheduler, or give its address, tls://host:port")
+        time.sleep(0.1)
+
+
+def _check_address(address: str, cluster: Cluster) -> None:
+    """Refuse what is not an address, and one that would be spoken to in the clear."""
+    try:
+        parts = urlsplit(address)
+        whole = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port and not parts.path
+    except ValueError:
+        whole = None
+    if not whole:
+        raise SpecError(
+            f"--scheduler {address}: not an address; allowed: tls://host:port, tcp://host:port, or the path of a"
+            " scheduler file"
+        )
+    if parts.scheme == "tls":
+        if not (cluster.tls or configured()):
+            raise SpecError(f"--scheduler {address}: {NEEDED}")
+    elif cluster.tls:
+        raise SpecError(
+            f"--scheduler {address}: tcp is not encrypted, the certificates would not be used; write tls://"
+        )
+    elif not (cluster.insecure or is_loopback(parts.hostname or "")):
+        raise SpecError(
+            f"--scheduler {address}: beyond this machine and in the clear, where anyone could run code on the workers;"
+            " use tls:// with --tls-ca, --tls-cert and --tls-key (clearcap certificates makes them), or type --insecure"
+        )
+
+
+def is_loopback(host: str) -> bool:
+    """Tell whether a host name or address is this machine's own."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _reach(address: str, with_security: Security | None, within: float) -> None:
+    """Shake hands with the scheduler, or say why that fails; a client that fails would leave its thread behind."""
+    arguments = with_security.get_connection_args("client") if with_security else {}  # type: ignore[no-untyped-call]
+
+    async def shake_hands() -> None:
+        comm = await open_comm(address, timeout=within, **arguments)  # type: ignore[no-untyped-call]
+        await comm.close()
+
+    async def in_time() -> None:
+        await asyncio.wait_for(shake_hands(), within + 1.0)
+
+    try:
+        asyncio.run(in_time())
+    except (OSError, RuntimeError, ValueError) as error:
+        raise UnreachableError(_silence(address, error)) from error
+
+
+def _silence(address: str, error: BaseException) -> str:
+    """Return what to tell of a scheduler that did not answer: the innermost cause that has words."""
+    reason = type(error).__name__
+    cause: BaseException | None = error
+    while cause is not None:
+        reason, cause = str(cause) or reason, cause.__cause__
+    return (
+        f"scheduler {address}: not reached ({reason}); check that it runs and that its certificate and yours are of the"
+        " same authority"
+    )

@@ -1,0 +1,154 @@
+"""From a campaign to its plan in a store, and to somebody who drives it."""
+
+import logging
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from campaign.coordinator.lease import LEASE, alive, seems_driven
+from campaign.coordinator.reuse import take_over
+from campaign.coordinator.run_time import seconds_per_run
+from campaign.coordinator.state import enter, state_of
+from campaign.plan import Plan, make_plan, size_is_sure
+from campaign.spec.load import Campaign
+from campaign.store import Store
+from campaign.worker.batch import CANCEL
+from campaign.worker.row import Simulate
+from engine import simulate
+
+logger = logging.getLogger(__name__)
+
+SERVICE = "service"  # the folder in which a coordinator that serves a store keeps its lease and heartbeat
+LOG = "coordinator.log"
+
+
+def submit(store: Store, campaign: Campaign, batch_size: int | None = None, simulate: Simulate = simulate) -> Plan:
+    """Put the plan of a campaign into a store, or find the one that is there.
+
+    Parameters
+    ----------
+    store : Store
+        Where.
+    campaign : Campaign
+        What.
+    batch_size : int, optional
+        Samples in a batch of a new plan; default: as many as take about ten seconds, from a few runs that are tried.
+        A plan that is there keeps its own.
+    simulate : callable
+        `engine.simulate`, or what stands in its place.
+    """
+    wanted = make_plan(campaign, batch_size)
+    if wanted.campaign_id in store.campaigns():
+        plan = store.plan(wanted.campaign_id)
+    else:
+        sure = batch_size is not None or size_is_sure(campaign.spec.samples)
+        seconds = None if sure else seconds_per_run(wanted, simulate)
+        plan = store.create_plan(make_plan(campaign, batch_size, seconds))
+        if rows := take_over(store, plan):
+            logger.info("%d rows are there already, in a campaign of other length or limits: taken over", rows)
+        enter(store, plan.campaign_id, "queued")
+    if batch_size is not None and plan.batches != wanted.batches:
+        logger.warning("the campaign is planned already: its batches of %d samples are kept", plan.batches[0][1])
+    return plan
+
+
+@dataclass(frozen=True)
+class Driver:
+    """Who drives a campaign.
+
+    Attributes
+    ----------
+    kind : str
+        ``service`` (a coordinator that serves the store), ``coordinator`` (one that was started or is there), or
+        ``none`` (it waits for a service).
+    pid : int or None
+        Process of a coordinator that was started.
+    log : str or None
+        Where it writes.
+    """
+
+    kind: str
+    pid: int | None = None
+    log: str | None = None
+
+    def text(self) -> str:
+        """Return who it is in words."""
+        if self.kind == "service":
+            return "the coordinator that serves the store takes it over"
+        if self.kind == "none":
+            return "queued; clearcap coordinate, without an id, drives what is queued in a store"
+        if self.pid is None:
+            return "a coordinator drives it"
+        return f"started a coordinator (process {self.pid}, log {self.log})"
+
+    def to_json(self) -> dict[str, Any]:
+        """Return plain data."""
+        return {"driver": self.kind, "pid": self.pid, "log": self.log}
+
+
+def hand_over(store: Store, plan: Plan, options: list[str], *, queue_only: bool = False) -> Driver:
+    """See to it that somebody drives a campaign.
+
+    Parameters
+    ----------
+    store : Store
+        Where the plan is.
+    plan : Plan
+        The campaign.
+    options : list of str
+        Of ``clearcap coordinate``, if one is started: where to compute.
+    queue_only : bool
+        Leave it to a coordinator that serves the store, now or later.
+    """
+    store.remove(plan.campaign_id, CANCEL)
+    if seems_driven(store, plan.campaign_id):
+        return Driver("coordinator")
+    if state_of(store, plan.campaign_id)["state"] != "completed" or store.survey(plan).missing:
+        enter(store, plan.campaign_id, "queued")
+    if queue_only:
+        return Driver("none")
+    if served(store):
+        return Driver("service")
+    return Driver("coordinator", *start_coordinator(store, plan, options))
+
+
+def served(store: Store) -> bool:
+    """Return whether a coordinator serves the store, and takes over what is queued."""
+    lease = store.read_json(SERVICE, LEASE)
+    return lease is not None and alive(store, SERVICE, lease)
+
+
+def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int, str]:
+    """Start ``clearcap coordinate`` as a process of its own that outlives this one.
+
+    Parameters
+    ----------
+    store : Store
+        Where the plan is.
+    plan : Plan
+        What to drive.
+    options : list of str
+        Of the command: where to compute.
+
+    Returns
+    -------
+    (int, str)
+        Its process number, and the path of its log.
+    """
+    folder = Path(store.files.path(plan.campaign_id)) if store.files.local else Path.cwd()
+    log = folder / (LOG if store.files.local else f"{plan.campaign_id}.log")
+    words = [sys.executable, "-m", "campaign", "coordinate", plan.campaign_id, "--store", store.files.root, *options]
+    with log.open("ab") as file:
+        process = subprocess.Popen(
+            words,
+            stdin=subprocess.DEVNULL,
+            stdout=file,
+            stderr=file,
+            cwd="/",
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            start_new_session=True,  # neither Ctrl-C nor the end of the terminal reaches it
+        )
+    return process.pid, str(log)

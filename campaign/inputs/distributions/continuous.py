@@ -1,0 +1,256 @@
+"""Distributions with a density: cut to bounds, shifted from production batch to production batch.
+
+Both are done here for all of them. A *parent* distribution says its probabilities and quantiles from either tail, so
+that no digit is lost where the bounds leave only a far tail. What is drawn in a production batch is the parent moved by
+the batch's shift d and then cut to the bounds:
+
+    X | d  =  d + X0, given lower <= d + X0 <= upper,    d normal with mean 0, cut at 6 standard deviations
+
+so that the bounds hold in every batch, as if every batch were inspected; over all batches, the mixture is drawn.
+"""
+
+from abc import abstractmethod
+from collections.abc import Iterator
+from functools import cached_property
+from math import exp as exp_of
+from math import inf, isfinite, sqrt
+from typing import Annotated, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from campaign.inputs.distributions.base import TAIL, Array, Distribution, Number, Spread, Table, check_order
+
+LEAST_PROBABILITY = 1e-290  # between bounds: below, quantiles lose their digits
+LARGEST_SHIFT = 6.0  # of a production batch, in its standard deviations; two in a thousand million would be larger
+SHIFTS = 97  # at which mixtures over production batches are evaluated
+# probabilities of the pieces over which moments are integrated; the decades resolve any tail, the others a corner
+DECADES = np.array([300, 250, 200, 150, 100, 70, 50, 40, 30, 25, *range(20, 0, -1)], dtype=np.float64)
+EDGES = np.concatenate([[0.0], 10.0**-DECADES, np.linspace(0.12, 0.5, 20)])
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+Window = tuple[Array, Array, Array, NDArray[np.bool_]]
+
+
+class Batch(Table):
+    """How parts vary from one production batch to the next.
+
+    Attributes
+    ----------
+    size : int
+        Consecutive samples that share their shift.
+    std : float
+        Standard deviation of the shift, in the target's unit.
+    """
+
+    size: Annotated[int, Field(ge=1)]
+    std: Spread
+
+    @property
+    def reach(self) -> float:
+        """The largest shift."""
+        return LARGEST_SHIFT * self.std
+
+    def shifts(self, u: Array) -> Array:
+        """Return the shifts at probabilities ``u`` inside (0, 1), in the target's unit; same shape."""
+        from scipy.special import ndtri
+
+        return np.asarray(self.std * np.clip(ndtri(u), -LARGEST_SHIFT, LARGEST_SHIFT), dtype=np.float64)
+
+
+class Continuous(Distribution):
+    """A distribution with a density.
+
+    Attributes
+    ----------
+    lower, upper : float or None
+        Bounds to which it is cut; parameters describe it before the cut.
+    batch : Batch or None
+        Shift of whole production batches.
+    """
+
+    lower: Number | None = None
+    upper: Number | None = None
+    batch: Batch | None = None
+
+    @abstractmethod
+    def parent_cdf(self, x: Array) -> Array:
+        """Return the probability of values up to ``x``, before cut and shift; same shape."""
+
+    @abstractmethod
+    def parent_sf(self, x: Array) -> Array:
+        """Return the probability of values above ``x``, with all its digits; same shape."""
+
+    @abstractmethod
+    def parent_ppf(self, p: Array) -> Array:
+        """Return the value with probability ``p`` below it; same shape."""
+
+    @abstractmethod
+    def parent_isf(self, q: Array) -> Array:
+        """Return the value with probability ``q`` above it; same shape."""
+
+    @abstractmethod
+    def parent_logpdf(self, x: Array) -> Array:
+        """Return the logarithm of the density at ``x``; same shape."""
+
+    @abstractmethod
+    def parent_moments(self) -> tuple[float, float]:
+        """Return mean and standard deviation before cut and shift."""
+
+    @abstractmethod
+    def parent_support(self) -> tuple[float, float]:
+        """Return the ends before cut and shift."""
+
+    @abstractmethod
+    def words(self) -> str:
+        """Return name and parameters, without bounds and batches."""
+
+    def check_parameters(self) -> None:
+        """Raise ValueError if the parameters contradict each other."""
+
+    def cut(self) -> tuple[float, float]:
+        """Return the bounds to which it is cut; infinite where it is not."""
+        return (-inf if self.lower is None else self.lower), (inf if self.upper is None else self.upper)
+
+    @model_validator(mode="after")
+    def _can_be_drawn(self) -> Self:
+        if self.lower is not None and self.upper is not None:
+            check_order(self.lower, self.upper)
+        self.check_parameters()
+        lower, upper = self.cut()
+        reach = self.batch.reach if self.batch else 0.0
+        for shift in dict.fromkeys((0.0, -reach, reach)):
+            probability = float(self._window(shift)[2])
+            if not probability >= LEAST_PROBABILITY:
+                where = f"in a production batch shifted by {shift:g} (6 batch.std), " if shift else ""
+                remedy = "reduce batch.std" if shift else "change its parameters"
+                raise ValueError(
+                    f"{where}[lower, upper] = [{lower:g}, {upper:g}] holds a share of {probability:.3g} of"
+                    f" {self.words()}: nothing can be drawn there; move or widen the bounds, or {remedy}"
+                )
+        return self
+
+    def ppf(self, u: Array, shift: float | Array = 0.0) -> Array:
+        """Return the quantiles at probabilities ``u`` in production batches moved by ``shift``; same shape."""
+        still = isinstance(shift, float) and shift == 0.0
+        below, above, probability, from_above = self._standing if still else self._window(shift)
+        x = self.parent_ppf(below + u * probability)
+        if from_above.any():
+            x = np.where(from_above, self.parent_isf(above + (1.0 - u) * probability), x)
+        return np.clip(np.asarray(x + shift, dtype=np.float64), *self.cut())
+
+    def cdf(self, x: Array) -> Array:
+        """Return the probability of values up to ``x``; same shape."""
+        x = np.asarray(x, dtype=np.float64)
+        return np.asarray(sum(share * self._cdf(x, shift) for shift, share in self._shifts()), dtype=np.float64)
+
+    def logpdf(self, x: Array) -> Array:
+        """Return the logarithm of the density [1/unit] at ``x``; same shape, minus infinity outside of the support."""
+        x = np.asarray(x, dtype=np.float64)
+        result, (low, high) = np.full_like(x, -inf), self.cut()
+        for shift, share in self._shifts():
+            probability = float(self._window(shift)[2])
+            there = self.parent_logpdf(x - shift) + float(np.log(share / probability))
+            result = np.logaddexp(result, np.where((x >= low) & (x <= high), there, -inf))
+        return result
+
+    def support(self) -> tuple[float, float]:
+        """Return the ends between which every value lies; infinite where there is no end."""
+        reach = self.batch.reach if self.batch else 0.0
+        (low, high), (lower, upper) = self.parent_support(), self.cut()
+        return max(low - reach, lower), min(high + reach, upper)
+
+    def moments(self) -> tuple[float, float]:
+        """Return mean and standard deviation of what is drawn: truncation and production batches included."""
+        found = [(share, *self._moments(shift)) for shift, share in self._shifts()]
+        mean = sum(share * m for share, m, _ in found)
+        return mean, sqrt(sum(share * (s * s + (m - mean) ** 2) for share, m, s in found))
+
+    def density_points(self, count: int = 101) -> tuple[tuple[float, float], ...]:
+        """Return ``count`` points (x, density) between the ends, for drawing."""
+        low, high = self.ends()
+        x = np.linspace(low, high, count)
+        if not np.all(self.logpdf(x[[0, -1]]) < inf):  # shown a little beside the end
+            x = np.clip(x, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
+        return tuple(zip(x.tolist(), np.exp(self.logpdf(x)).tolist(), strict=True))
+
+    def ends(self) -> tuple[float, float]:
+        """Return the support, an infinite end replaced by the quantile with probability 1e-6 beyond it."""
+        if self.batch is None:
+            return super().ends()
+        from scipy.optimize import brentq
+
+        def quantile(p: float) -> float:
+            bracket = (float(self.ppf(np.array([p]), shift)[0]) for shift in (-batch.reach, batch.reach))
+            return float(brentq(lambda x: float(self.cdf(np.array([x]))[0]) - p, *bracket))
+
+        batch, (low, high) = self.batch, self.support()
+        return (low if isfinite(low) else quantile(TAIL)), (high if isfinite(high) else quantile(1.0 - TAIL))
+
+    def text(self) -> str:
+        """Return the distribution in words and numbers."""
+        words, (low, high) = [self.words()], self.cut()
+        if isfinite(low) or isfinite(high):
+            words.append(f"between {low:g} and {high:g}" if isfinite(low) and isfinite(high) else _half(low, high))
+        if self.batch:
+            words.append(f"batches of {self.batch.size} shifted with sd {self.batch.std:g}")
+        return ", ".join(words)
+
+    @cached_property
+    def _standing(self) -> Window:
+        return self._window(0.0)
+
+    def _window(self, shift: float | Array) -> Window:
+        """Return probability below and above the bounds and between them, and from which end it is counted."""
+        lower, upper = (np.asarray(bound - shift) for bound in self.cut())
+        below, above = self.parent_cdf(lower), self.parent_sf(upper)
+        from_above = below > 0.5
+        between: Array = np.where(from_above, self.parent_sf(lower) - above, self.parent_cdf(upper) - below)
+        return below, above, between, from_above
+
+    def _shifts(self) -> Iterator[tuple[float, float]]:
+        """Yield shifts of production batches and the share of each."""
+        if self.batch is None:
+            yield 0.0, 1.0
+            return
+        t = np.linspace(-LARGEST_SHIFT, LARGEST_SHIFT, SHIFTS)
+        density = [exp_of(-0.5 * z * z) for z in t]
+        yield from ((self.batch.std * float(z), d / sum(density)) for z, d in zip(t, density, strict=True))
+
+    def _cdf(self, x: Array, shift: float) -> Array:
+        """Return the probability of values up to ``x`` in a production batch."""
+        below, _, probability, from_above = self._window(shift)
+        lower, upper = self.cut()
+        x = np.clip(x, lower, upper) - shift
+        above_lower = self.parent_sf(np.asarray(lower - shift))
+        inside = above_lower - self.parent_sf(x) if from_above else self.parent_cdf(x) - below
+        return np.clip(inside / probability, 0.0, 1.0)
+
+    def _moments(self, shift: float) -> tuple[float, float]:
+        """Return mean and standard deviation in a production batch."""
+        (lowest, highest), (lower, upper) = self.parent_support(), self.cut()
+        if lower <= lowest + shift and highest + shift <= upper:  # nothing is cut off
+            mean, std = self.parent_moments()
+            return mean + shift, std
+        low, high = EDGES[:-1], EDGES[1:]
+        half = 0.5 * (high - low)
+        v, weight = 0.5 * (high + low)[:, None] + half[:, None] * NODES, half[:, None] * WEIGHTS
+        tails = self._tail(v, shift, upper=False), self._tail(v, shift, upper=True)
+        mean = float(sum(np.sum(weight * x) for x in tails))
+        return mean, sqrt(float(sum(np.sum(weight * (x - mean) ** 2) for x in tails)))
+
+    def _tail(self, v: Array, shift: float, *, upper: bool) -> Array:
+        """Return the values with probability ``v`` beyond them, at the lower or the upper end."""
+        below, above, probability, _ = self._window(shift)
+        if upper:
+            nearer = above <= 0.5
+            x = self.parent_isf(above + v * probability) if nearer else self.parent_ppf(below + (1.0 - v) * probability)
+        else:
+            nearer = below <= 0.5
+            x = self.parent_ppf(below + v * probability) if nearer else self.parent_isf(above + (1.0 - v) * probability)
+        return np.clip(x + shift, *self.cut())
+
+
+def _half(low: float, high: float) -> str:
+    return f"from {low:g}" if isfinite(low) else f"up to {high:g}"

@@ -1,0 +1,76 @@
+"""Correlated variables: a Gaussian copula, given by Spearman's rank correlations.
+
+The uniform numbers of correlated variables become normal scores, the scores are mixed, and mixed scores become uniform
+numbers again: every variable keeps its distribution. A rank correlation r does not depend on distributions; the scores'
+own correlation is 2 sin(pi r / 6) (K. Pearson, "On further methods of determining correlation", 1907).
+"""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from math import pi, sin, sqrt
+
+import numpy as np
+
+from campaign.inputs.distributions import Array
+
+Correlations = tuple[tuple[str, str, float], ...]
+
+LEAST_EIGENVALUE = 1e-9  # of the scores' correlation matrix: below, one variable is a function of the others
+NEAREST = 1.0 - 2.0**-53  # to 1 of a uniform number
+
+
+def correlated(u: Mapping[str, Array], correlations: Correlations) -> dict[str, Array]:
+    """Return the uniform numbers of the correlated variables, mixed, each in the shape it had.
+
+    Parameters
+    ----------
+    u : mapping of str to ndarray
+        Independent uniform numbers of all variables, inside (0, 1); the order of names is that of the mixing.
+    correlations : tuple of (str, str, float)
+        Pairs of variables with their rank correlation.
+    """
+    from scipy.special import ndtr, ndtri
+
+    names = [name for name in u if any(name in pair for pair in correlations)]
+    scores, mixed = [ndtri(u[name]) for name in names], {names[0]: u[names[0]]}
+    for name, row in zip(names[1:], _factor(tuple(names), correlations)[1:], strict=True):
+        # summed one by one: the bits of a matrix product depend on how many samples are drawn
+        score = sum(share * z for share, z in zip(row, scores, strict=False) if share)
+        mixed[name] = np.clip(ndtr(score), 1.0 - NEAREST, NEAREST)
+    return mixed
+
+
+def matrix(names: tuple[str, ...], correlations: Correlations, scale: float = 1.0) -> Array:
+    """Return the correlation matrix of the normal scores, shape (k, k), all rank correlations scaled."""
+    result, at = np.eye(len(names)), {name: i for i, name in enumerate(names)}
+    for a, b, rank in correlations:
+        result[at[a], at[b]] = result[at[b], at[a]] = 2.0 * sin(pi * scale * rank / 6.0)
+    return result
+
+
+def smallest_eigenvalue(correlations: Correlations, scale: float = 1.0) -> float:
+    """Return the smallest eigenvalue of the scores' correlation matrix."""
+    names = tuple(dict.fromkeys(name for a, b, _ in correlations for name in (a, b)))
+    return float(np.linalg.eigvalsh(matrix(names, correlations, scale))[0])
+
+
+def largest_scale(correlations: Correlations) -> float:
+    """Return by what number from 0 to 1 all correlations must be multiplied at most, to be possible."""
+    return next(
+        (n / 100 for n in range(100, 0, -1) if smallest_eigenvalue(correlations, n / 100) >= LEAST_EIGENVALUE), 0.0
+    )
+
+
+@lru_cache(maxsize=8)
+def _factor(names: tuple[str, ...], correlations: Correlations) -> tuple[tuple[float, ...], ...]:
+    """Return the rows of the lower Cholesky factor; in plain arithmetic, so that no library's blocking changes bits."""
+    wanted = matrix(names, correlations).tolist()
+    rows: list[tuple[float, ...]] = []
+    for i, target in enumerate(wanted):
+        row: list[float] = []
+        for j in range(i):
+            done = sum(a * b for a, b in zip(row, rows[j], strict=False))
+            row.append((target[j] - done) / rows[j][j])
+        row.append(sqrt(1.0 - sum(a * a for a in row)))
+        rows.append(tuple(row))
+    return tuple(rows)

@@ -1,0 +1,62 @@
+"""Scrambled Halton points: digits of the sample number in the base of a prime per variable, mirrored and permuted.
+
+J. H. Halton, "On the efficiency of certain quasi-random sequences of points", 1960; an independent random permutation
+of every digit: A. B. Owen, "A randomized Halton algorithm in R", 2017.
+"""
+
+from functools import lru_cache
+from math import floor, log
+
+import numpy as np
+from numpy.typing import NDArray
+
+from campaign.inputs.distributions import Array
+from campaign.inputs.sampling.random import SCRAMBLE, permutation
+
+BITS = 52  # a point keeps as many digits as fit
+
+
+def halton(seed: int, names: list[str], first: int, count: int) -> dict[str, Array]:
+    """Return samples ``first .. first + count - 1`` of all variables by name, uniform inside (0, 1), each (count,)."""
+    number = np.arange(first, first + count)
+    bases = primes(len(names))
+    return {name: _points(seed, name, base, number) for name, base in zip(names, bases, strict=True)}
+
+
+def _points(seed: int, name: str, base: int, number: NDArray[np.int64]) -> Array:
+    """Return the points of one variable with these numbers, shape (count,)."""
+    permuted, endings = _digits(seed, name, base)
+    point, left, last = np.zeros_like(number), number, int(number.max(initial=0))
+    used = 0
+    while base**used <= last:
+        left, digit = np.divmod(left, base)
+        point = point * base + permuted[used][digit]
+        used += 1
+    whole = point * base ** (len(permuted) - used) + endings[used]
+    return np.asarray((whole.astype(np.float64) + 0.5) / float(base ** len(permuted)), dtype=np.float64)
+
+
+@lru_cache(maxsize=1024)
+def _digits(seed: int, name: str, base: int) -> tuple[NDArray[np.int64], list[int]]:
+    """Return the permutation of every digit, shape (digits, base), and what a point ends on from each digit on.
+
+    Behind its last digit a number has zeros without end, and they are permuted like any digit.
+    """
+    count = floor(BITS / log(base, 2))
+    permuted = np.array([permutation(seed, name, base, base * digit, SCRAMBLE) for digit in range(count)])
+    endings = [0] * (count + 1)
+    for digit in range(count - 1, -1, -1):
+        endings[digit] = int(permuted[digit][0]) * base ** (count - 1 - digit) + endings[digit + 1]
+    return permuted, endings
+
+
+@lru_cache(maxsize=8)
+def primes(count: int) -> tuple[int, ...]:
+    """Return the first primes."""
+    found: list[int] = []
+    candidate = 2
+    while len(found) < count:
+        if all(candidate % p for p in found):
+            found.append(candidate)
+        candidate += 1
+    return tuple(found)

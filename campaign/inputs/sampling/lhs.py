@@ -1,0 +1,35 @@
+"""Latin hypercube: each variable has as many strata of equal probability as there are samples, one sample in each.
+
+McKay, Beckman, Conover, "A comparison of three methods for selecting values of input variables in the analysis of
+output from a computer code", 1979. A random permutation per variable says which stratum a sample has.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from campaign.inputs.distributions import Array
+from campaign.inputs.sampling.random import PLACE, STRATA, permutation, words
+
+LARGEST = 10_000_000  # samples: the permutation of a variable is kept in memory
+
+
+def stratified(seed: int, name: str, samples: int, first: int, count: int) -> Array:
+    """Return samples ``first .. first + count - 1`` of a variable, uniform numbers inside (0, 1), shape (count,).
+
+    Parameters
+    ----------
+    samples : int
+        Number of samples of the whole campaign, and of strata; at most 10 million.
+    """
+    stratum = _strata(seed, name, samples)[first : first + count]
+    # 26 bits, centred: the sum below is exact, and its quotient stays in the stratum
+    place = ((words(seed, name, first, count, PLACE) >> np.uint64(38)).astype(np.float64) + 0.5) * 2.0**-26
+    return (stratum + place) / samples
+
+
+@lru_cache(maxsize=64)
+def _strata(seed: int, name: str, samples: int) -> NDArray[np.int32]:
+    """Return the stratum of each sample, shape (samples,); costs once per process what a batch of samples must not."""
+    return permutation(seed, name, samples, 0, STRATA).astype(np.int32)

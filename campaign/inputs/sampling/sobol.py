@@ -1,0 +1,81 @@
+"""Scrambled Sobol points: the first 2^k samples have one in each of 2^k equal strata of every variable, for every k.
+
+I. M. Sobol, "On the distribution of points in a cube", 1967; direction numbers of S. Joe and F. Y. Kuo, "Constructing
+Sobol sequences with better two-dimensional projections", 2008, as scipy holds them; random linear scramble and digital
+shift of J. Matousek, "On the L2-discrepancy for anchored boxes", 1998, from words of this campaign's own streams.
+
+In binary digits, point i of a variable is x(i) = L C b(i) + e: b(i) the digits of i, C the variable's generator matrix,
+L a random lower triangular matrix with ones on its diagonal, e a random vector, all modulo 2. Columns of L C are kept
+as integers, so a point is an exclusive or of as many of them as i has ones.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from campaign.inputs.distributions import Array
+from campaign.inputs.sampling.random import SCRAMBLE, words
+
+DIGITS = 52  # of a point, binary
+OWN_DIGITS = 30  # of an unscrambled point: as many as its number may have; scipy cannot go forward with more than 32
+DEPTHS = 4  # columns are made by so many: a process that draws many batches makes them a few times only
+
+Integers = NDArray[np.uint64]
+
+
+def sobol(seed: int, names: list[str], first: int, count: int) -> dict[str, Array]:
+    """Return samples ``first .. first + count - 1`` of all variables by name, uniform inside (0, 1), each (count,)."""
+    depth = (first + count).bit_length()
+    columns, shifts = _scrambled(seed, tuple(names), -(-depth // DEPTHS) * DEPTHS)
+    number = np.arange(first, first + count, dtype=np.uint64)
+    x = np.repeat(shifts[:, None], count, axis=1)
+    for k in range(depth):
+        x ^= columns[k][:, None] * (number >> np.uint64(k) & np.uint64(1))
+    u = (x.astype(np.float64) + 0.5) * 2.0**-DIGITS
+    return dict(zip(names, u, strict=True))
+
+
+@lru_cache(maxsize=8)
+def _scrambled(seed: int, names: tuple[str, ...], depth: int) -> tuple[Integers, Integers]:
+    """Return the columns of L C, shape (depth, variables), and the shifts e, shape (variables,)."""
+    columns = generators(len(names), depth)
+    shifts = np.zeros(len(names), dtype=np.uint64)
+    for j, name in enumerate(names):
+        own = words(seed, name, 0, DIGITS + 1, SCRAMBLE) >> np.uint64(64 - DIGITS)
+        shifts[j] = own[DIGITS]
+        columns[:, j] = _times(_lower_triangle(own[:DIGITS]), columns[:, j])
+    return columns, shifts
+
+
+def _lower_triangle(random: Integers) -> Integers:
+    """Return the rows of a random lower triangular matrix with ones on its diagonal; digit 0 is the leading one."""
+    row = np.arange(DIGITS, dtype=np.uint64)
+    diagonal = np.uint64(1) << (np.uint64(DIGITS - 1) - row)
+    before = ~((diagonal << np.uint64(1)) - np.uint64(1))
+    triangle: Integers = (random & before) | diagonal
+    return triangle
+
+
+def _times(matrix: Integers, columns: Integers) -> Integers:
+    """Return the products modulo 2 of a matrix, given by rows, with vectors of digits, shape (depth,)."""
+    product = np.zeros_like(columns)
+    for row in matrix:
+        product = product << np.uint64(1) | np.bitwise_count(row & columns).astype(np.uint64) & np.uint64(1)
+    return product
+
+
+def generators(variables: int, depth: int) -> Integers:
+    """Return the columns of the generator matrices C as integers of 52 digits, shape (depth, variables).
+
+    scipy's points are numbered in Gray code: point 2^k is the exclusive or of columns k and k - 1.
+    """
+    from scipy.stats import qmc
+
+    engine = qmc.Sobol(variables, scramble=False, bits=OWN_DIGITS)
+    columns, before = np.zeros((depth, variables), dtype=np.uint64), np.zeros(variables, dtype=np.uint64)
+    for k in range(depth):
+        engine.fast_forward(2**k - engine.num_generated)
+        before ^= (engine.random(1)[0] * 2.0**DIGITS).astype(np.uint64)
+        columns[k] = before
+    return columns

@@ -1,0 +1,190 @@
+"""Changed distributions of a campaign, and what they make of its samples: ratios of densities at each."""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from math import isfinite, log
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from campaign.errors import SpecError
+from campaign.inputs.distributions import Array, Distribution
+from campaign.inputs.sampling.correlation import matrix
+from campaign.inputs.sampling.rules import ENUMERATING
+from campaign.plan import dump
+from campaign.spec.campaign_file import CampaignSpec
+from campaign.spec.messages import structure_faults
+from engine.mechanism.faults import did_you_mean
+from reporting.tolerance.reweighting import Change
+
+_NEAREST = 1e-16  # to 0 and 1 of a probability whose normal score is asked for
+
+
+def changed(spec: CampaignSpec, settings: Sequence[str]) -> dict[str, Distribution]:
+    """Return the variables whose distribution settings change, with their new ones.
+
+    Parameters
+    ----------
+    spec : CampaignSpec
+        The campaign.
+    settings : sequence of str
+        Each ``VARIABLE.KEY=VALUE``, a key of the variable's table and a TOML value; with an empty value the key is
+        taken out.
+
+    Raises
+    ------
+    SpecError
+        If a setting names no variable or no key of it, or a variable cannot be so.
+    """
+    tables = dump(spec)
+    for setting in settings:
+        _apply(tables["variables"], setting)
+    try:
+        new = CampaignSpec.model_validate(tables)
+    except ValidationError as error:
+        raise SpecError("\n  ".join(["--set:", *structure_faults(error)])) from error
+    return {name: v for name, v in new.variables.items() if v != spec.variables[name]}
+
+
+def _apply(variables: dict[str, dict[str, Any]], setting: str) -> None:
+    """Carry out one setting."""
+    name = next((n for n in sorted(variables, key=len, reverse=True) if setting.startswith(f"{n}.")), None)
+    key, sign, text = setting[len(name or "") + 1 :].partition("=")
+    if name is None or not sign or not key:
+        first = setting.partition(".")[0].partition("=")[0]
+        raise SpecError(
+            f"--set {setting}: allowed is VARIABLE.KEY=VALUE with VARIABLE one of {', '.join(variables)}"
+            f"{did_you_mean(first, list(variables))}; write for example --set {next(iter(variables))}.std=0.01"
+        )
+    if not text:
+        variables[name].pop(key, None)
+        return
+    try:
+        value = tomllib.loads(f"x = {text}")["x"]
+    except tomllib.TOMLDecodeError:
+        value = text  # a name need not be quoted here
+    table = variables[name]
+    *tables, last = key.split(".")
+    for part in tables:
+        table = table.setdefault(part, {})
+    table[last] = value
+
+
+def check_drawn(spec: CampaignSpec) -> None:
+    """Raise SpecError if the samples are drawn from no distributions."""
+    if spec.sampler in ENUMERATING:
+        raise SpecError(
+            f"sampler {spec.sampler}: its samples are drawn from no distribution and cannot be weighted to another;"
+            " run a campaign with sampler random, lhs, sobol, halton or saltelli"
+        )
+
+
+def change(spec: CampaignSpec, new: "Mapping[str, Distribution | _Stretched]", columns: Mapping[str, Array]) -> Change:
+    """Return what new distributions of some variables make of samples.
+
+    Rank correlations stay as they are.
+
+    Parameters
+    ----------
+    spec : CampaignSpec
+        The campaign.
+    new : mapping of str to distribution
+        By variable; those that are not named stay.
+    columns : mapping of str to ndarray, each of shape (n,)
+        The variables at the samples.
+
+    Raises
+    ------
+    SpecError
+        If the samples are drawn from no distributions.
+    """
+    check_drawn(spec)
+    n = next(iter(columns.values())).size
+    ratio, inside = np.zeros(n), 1.0
+    for name, distribution in new.items():
+        old = spec.variables[name]
+        ratio += distribution.logpdf(columns[name]) - old.logpdf(columns[name])
+        inside *= 1.0 - _outside(distribution, *old.support())
+    if any(name in pair for name in new for pair in spec.correlations or ()):
+        ratio += _copula({**spec.variables, **new}, spec, columns) - _copula(spec.variables, spec, columns)
+    return Change(np.where(np.isnan(ratio), -np.inf, ratio), max(1.0 - inside, 0.0))
+
+
+def widened(spec: CampaignSpec, factors: Mapping[str, float], columns: Mapping[str, Array]) -> Change:
+    """Return what variables' standard deviations, each so many times what it is, make of samples.
+
+    A distribution with the key `std` gets another one, its bounds stay; any other is stretched around its mean.
+
+    Parameters
+    ----------
+    spec : CampaignSpec
+        The campaign.
+    factors : mapping of str to float
+        How many times, by variable.
+    columns : mapping of str to ndarray, each of shape (n,)
+        The variables at the samples.
+    """
+    new = {name: _wider(spec.variables[name], factor) for name, factor in factors.items()}
+    found = change(spec, new, columns)
+    if len(new) > 1:
+        return found
+    (name, wider), *_ = new.items()
+    spread = wider.moments()[1] / spec.variables[name].moments()[1]
+    return Change(found.log_ratio, found.outside, spread)
+
+
+@dataclass(frozen=True)
+class _Stretched:
+    """A distribution stretched around its mean."""
+
+    old: Distribution
+    factor: float
+
+    def moments(self) -> tuple[float, float]:
+        mean, std = self.old.moments()
+        return mean, self.factor * std
+
+    def logpdf(self, x: Array) -> Array:
+        return self.old.logpdf(self._shrunk(x)) - log(self.factor)
+
+    def cdf(self, x: Array) -> Array:
+        return self.old.cdf(self._shrunk(x))
+
+    def _shrunk(self, x: Array) -> Array:
+        mean = self.old.moments()[0]
+        return np.asarray(mean + (x - mean) / self.factor, dtype=np.float64)
+
+
+def _wider(old: Distribution, factor: float) -> "Distribution | _Stretched":
+    """Return a distribution whose standard deviation is about so many times another's."""
+    table = old.model_dump(exclude_none=True)
+    if "std" in table:
+        table["std"] *= factor
+        if table.get("batch"):
+            table["batch"] = {**table["batch"], "std": table["batch"]["std"] * factor}
+        with suppress(ValidationError):  # where bounds leave no room for it
+            return type(old).model_validate(table)
+    return _Stretched(old, factor)
+
+
+def _outside(new: "Distribution | _Stretched", low: float, high: float) -> float:
+    """Return the probability of values beyond the ends."""
+    below = float(new.cdf(np.array([np.nextafter(low, -np.inf)]))[0]) if isfinite(low) else 0.0
+    above = 1.0 - float(new.cdf(np.array([high]))[0]) if isfinite(high) else 0.0
+    return min(max(below + above, 0.0), 1.0)
+
+
+def _copula(
+    variables: "Mapping[str, Distribution | _Stretched]", spec: CampaignSpec, columns: Mapping[str, Array]
+) -> Array:
+    """Return the logarithm of the Gaussian copula's density at samples, a constant left out."""
+    from scipy.special import ndtri
+
+    correlations = spec.correlations or ()
+    names = tuple(name for name in variables if any(name in pair for pair in correlations))
+    scores = np.array([ndtri(np.clip(variables[n].cdf(columns[n]), _NEAREST, 1 - _NEAREST)) for n in names])
+    excess = np.linalg.inv(matrix(names, correlations)) - np.eye(len(names))
+    return np.asarray(-0.5 * np.einsum("in,ij,jn->n", scores, excess, scores), dtype=np.float64)

@@ -1,0 +1,227 @@
+"""From a campaign file to a campaign that can run: read, check everything at once, bind to its mechanism."""
+
+import tomllib
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from campaign.errors import SpecError
+from campaign.inputs.distributions import Distribution, Empirical, Variable
+from campaign.spec.campaign_file import CampaignSpec
+from campaign.spec.data_files import with_values
+from campaign.spec.messages import fault, structure_faults
+from campaign.spec.result_columns import CERTIFICATE_COLUMNS
+from engine import EngineError, MechanismError, check, load_mechanism
+from engine.mechanism import Mechanism
+from engine.mechanism.faults import did_you_mean
+
+LARGEST_FILE = 1_000_000  # bytes
+
+_variable: TypeAdapter[Distribution] = TypeAdapter(Variable)
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A checked campaign with the mechanism it is about.
+
+    Attributes
+    ----------
+    spec : CampaignSpec
+        What the user wrote, overrides applied.
+    mechanism : Mechanism
+        The mechanism, at its own values.
+    """
+
+    spec: CampaignSpec
+    mechanism: Mechanism
+
+
+def campaign_names() -> list[str]:
+    """Return the names of the shipped campaigns."""
+    folder = resources.files("campaign").joinpath("library")
+    return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
+
+
+def load_campaign(name_or_path: str, *, samples: int | None = None, seed: int | None = None) -> Campaign:
+    """Read and check a campaign.
+
+    Parameters
+    ----------
+    name_or_path : str
+        Name of a shipped campaign, or path of a TOML file.
+    samples, seed : int, optional
+        Replace the file's.
+
+    Returns
+    -------
+    Campaign
+        The campaign, each variable tried at both ends on the mechanism.
+
+    Raises
+    ------
+    SpecError
+        With all faults of the file, one a line, each with its key, value, what is allowed and the remedy.
+    """
+    path = _locate(name_or_path)
+    raw = _read(path) | {k: v for k, v in (("samples", samples), ("seed", seed)) if v is not None}
+    raw, faults = with_values(raw, path.parent)
+    spec = None
+    try:
+        spec = CampaignSpec.model_validate(raw)
+    except ValidationError as error:
+        faults += structure_faults(error)
+    mechanism = None
+    try:
+        mechanism = _mechanism(raw.get("mechanism"), path.parent)
+        bench = raw.get("bench")
+        mechanism = mechanism.on_bench(bench) if mechanism and isinstance(bench, str) else mechanism
+    except EngineError as error:
+        key = "mechanism" if mechanism is None else "bench"
+        faults.append(fault([key], raw[key], str(error)))
+    if mechanism is not None:
+        faults += mechanism_faults(raw, mechanism)
+    if faults or spec is None or mechanism is None:
+        raise SpecError("\n  ".join([f"campaign {path}:", *faults]))
+    return Campaign(spec, mechanism)
+
+
+def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> list[str]:
+    """Return what is wrong between a campaign and its mechanism.
+
+    Parameters
+    ----------
+    raw : mapping
+        The campaign as read, maybe faulty: only tables that are sound by themselves are looked at.
+    mechanism : Mechanism
+        What the campaign is about.
+    """
+    variables = dict(_sound_variables(raw.get("variables")))
+    faults = [*_name_faults(raw, mechanism), *_stop_faults(raw, mechanism)]
+    by_target = defaultdict(list)
+    for name, variable in variables.items():
+        target = variable.target or name
+        by_target[mechanism.full_key(target)].append(name)
+        faults += _target_faults(name, target, {*variable.ends(), *_extremes(raw, name)}, mechanism)
+    for target, names in by_target.items():
+        if len(names) > 1:
+            both = " and ".join(names)
+            faults.append(fault(["variables", names[1]], None, f"{both} both set {target}; keep one of them"))
+    return faults
+
+
+def _locate(name_or_path: str) -> Path:
+    """Return the file of a campaign given by name or path."""
+    names = campaign_names()
+    if name_or_path in names:
+        return Path(str(resources.files("campaign").joinpath("library", f"{name_or_path}.toml")))
+    path = Path(name_or_path)
+    if not path.exists():
+        raise SpecError(
+            f"campaign {name_or_path}: no such file, and no shipped campaign of that name;"
+            f" shipped: {', '.join(names)}{did_you_mean(name_or_path, names)}"
+        )
+    return path
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Return the content of a TOML file."""
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise SpecError(f"campaign {path}: larger than 1 MB; name a campaign file in TOML")
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise SpecError(f"campaign {path}: cannot be read ({error.strerror}); name a readable file") from error
+    except UnicodeDecodeError as error:
+        raise SpecError(f"campaign {path}: not UTF-8 text ({error}); save it as UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise SpecError(f"campaign {path}: not TOML: {error}; correct that line") from error
+
+
+def _mechanism(name: Any, folder: Path) -> Mechanism | None:
+    """Return the mechanism a campaign names; None if it names none that could be looked for."""
+    if not isinstance(name, str) or not name:
+        return None
+    is_path = Path(name).suffix == ".toml" or len(Path(name).parts) > 1
+    return load_mechanism(folder / name if is_path else name)
+
+
+def _sound_variables(table: Any) -> Iterator[tuple[str, Distribution]]:
+    """Yield the variables that are right by themselves."""
+    for name, entry in table.items() if isinstance(table, dict) else ():
+        try:
+            variable = _variable.validate_python(entry)
+        except ValidationError:
+            continue
+        if not isinstance(variable, Empirical) or variable.values:  # a file that could not be read is said already
+            yield name, variable
+
+
+def _name_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
+    """Yield variables whose name is taken as a column, and responses the mechanism lacks."""
+    known = list(mechanism.responses)
+    for table, taken in (
+        ("variables", {*CERTIFICATE_COLUMNS, *known}),
+        ("responses", set(CERTIFICATE_COLUMNS)),
+    ):
+        names = raw.get(table)
+        for name in names if isinstance(names, dict) else ():
+            if name in taken:
+                text = "name taken by another column of the results; rename it and give its key as target"
+                yield fault([table, name], None, text)
+            elif table == "responses" and name not in known:
+                allowed = ", ".join(known)
+                text = f"{mechanism.name} has no such response; allowed: {allowed}{did_you_mean(name, known)}"
+                yield fault([table, name], None, text)
+
+
+def _stop_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
+    """Yield what a stopping rule asks of a response that has not got it."""
+    rule, responses = raw.get("stop"), raw.get("responses")
+    name = rule.get("response") if isinstance(rule, dict) else None
+    if not isinstance(rule, dict) or not isinstance(name, str):
+        return
+    known, statistic = list(mechanism.responses), rule.get("statistic")
+    if name not in known:
+        text = f"{mechanism.name} has no such response; allowed: {', '.join(known)}{did_you_mean(name, known)}"
+        yield fault(["stop", "response"], name, text)
+        return
+    limits = responses.get(name) if isinstance(responses, dict) else None
+    given = {"lsl", "usl", "nominal"} & set(limits if isinstance(limits, dict) else ())
+    if statistic in ("cp", "cpk", "ppm") and (not given or (statistic == "cp" and given in ({"lsl"}, {"usl"}))):
+        both = "both limits" if statistic == "cp" else "limits"
+        yield fault(["stop", "statistic"], statistic, f"needs {both} of {name}; give them in [responses.{name}]")
+
+
+def _extremes(raw: Mapping[str, Any], name: str) -> list[float]:
+    """Return the smallest and the largest value that the user lists for a variable, if any is listed."""
+    grid, table = raw.get("grid"), raw.get("table")
+    columns = table.get("columns") if isinstance(table, dict) else None
+    listed = [entry.get(name) for entry in (grid, columns) if isinstance(entry, dict)]
+    numbers = [x for values in listed if isinstance(values, list) for x in values if isinstance(x, (int, float))]
+    return [min(numbers), max(numbers)] if numbers else []
+
+
+def _target_faults(name: str, target: str, values: set[float], mechanism: Mechanism) -> Iterator[str]:
+    """Yield what the mechanism says to a variable's target, or to some of its values."""
+    keys = ["variables", name]
+    try:
+        mechanism.value(target)
+    except MechanismError as error:
+        yield fault(keys, None, f"sets no number of {mechanism.name}: {_reason(error)}")
+        return
+    for value in sorted(values):
+        try:
+            check(mechanism, {target: value})
+        except MechanismError as error:
+            yield fault(keys, None, f"reaches {target} = {value:g}, which {mechanism.name} refuses: {_reason(error)}")
+
+
+def _reason(error: MechanismError) -> str:
+    """Return the faults of an error of the engine in one line, without its heading."""
+    heading, *lines = str(error).splitlines()
+    return "; ".join(line.strip() for line in lines) or heading

@@ -1,0 +1,39 @@
+"""Files that are not what their names say: kept under another name, for somebody to look at."""
+
+import logging
+from collections.abc import Iterable
+
+from campaign.store.files.files import Files
+from campaign.store.parts import BadPart, Planned, folder
+from campaign.store.rows import holders
+from campaign.store.survey import check_file
+
+logger = logging.getLogger(__name__)
+
+
+def set_aside(files: Files, plan: Planned, bad: Iterable[int]) -> list[str]:
+    """Rename the unsound files of some batches; see `Store.set_aside`."""
+    held, moved = holders(files, plan), []
+    suspects = dict.fromkeys(name for batch in bad for name in held.get(batch, []))
+    taken = set(files.names(folder(plan))) if suspects else set()
+    for name in suspects:
+        try:
+            check_file(files, plan, name)
+        except FileNotFoundError:
+            continue
+        except BadPart as error:
+            new = _free(f"{name}.bad", taken)
+            taken.add(new)
+            files.move(f"{folder(plan)}/{name}", f"{folder(plan)}/{new}")
+            moved.append(new)
+            logger.warning("%s/%s %s: set aside as %s and computed again", folder(plan), name, error, new)
+    return moved
+
+
+def _free(name: str, taken: set[str]) -> str:
+    """Return the name, or the first of ``name-2``, ``name-3``, ... that is not taken."""
+    number, free = 1, name
+    while free in taken:
+        number += 1
+        free = f"{name}-{number}"
+    return free

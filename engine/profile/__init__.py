@@ -1,0 +1,1 @@
+"""Where the time of a run goes: the time loop with clocks, and the times of a step."""

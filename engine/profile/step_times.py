@@ -1,0 +1,120 @@
+"""How fast a mechanism is computed, and what a step spends its time on: the numbers of `clearcap bench`."""
+
+import dataclasses
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from engine import Mechanism
+
+STEPS = 7000  # at most, unless told otherwise
+PAPER = {"c60": 1e-3}  # fixed steps [ms]: 7000 of these are the paper's run
+REPEATS = 2  # runs without clocks; the quicker counts
+WALL_LIMIT = 600.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Bench:
+    """One mechanism, simulated with one fixed step to the end of its horizon, at rest or not.
+
+    Attributes
+    ----------
+    status, message : why the steps ended, as in a run; "ok" when all of them were made
+    step : length of the steps, in the mechanism's unit of time
+    bodies, contacts, ties : moving bodies, potential contacts, rows of ideal joints and prescribed motions
+    steps, repeated : steps made, and those of them that were made again with half their length
+    step_us : real time of a step, responses included [microseconds]
+    iterations_per_step : Newton and interior-point steps of the friction solver
+    shares : parts of the time spent on each stage of `engine.profile.timed_loop.STAGES`; "other" makes their sum 1
+    max_residual, max_penetration, max_violation : as in a run's certificate
+    """
+
+    mechanism: str
+    status: str
+    message: str
+    step: float
+    bodies: int
+    contacts: int
+    ties: int
+    steps: int
+    repeated: int
+    step_us: float
+    iterations_per_step: float
+    shares: dict[str, float]
+    max_residual: float
+    max_penetration: float
+    max_violation: float
+
+
+def bench(mechanism: "Mechanism", steps: int | None = None) -> Bench:
+    """Simulate and measure.
+
+    The time of a step is that of the kernels every run uses. The shares come from a second simulation, by the same
+    functions compiled once more with clocks between them (`engine.profile.timed_loop`); no number contains compilation.
+
+    Parameters
+    ----------
+    mechanism : the description; its shortest step is used, for the C-60 the paper's
+    steps : how many; by default as many as its horizon has, at most ``STEPS``
+
+    Raises
+    ------
+    MechanismError
+        If parts overlap at the start pose.
+    """
+    from engine.assembly import assemble
+    from engine.kernels import run
+    from engine.loop import control_of, drive, prepare
+    from engine.verdict import failure
+
+    h = PAPER.get(mechanism.name, mechanism.simulation.step)
+    count = steps or min(round(mechanism.simulation.horizon / h), STEPS)
+    control = control_of(mechanism, True)._replace(step=h, longest=h, horizon=count * h)
+    prepare(assemble(mechanism), control)
+    seconds = []
+    for _ in range(REPEATS):
+        assembly = assemble(mechanism)
+        start = time.perf_counter()
+        course = drive(assembly, control, WALL_LIMIT)
+        seconds.append(time.perf_counter() - start)
+    counts, reals = course.counts, course.reals
+    good = counts[run.STATUS] == run.OK
+    made = int(counts[run.STEPS])
+    return Bench(
+        mechanism.name,
+        *(("ok", "") if good else failure(mechanism, assembly, course)),
+        step=h,
+        bodies=len(assembly.model.bodies.mass),
+        contacts=len(assembly.contact_names),
+        ties=len(assembly.tie_names),
+        steps=made,
+        repeated=int(counts[run.REPEATED]),
+        step_us=1e6 * min(seconds) / max(made, 1),
+        iterations_per_step=float(counts[run.ITERATIONS]) / max(made, 1),
+        shares=shares(mechanism, control),
+        max_residual=float(reals[run.RESIDUAL]),
+        max_penetration=float(reals[run.WORST]),
+        max_violation=float(reals[run.OFF]),
+    )
+
+
+def shares(mechanism: "Mechanism", control: Any) -> dict[str, float]:
+    """Return which part of the time each stage of the steps takes; their sum is 1."""
+    from engine.assembly import assemble
+    from engine.kernels.run import new_course
+    from engine.profile.timed_loop import STAGES, clocked_run
+
+    run, spent = clocked_run()
+    total = 0.0
+    for settings in (control._replace(horizon=0.0), control):  # the first compiles
+        assembly = assemble(mechanism)
+        arrays = (assembly.model, assembly.state, assembly.work, assembly.problem)
+        rows, stop = np.zeros((1, 1)), np.zeros(1, np.uint8)
+        spent[:] = 0
+        start = time.perf_counter()
+        run(*arrays, settings, new_course(settings), rows, 0, stop)
+        total = time.perf_counter() - start
+    parts = {stage: 1e-9 * int(ns) / total for stage, ns in zip(STAGES, spent, strict=True)}
+    return {**parts, "other": 1 - sum(parts.values())}

@@ -1,0 +1,1 @@
+"""Capability indices of a response and their intervals."""

@@ -1,0 +1,296 @@
+"""Capability of one response: location, spread, indices with intervals, non-conforming share.
+
+Formulas are those of the C-60 paper's appendix A (eqs. 28-30, Akhadkar, Acary, Brogliato 2018), which are the
+Pp and Ppk of AIAG and ISO 22514-2: `sigma` is the overall standard deviation with divisor ``n - 1``. With the batch
+of every value, the indices with the sigma within batches (AIAG's Cp and Cpk) stand beside them.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reporting.capability.indices import SIX_SIGMA_SHIFT, centring, overall_intervals, point_indices
+from reporting.capability.intervals import Interval, cpm_interval
+from reporting.capability.moments import ROUNDING, location_and_shape, series
+from reporting.capability.shares import expected_normal, nonconforming, ppm_of_z
+from reporting.capability.within import Within, within
+from reporting.errors import ReportError
+
+
+@dataclass(frozen=True)
+class Capability:
+    """Capability of one response, in the unit of its values; None where a number is undefined.
+
+    Attributes
+    ----------
+    n, dropped : int
+        Finite values used, and values left out because they are not finite.
+    lsl, usl, target : float or None
+        Limits and target as given.
+    confidence : float
+        Confidence of intervals (two-sided) and of the ppm bounds (one-sided).
+    mean, std, min, max, median : float or None
+        Of the finite values; `std` is the overall one, divisor ``n - 1``.
+    skewness, kurtosis : float or None
+        Adjusted Fisher-Pearson skewness G1 and excess kurtosis G2 (0 for a normal distribution).
+    cp, cpk, cpl, cpu, cc, cpm : float or None
+        Indices. `cc` is signed: positive above the middle. `cpm` has divisor n around the target.
+    cp_interval, cpk_interval, cpl_interval, cpu_interval : (float, float) or None
+        Chi-square, Bissell, exact noncentral t, exact noncentral t.
+    cpk_interval_joint : (float, float) or None
+        Interval of Cpk that covers at least as often as it says; with one limit the exact one of that side.
+    cc_interval, cpm_interval : (float, float) or None
+        Student's t, Boyles.
+    z_lsl, z_usl, z_bench : float or None
+        Distance to each limit in sigmas, and the normal quantile of both sides' share together.
+    z_bench_interval : (float, float) or None
+        Exact for one limit, delta method for two. Three times Cpl's and Cpu's are those of `z_lsl` and `z_usl`.
+    sigma_level : float or None
+        ``z_bench + 1.5``, the customary number of Six Sigma tables, where 3.4 ppm are 6 sigma.
+    below, above : int or None
+        Values under the lower and over the upper limit; a value on a limit conforms.
+    ppm_observed, ppm_observed_below, ppm_observed_above : float or None
+        Counted share out of limits, in parts per million.
+    ppm_upper, ppm_upper_below, ppm_upper_above : float or None
+        Clopper-Pearson upper bound of that share: what this many values can still not rule out.
+    ppm_expected, ppm_expected_below, ppm_expected_above : float or None
+        Share out of limits of a normal distribution with this mean and sigma.
+    ppm_expected_interval : (float, float) or None
+        Of the total, from that of `z_bench`.
+    within : Within or None
+        Indices with the sigma within batches; None without batches.
+    notes : tuple of str
+        Why a number is None, and what to mind.
+    """
+
+    n: int
+    dropped: int
+    lsl: float | None
+    usl: float | None
+    target: float | None
+    confidence: float
+    mean: float | None = None
+    std: float | None = None
+    min: float | None = None
+    max: float | None = None
+    median: float | None = None
+    skewness: float | None = None
+    kurtosis: float | None = None
+    cp: float | None = None
+    cpk: float | None = None
+    cpl: float | None = None
+    cpu: float | None = None
+    cc: float | None = None
+    cpm: float | None = None
+    cp_interval: Interval | None = None
+    cpk_interval: Interval | None = None
+    cpl_interval: Interval | None = None
+    cpu_interval: Interval | None = None
+    cpk_interval_joint: Interval | None = None
+    cc_interval: Interval | None = None
+    cpm_interval: Interval | None = None
+    z_lsl: float | None = None
+    z_usl: float | None = None
+    z_bench: float | None = None
+    z_bench_interval: Interval | None = None
+    sigma_level: float | None = None
+    below: int | None = None
+    above: int | None = None
+    ppm_observed: float | None = None
+    ppm_observed_below: float | None = None
+    ppm_observed_above: float | None = None
+    ppm_upper: float | None = None
+    ppm_upper_below: float | None = None
+    ppm_upper_above: float | None = None
+    ppm_expected: float | None = None
+    ppm_expected_below: float | None = None
+    ppm_expected_above: float | None = None
+    ppm_expected_interval: Interval | None = None
+    within: Within | None = None
+    notes: tuple[str, ...] = ()
+
+
+def capability(
+    x: ArrayLike,
+    lsl: float | None = None,
+    usl: float | None = None,
+    target: float | None = None,
+    confidence: float = 0.95,
+    batches: ArrayLike | None = None,
+) -> Capability:
+    """Return the capability of the values `x` against their limits.
+
+    Parameters
+    ----------
+    x : array_like, shape (n,)
+        Values of one response; values that are not finite are left out and counted.
+    lsl, usl : float, optional
+        Lower and upper specification limit, in the unit of `x`; None where that side is free.
+    target : float, optional
+        Wanted value, for Cpm.
+    confidence : float
+        Confidence of the intervals and bounds, between 0 and 1.
+    batches : array_like, shape (n,), optional
+        Production batch of each value, numbers or names, for the sigma within.
+
+    Returns
+    -------
+    Capability
+
+    Raises
+    ------
+    ReportError
+        Limits crossed, equal or not finite; confidence outside (0, 1); values that are no series of numbers;
+        batches that are not as many as the values.
+    """
+    _check(lsl, usl, target, confidence)
+    values = series(x)
+    groups = _groups(batches, values.size)
+    kept = np.isfinite(values)
+    finite = values[kept]
+    with np.errstate(over="ignore", invalid="ignore"):  # values near the largest double: their numbers become None
+        location = location_and_shape(finite)
+        mean, std = location.get("mean"), location.get("std")
+        spread = std if std is not None and math.isfinite(std) and std > 0 else None
+        grouped = None
+        if groups is not None and spread is not None:
+            grouped = within(finite, groups[kept], lsl, usl, confidence)
+        numbers = {
+            **location,
+            "cc": centring(mean, lsl, usl),
+            **_normal_indices(int(finite.size), mean, spread, lsl, usl, confidence),
+            **_cpm(finite, mean, lsl, usl, target, confidence),
+            **_observed(finite, lsl, usl, confidence),
+        }
+    return Capability(
+        n=int(finite.size),
+        dropped=int(values.size - finite.size),
+        lsl=lsl,
+        usl=usl,
+        target=target,
+        confidence=confidence,
+        **{name: value for name, value in numbers.items() if _representable(value)},  # type: ignore[arg-type]
+        within=grouped,
+        notes=_notes(finite, int(values.size), std, lsl, usl, target)
+        + _batch_notes(groups is not None and spread is not None, grouped),
+    )
+
+
+def _representable(value: object) -> bool:
+    """Return whether every number of a result is finite; what is not would be None."""
+    numbers = value if isinstance(value, tuple) else (value,)
+    return all(number is not None and math.isfinite(number) for number in numbers)
+
+
+def _check(lsl: float | None, usl: float | None, target: float | None, confidence: float) -> None:
+    """Raise ReportError if limits, target or confidence make no sense."""
+    for name, value in (("lsl", lsl), ("usl", usl), ("target", target)):
+        if value is not None and not math.isfinite(value):
+            raise ReportError(f"{name} = {value}: must be a finite number; use None where there is no {name}")
+    if lsl is not None and usl is not None and lsl >= usl:
+        raise ReportError(f"lsl = {lsl:.15g} is not below usl = {usl:.15g}; exchange or correct the limits")
+    if not 0 < confidence < 1:
+        raise ReportError(f"confidence = {confidence}: must lie between 0 and 1, 0.95 is usual")
+
+
+def _groups(batches: ArrayLike | None, n: int) -> NDArray[np.generic] | None:
+    """Return the batch of each of `n` values as an array."""
+    if batches is None:
+        return None
+    groups = np.asarray(batches)
+    if groups.shape != (n,):
+        raise ReportError(f"batches have shape {groups.shape}: one batch for each of the {n} values is needed")
+    return groups
+
+
+def _normal_indices(
+    n: int, mean: float | None, std: float | None, lsl: float | None, usl: float | None, confidence: float
+) -> dict[str, float | Interval | None]:
+    """Return indices, their intervals and the expected ppm of a normal distribution."""
+    if mean is None or std is None:
+        return {}
+    index = point_indices(mean, std, lsl, usl)
+    intervals = overall_intervals(index, centring(mean, lsl, usl), n, confidence)
+    expected = expected_normal(mean, std, lsl, usl)
+    z, bench = index["z_bench"], intervals["z_bench_interval"]
+    return {
+        **index,
+        **intervals,
+        "sigma_level": None if z is None else z + SIX_SIGMA_SHIFT,
+        "ppm_expected": expected.get("total"),
+        "ppm_expected_below": expected.get("below"),
+        "ppm_expected_above": expected.get("above"),
+        "ppm_expected_interval": None if bench is None else (ppm_of_z(bench[1]), ppm_of_z(bench[0])),
+    }
+
+
+def _cpm(
+    x: NDArray[np.float64],
+    mean: float | None,
+    lsl: float | None,
+    usl: float | None,
+    target: float | None,
+    confidence: float,
+) -> dict[str, float | Interval | None]:
+    """Return Cpm, divisor n around the target, and its interval; it needs both limits and values off the target."""
+    if mean is None or lsl is None or usl is None or target is None or x.size < 2:
+        return {}
+    around_target = math.sqrt(float(np.mean((x - target) ** 2)))
+    if not 0 < around_target < math.inf:
+        return {}
+    cpm = (usl - lsl) / (6 * around_target)
+    std = float(np.std(x))
+    if std <= ROUNDING * max(abs(mean), abs(target)):  # a constant off its target: nothing scatters
+        return {"cpm": cpm}
+    return {"cpm": cpm, "cpm_interval": cpm_interval(cpm, (mean - target) / std, x.size, confidence)}
+
+
+def _observed(
+    x: NDArray[np.float64], lsl: float | None, usl: float | None, confidence: float
+) -> dict[str, float | int | None]:
+    """Return counts out of limits, their ppm and upper bounds; the total is over the sides with a limit."""
+    found = nonconforming(x, lsl, usl, confidence)
+    if found is None:
+        return {}
+    numbers: dict[str, float | int | None] = {}
+    for side, share in (("_below", found.below), ("_above", found.above), ("", found.total)):
+        if share is not None:
+            numbers[f"ppm_observed{side}"] = share.ppm
+            numbers[f"ppm_upper{side}"] = share.upper
+            if side:
+                numbers[side[1:]] = share.count
+    return numbers
+
+
+def _notes(
+    finite: NDArray[np.float64],
+    size: int,
+    std: float | None,
+    lsl: float | None,
+    usl: float | None,
+    target: float | None,
+) -> tuple[str, ...]:
+    """Return why numbers are missing."""
+    has_limit = lsl is not None or usl is not None
+    notes: Sequence[tuple[bool, str]] = (
+        (size > finite.size, f"{size - finite.size} of {size} values are not finite and were left out."),
+        (finite.size == 0, "No values: nothing can be said."),
+        (finite.size == 1, "One value only: no spread, so no index."),
+        (finite.size > 1 and std == 0, "All values are equal: zero spread, so no index and no expected ppm."),
+        (std is not None and not math.isfinite(std), "Values too large to be squared: no spread, so no index."),
+        (not has_limit, "No limits: no index and no share out of limits."),
+        (has_limit and usl is None, "Lower limit only: Cp, Cc and Cpm are undefined, Cpk is Cpl."),
+        (has_limit and lsl is None, "Upper limit only: Cp, Cc and Cpm are undefined, Cpk is Cpu."),
+        (lsl is not None and usl is not None and target is None, "No target: Cpm is undefined."),
+    )
+    return tuple(text for holds, text in notes if holds)
+
+
+def _batch_notes(asked: bool, grouped: Within | None) -> tuple[str, ...]:
+    """Return why there is no sigma within."""
+    if not asked or grouped is not None:
+        return ()
+    return ("No batch has two values that differ: no sigma within, so no index within batches.",)

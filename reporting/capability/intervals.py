@@ -1,0 +1,158 @@
+"""Confidence limits of capability indices and of shares.
+
+Every function takes the two-sided (indices) or one-sided (shares) confidence and returns plain floats. `nu` is the
+number of degrees of freedom of sigma: ``n - 1`` overall, values less batches within.
+
+- Cp: chi-square distribution of the variance (Chou, Owen, Borrego 1990).
+- Cpk: Bissell 1990, normal approximation, the report's default: it is what Minitab, JMP and qcc print, and its
+  coverage is right wherever one side rules. Beside it the joint interval, exact in the least favourable case
+  (the question of Kushler and Hurley 1992), whose coverage is at least what it says at every n and centring.
+  Their shortcut ``Cpk (1 -+ z / sqrt(2n - 2))`` leaves the error of the mean out, and is not used.
+- Cpl, Cpu: exact. ``3 sqrt(n) Cpu_hat`` has a noncentral t distribution with nu degrees of freedom and
+  noncentrality ``3 sqrt(n) Cpu``; its limits are those that make the observed value a quantile.
+- Cpm: Boyles 1991, chi-square with degrees of freedom from the offset to the target.
+- Cc, mean: Student's t. Standard deviation: chi-square. Z.bench: delta method.
+- Share of rejects: Clopper and Pearson 1934, a quantile of the beta distribution.
+"""
+
+import math
+
+from scipy.special import betaincinv, chdtri, log_ndtr, ndtri, ndtri_exp, stdtrit
+
+from reporting.capability.noncentral import cpk_of_survival, noncentrality
+
+Interval = tuple[float, float]
+
+# Beyond this t the error of the mean is lost beside that of sigma: the chi-square limits are exact to rounding.
+_LARGE_T = 1e8
+# Beyond this z the density over the tail is z to 0.1 %, and the ratio of densities would lose its digits.
+_LARGE_Z = 30.0
+
+
+def cp_interval(cp: float, nu: float, confidence: float) -> Interval:
+    """Return the two-sided interval of Cp, ``Cp sqrt(chi2(p, nu) / nu)``."""
+    alpha = 1.0 - confidence
+    low, high = chdtri(nu, 1.0 - alpha / 2), chdtri(nu, alpha / 2)
+    return cp * math.sqrt(low / nu), cp * math.sqrt(high / nu)
+
+
+def cpk_half_width(cpk: float, n: int, confidence: float, nu: float | None = None) -> float:
+    """Return Bissell's half width of the two-sided interval of Cpk, ``z sqrt(1/(9n) + Cpk^2/(2 nu))``."""
+    z = float(ndtri(0.5 + confidence / 2))
+    return z * math.sqrt(1.0 / (9 * n) + cpk * cpk / (2 * (nu or n - 1)))
+
+
+def cpk_interval(cpk: float, n: int, confidence: float, nu: float | None = None) -> Interval:
+    """Return Bissell's two-sided interval of Cpk from `n` values."""
+    half = cpk_half_width(cpk, n, confidence, nu)
+    return cpk - half, cpk + half
+
+
+def cpk_joint_interval(cpk: float, n: int, confidence: float) -> Interval:
+    """Return an interval of a two-sided Cpk that covers at least as often as it says, whatever Cp is.
+
+    The lower end is exact where one side rules alone (Cp far above Cpk: noncentral t), the upper end where both
+    sides bind (a centred process: joint distribution of both sides); each is the least favourable case of its end.
+    """
+    upper = 0.5 + confidence / 2
+    if cpk * 3.0 * math.sqrt(n) > _LARGE_T:
+        return cp_interval(cpk, n - 1, confidence)
+    return one_sided_interval(cpk, n, confidence)[0], cpk_of_survival(cpk, n, upper)
+
+
+def one_sided_interval(index: float, n: int, confidence: float, nu: float | None = None) -> Interval:
+    """Return the exact two-sided interval of Cpl or Cpu from `n` values.
+
+    Its lower end is the one-sided lower bound at confidence ``(1 + confidence) / 2``.
+    """
+    if index < 0:  # the distribution mirrors: T(-delta) = -T(delta)
+        low, high = one_sided_interval(-index, n, confidence, nu)
+        return -high, -low
+    scale = 3.0 * math.sqrt(n)
+    upper, lower = 0.5 + confidence / 2, 0.5 - confidence / 2
+    t, freedom = scale * index, nu or n - 1
+    if t > _LARGE_T:
+        return cp_interval(index, freedom, confidence)
+    return noncentrality(t, freedom, upper) / scale, noncentrality(t, freedom, lower) / scale
+
+
+def cpm_interval(cpm: float, offset: float, n: int, confidence: float) -> Interval:
+    """Return Boyles' two-sided interval of Cpm from `n` values.
+
+    ``(Cpm / Cpm_hat)^2`` is close to chi-square over its ``n (1 + a^2)^2 / (1 + 2 a^2)`` degrees of freedom,
+    where a, `offset`, is the distance of mean and target in standard deviations (divisor n).
+    """
+    a2 = offset * offset
+    return cp_interval(cpm, n * (1 + a2) ** 2 / (1 + 2 * a2), confidence)
+
+
+def cc_interval(cc: float, cp: float, n: int, confidence: float) -> Interval:
+    """Return the two-sided interval of Cc, Student's of the mean in half tolerances: sigma is ``1 / (3 Cp)``."""
+    return mean_interval(cc, 1.0 / (3.0 * cp), n, confidence)
+
+
+def bench(z_lsl: float | None, z_usl: float | None) -> float | None:
+    """Return Z.bench, the normal quantile of both sides' share together, from the upper tails; None without a side.
+
+    Logarithms of the smaller of inside and outside keep it finite where the share itself would round to 0 or 1.
+    """
+    if z_lsl is None or z_usl is None:
+        return z_lsl if z_usl is None else z_usl
+    if min(z_lsl, z_usl) > 0:
+        near, far = log_ndtr(-min(z_lsl, z_usl)), log_ndtr(-max(z_lsl, z_usl))
+        return -float(ndtri_exp(min(near + math.log1p(math.exp(far - near)), -math.ulp(0.0))))
+    near, far = log_ndtr(min(z_lsl, z_usl)), log_ndtr(-max(z_lsl, z_usl))
+    return float(ndtri_exp(near + math.log1p(-math.exp(min(far - near, -math.ulp(1.0))))))
+
+
+def bench_interval(z_lsl: float | None, z_usl: float | None, n: int, confidence: float) -> Interval | None:
+    """Return the two-sided interval of Z.bench: exact for one side, by the delta method for both.
+
+    The errors of Z.lsl and Z.usl: ``1/n + z^2 / (2 (n - 1))`` each, and ``-1/n + z_lsl z_usl / (2 (n - 1))`` shared.
+    """
+    z = bench(z_lsl, z_usl)
+    if z is None:
+        return None
+    if z_lsl is None or z_usl is None:
+        low, high = one_sided_interval(z / 3, n, confidence)
+        return 3 * low, 3 * high
+    slope_l, slope_u = _bench_slope(z, z_lsl), _bench_slope(z, z_usl)
+    spread = slope_l * z_lsl + slope_u * z_usl
+    variance = (slope_l - slope_u) ** 2 / n + spread * spread / (2 * (n - 1))
+    half = float(ndtri(0.5 + confidence / 2)) * math.sqrt(variance)
+    return z - half, z + half
+
+
+def _bench_slope(z: float, side: float) -> float:
+    """Return the derivative of Z.bench `z` by the Z of one side, the ratio of their normal densities."""
+    if z > _LARGE_Z:
+        return side / z * math.exp(float(log_ndtr(-side)) - float(log_ndtr(-z)))
+    return math.exp(min((z * z - side * side) / 2, 300.0))
+
+
+def mean_interval(mean: float, std: float, n: int, confidence: float) -> Interval:
+    """Return the two-sided interval of the mean of `n` values, ``mean -+ t s / sqrt(n)``."""
+    half = float(stdtrit(n - 1, 0.5 + confidence / 2)) * std / math.sqrt(n)
+    return mean - half, mean + half
+
+
+def std_interval(std: float, n: int, confidence: float) -> Interval:
+    """Return the two-sided interval of the standard deviation of `n` values, ``s sqrt((n-1) / chi2(p, n-1))``."""
+    nu, alpha = n - 1, 1.0 - confidence
+    return std * math.sqrt(nu / chdtri(nu, alpha / 2)), std * math.sqrt(nu / chdtri(nu, 1.0 - alpha / 2))
+
+
+def share_interval(count: float, n: float, confidence: float) -> Interval:
+    """Return the two-sided Clopper-Pearson interval of a share of which `count` in `n` was seen."""
+    one_sided = 0.5 + confidence / 2
+    return share_lower_bound(count, n, one_sided), share_upper_bound(count, n, one_sided)
+
+
+def share_upper_bound(count: float, n: float, confidence: float) -> float:
+    """Return the one-sided Clopper-Pearson upper bound of a share of which `count` in `n` was seen."""
+    return 1.0 if count >= n else float(betaincinv(count + 1, n - count, confidence))
+
+
+def share_lower_bound(count: float, n: float, confidence: float) -> float:
+    """Return the one-sided Clopper-Pearson lower bound of a share of which `count` in `n` was seen."""
+    return 0.0 if count <= 0 else float(betaincinv(count, n - count + 1, 1.0 - confidence))

@@ -1,0 +1,140 @@
+"""Non-conforming share: what was counted, what the count proves, how many runs a claim needs.
+
+Counts are exact binomial statements (Clopper, Pearson 1934): no distribution of the response is assumed.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr, ndtr
+
+from reporting.capability.intervals import Interval, share_interval, share_upper_bound
+from reporting.errors import ReportError
+
+PPM = 1e6
+
+
+@dataclass(frozen=True)
+class Share:
+    """A counted share of rejects.
+
+    Attributes
+    ----------
+    count, n : int
+        Rejects, and values they are counted in.
+    ppm : float
+        Share in parts per million.
+    interval : (float, float)
+        Two-sided Clopper-Pearson interval [ppm].
+    upper : float
+        One-sided Clopper-Pearson upper bound [ppm]: what this count can still not rule out. With no reject it is
+        ``1e6 (1 - (1 - confidence)^(1/n))``.
+    """
+
+    count: int
+    n: int
+    ppm: float
+    interval: Interval
+    upper: float
+
+
+@dataclass(frozen=True)
+class Nonconforming:
+    """Counted shares of one response.
+
+    Attributes
+    ----------
+    below, above : Share or None
+        Under the lower and over the upper limit; None for a side without a limit.
+    total : Share
+        Both sides.
+    with_failures : Share
+        `total`, runs without a result counted as rejects among all runs.
+    """
+
+    below: Share | None
+    above: Share | None
+    total: Share
+    with_failures: Share
+
+
+def nonconforming(
+    x: NDArray[np.float64], lsl: float | None, usl: float | None, confidence: float, failed: int = 0
+) -> Nonconforming | None:
+    """Return the counted shares out of limits; None without values (failed ones included) or without a limit.
+
+    Parameters
+    ----------
+    x : array, shape (n,)
+        Finite values.
+    lsl, usl : float or None
+        Limits; a value on a limit conforms.
+    confidence : float
+        Of the two-sided intervals and of the one-sided bounds.
+    failed : int
+        Runs that ended without a value.
+    """
+    n = int(x.size)
+    if n == 0 or (lsl is None and usl is None):
+        return None
+    below = int(np.count_nonzero(x < lsl)) if lsl is not None else None
+    above = int(np.count_nonzero(x > usl)) if usl is not None else None
+    total = (below or 0) + (above or 0)
+    return Nonconforming(
+        below=None if below is None else counted(below, n, confidence),
+        above=None if above is None else counted(above, n, confidence),
+        total=counted(total, n, confidence),
+        with_failures=counted(total + failed, n + failed, confidence),
+    )
+
+
+def counted(count: int, n: int, confidence: float) -> Share:
+    """Return the share of `count` rejects among `n` values."""
+    low, high = share_interval(count, n, confidence)
+    upper = PPM * share_upper_bound(count, n, confidence)
+    return Share(count, n, PPM * count / n, (PPM * low, PPM * high), upper)
+
+
+def runs_to_claim(ppm: float, confidence: float, rejects: int = 0) -> int:
+    """Return the fewest runs whose upper bound is at most `ppm` if they hold `rejects` rejects.
+
+    Without a reject that is ``ln(1 - confidence) / ln(1 - ppm/1e6)``: 46,807 for 64 ppm at 95 %.
+
+    Raises
+    ------
+    ReportError
+        ppm outside (0, 1e6), or a negative number of rejects.
+    """
+    if not 0 < ppm < PPM:
+        raise ReportError(f"ppm = {ppm:.15g}: a claim lies between 0 and 1e6 ppm; nothing finite proves 0 ppm")
+    if rejects < 0:
+        raise ReportError(f"rejects = {rejects}: a count is not negative")
+    if rejects == 0:
+        return math.ceil(math.log(1 - confidence) / math.log1p(-ppm / PPM))
+    few = many = rejects + 1
+    while PPM * share_upper_bound(rejects, many, confidence) > ppm:
+        few, many = many, 2 * many
+    while many - few > 1:
+        middle = (few + many) // 2
+        if PPM * share_upper_bound(rejects, middle, confidence) > ppm:
+            few = middle
+        else:
+            many = middle
+    return many
+
+
+def expected_normal(mean: float, std: float, lsl: float | None, usl: float | None) -> dict[str, float]:
+    """Return the ppm below, above and in total of a normal distribution, for the sides that have a limit."""
+    numbers = {}
+    if lsl is not None:
+        numbers["below"] = PPM * float(ndtr((lsl - mean) / std))
+    if usl is not None:
+        numbers["above"] = PPM * float(ndtr((mean - usl) / std))
+    return numbers | {"total": sum(numbers.values())} if numbers else {}
+
+
+def ppm_of_z(z: float) -> float:
+    """Return the upper tail of the standard normal distribution beyond z, in ppm."""
+    return PPM * math.exp(float(log_ndtr(-z)))

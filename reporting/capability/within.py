@@ -1,0 +1,123 @@
+"""Sigma within production batches, and the indices that use it.
+
+Clearances come in batches: parts of one batch resemble each other. The sigma within says what the process could do
+if its batches agreed, the overall sigma what it does.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reporting.capability.indices import basic_intervals, point_indices
+from reporting.capability.intervals import Interval
+from reporting.capability.moments import ROUNDING
+from reporting.capability.shares import ppm_of_z
+
+
+@dataclass(frozen=True)
+class Within:
+    """Indices with the pooled sigma within batches: AIAG's and ISO 22514-2's Cp and Cpk.
+
+    Attributes
+    ----------
+    batches : int
+        Batches with a finite value.
+    nu : int
+        Degrees of freedom of sigma: values less batches.
+    std : float
+        Pooled sigma ``sqrt(sum (n_i - 1) s_i^2 / nu)``, in the unit of the values, without a c4 factor.
+    std_between : float or None
+        Sigma of the batch means beyond what sigma within explains (analysis of variance, 0 at the least); None
+        with one batch.
+    cp, cpk, cpl, cpu, z_bench : float or None
+        Indices around the overall mean.
+    cp_interval, cpk_interval, cpl_interval, cpu_interval : (float, float) or None
+        With nu degrees of freedom. They hold for this mean as it was drawn: how a mean of other batches would differ
+        is no part of a potential index.
+    ppm_expected : float or None
+        Share out of limits of a normal distribution with this sigma.
+    """
+
+    batches: int
+    nu: int
+    std: float
+    std_between: float | None
+    cp: float | None
+    cpk: float | None
+    cpl: float | None
+    cpu: float | None
+    z_bench: float | None
+    cp_interval: Interval | None
+    cpk_interval: Interval | None
+    cpl_interval: Interval | None
+    cpu_interval: Interval | None
+    ppm_expected: float | None
+
+
+def within(
+    x: NDArray[np.float64],
+    batches: NDArray[np.generic],
+    lsl: float | None,
+    usl: float | None,
+    confidence: float,
+) -> Within | None:
+    """Return the indices within batches; None where no batch has two values that differ.
+
+    Parameters
+    ----------
+    x : array, shape (n,)
+        Finite values.
+    batches : array, shape (n,)
+        Batch of each value: numbers or names.
+    lsl, usl : float or None
+        Limits.
+    confidence : float
+        Of the two-sided intervals.
+    """
+    n = int(x.size)
+    if n < 2:
+        return None
+    mean = float(np.mean(x))
+    std, between, counts = _variance_components(x - mean, batches)
+    if std is None or std <= ROUNDING * float(np.max(np.abs(x))):
+        return None
+    index = point_indices(mean, std, lsl, usl)
+    nu = n - counts.size
+    intervals = basic_intervals(index, n, nu, confidence)
+    z_bench = index["z_bench"]
+    return Within(
+        batches=int(counts.size),
+        nu=nu,
+        std=std,
+        std_between=between,
+        cp=index["cp"],
+        cpk=index["cpk"],
+        cpl=index["cpl"],
+        cpu=index["cpu"],
+        z_bench=z_bench,
+        cp_interval=intervals["cp_interval"],
+        cpk_interval=intervals["cpk_interval"],
+        cpl_interval=intervals["cpl_interval"],
+        cpu_interval=intervals["cpu_interval"],
+        ppm_expected=None if z_bench is None else ppm_of_z(z_bench),
+    )
+
+
+def _variance_components(
+    x: NDArray[np.float64], batches: NDArray[np.generic]
+) -> tuple[float | None, float | None, NDArray[np.int64]]:
+    """Return sigma within, sigma between and the batch sizes of values whose mean is zero."""
+    _, group = np.unique(batches, return_inverse=True)
+    counts = np.bincount(group)
+    means = np.bincount(group, weights=x) / counts
+    nu, k = x.size - counts.size, counts.size
+    if nu == 0:
+        return None, None, counts
+    square = float(np.sum((x - means[group]) ** 2)) / nu
+    if k == 1:
+        return math.sqrt(square), None, counts
+    of_means = float(np.sum(counts * means**2)) / (k - 1)
+    typical = (x.size - float(np.sum(counts.astype(np.float64) ** 2)) / x.size) / (k - 1)
+    return math.sqrt(square), math.sqrt(max(0.0, (of_means - square) / typical)), counts

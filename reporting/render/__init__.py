@@ -1,0 +1,1 @@
+"""One analysis, many renderings: HTML, JSON, Parquet, Excel, PDF."""

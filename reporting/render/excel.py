@@ -1,0 +1,141 @@
+"""report.xlsx: the report's tables as sheets, for those who calculate on."""
+
+import io
+import math
+from collections.abc import Iterable, Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from reporting.analysis import Analysis
+from reporting.capability.indices import NAMES
+from reporting.response import ResponseAnalysis
+from reporting.samples import Samples
+
+if TYPE_CHECKING:
+    from xlsxwriter import Workbook
+
+ROWS = 2_000  # samples: a look at them; all of them are in the store
+_WORDS = {"capable": "#E4F3EA", "marginal": "#FDF1D3", "not capable": "#FCE6E1"}
+
+Table = tuple[Sequence[str], Iterable[Sequence[Any]]]
+
+
+def render_workbook(analysis: Analysis, samples: Samples) -> bytes:
+    """Return the workbook: trust, summary, indices, causes, inputs, failures, provenance and the first samples.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        What the sheets say.
+    samples : Samples
+        The rows.
+    """
+    import xlsxwriter
+
+    target = io.BytesIO()
+    # In memory, and text that looks like a formula stays text: names come from users' files.
+    options = {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False, "nan_inf_to_errors": False}
+    with xlsxwriter.Workbook(target, options) as book:
+        # The same samples give the same bytes, whenever they are written.
+        about = {"title": analysis.spec.title, "subject": f"campaign {analysis.spec.campaign}"}
+        book.set_properties({**about, "created": datetime(2000, 1, 1)})
+        for name, (heads, rows) in _tables(analysis, samples).items():
+            _sheet(book, name, heads, rows)
+    return target.getvalue()
+
+
+def _tables(analysis: Analysis, samples: Samples) -> dict[str, Table]:
+    """Return the sheets in their order."""
+    about = [*analysis.spec.header.items(), ("campaign", analysis.spec.campaign), *analysis.spec.provenance.items()]
+    return {
+        "Summary": _summary(analysis),
+        "Trust": (("check", "result", "finding"), [(c.name, c.level, c.text) for c in analysis.trust]),
+        "Indices": _indices(analysis.responses),
+        "Causes": _causes(analysis),
+        "Inputs": _inputs(analysis),
+        "Failures": (
+            ("sample", "status", "message", "command"),
+            [(f.sample, f.status, f.message, f.command) for f in analysis.failures],
+        ),
+        "Provenance": (("item", "value"), about),
+        "Samples": _samples(analysis, samples),
+    }
+
+
+def _summary(analysis: Analysis) -> Table:
+    """Return one row a response."""
+    heads = ("response", "unit", "verdict", "LSL", "USL", "mean", "sigma", "min", "max", "Cp", "Cpk", "Cpk low",
+             "Cpk high", "Cc", "ppm observed", "ppm at most", "ppm expected (normal)")  # fmt: skip
+    rows = []
+    for r in analysis.responses:
+        c, spec = r.capability, r.spec
+        low, high = c.cpk_interval or (None, None)
+        rows.append((spec.name, spec.unit, r.verdict, spec.lsl, spec.usl, c.mean, c.std, c.min, c.max, c.cp, c.cpk,
+                     low, high, c.cc, c.ppm_observed, c.ppm_upper, c.ppm_expected))  # fmt: skip
+    return heads, rows
+
+
+def _indices(responses: tuple[ResponseAnalysis, ...]) -> Table:
+    """Return every index with both names and its interval."""
+    rows: list[Sequence[Any]] = []
+    for r in responses:
+        for key, name in NAMES.items():
+            interval = getattr(r.capability, f"{key}_interval", None) or (None, None)
+            rows.append((r.spec.name, name.paper, name.overall, getattr(r.capability, key), *interval, name.formula))
+        for m in r.methods:
+            interval = m.ppk_interval or (None, None)
+            rows.append((r.spec.name, f"Ppk by {m.method}", m.family or "", m.ppk, *interval, m.assumed))
+    return ("response", "index", "AIAG, ISO 22514-2", "value", "low", "high", "formula"), rows
+
+
+def _causes(analysis: Analysis) -> Table:
+    """Return what moves each response."""
+    rows = [
+        (r.spec.name, i.variable, i.first_order, *(i.first_order_interval or (None, None)), i.total,
+         *(i.total_interval or (None, None)), i.contribution, i.coefficient, i.spearman, i.verdict)
+        for r in analysis.responses if r.sensitivity for i in r.sensitivity.influences
+    ]  # fmt: skip
+    heads = ("response", "variable", "share alone", "low", "high", "share with interactions", "low", "high",
+             "linear share", "coefficient", "Spearman", "verdict")  # fmt: skip
+    return heads, rows
+
+
+def _inputs(analysis: Analysis) -> Table:
+    """Return what was asked and what was drawn."""
+    heads = ("variable", "unit", "distribution", "mean requested", "mean obtained", "sigma requested",
+             "sigma obtained", "min", "max", "distance", "p")  # fmt: skip
+    rows = [
+        (v.spec.name, v.spec.unit, v.spec.distribution, v.spec.mean, v.mean, v.spec.std, v.std, v.min, v.max,
+         v.distance, v.p_value)
+        for v in analysis.variables
+    ]  # fmt: skip
+    return heads, rows
+
+
+def _samples(analysis: Analysis, samples: Samples) -> Table:
+    """Return the first samples."""
+    spec = analysis.spec
+    units = {v.name: v.unit for v in spec.variables} | {r.name: r.unit for r in spec.responses}
+    columns = [samples.values[name][:ROWS].tolist() for name in units]
+    status = np.asarray(samples.statuses)[samples.status[:ROWS]].tolist() if samples.status.size else []
+    heads = ("sample", "status", *(name if u in ("", "1") else f"{name} [{u}]" for name, u in units.items()))
+    return heads, zip(samples.sample[:ROWS].tolist(), status, *columns, strict=True)
+
+
+def _sheet(book: "Workbook", name: str, heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
+    """Write one sheet: a head that stays in view, numbers as numbers, an undefined number as an empty cell."""
+    sheet = book.add_worksheet(name)
+    bold = book.add_format({"bold": True, "text_wrap": True, "valign": "top", "bottom": 1})
+    colours = {word: book.add_format({"bg_color": colour}) for word, colour in _WORDS.items()}
+    sheet.freeze_panes(1, 1)
+    for column, head in enumerate(heads):
+        sheet.write_string(0, column, head, bold)
+        sheet.set_column(column, column, 14)
+    for at, row in enumerate(rows, start=1):
+        for column, value in enumerate(row):
+            if isinstance(value, str):
+                sheet.write_string(at, column, value[:32_000], colours.get(value))
+            elif value is not None and math.isfinite(value):
+                sheet.write_number(at, column, value)

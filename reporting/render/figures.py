@@ -1,0 +1,269 @@
+"""Figures of one response or one variable, as SVG elements with a label for those who cannot see them."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from reporting.comparison import ResponseComparison
+from reporting.inputs import VariableAnalysis
+from reporting.render import format_numbers as numbers
+from reporting.render.svg import INK, MUTED, Frame, axis_x, axis_y, band, box, curve, dots, line, marker, svg, text
+from reporting.response import ResponseAnalysis
+from reporting.shape.fits import distribution
+from reporting.shape.histogram import Histogram
+from reporting.verdicts import CAPABLE, MARGINAL
+
+Array = NDArray[np.float64]
+
+BAR, REJECT, LIMIT, TARGET, FIT, OTHER = "#7fa6cc", "#c2371d", "#a61c00", "#1f6f43", "#7a3e9d", "#c9772b"
+BAND = "#e6edf5"
+_PROBABILITIES = (0.0001, 0.001, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)
+_WIDE, _HALF = 720.0, 500.0
+# Distance of the lines that hatch a bar: a pattern would need an id, which several figures of a page would share.
+_HATCH = 5.0
+
+
+def response_figure(response: ResponseAnalysis) -> str:
+    """Return the histogram of a response with its limits in view, the normal and the fitted curve."""
+    spec, c, bins = response.spec, response.capability, response.histogram
+    fences = [value for value in (spec.lsl, spec.usl, spec.target) if value is not None]
+    ends = [*fences, *((bins.edges[0], bins.edges[-1]) if bins else ())]
+    curves: list[tuple[Array, Array, str, str]] = []
+    if c.mean is not None and c.std:
+        x = np.linspace(c.mean - 4.5 * c.std, c.mean + 4.5 * c.std, 121)
+        curves.append((x, np.exp(-(((x - c.mean) / c.std) ** 2) / 2) / (c.std * math.sqrt(2 * math.pi)), INK, ""))
+        best = response.fits.of(response.fits.best)
+        if best is not None and best.family != "normal":
+            with np.errstate(all="ignore"):
+                density = np.exp(distribution(best).logpdf(x))
+            kept = np.isfinite(density)
+            curves.append((x[kept], density[kept], FIT, "5 3"))
+    most = max([float(np.max(_density(bins)[1])) if bins else 0.0, *(_top(y) for _, y, _, _ in curves)])
+    frame = Frame(_WIDE, 264, _around(ends or [0.0]), (0.0, 1.06 * most or 1.0), top=42)
+    marks = [axis_y(frame, _density_label(spec.unit))]
+    marks += [_bars(frame, bins, spec.lsl, spec.usl)] if bins else []
+    for x, y, colour, dash in curves:
+        seen = (x >= frame.x[0]) & (x <= frame.x[1]) & (y <= frame.y[1])
+        marks += [curve(frame, x[seen].tolist(), y[seen].tolist(), colour, dash)] if seen.any() else []
+    marks.append(axis_x(frame, _name(spec.name, spec.unit)))
+    named = (
+        (spec.lsl, "LSL", LIMIT, "7 4", 0),
+        (spec.usl, "USL", LIMIT, "7 4", 0),
+        (spec.target, "target", TARGET, "2 3", 1),
+    )
+    marks += [
+        marker(frame, value, f"{name} {numbers.plain(value)}", colour, dash, row)
+        for value, name, colour, dash, row in named
+        if value is not None
+    ]
+    return svg(frame, response_label(response), marks)
+
+
+def response_label(response: ResponseAnalysis) -> str:
+    """Return in words what the histogram of a response shows."""
+    spec, c = response.spec, response.capability
+    unit = unit_suffix(spec.unit)
+    if c.n == 0:
+        return f"Histogram of {spec.name}: no values."
+    fences, places = (spec.lsl, spec.usl), numbers.decimals_for(c.std)
+    low, high = numbers.fixed(c.min, places, fences), numbers.fixed(c.max, places, fences)
+    words = f"Histogram of {spec.name}: {c.n} values from {low} to {high}{unit}"
+    limits = [
+        f"{name} {numbers.plain(value)}{unit}"
+        for name, value in (("lower limit", spec.lsl), ("upper limit", spec.usl), ("target", spec.target))
+        if value is not None
+    ]
+    rejects = (c.below or 0) + (c.above or 0)
+    limits += [f"{rejects} values out of limits"] if c.ppm_observed is not None else ["no limits"]
+    return f"{words}; {', '.join(limits)}."
+
+
+def probability_figure(response: ResponseAnalysis) -> str | None:
+    """Return the normal probability plot with its band; None without one."""
+    plot, spec, c = response.plot, response.spec, response.capability
+    if plot is None or c.mean is None or not c.std:
+        return None
+    limits = [v for v in (spec.lsl, spec.usl) if v is not None]
+    scores = np.asarray(plot.scores)
+    reach = max(3.1, float(np.max(np.abs(scores))) + 0.2)
+    fit = [c.mean - reach * c.std, c.mean + reach * c.std]
+    frame = Frame(_HALF, 290, _around([*limits, *plot.values, *fit]), (-reach, reach), left=70, top=28)
+    ticks = [(float(ndtri(p)), f"{100 * p:g}") for p in _PROBABILITIES if abs(ndtri(p)) < reach]
+    marks = [
+        axis_y(frame, "values below [%]", ticks),
+        line([(frame.across(fit[0]), frame.up(-reach)), (frame.across(fit[1]), frame.up(reach))], INK, 1.3),
+        *(curve(frame, side, plot.scores, MUTED, "4 3") for side in (plot.low, plot.high)),
+        dots(((frame.across(v), frame.up(s)) for v, s in zip(plot.values, plot.scores, strict=True)), "#1b5f9e", 1.8),
+        axis_x(frame, _name(spec.name, spec.unit)),
+        *(
+            marker(frame, v, f"{name} {numbers.plain(v)}", LIMIT, "7 4")
+            for v, name in ((spec.lsl, "LSL"), (spec.usl, "USL"))
+            if v is not None
+        ),
+    ]
+    label = f"Normal probability plot of {spec.name}: on the line where it is normal. {response.normality.reason}"
+    return svg(frame, label, marks)
+
+
+def running_figure(response: ResponseAnalysis) -> str | None:
+    """Return the index against the number of samples with its band; None without one."""
+    run, spec = response.running, response.spec
+    if run is None:
+        return None
+    later = len(run.n) // 4
+    bars = [CAPABLE, MARGINAL] if run.index == "Cpk" else []
+    low, high = min(run.low[later:]), max(run.high[later:])
+    near = [bar for bar in bars if low - 0.5 * (high - low) <= bar <= high + 0.5 * (high - low)]
+    span = _around([low, high, *near])
+    frame = Frame(_HALF, 290, (math.log10(run.n[0]), math.log10(run.n[-1]) + 1e-9), span, left=70, top=28)
+    n = [math.log10(count) for count in run.n]
+    clipped = [[min(max(v, span[0]), span[1]) for v in column] for column in (run.low, run.high, run.value)]
+    powers = [10**p for p in range(1, 9) if run.n[0] <= 10**p <= run.n[-1]]
+    ticks = [(math.log10(p), f"{p:,}".replace(",", "\u202f")) for p in powers]
+    unit = spec.unit if run.index == "mean" else "1"
+    marks = [
+        axis_y(frame, _name(f"{run.index}", unit)),
+        band(frame, n, clipped[0], clipped[1], "#cfdeee"),
+        curve(frame, n, clipped[2], "#1b5f9e"),
+        *(line([(frame.left, frame.up(b)), (frame.width - frame.right, frame.up(b))], LIMIT, 1.2, "7 4") for b in near),
+        *(text(frame.width - frame.right - 2, frame.up(b) - 4, f"{b:.2f}", "end", LIMIT) for b in near),
+        axis_x(frame, "samples", ticks),
+    ]
+    label = (
+        f"{run.index} of {spec.name} over the first samples: {numbers.significant(run.value[-1], 4)}, "
+        f"{numbers.significant(run.low[-1], 4)} to {numbers.significant(run.high[-1], 4)}, after {run.n[-1]}."
+    )
+    return svg(frame, label, marks)
+
+
+def tornado_figure(response: ResponseAnalysis) -> str | None:
+    """Return how far each variable moves the expected response; None where that is not known."""
+    found = response.sensitivity
+    known = [] if found is None else [i for i in found.ranked if i.low is not None and i.high is not None]
+    c, spec = response.capability, response.spec
+    if not known or c.mean is None:
+        return None
+    lows, highs = [i.low or 0.0 for i in known], [i.high or 0.0 for i in known]
+    height = 62.0 + 22 * len(known)
+    left = 24 + max(0.6 * 12 * len(i.variable) for i in known)
+    frame = Frame(_HALF, height, _around([*lows, *highs, c.mean]), (0, len(known)), left=min(left, 180), top=8)
+    marks = []
+    for row, (influence, low, high) in enumerate(zip(known, lows, highs, strict=True)):
+        y = frame.top + 22 * row
+        x, end = frame.across(low), frame.across(high)
+        colour = "#1b5f9e" if influence.verdict == "critical" else "#9db4cb"
+        marks += [box(x, y + 3, max(end - x, 0.8), 15, colour), text(frame.left - 6, y + 15, influence.variable, "end")]
+    middle = frame.across(c.mean)
+    marks.append(line([(middle, frame.top), (middle, frame.ground)], INK, 1, "3 3"))
+    marks.append(axis_x(frame, f"expected {_name(spec.name, spec.unit)}"))
+    said = "; ".join(f"{i.variable} {numbers.significant(i.low)} to {numbers.significant(i.high)}" for i in known)
+    label = f"Tornado of {spec.name}: expected value with each variable from its 5th to its 95th percentile: {said}."
+    return svg(frame, label, marks)
+
+
+def variable_figure(variable: VariableAnalysis) -> str:
+    """Return the histogram of an input with the requested density."""
+    spec, bins = variable.spec, variable.histogram
+    points = np.asarray(spec.density, dtype=float).reshape(-1, 2)
+    ends = [*((bins.edges[0], bins.edges[-1]) if bins else ()), *points[:, 0].tolist()]
+    most = max(float(np.max(_density(bins)[1])) if bins else 0.0, _top(points[:, 1]))
+    frame = Frame(340, 210, _around(ends or [0.0]), (0.0, 1.06 * most or 1.0), top=12)
+    marks = [axis_y(frame, _density_label(spec.unit))]
+    marks += [_bars(frame, bins, spec.lower, spec.upper)] if bins else []
+    if points.size:
+        seen = points[points[:, 1] <= frame.y[1]]
+        marks.append(curve(frame, seen[:, 0].tolist(), seen[:, 1].tolist()))
+    marks.append(axis_x(frame, _name(spec.name, spec.unit)))
+    label = f"Histogram of input {spec.name}: {variable.n} values; requested {spec.distribution}."
+    return svg(frame, label, marks)
+
+
+def compared_figure(found: ResponseComparison) -> str | None:
+    """Return both distributions of a response over each other; None without values on a side."""
+    bins, other = found.histogram, found.histogram_other
+    if bins is None or other is None:
+        return None
+    limits = [v for v in (found.capability.lsl, found.capability.usl) if v is not None]
+    most = max(float(np.max(_density(b)[1])) for b in (bins, other))
+    frame = Frame(_WIDE, 230, _around([*limits, bins.edges[0], bins.edges[-1]]), (0.0, 1.06 * most), top=28)
+    marks = [axis_y(frame, _density_label(found.unit)), _bars(frame, bins, None, None)]
+    edges, heights = _density(other)
+    steps = [(edges[0], 0.0)]
+    for left, right, height in zip(edges[:-1], edges[1:], heights, strict=True):
+        steps += [(left, height), (right, height)]
+    steps.append((edges[-1], 0.0))
+    marks.append(line(((frame.across(x), frame.up(y)) for x, y in steps), OTHER, 2))
+    marks.append(axis_x(frame, _name(found.response, found.unit)))
+    marks += [
+        marker(frame, v, f"{name} {numbers.plain(v)}", LIMIT, "7 4")
+        for v, name in ((found.capability.lsl, "LSL"), (found.capability.usl, "USL"))
+        if v is not None
+    ]
+    label = (
+        f"{found.response} in both campaigns: bars, {found.n} values here with mean "
+        f"{numbers.significant(found.capability.mean, 4)}; line, {found.n_other} values of the other with mean "
+        f"{numbers.significant(found.capability_other.mean, 4)}."
+    )
+    return svg(frame, label, marks)
+
+
+def unit_suffix(unit: str) -> str:
+    """Return the unit with a space before it; nothing for a number without unit."""
+    return "" if unit in ("", "1") else f" {unit}"
+
+
+def _bars(frame: Frame, bins: Histogram, low: float | None, high: float | None) -> str:
+    """Return the bars; those outside the limits hatched, not only coloured."""
+    edges, heights = _density(bins)
+    marks = []
+    for left, right, height in zip(edges[:-1], edges[1:], heights, strict=True):
+        if height == 0:
+            continue
+        # Inputs' bounds are no edges of their bins: only a bar that is outside as a whole is marked.
+        outside = (low is not None and right <= low) or (high is not None and left > high)
+        x, end, top = frame.across(left), frame.across(right), frame.up(height)
+        top = min(top, frame.ground - 0.8)  # a single value is seen too
+        edge = 'stroke="white" stroke-width="0.5"'
+        marks.append(box(x, top, end - x, frame.ground - top, REJECT if outside else BAR, edge))
+        if outside:
+            marks += _hatched(x, end, top, frame.ground)
+    return "\n".join(marks)
+
+
+def _hatched(left: float, right: float, top: float, ground: float) -> list[str]:
+    """Return white slanting lines over a bar."""
+    at = np.arange(top, ground, _HATCH)
+    return [line([(left, float(y)), (right, max(float(y) - (right - left), top))], "white", 0.9) for y in at]
+
+
+def _density(bins: Histogram) -> tuple[list[float], list[float]]:
+    """Return edges and heights of the bars, area 1."""
+    edges, counts = np.asarray(bins.edges), np.asarray(bins.counts, dtype=float)
+    total = float(counts.sum()) or 1.0
+    return edges.tolist(), (counts / (total * np.diff(edges))).tolist()
+
+
+def _top(density: Array) -> float:
+    """Return the largest height of a curve; an infinite one does not count."""
+    finite = density[np.isfinite(density)]
+    return float(np.max(finite, initial=0.0))
+
+
+def _around(values: list[float]) -> tuple[float, float]:
+    """Return the ends of an axis that has all values in view, with a little room."""
+    low, high = min(values), max(values)
+    room = 0.04 * (high - low) or 0.02 * abs(low) or 1.0
+    return low - room, high + room
+
+
+def _name(name: str, unit: str) -> str:
+    """Return the label of an axis."""
+    return name if unit in ("", "1") else f"{name} [{unit}]"
+
+
+def _density_label(unit: str) -> str:
+    """Return the label of an axis of densities."""
+    bare = unit in ("", "1")
+    return "density" if bare else f"density [1/{unit}]" if " " not in unit else f"density [1/({unit})]"

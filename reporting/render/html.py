@@ -1,0 +1,132 @@
+"""The report as one self-contained page: style and figures inline, no script, no request."""
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from reporting.analysis import Analysis
+from reporting.capability.indices import NAMES, SIX_SIGMA_SHIFT, WHICH_SIGMA
+from reporting.capability.shares import runs_to_claim
+from reporting.designs import CORNERS
+from reporting.render import figures, overview
+from reporting.render import format_numbers as numbers
+from reporting.response import CLAIM_PPM, ResponseAnalysis
+from reporting.sensitivity.influence import CRITICAL_SHARE
+from reporting.verdicts import CAPABLE, MARGINAL
+
+MARKS = {
+    "capable": "✓",
+    "marginal": "!",
+    "not capable": "✗",
+    "no verdict": "?",
+    "no limits": "–",
+    "good": "✓",
+    "attention": "!",
+    "bad": "✗",
+    "info": "i",
+}
+METHODS = {
+    "percentile": "percentiles (ISO 22514-2, Clements)",
+    "z_score": "Z-scores (Minitab)",
+    "empirical": "the values' own percentiles (Cnpk)",
+}
+CLAIMS = (1000.0, 100.0, CLAIM_PPM, 10.0, 1.0)
+
+
+def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",), missing: str = "") -> str:
+    """Return the page of an analysis, the same text for the same analysis.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        What the page says.
+    files : tuple of str
+        Names of the files beside it.
+    missing : str
+        Which files are not there, and how to get them.
+    """
+    # Markup: figures escape what they write themselves; everything else is escaped by the template.
+    return (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            a=analysis,
+            headline=headline(analysis),
+            weakest=weakest(analysis),
+            marks=MARKS,
+            methods=METHODS,
+            names=NAMES,
+            which_sigma=WHICH_SIGMA,
+            shift=SIX_SIGMA_SHIFT,
+            capable=CAPABLE,
+            marginal=MARGINAL,
+            critical=CRITICAL_SHARE,
+            claims=[(ppm, runs_to_claim(ppm, analysis.confidence)) for ppm in CLAIMS],
+            overview=_markup(overview.overview_figure(analysis)),
+            goal=_markup(overview.goal_figure(analysis)),
+            files=files,
+            missing=missing,
+        )
+    )
+
+
+def headline(analysis: Analysis) -> str:
+    """Return the outcome in one sentence."""
+    limited = [r for r in analysis.responses if r.spec.lsl is not None or r.spec.usl is not None]
+    corners = [r.worst for r in limited if r.worst is not None]
+    if analysis.ok == 0:
+        return "No sample ended ok: there is nothing to judge."
+    if analysis.spec.sampler == CORNERS and corners:
+        kept = sum(bool(worst.within) for worst in corners)
+        return f"Worst case: {kept} of {len(corners)} responses with limits keep them at every corner."
+    if not limited:
+        return "No response has limits: there is nothing to judge."
+    if not analysis.design.production:
+        return "The samples are no production: there is no verdict on capability."
+    capable = sum(r.verdict == "capable" for r in limited)
+    if capable == len(limited):
+        return f"Every response with limits is capable ({capable} of {capable})."
+    return f"{capable} of {len(limited)} responses with limits are capable."
+
+
+def weakest(analysis: Analysis) -> ResponseAnalysis | None:
+    """Return the response with the smallest Cpk; None if none has one, or it means nothing."""
+    if not analysis.design.production:
+        return None
+    known = [(r.capability.cpk, i) for i, r in enumerate(analysis.responses) if r.capability.cpk is not None]
+    return analysis.responses[min(known)[1]] if known else None
+
+
+def _environment() -> Environment:
+    """Return the templates with the report's ways to write numbers and to draw."""
+    environment = Environment(
+        loader=PackageLoader("reporting.render"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(
+        plain=numbers.plain,
+        fixed=numbers.fixed,
+        index=numbers.index,
+        ppm=numbers.ppm,
+        percent=numbers.percent,
+        share=numbers.part,
+        significant=numbers.significant,
+        grouped=numbers.grouped,
+        duration=numbers.duration,
+        p=numbers.probability,
+        unit=figures.unit_suffix,
+        places=numbers.decimals_for,
+        histogram=lambda r: _markup(figures.response_figure(r)),
+        probability_plot=lambda r: _markup(figures.probability_figure(r)),
+        running_plot=lambda r: _markup(figures.running_figure(r)),
+        tornado=lambda r: _markup(figures.tornado_figure(r)),
+        variable_histogram=lambda v: _markup(figures.variable_figure(v)),
+        compared=lambda c: _markup(figures.compared_figure(c)),
+    )
+    return environment
+
+
+def _markup(svg: str | None) -> Markup | None:
+    return None if svg is None else Markup(svg)

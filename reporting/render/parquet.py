@@ -1,0 +1,84 @@
+"""capability.parquet: one row a response, units in the columns' metadata, for those who collect many reports."""
+
+import io
+from dataclasses import fields
+from typing import Any
+
+from reporting.analysis import Analysis
+from reporting.capability.capability import Capability
+from reporting.response import ResponseAnalysis
+
+# What of a capability has the unit of its response; the unit stands in the column "unit" of each row.
+_IN_UNIT = ("lsl", "usl", "target", "mean", "std", "min", "max", "median")
+_PPM = "ppm"
+
+
+def render_parquet(analysis: Analysis) -> bytes:
+    """Return the file: campaign and counts in its metadata, verdict and numbers in its rows.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        What the file says.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    rows = [_row(response) for response in analysis.responses]
+    schema = [("response", pa.string()), ("title", pa.string()), ("unit", pa.string()), ("verdict", pa.string())]
+    schema += [("certain", pa.bool_()), ("normality", pa.string()), ("distribution", pa.string())]
+    schema += [(name, pa.int64() if name in _COUNTS else pa.float64()) for name in _numbers()]
+    known = pa.schema([pa.field(name, kind, metadata=_metadata(name)) for name, kind in schema])
+    about = {"campaign": analysis.spec.campaign, "title": analysis.spec.title, "format": "2"}
+    about |= {name: str(getattr(analysis, name)) for name in ("finished", "ok", "failed", "confidence")}
+    table = pa.Table.from_pylist(rows, schema=known.with_metadata(about))
+    target = io.BytesIO()
+    pq.write_table(table, target, compression="zstd")
+    return target.getvalue()
+
+
+_COUNTS = ("n", "dropped", "below", "above", "claim_runs")
+_OTHERS = ("nonnormal_pp", "nonnormal_ppk", "nonnormal_ppm", "cpk_with_failures", "yield", "claim_runs")
+
+
+def _numbers() -> list[str]:
+    """Return the names of the columns that hold numbers; an interval has two."""
+    names: list[str] = []
+    for field in fields(Capability):
+        if field.name in ("within", "notes", "confidence"):
+            continue
+        names += [f"{field.name}_low", f"{field.name}_high"] if "interval" in field.name else [field.name]
+    return [*names, *_OTHERS]
+
+
+def _row(response: ResponseAnalysis) -> dict[str, Any]:
+    """Return the row of a response."""
+    row: dict[str, Any] = {
+        "response": response.spec.name,
+        "title": response.spec.title,
+        "unit": response.spec.unit,
+        "verdict": response.verdict,
+        "certain": response.certain,
+        "normality": response.normality.verdict,
+        "distribution": response.fits.best,
+        "cpk_with_failures": response.yield_.cpk if response.yield_ else None,
+        "yield": response.yield_.share if response.yield_ else None,
+        "claim_runs": response.claim_runs,
+    }
+    for name, value in vars(response.capability).items():
+        if isinstance(value, tuple) and "interval" in name:
+            row[f"{name}_low"], row[f"{name}_high"] = value
+        else:
+            row[name] = value
+    of_fit = next((m for m in response.methods if m.method == "percentile"), None)
+    share = next((m for m in response.methods if m.method == "z_score"), None)
+    row["nonnormal_pp"], row["nonnormal_ppk"] = (of_fit.pp, of_fit.ppk) if of_fit else (None, None)
+    row["nonnormal_ppm"] = share.ppm_expected if share else None
+    return row
+
+
+def _metadata(name: str) -> dict[str, str]:
+    """Return the unit of a column."""
+    if name in _IN_UNIT:
+        return {"unit": "of the row"}
+    return {"unit": "ppm"} if _PPM in name else {"unit": "1"}

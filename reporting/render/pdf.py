@@ -1,0 +1,36 @@
+"""The page as PDF, from the same template: its rules for paper are those of the style sheet."""
+
+import logging
+
+from reporting.errors import ReportError
+
+
+def render_pdf(page: str) -> bytes:
+    """Return the page as PDF on A4, without any request.
+
+    Parameters
+    ----------
+    page : str
+        The HTML of `reporting.render.html.render_html`.
+
+    Raises
+    ------
+    ReportError
+        The libraries that WeasyPrint needs are not on this machine.
+    """
+    try:
+        from weasyprint import HTML
+    except OSError as error:
+        raise ReportError(
+            f"report.pdf: WeasyPrint finds no Pango ({error}); install it (Debian: libpango-1.0-0 libpangoft2-1.0-0)"
+            " or leave the PDF out"
+        ) from error
+    # It names every rule of the style sheet that only screens know.
+    logging.getLogger("weasyprint").setLevel(logging.ERROR)
+    content: bytes = HTML(string=page, url_fetcher=_refuse).write_pdf()
+    return content
+
+
+def _refuse(url: str, *_: object, **__: object) -> dict[str, object]:
+    """Refuse every request: the page has everything inside."""
+    raise ReportError(f"the page asks for {url[:80]}, but a report needs nothing from outside")

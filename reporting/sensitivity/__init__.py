@@ -1,0 +1,1 @@
+"""Which variable drives a response: regression, first-order and total-order indices, rejects, influence."""

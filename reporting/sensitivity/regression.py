@@ -1,0 +1,180 @@
+"""Linear and rank regression of responses on variables, and what each variable contributes to the variance.
+
+- Standardised coefficient: change of the response in its standard deviations for one of the variable.
+- Contribution (LMG: Lindeman, Merenda, Gold 1980; the Shapley value of R^2): what a variable adds to R^2, averaged over
+  all orders in which variables can enter. It is the squared standardised coefficient where variables are
+  independent, it sums to R^2 where they are not.
+- Variance inflation: 1 / (1 - R^2 of the variable on the others).
+- Spearman's rank correlation, and the regression of ranks; its interval is Bonett and Wright's (2000).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri
+
+from reporting.sensitivity.first_order import jackknife_error
+from reporting.sensitivity.polynomials import Array, Sums
+
+MOST_SHARED = 10  # variables up to which all subsets are gone through
+# A variable whose variance is left to less than this share by the others is a combination of them.
+_COLLINEAR = 1e-10
+_RIDGE = 1e-12  # added to correlation matrices: variables that determine each other share their coefficient
+
+
+@dataclass(frozen=True)
+class Linear:
+    """Linear regression on standardised variables.
+
+    Attributes
+    ----------
+    coefficient, coefficient_error : array, shape (m, k)
+        Standardised coefficients and their standard errors (delete-a-group jackknife).
+    r2 : array, shape (m,)
+        Share of the variance that is explained, adjusted for the number of variables.
+    contribution, contribution_error : array, shape (m, k), or None
+        Share of the variance by variable, and its standard error; None above 10 variables.
+    inflation : array, shape (k,)
+        Variance inflation of each variable; infinite where the others determine it.
+    correlation : array, shape (k, k)
+        Pearson correlations between the variables.
+    """
+
+    coefficient: Array
+    coefficient_error: Array
+    r2: Array
+    contribution: Array | None
+    contribution_error: Array | None
+    inflation: Array
+    correlation: Array
+
+
+def linear(sums: Sums) -> Linear:
+    """Return the linear regression, from the sums over groups of rows."""
+    parts = sums.without_each()
+    k = sums.basis.mean.size
+    among, with_response = _correlations(parts, k)
+    coefficient = _solve(among, with_response)
+    explained = np.sum(coefficient[0] * with_response[0], axis=0)
+    n = parts.rows[0]
+    contribution = shapley_of_r2(among, with_response) if k <= MOST_SHARED else None
+    return Linear(
+        coefficient=coefficient[0].T,
+        coefficient_error=jackknife_error(coefficient).T,
+        r2=1 - (1 - explained) * (n - 1) / max(n - k - 1, 1),
+        contribution=None if contribution is None else contribution[0].T,
+        contribution_error=None if contribution is None else jackknife_error(contribution).T,
+        inflation=_inflation(among[0]),
+        correlation=among[0],
+    )
+
+
+def shapley_of_r2(among: Array, with_response: Array) -> Array:
+    """Return each variable's share of R^2 by averaging over all orders.
+
+    Parameters
+    ----------
+    among : array, shape (g, k, k)
+        Correlations between the variables.
+    with_response : array, shape (g, k, m)
+        Correlations of variables and responses.
+
+    Returns
+    -------
+    array, shape (g, k, m)
+        The shares; their sum over the variables is R^2.
+    """
+    g, k, m = with_response.shape
+    r2 = np.zeros((2**k, g, m))
+    for subset in range(1, 2**k):
+        members = np.flatnonzero([subset >> i & 1 for i in range(k)])
+        r = with_response[:, members]
+        r2[subset] = np.sum(r * _solve(among[:, members[:, None], members], r), axis=1)
+    shares = np.zeros((g, k, m))
+    subsets = np.arange(2**k)
+    size = np.array([subset.bit_count() for subset in range(2**k)])
+    weight = np.array([1 / (k * math.comb(k - 1, s)) if s < k else 0.0 for s in range(k + 1)])
+    for i in range(k):
+        without = subsets[(subsets >> i & 1) == 0]
+        shares[:, i] = np.tensordot(weight[size[without]], r2[without | 1 << i] - r2[without], axes=1)
+    return shares
+
+
+@dataclass(frozen=True)
+class Rank:
+    """Rank correlation and regression.
+
+    Attributes
+    ----------
+    spearman, spearman_low, spearman_high : array, shape (m, k)
+        Rank correlation of each variable and response, and its interval.
+    coefficient : array, shape (m, k)
+        Standardised coefficients of the regression of ranks.
+    r2 : array, shape (m,)
+        Share of the variance of ranks that is explained: near 1 where the response is monotone.
+    """
+
+    spearman: Array
+    spearman_low: Array
+    spearman_high: Array
+    coefficient: Array
+    r2: Array
+
+
+def rank(x: Array, y: Array, confidence: float) -> Rank:
+    """Return the rank regression of the columns of y (n, m) on the columns of x (n, k)."""
+    k = x.shape[1]
+    columns = [_ranks(column) for column in (*x.T, *y.T)]
+    n = y.shape[0]
+    correlation = np.array([[np.dot(a, b) / n for b in columns] for a in columns[:k]])
+    among, spearman = correlation[:, :k], np.clip(correlation[:, k:].T, -1.0, 1.0)
+    coefficient = _solve(among, spearman.T).T
+    half = float(ndtri(0.5 + confidence / 2)) * np.sqrt((1 + spearman**2 / 2) / max(n - 3, 1))
+    z = np.arctanh(np.clip(spearman, -1 + 1e-15, 1 - 1e-15))
+    return Rank(
+        spearman=spearman,
+        spearman_low=np.tanh(z - half),
+        spearman_high=np.tanh(z + half),
+        coefficient=coefficient,
+        r2=np.clip(np.sum(coefficient * spearman, axis=1), 0.0, 1.0),
+    )
+
+
+def _solve(correlation: Array, right: Array) -> Array:
+    """Return the coefficients of a regression on standardised variables; also where some determine others."""
+    return np.asarray(np.linalg.solve(correlation + _RIDGE * np.eye(correlation.shape[-1]), right))
+
+
+def _ranks(values: Array) -> Array:
+    """Return standardised ranks, equal values with their middle rank."""
+    _, where, count = np.unique(values, return_inverse=True, return_counts=True)
+    last = np.cumsum(count)
+    middle = last - (count + 1) / 2
+    ranks = middle[where]
+    centred = ranks - ranks.mean()
+    return np.asarray(centred / max(float(np.sqrt(np.mean(centred**2))), np.finfo(float).tiny))
+
+
+def _correlations(parts: Sums, k: int) -> tuple[Array, Array]:
+    """Return the correlations between variables (g, k, k), and of variables with responses (g, k, m)."""
+    n = parts.rows[:, None]
+    first = slice(1, 1 + k)  # polynomials of degree 1: the variables but for origin and unit
+    mean_x, mean_y = parts.bb[:, 0, first] / n, parts.by[:, 0] / n
+    xx = parts.bb[:, first, first] / n[:, None] - mean_x[:, :, None] * mean_x[:, None, :]
+    xy = parts.by[:, first] / n[:, None] - mean_x[:, :, None] * mean_y[:, None, :]
+    size_x = np.sqrt(np.einsum("gii->gi", xx))
+    size_y = np.sqrt(parts.yy / n - mean_y**2)
+    return xx / (size_x[:, :, None] * size_x[:, None, :]), xy / (size_x[:, :, None] * size_y[:, None, :])
+
+
+def _inflation(among: Array) -> Array:
+    """Return the variance inflation of each variable; infinite where the others determine it."""
+    k = among.shape[0]
+    inflation = np.ones(k)
+    for i in range(k):
+        others = np.delete(np.arange(k), i)
+        r = among[i, others]
+        left = 1 - r @ _solve(among[np.ix_(others, others)], r[:, None])[:, 0]
+        inflation[i] = 1 / left if left > _COLLINEAR else math.inf
+    return inflation

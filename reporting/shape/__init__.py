@@ -1,0 +1,1 @@
+"""The shape of a response: normality, fitted distributions, tails, order statistics."""

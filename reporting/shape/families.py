@@ -1,0 +1,221 @@
+"""Families of distributions a response may follow, simplest first, each on values that were shifted and scaled.
+
+A family maps unconstrained parameters theta to a distribution of ``z = (x - shift) / scale``: every theta is valid, so
+a fit needs no constraints and its curvature gives the errors. How shift and scale are found is part of the family:
+positive families keep zero where it is, bounded ones put the smallest and largest value at -1 and 1.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from reporting.shape import distributions as shapes
+from reporting.shape.condensed import Condensed
+from reporting.shape.distributions import Shape
+
+Array = NDArray[np.float64]
+Theta = tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """A distribution of ``x = shift + scale z``; a negative scale mirrors it."""
+
+    base: Shape
+    shift: float
+    scale: float
+
+    def logpdf(self, x: ArrayLike) -> Array:
+        """Return the logarithm of the density [1/unit]."""
+        with np.errstate(all="ignore"):
+            return np.asarray(self.base.logpdf(self._z(x)) - math.log(abs(self.scale)))
+
+    def cdf(self, x: ArrayLike) -> Array:
+        """Return the probability of values up to x."""
+        with np.errstate(all="ignore"):
+            return np.asarray((self.base.cdf if self.scale > 0 else self.base.sf)(self._z(x)))
+
+    def sf(self, x: ArrayLike) -> Array:
+        """Return the probability of values above x, exact where it is tiny."""
+        with np.errstate(all="ignore"):
+            return np.asarray((self.base.sf if self.scale > 0 else self.base.cdf)(self._z(x)))
+
+    def ppf(self, p: ArrayLike) -> Array:
+        """Return the quantile of probability p."""
+        p = np.asarray(p, dtype=np.float64)
+        with np.errstate(all="ignore"):
+            return np.asarray(self.shift + self.scale * self.base.ppf(p if self.scale > 0 else 1.0 - p))
+
+    def _z(self, x: ArrayLike) -> Array:
+        return (np.asarray(x, dtype=np.float64) - self.shift) / self.scale
+
+
+@dataclass(frozen=True)
+class Family:
+    """A family of distributions.
+
+    Attributes
+    ----------
+    name, title : str
+        As a key, and in words.
+    parameters : tuple of str
+        Names of theta; "log ..." where it is the logarithm of a positive parameter of z.
+    frame : str
+        "free" (z is standardised), "free mirrored", "positive" (zero stays zero), "range" (the values fill -1 to 1),
+        "range mirrored", "bounds" (known bounds become 0 and 1).
+    build : callable
+        From theta to the distribution of z.
+    start : callable
+        From the condensed values of z to a first theta.
+    """
+
+    name: str
+    title: str
+    parameters: tuple[str, ...]
+    frame: str
+    build: Callable[[Theta], Shape]
+    start: Callable[[Condensed], Theta]
+
+
+def _exp(value: float) -> float:
+    """Return ``exp(value)``, held within what a search that runs away may reach."""
+    return math.exp(min(max(value, -40.0), 40.0))
+
+
+def _moments(c: Condensed) -> Theta:
+    mean = c.mean(c.values)
+    return mean, math.log(math.sqrt(c.mean((c.values - mean) ** 2)))
+
+
+def _log_moments(c: Condensed) -> Theta:
+    logs = np.log(c.values)
+    mean = c.mean(logs)
+    return mean, math.log(math.sqrt(c.mean((logs - mean) ** 2)))
+
+
+def _weibull_start(c: Condensed) -> Theta:
+    mean, log_sd = _log_moments(c)  # sd of log x is pi / (sqrt(6) shape), its mean log scale - 0.5772 / shape
+    shape = math.pi / math.sqrt(6) / math.exp(log_sd)
+    return math.log(shape), mean + 0.5772 / shape
+
+
+def _gamma_start(c: Condensed) -> Theta:
+    mean, log_sd = _moments(c)
+    variance = math.exp(2 * log_sd)
+    return math.log(mean * mean / variance), math.log(variance / mean)
+
+
+def _root_mean_square(c: Condensed) -> Theta:
+    return (0.5 * math.log(c.mean(c.values**2)),)
+
+
+def _logistic_start(c: Condensed) -> Theta:
+    mean, log_sd = _moments(c)
+    return mean, log_sd + math.log(math.sqrt(3) / math.pi)
+
+
+def _gumbel_start(c: Condensed) -> Theta:
+    mean, log_sd = _moments(c)
+    scale = math.exp(log_sd) * math.sqrt(6) / math.pi
+    return mean - 0.5772 * scale, math.log(scale)
+
+
+def _beta_start(c: Condensed) -> Theta:
+    mean, log_sd = _moments(c)
+    both = max(mean * (1 - mean) / math.exp(2 * log_sd) - 1, 0.1)
+    return math.log(mean * both), math.log((1 - mean) * both)
+
+
+def _sl_start(c: Condensed) -> Theta:
+    logs = np.log(c.values + 1.5)
+    mean = c.mean(logs)
+    return math.log(0.5), mean, 0.5 * math.log(c.mean((logs - mean) ** 2))
+
+
+def _mixture_start(c: Condensed) -> Theta:
+    mean, log_sd = _moments(c)
+    low, high = c.values < mean, c.values >= mean
+    means = [float(np.average(c.values[side], weights=c.weights[side])) for side in (low, high)]
+    return 0.0, means[0], log_sd - 0.5, means[1], log_sd - 0.5
+
+
+_SL = ("log gap", "mean of log", "log sd of log")
+_POWER = ("lambda", "mean", "log sd")
+
+
+def _build_sl(t: Theta) -> Shape:
+    return shapes.lognormal(-1.0 - _exp(t[0]), t[1], _exp(t[2]))
+
+
+FAMILIES = {
+    family.name: family
+    for family in (
+        Family("normal", "normal", ("mean", "log sd"), "free", lambda t: shapes.normal(t[0], _exp(t[1])), _moments),
+        Family(
+            "lognormal", "lognormal", ("mean of log", "log sd of log"), "positive",
+            lambda t: shapes.lognormal(0.0, t[0], _exp(t[1])), _log_moments,
+        ),
+        Family(
+            "weibull", "Weibull", ("log shape", "log scale"), "positive",
+            lambda t: shapes.weibull(_exp(t[0]), _exp(t[1])), _weibull_start,
+        ),
+        Family(
+            "gamma", "gamma", ("log shape", "log scale"), "positive",
+            lambda t: shapes.gamma(_exp(t[0]), _exp(t[1])), _gamma_start,
+        ),
+        Family(
+            "half_normal", "half-normal", ("log sd",), "positive",
+            lambda t: shapes.folded_normal(0.0, _exp(t[0])), _root_mean_square,
+        ),
+        Family(
+            "folded_normal", "folded normal", ("mean", "log sd"), "positive",
+            lambda t: shapes.folded_normal(t[0], _exp(t[1])), _moments,
+        ),
+        Family(
+            "logistic", "logistic", ("mean", "log scale"), "free",
+            lambda t: shapes.logistic(t[0], _exp(t[1])), _logistic_start,
+        ),
+        Family(
+            "largest_extreme", "largest extreme value", ("mode", "log scale"), "free",
+            lambda t: shapes.largest_extreme(t[0], _exp(t[1])), _gumbel_start,
+        ),
+        Family(
+            "smallest_extreme", "smallest extreme value", ("mode", "log scale"), "free mirrored",
+            lambda t: shapes.largest_extreme(t[0], _exp(t[1])), _gumbel_start,
+        ),
+        Family(
+            "beta", "beta on the known bounds", ("log a", "log b"), "bounds",
+            lambda t: shapes.beta(_exp(t[0]), _exp(t[1])), _beta_start,
+        ),
+        Family(
+            "box_cox", "normal after Box-Cox", _POWER, "positive",
+            lambda t: shapes.box_cox_normal(t[0], t[1], _exp(t[2])), lambda c: (0.0, *_log_moments(c)),
+        ),
+        Family(
+            "yeo_johnson", "normal after Yeo-Johnson", _POWER, "free",
+            lambda t: shapes.yeo_johnson_normal(t[0], t[1], _exp(t[2])), lambda c: (1.0, *_moments(c)),
+        ),
+        Family("johnson_sl", "Johnson SL, lognormal above a threshold", _SL, "range", _build_sl, _sl_start),
+        Family(
+            "johnson_sl_mirrored", "Johnson SL, lognormal below a threshold", _SL, "range mirrored",
+            _build_sl, _sl_start,
+        ),
+        Family(
+            "johnson_su", "Johnson SU", ("gamma", "log delta", "xi", "log lambda"), "free",
+            lambda t: shapes.johnson_su(t[0], _exp(t[1]), t[2], _exp(t[3])), lambda _: (0.0, 0.7, 0.0, 0.7),
+        ),
+        Family(
+            "johnson_sb", "Johnson SB", ("gamma", "log delta", "log gap below", "log gap above"), "range",
+            lambda t: shapes.johnson_sb(t[0], _exp(t[1]), -1.0 - _exp(t[2]), 1.0 + _exp(t[3])),
+            lambda _: (0.0, 0.0, -1.0, -1.0),
+        ),
+        Family(
+            "two_normals", "mixture of two normals",
+            ("logit of share", "mean 1", "log sd 1", "mean 2", "log sd 2"), "free",
+            lambda t: shapes.two_normals(1 / (1 + _exp(-t[0])), t[1], _exp(t[2]), t[3], _exp(t[4])), _mixture_start,
+        ),
+    )
+}  # fmt: skip

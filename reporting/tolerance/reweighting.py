@@ -1,0 +1,167 @@
+"""Weights that turn a sample of one distribution into one of another, and whether they can be trusted.
+
+``w_i = p_new(x_i) / p_old(x_i)``, normalised (self-normalised importance sampling). The largest weights are replaced by
+the quantiles of the generalised Pareto distribution fitted to them (Pareto smoothing: Vehtari, Simpson, Gelman, Yao,
+Gabry, JMLR 25(72), 2024); its shape k says how heavy their tail is. Above ``min(0.5, 1 - 1 / log10 n)`` they are
+refused: the intervals need a variance, which ends at 0.5. The usual 0.7 is for estimates without an interval; at 0.6,
+intervals of sigma meant to hold in 95 % of campaigns held in 70. Below 0.4 they hold; just below the bar, where most
+such questions are refused, an answer that is given holds in about 80 %.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reporting.errors import ReportError
+from reporting.sensitivity.polynomials import Array
+
+# Fewer effective samples than this, or one that carries more than this share, and a sigma is a guess.
+LEAST_EFFECTIVE = 100.0
+LARGEST_SHARE = 0.05
+PARETO_BAR = 0.5
+# Probability of new values where no old one can be: below, what they can add is below 1 ppm.
+MOST_OUTSIDE = 1e-6
+_LEAST_TAIL = 5  # weights from which a tail can be fitted
+_NO_TAIL = -math.inf  # shape of a tail that has an end in plain sight: equal weights
+
+
+@dataclass(frozen=True)
+class Change:
+    """What a changed distribution makes of the samples.
+
+    Attributes
+    ----------
+    log_ratio : array, shape (n,) or (n, k)
+        ``log p_new(x_i) - log p_old(x_i)`` of each sample, or of each sample and variable; minus infinity where the
+        new density is zero. A constant added to all changes nothing.
+    outside : float
+        Probability of new values where no old one can be.
+    spread : float or None
+        New over old standard deviation of the changed variable, where `reporting.tolerance.advice` asks for one.
+    """
+
+    log_ratio: ArrayLike
+    outside: float = 0.0
+    spread: float | None = None
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Normalised weights and their diagnosis.
+
+    Attributes
+    ----------
+    weight : array, shape (n,)
+        Smoothed, sum 1.
+    effective : float
+        Kish's effective sample size, ``1 / sum(w^2)``.
+    largest : float
+        Largest weight before smoothing.
+    pareto_k : float or None
+        Shape of the weights' tail; below 0 it has an end. None where weights are equal or too few.
+    pareto_k_bar : float
+        Above it the weights are no good.
+    outside : float
+        Probability of new values where no old one can be.
+    refusal : str
+        Why the weights cannot be used; empty where they can.
+    """
+
+    weight: Array
+    effective: float
+    largest: float
+    pareto_k: float | None
+    pareto_k_bar: float
+    outside: float
+    refusal: str
+
+
+def weights(change: Change) -> Weights:
+    """Return the weights of a change.
+
+    Raises
+    ------
+    ReportError
+        A log ratio that is NaN or plus infinity: the old density cannot be zero at a sample; or a probability outside
+        [0, 1].
+    """
+    ratio = np.asarray(change.log_ratio, np.float64)
+    total = ratio.sum(axis=1) if ratio.ndim == 2 else ratio
+    if total.ndim != 1 or np.any(np.isnan(total)) or np.any(total == np.inf):
+        raise ReportError(
+            f"log ratios of shape {ratio.shape} with NaN or infinity: one finite number a sample (and variable) is "
+            "needed, minus infinity where the new density is zero; the old density is not zero at a sample it drew"
+        )
+    if not 0 <= change.outside <= 1:
+        raise ReportError(f"outside = {change.outside}: a probability between 0 and 1 is needed")
+    n = total.size
+    bar = min(PARETO_BAR, 1 - 1 / math.log10(n)) if n > 10 else 0.0
+    if n == 0 or not np.any(total > -np.inf):
+        return Weights(np.zeros(n), 0.0, 1.0, None, bar, change.outside, _refusal(0.0, 1.0, None, bar, change.outside))
+    raw = np.exp(total - total.max())
+    largest = float(raw.max() / raw.sum())
+    smooth, k = pareto_smoothed(raw)
+    weight = smooth / smooth.sum()
+    effective = float(1 / np.sum(weight**2))
+    known_k = k if math.isfinite(k) else None
+    refusal = _refusal(effective, largest, known_k, bar, change.outside)
+    return Weights(weight, effective, largest, known_k, bar, change.outside, refusal)
+
+
+def pareto_smoothed(raw: Array) -> tuple[Array, float]:
+    """Return weights with their tail smoothed, and the tail's shape; minus infinity where there is no tail to fit.
+
+    The tail holds ``min(n / 5, 3 sqrt(n))`` weights; no smoothed weight exceeds the largest raw one.
+    """
+    count = math.ceil(min(0.2 * raw.size, 3 * math.sqrt(raw.size)))
+    if count < _LEAST_TAIL:
+        return raw, _NO_TAIL
+    order = np.argpartition(raw, raw.size - count - 1)
+    cut = float(raw[order[raw.size - count - 1]])
+    tail = order[raw.size - count :]
+    tail = tail[np.argsort(raw[tail], kind="stable")]
+    beyond = raw[tail] - cut
+    if beyond[-1] <= 1e-12 * raw[tail[-1]] or beyond[0] <= 0:
+        return raw, _NO_TAIL
+    k, scale = pareto_fit(beyond)
+    p = (np.arange(count) + 0.5) / count
+    quantiles = -scale * np.log1p(-p) if abs(k) < 1e-12 else scale * np.expm1(-k * np.log1p(-p)) / k
+    smooth = raw.copy()
+    smooth[tail] = np.minimum(cut + quantiles, raw[tail[-1]])
+    return smooth, k
+
+
+def pareto_fit(x: Array) -> tuple[float, float]:
+    """Return shape k and scale of the generalised Pareto distribution of values in rising order, x > 0.
+
+    Zhang and Stephens (Technometrics 51, 2009): the posterior mean of ``b = -k / scale`` over a grid. The shape is
+    drawn towards 0.5 with the weight of ten values, as Vehtari et al. do.
+    """
+    n = x.size
+    grid = 30 + int(math.sqrt(n))
+    quartile = x[math.floor(n / 4 + 0.5) - 1]
+    b = 1 / x[-1] + (1 - np.sqrt(grid / (np.arange(1, grid + 1) - 0.5))) / (3 * quartile)
+    shape = np.mean(np.log1p(-b[:, None] * x), axis=1)
+    likelihood = n * (np.log(-b / shape) - shape - 1)
+    posterior = np.exp(likelihood - likelihood.max())
+    best = float(np.sum(b * posterior) / posterior.sum())
+    k = float(np.mean(np.log1p(-best * x)))
+    return (n * k + 10 * 0.5) / (n + 10), -k / best
+
+
+def _refusal(effective: float, largest: float, k: float | None, bar: float, outside: float) -> str:
+    """Return why weights cannot be used, empty where they can."""
+    if outside > MOST_OUTSIDE:
+        return (
+            f"{100 * outside:.3g} % of the new values lie where the campaign has no sample: "
+            "its samples cannot say what happens there"
+        )
+    if effective < LEAST_EFFECTIVE:
+        return f"the samples are worth {effective:.0f} of the new distribution, {LEAST_EFFECTIVE:.0f} are needed"
+    if largest > LARGEST_SHARE:
+        return f"one sample would carry {100 * largest:.0f} % of the weight, at most {100 * LARGEST_SHARE:.0f} % may be"
+    if k is not None and k > bar:
+        return f"the weights have too heavy a tail, Pareto k = {k:.2f} above {bar:.2f}"
+    return ""

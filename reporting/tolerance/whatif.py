@@ -1,0 +1,249 @@
+"""What the capability would be under other distributions, from the samples at hand: reweighting.
+
+Every statistic is a smooth function of weighted means, so its error follows from its influence function:
+``se^2 = sum (w_i IF_i)^2`` (delta method). Shares have the interval of Korn and Graubard (1998): Clopper and
+Pearson's with the sample size that gives the same error.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import betaincinv, ndtr, ndtri
+
+from reporting.capability.intervals import Interval
+from reporting.errors import ReportError
+from reporting.sensitivity.polynomials import Array
+from reporting.tolerance.reweighting import Change, Weights, pareto_smoothed, weights
+
+PPM = 1e6
+USUAL_CPK = 1.33
+WANTED_HALF_WIDTH = 0.05
+_ROUNDING = 8 * float(np.finfo(np.float64).eps)
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A reweighted number, its interval, and how many fresh runs would know it as well."""
+
+    value: float
+    interval: Interval
+    effective: float
+
+
+@dataclass(frozen=True)
+class WhatIf:
+    """One response under the new distributions; None where a number is undefined or refused.
+
+    Attributes
+    ----------
+    n, dropped : int
+        Finite values, and rows without one.
+    effective, largest : float
+        Kish's effective sample size, and the largest share of the weight that one sample carries.
+    pareto_k, pareto_k_sigma, pareto_k_bar : float or None
+        Shape of the tail of the weights, of what samples add to sigma, and up to where they are good.
+    outside : float
+        Probability of new values where no old one can be.
+    mean, std : Estimate or None
+        In the response's unit.
+    cp, cpl, cpu, cpk : Estimate or None
+    ppm, ppm_below, ppm_above : Estimate or None
+        Weighted share out of limits, counted; its upper end also holds what lies outside.
+    ppm_expected : float or None
+        Share out of limits of a normal distribution with the new mean and sigma.
+    missing : float or None
+        Weighted share of rows without a value: failures under the new distributions.
+    refusal : str
+        Why there are no numbers; empty where there are.
+    runs : int
+        New runs that know Cpk (sigma, without limits) to 5 %: what a refused question costs.
+    notes : tuple of str
+    """
+
+    n: int
+    dropped: int
+    effective: float
+    largest: float
+    pareto_k: float | None
+    pareto_k_bar: float
+    outside: float
+    runs: int
+    pareto_k_sigma: float | None = None
+    mean: Estimate | None = None
+    std: Estimate | None = None
+    cp: Estimate | None = None
+    cpl: Estimate | None = None
+    cpu: Estimate | None = None
+    cpk: Estimate | None = None
+    ppm: Estimate | None = None
+    ppm_below: Estimate | None = None
+    ppm_above: Estimate | None = None
+    ppm_expected: float | None = None
+    missing: float | None = None
+    refusal: str = ""
+    notes: tuple[str, ...] = ()
+
+
+def what_if(
+    y: ArrayLike,
+    change: Change,
+    lsl: float | None = None,
+    usl: float | None = None,
+    confidence: float = 0.95,
+) -> WhatIf:
+    """Return the capability of one response under a change of the variables' distributions.
+
+    Parameters
+    ----------
+    y : array_like, shape (n,)
+        The response at each sample; NaN where it has none.
+    change : Change
+        Log ratio of the densities at the same samples.
+    lsl, usl : float or None
+        Limits, in the response's unit.
+    confidence : float
+        Of the intervals, two-sided.
+
+    Raises
+    ------
+    ReportError
+        Response and log ratios of different lengths; log ratios that are no numbers.
+    """
+    return _under(np.asarray(y, np.float64), weights(change), lsl, usl, confidence)
+
+
+def what_if_all(
+    responses: Mapping[str, ArrayLike],
+    change: Change,
+    limits: Mapping[str, tuple[float | None, float | None]] | None = None,
+    confidence: float = 0.95,
+) -> dict[str, WhatIf]:
+    """Return `what_if` of every response; the weights are the same for all."""
+    w = weights(change)
+    return {
+        name: _under(np.asarray(column, np.float64), w, *(limits or {}).get(name, (None, None)), confidence)
+        for name, column in responses.items()
+    }
+
+
+def runs_for(cpk: float | None, half_width: float = WANTED_HALF_WIDTH, confidence: float = 0.95) -> int:
+    """Return how many new runs know Cpk to a relative half width (Bissell 1990); sigma where Cpk is None."""
+    location = 0.0 if cpk is None else 1 / (9 * max(abs(cpk), 1.0) ** 2)
+    return math.ceil((float(ndtri(0.5 + confidence / 2)) / half_width) ** 2 * (location + 0.5))
+
+
+def _under(y: Array, w: Weights, lsl: float | None, usl: float | None, confidence: float) -> WhatIf:
+    """Return the numbers of one response under weights."""
+    if y.shape != w.weight.shape:
+        raise ReportError(f"what if: {y.shape} values and {w.weight.shape} weights; give both of the same samples")
+    finite = np.isfinite(y)
+    n, limited = int(np.count_nonzero(finite)), lsl is not None or usl is not None
+    known = float(w.weight[finite].sum())
+    base = WhatIf(n, y.size - n, w.effective, w.largest, w.pareto_k, w.pareto_k_bar, w.outside, 0)
+    empty = "no sample with a value has any weight" if n < 2 or known <= 0 else ""
+    if w.refusal or empty:
+        return _with(base, refusal=w.refusal or empty, runs=runs_for(USUAL_CPK if limited else None))
+    values, weight = y[finite], w.weight[finite] / known
+    k = _tail_of_sigma(values, weight)
+    if k is not None and k > w.pareto_k_bar:
+        why = f"a few samples carry the new sigma, Pareto k = {k:.2f} above {w.pareto_k_bar:.2f}"
+        return _with(base, pareto_k_sigma=k, refusal=why, runs=runs_for(USUAL_CPK if limited else None))
+    numbers = _moments(values, weight, lsl, usl, float(ndtri(0.5 + confidence / 2)))
+    mean, std, cpk = numbers["mean"], numbers["std"], numbers["cpk"]
+    notes = () if std else ("All values are equal: zero spread, so no index and no expected ppm.",)
+    return _with(
+        base,
+        **numbers,
+        **_shares(values, weight, lsl, usl, w.outside, confidence),
+        ppm_expected=_expected(mean.value, std.value, lsl, usl) if mean and std and limited else None,
+        pareto_k_sigma=k,
+        missing=max(1.0 - known, 0.0) if n < y.size else 0.0,
+        runs=runs_for(cpk.value if cpk else USUAL_CPK if limited else None),
+        notes=notes if limited else (*notes, "No limits: no index and no share out of limits."),
+    )
+
+
+def _with(base: WhatIf, **changes: object) -> WhatIf:
+    """Return the answer with some of its fields set."""
+    return WhatIf(**{**base.__dict__, **changes})  # type: ignore[arg-type]
+
+
+def _tail_of_sigma(y: Array, weight: Array) -> float | None:
+    """Return the shape of the tail of what samples add to the variance; None where weights do not make it heavier."""
+    off = y - y.mean()
+    off2 = (off - np.sum(weight * off)) ** 2
+    k, own = pareto_smoothed(weight * off2)[1], pareto_smoothed(off2)[1]
+    return k if math.isfinite(k) and k > own else None
+
+
+def _moments(
+    y: Array, weight: Array, lsl: float | None, usl: float | None, z: float
+) -> dict[str, Estimate | None]:  # fmt: skip
+    """Return mean, sigma and indices with the intervals of their influence functions."""
+    origin = y[int(np.argmax(weight))]  # a huge offset would eat the digits of the spread
+    mean = float(np.sum(weight * (y - origin))) + float(origin)
+    off = y - mean
+    none_spent = float(np.sum(weight**2))
+    variance = float(np.sum(weight * off**2)) / max(1 - none_spent, 0.5)
+    std = math.sqrt(variance)
+    names = ("std", "cp", "cpl", "cpu", "cpk")
+    if std <= _ROUNDING * float(np.abs(y).max()):
+        return {"mean": Estimate(mean, (mean, mean), float(y.size))} | dict.fromkeys(names)
+    of_std = (off**2 - variance) / (2 * std)
+    numbers: dict[str, Estimate | None] = dict.fromkeys(names)
+    numbers["mean"] = _estimate(mean, off, weight, z)
+    numbers["std"] = _estimate(std, of_std, weight, z)
+    for name, distance, sign in (("cpl", lsl, 1.0), ("cpu", usl, -1.0)):
+        if distance is not None:
+            index = sign * (mean - distance) / (3 * std)
+            numbers[name] = _estimate(index, (sign * off / 3 - index * of_std) / std, weight, z)
+    sides = [side for side in (numbers["cpl"], numbers["cpu"]) if side is not None]
+    numbers["cpk"] = min(sides, key=lambda side: side.value) if sides else None
+    if lsl is not None and usl is not None:
+        cp = (usl - lsl) / (6 * std)
+        numbers["cp"] = _estimate(cp, -cp / std * of_std, weight, z)
+    return numbers
+
+
+def _estimate(value: float, influence: Array, weight: Array, z: float) -> Estimate:
+    """Return an estimate with its delta-method interval."""
+    error = math.sqrt(float(np.sum((weight * influence) ** 2)))
+    spread = float(np.sum(weight * influence**2))
+    effective = spread / error**2 if error > 0 else float(weight.size)
+    return Estimate(float(value), (float(value - z * error), float(value + z * error)), effective)
+
+
+def _shares(
+    y: Array, weight: Array, lsl: float | None, usl: float | None, outside: float, confidence: float
+) -> dict[str, Estimate | None]:
+    """Return the shares out of limits in ppm."""
+    below = None if lsl is None else y < lsl
+    above = None if usl is None else y > usl
+    known = [side for side in (below, above) if side is not None]
+    both = np.any(known, axis=0) if known else None
+    return {
+        name: None if out is None else _share(out, weight, outside, confidence)
+        for name, out in (("ppm", both), ("ppm_below", below), ("ppm_above", above))
+    }
+
+
+def _share(out: NDArray[np.bool_], weight: Array, outside: float, confidence: float) -> Estimate:
+    """Return a weighted share with Korn and Graubard's interval."""
+    share = min(float(np.sum(weight[out])), 1.0)
+    error2 = float(np.sum((weight * (out - share)) ** 2))
+    kish = 1 / float(np.sum(weight**2))
+    effective = share * (1 - share) / error2 if 0 < share < 1 and error2 > 0 else kish
+    seen, tail = share * effective, (1 - confidence) / 2
+    low = float(betaincinv(seen, effective - seen + 1, tail)) if share > 0 else 0.0
+    high = float(betaincinv(seen + 1, effective - seen, 1 - tail)) if share < 1 else 1.0
+    return Estimate(PPM * share, (PPM * low, PPM * min(high + outside, 1.0)), effective)
+
+
+def _expected(mean: float, std: float, lsl: float | None, usl: float | None) -> float:
+    """Return the ppm of a normal distribution out of limits."""
+    below = 0.0 if lsl is None else float(ndtr((lsl - mean) / std))
+    above = 0.0 if usl is None else float(ndtr((mean - usl) / std))
+    return PPM * (below + above)

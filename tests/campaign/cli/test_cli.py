@@ -1,0 +1,251 @@
+"""The command: exit statuses, one JSON document on standard output, one message for a fault of the input."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import campaign.coordinator.coordinator
+import campaign.coordinator.submit
+from campaign.cli import app, main
+from campaign.coordinator.coordinator import coordinate
+from engine import read_trajectory
+from tests.campaign import fake_engine
+from tests.campaign.commands import ROOT, clearcap, clearcap_here
+
+BAD_INPUT = {
+    "unknown campaign": (["run", "c61"], "did you mean 'c60'?"),
+    "unreadable campaign": (["run", "."], "cannot be read"),
+    "no samples": (["run", "c60", "--samples", "0"], "samples = 0: must be greater than or equal to 1"),
+    "store not writable": (["run", "c60", "--store", "/proc/here"], "store /proc/here: not writable"),
+    "store of one process": (["run", "c60", "--store", "memory://x"], "workers cannot reach"),
+    "unknown joint": (["simulate", "c60", "--set", "J9=0.05"], "J9: unknown key"),
+    "clearance 0": (["simulate", "c60", "--set", "J1=0"], "J1"),
+    "clearance negative": (["simulate", "c60", "--set", "J1=-0.05"], "J1"),
+    "clearance 1 mm": (["simulate", "c60", "--set", "J1=1"], "0.5"),
+    "no number": (["simulate", "c60", "--set", "J1=x"], "--set J1=x: not KEY=VALUE with a number"),
+    "no value": (["simulate", "c60", "--set", "J1"], "--set J1: not KEY=VALUE with a number"),
+    "set twice": (["simulate", "c60", "--set", "J1=0.05", "--set", "J1=0.06"], "J1 is set twice"),
+    "step negative": (["simulate", "c60", "--step", "-1"], "step"),
+    "unknown trajectory": (["simulate", "incline", "--trajectory", "a.csv"], "allowed: .h5, .hdf5"),
+    "unknown plot": (
+        ["simulate", "incline", "--plot", "a.jpg"],
+        "--plot a.jpg: unknown ending; allowed: .png, .svg, .pdf",
+    ),
+    "unknown animation": (["simulate", "incline", "--animate", "a.avi"], "allowed: .gif, .html, .mp4"),
+    "unknown picture": (["mechanism", "show", "incline", "--picture", "a.gif"], "allowed: .png, .svg, .pdf"),
+    "unknown figure": (["polarisation", "c60", "a.gif"], "allowed: .png, .svg, .pdf"),
+    "no samples to polarise": (["polarisation", "c60", "a.png", "--samples", "0"], "--samples"),
+    "polarisation of what": (["polarisation", "c61", "a.png"], "did you mean 'c60'?"),
+    "no folder": (["simulate", "incline", "--trajectory", "none/a.h5"], "no folder none"),
+    "every of nothing": (["simulate", "incline", "--every", "5"], "give --trajectory, --plot or --animate"),
+    "every none": (["simulate", "incline", "--trajectory", "a.h5", "--every", "0"], "--every"),
+    "bad value, good file": (["simulate", "incline", "--set", "J1=1", "--plot", "a.svg"], "J1: unknown key"),
+    "unknown mechanism": (["mechanism", "check", "c6"], "did you mean 'c60'?"),
+    "no store": (["status", "--store", "runs"], "campaigns there: none"),
+    "unknown id": (["report", "c60-0123456789", "--store", "runs"], "no campaign c60-0123456789"),
+    "unknown option": (["run", "c60", "--sampels", "3"], "No such option"),
+    "no workers": (["run", "c60", "--workers", "0"], "--workers"),
+}
+
+
+@pytest.mark.parametrize(("words", "said"), BAD_INPUT.values(), ids=BAD_INPUT)
+def test_bad_input(words, said, tmp_path, capsys, monkeypatch):
+    """Exit 2, one message that names the fault, nothing on standard output, nothing written."""
+    monkeypatch.chdir(tmp_path)
+    code, output, messages = clearcap_here(capsys, monkeypatch, *words)
+    assert code == 2, messages
+    assert said in messages
+    assert output == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_bad_campaign_file_writes_nothing(campaign_file):
+    """A faulty file is refused before the store is touched."""
+    campaign_file.write_text(campaign_file.read_text().replace("std = 0.0175", "std = -1"))
+    done = clearcap("run", campaign_file, cwd=campaign_file.parent)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "variables.J1.std = -1: must be greater than 0" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert [path.name for path in campaign_file.parent.iterdir()] == ["demo.toml"]
+
+
+def test_bug_is_not_hidden(monkeypatch):
+    """Only errors made for the user become a message; a bug keeps its traceback."""
+    monkeypatch.setattr("campaign.cli.app", lambda: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        main()
+
+
+def test_run_json(faked, campaign_file):
+    """``run --json`` prints one document that says what was done; again, it computes nothing."""
+    words = ["run", str(campaign_file), "--store", "s", "--workers", "1", "--json"]
+    first = faked.invoke(app, words)
+    assert first.exit_code == 0, first.output
+    document = json.loads(first.stdout)
+    asked = {"store": "s", "samples": 25, "ok": 25, "failed": 0, "computed": 25, "statuses": {"ok": 25}}
+    assert asked.items() <= document.items()
+    assert document["campaign"].startswith("demo-")
+    assert document["wall_s"] > 0
+    assert all(Path(path).is_file() for path in document["report"].values())
+    assert "25/25 runs, 0 failed" in first.stderr
+    again = json.loads(faked.invoke(app, words).stdout)
+    assert again["computed"] == 0
+    assert again["campaign"] == document["campaign"]
+
+
+def test_run_prints_capability(faked, campaign_file):
+    """Without ``--json``: a table of responses with their Cpk, the counts, and where the report is."""
+    done = faked.invoke(app, ["run", str(campaign_file), "--workers", "1"])
+    assert done.exit_code == 0, done.output
+    assert "Cpk" in done.stdout
+    assert "FC-1" in done.stdout
+    assert "25 runs: 25 ok" in done.stdout
+    report = done.stdout.split("report: ")[1].strip()
+    assert Path(report).is_file()
+
+
+def test_no_report(faked, campaign_file):
+    """``--no-report`` writes rows only; ``report`` writes it later."""
+    done = faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--no-report", "--json"])
+    document = json.loads(done.stdout)
+    folder = Path("runs") / document["campaign"] / "report"
+    assert document["report"] == {}
+    assert not folder.exists()
+    later = json.loads(faked.invoke(app, ["report", "--json"]).stdout)
+    assert {"html", "json", "parquet"} <= set(later["report"])
+    assert folder.is_dir()
+
+
+def test_interrupt_says_how_to_go_on(faked, campaign_file, monkeypatch):
+    """Ctrl-C exits 130 and prints the command that goes on; what is done is kept."""
+
+    def interrupted(*rest):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(campaign.coordinator.coordinator, "coordinate", interrupted)
+        done = faked.invoke(app, ["run", str(campaign_file), "--seed", "9", "--workers", "1"])
+    assert done.exit_code == 130
+    assert re.search(r"clearcap resume demo-[0-9a-f]{10} --store runs --workers 1", done.stderr)
+    assert json.loads(faked.invoke(app, ["status", "--json"]).stdout)["left"] == 25
+
+
+def test_not_one_success_is_a_failure(faked, campaign_file, monkeypatch):
+    """A campaign without one result exits 1 and says what most runs say; the rows stay."""
+    raises = partial(fake_engine.raises_above, -1.0)
+    monkeypatch.setattr(
+        campaign.coordinator.coordinator,
+        "coordinate",
+        partial(coordinate, simulate=raises),
+    )
+    done = faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--no-report", "--json"])
+    assert done.exit_code == 1
+    assert json.loads(done.stdout)["statuses"] == {"crashed": 25}
+    assert "25 of 25 say: ArithmeticError: no solution" in done.stderr
+
+
+def test_status(faked, campaign_file):
+    """``status`` counts rows done, failed and left."""
+    document = json.loads(faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--json"]).stdout)
+    status = json.loads(faked.invoke(app, ["status", document["campaign"], "--json"]).stdout)
+    assert status.pop("since") > 0
+    assert status == {
+        "campaign": document["campaign"],
+        "store": "runs",
+        "state": "completed",
+        "message": "",
+        "open": False,
+        "heartbeat": None,
+        "samples": 25,
+        "done": 25,
+        "ok": 25,
+        "failed": 0,
+        "left": 0,
+        "statuses": {"ok": 25},
+    }
+    assert "25 of 25 done, 0 failed, 0 left" in faked.invoke(app, ["status"]).stdout
+
+
+def test_simulate_writes_what_is_asked_for(monkeypatch, tmp_path):
+    """Trajectory, plot and animation of one run, named in the document; a run that fails has them too, and exits 1."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("campaign.pictures.animation.FRAMES", 3)
+    words = ["simulate", "clearance_pendulum", "--horizon", "0.05", "--every", "10", "--json"]
+    done = CliRunner().invoke(app, [*words, "--trajectory", "a.h5", "--plot", "a.svg", "--animate", "a.gif"])
+    assert done.exit_code == 1, done.output
+    document = json.loads(done.stdout)
+    assert document["status"] == "not_converged"
+    assert document["files"] == {"trajectory": "a.h5", "plot": "a.svg", "animation": "a.gif"}
+    assert {path.name for path in tmp_path.iterdir()} == {"a.h5", "a.svg", "a.gif"}
+    assert len(read_trajectory("a.h5").time) == 26
+    plot = (tmp_path / "a.svg").read_bytes()
+    done = CliRunner().invoke(app, ["simulate", "incline", "--plot", "a.svg"])
+    assert done.exit_code == 0, done.output
+    assert done.stdout.endswith("plot: a.svg\n")
+    assert (tmp_path / "a.svg").read_bytes() != plot
+
+
+def test_film_without_ffmpeg_is_refused(monkeypatch, tmp_path):
+    """``.mp4`` where there is no ffmpeg: exit 2 before the run, with what would do."""
+    monkeypatch.setattr("campaign.pictures.animation.can_write", lambda suffix: suffix != ".mp4")
+    monkeypatch.setattr("sys.argv", ["clearcap", "simulate", "incline", "--animate", str(tmp_path / "a.mp4")])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 2
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_schemas(tmp_path):
+    """Both schemas are JSON Schema documents that know the tables of their format."""
+    for which, table in (("campaign", "variables"), ("mechanism", "joints")):
+        done = clearcap("schema", which, cwd=tmp_path)
+        assert table in json.loads(done.stdout)["properties"]
+
+
+def test_mechanism_verbs(tmp_path):
+    """``list``, ``show`` and ``check`` of the shipped mechanisms, as JSON and as text."""
+    listed = json.loads(clearcap("mechanism", "list", "--json", cwd=tmp_path).stdout)
+    assert "c60" in [entry["name"] for entry in listed]
+    shown = json.loads(clearcap("mechanism", "show", "c60", "--json", cwd=tmp_path).stdout)
+    assert shown["clearances"]["J1"]["unit"] == "mm"
+    assert shown["responses"]["FC-1"]["unit"] == "N"
+    assert shown["validity"]
+    checked = clearcap("mechanism", "check", "c60", cwd=tmp_path)
+    assert (checked.returncode, checked.stdout) == (0, "c60: right\n")
+    assert "FC-1 [N]" in clearcap("mechanism", "show", "c60", cwd=tmp_path).stdout
+
+
+def test_version(tmp_path):
+    """``--version`` prints the name and a version."""
+    assert clearcap("--version", cwd=tmp_path).stdout.startswith("clearcap ")
+
+
+@pytest.mark.parametrize("words", [["--help"], ["mechanism", "list"]])
+def test_help_is_quick(words, tmp_path):
+    """Help and lists take 0.2 to 0.3 s: they wait for neither dask nor tables, nothing of them is imported."""
+    code = "import sys; from campaign.cli import main; sys.argv = ['clearcap', *{words}]; main()"
+    check = "import atexit, sys; atexit.register(lambda: print('LOADED', *sys.modules, file=sys.stderr)); "
+    command = [sys.executable, "-c", check + code.replace("{words}", repr(words))]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=60)
+    loaded = done.stderr.split("LOADED")[1].split()
+    assert {"distributed", "pyarrow", "pandas", "numba", "matplotlib", "scipy", "h5py"}.isdisjoint(loaded)
+
+
+@pytest.mark.slow
+def test_pictures_of_mechanism_and_campaign(tmp_path):
+    """``show --picture`` and ``polarisation`` write their file and one document; nothing else is left."""
+    shown = clearcap("mechanism", "show", "clearance_pendulum", "--picture", "a.svg", "--json", cwd=tmp_path)
+    assert shown.returncode == 0, shown.stderr
+    assert json.loads(shown.stdout)["name"] == "clearance_pendulum"
+    drawn = clearcap("polarisation", "c60", "b.png", "--samples", 1, "--workers", 1, "--json", cwd=tmp_path)
+    assert drawn.returncode == 0, drawn.stderr
+    assert json.loads(drawn.stdout) == {"picture": "b.png", "samples": 1, "failed": 0}
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.svg", "b.png"]

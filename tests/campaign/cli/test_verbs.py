@@ -1,0 +1,175 @@
+"""The verbs that drive, end, resume, repeat and follow a campaign, with the engine on a small mechanism."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+
+import pytest
+from typer.testing import CliRunner
+
+import campaign.coordinator.coordinator
+import campaign.coordinator.submit
+from campaign.cli import app
+from campaign.cluster.connect import Cluster
+from campaign.store import open_store
+from tests.campaign import fake_engine
+from tests.campaign.commands import ROOT, clearcap
+from tests.campaign.driving import computed
+
+SLOPE = """
+format = 1
+name = "slope"
+mechanism = "incline"
+samples = 12
+
+[simulation]
+horizon = 0.2
+
+[variables.friction]
+target = "materials.block_slope.friction"
+distribution = "uniform"
+lower = 0.4
+upper = 0.8
+"""
+
+
+@pytest.fixture
+def slope(tmp_path):
+    """Return a folder with a campaign of blocks on slopes, some of which slide and are not at rest at the end."""
+    (tmp_path / "slope.toml").write_text(SLOPE)
+    return tmp_path
+
+
+def test_submitted_campaign_is_driven_to_its_report(slope):
+    """``submit`` prints the id alone and returns; a process of its own computes it; submitting again finds it."""
+    done = clearcap("submit", "slope.toml", "--workers", "1", cwd=slope)
+    assert done.returncode == 0, done.stderr
+    (campaign_id,) = done.stdout.split()
+    assert "started a coordinator (process " in done.stderr
+    followed = clearcap("watch", "--json", cwd=slope)
+    until = time.monotonic() + 120.0
+    while not (slope / "runs" / campaign_id / "report" / "report.html").exists() and time.monotonic() < until:
+        time.sleep(0.2)
+    heartbeat = json.loads(followed.stdout)
+    assert (heartbeat["state"], heartbeat["done"], heartbeat["left"]) == ("completed", 12, 0)
+    assert "12/12 runs" in followed.stderr
+    again = json.loads(clearcap("submit", "slope.toml", "--json", "--queue-only", cwd=slope).stdout)
+    assert (again["campaign"], again["driver"]) == (campaign_id, "none")
+    status = json.loads(clearcap("status", "--json", cwd=slope).stdout)
+    assert (status["state"], status["done"]) == ("completed", 12)
+
+
+@pytest.fixture
+def there(slope):
+    """Return the folder with the campaign, computed by a worker's own functions, and its id."""
+    from campaign.spec.load import load_campaign
+    from engine import simulate
+
+    _, plan = computed(slope / "runs", load_campaign(str(slope / "slope.toml")), 5, simulate)
+    return slope, plan
+
+
+def test_replay_is_equal_to_the_bit(there, monkeypatch):
+    """A row once more, in another process or here; a row that was tampered with is not equal, and exits 1."""
+    folder, plan = there
+    done = clearcap("replay", plan.campaign_id, 7, "--json", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert document["same"] is True
+    assert document["row"]["friction"] == document["stored"]["friction"]
+    monkeypatch.chdir(folder)
+    store = open_store("runs")
+    rows = store.read_part(plan, 1)
+    steps = rows.schema.get_field_index("steps")
+    changed = rows.set_column(steps, rows.schema.field(steps), [[n + 1 for n in rows["steps"].to_pylist()]])
+    store.write_part(plan, 1, changed)
+    done = CliRunner().invoke(app, ["replay", plan.campaign_id, "7", "--plot", "seven.svg"])
+    assert done.exit_code == 1, done.output
+    assert "differs from its row" in done.stdout
+    assert (folder / "seven.svg").exists()
+    done = CliRunner().invoke(app, ["replay", plan.campaign_id, "12"])
+    assert "has samples 0 to 11" in str(done.exception)
+
+
+def test_rerun_of_what_failed(there, monkeypatch):
+    """Blocks that slide are not settled: run again they still are, and their rows say that they were tried twice."""
+    folder, plan = there
+    monkeypatch.chdir(folder)
+    failed = [row for row in open_store("runs").table().to_pylist() if row["status"] != "ok"]
+    assert 0 < len(failed) < 12
+    done = CliRunner().invoke(app, ["rerun", plan.campaign_id, "--workers", "1", "--json"])
+    assert done.exit_code == 0, done.output
+    document = json.loads(done.stdout)
+    assert (document["samples"], document["before"]) == (len(failed), document["after"])
+    table = open_store("runs").table().to_pylist()
+    assert {row["sample"] for row in table if row["attempts"] == 2} == {row["sample"] for row in failed}
+    done = CliRunner().invoke(app, ["rerun", plan.campaign_id, "--status", "crashed"])
+    assert "no such run" in done.stdout
+
+
+def test_cancel_and_resume(faked, campaign_file):
+    """A campaign nobody drives is cancelled at once; a coordinator leaves it; resumed, it is computed."""
+    done = faked.invoke(app, ["submit", str(campaign_file), "--queue-only", "--batch-size", "5"])
+    (campaign_id,) = done.stdout.split()
+    done = json.loads(faked.invoke(app, ["cancel", "--json"]).stdout)
+    assert done == {"campaign": campaign_id, "store": "runs", "before": "queued"}
+    assert json.loads(faked.invoke(app, ["status", "--json"]).stdout)["state"] == "cancelled"
+    words = ["coordinate", campaign_id, "--workers", "1"]
+    left = faked.invoke(app, words)
+    assert type(left.exception).__name__ == "Cancelled"
+    assert left.exception.exit_code == 3
+    done = faked.invoke(app, ["resume", "--workers", "1", "--no-report", "--json"])
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["statuses"] == {"ok": 25}
+    assert "nothing to cancel" in faked.invoke(app, ["cancel"]).stdout
+
+
+def test_too_few_good_runs_fail(faked, campaign_file, monkeypatch):
+    """With ``min_ok`` the command exits 1, says why, and the rows stay."""
+    campaign_file.write_text(campaign_file.read_text() + "\n[failures]\nmin_ok = 0.9\n")
+    some = partial(fake_engine.raises_above, 0.07)
+    real = campaign.coordinator.coordinator.coordinate.func
+    monkeypatch.setattr(campaign.coordinator.coordinator, "coordinate", partial(real, simulate=some))
+    done = faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--no-report", "--json"])
+    assert done.exit_code == 1
+    assert "failures.min_ok asks for 0.9 of them" in done.stderr
+    assert json.loads(done.stdout)["samples"] == 25
+
+
+@pytest.mark.slow
+def test_terminated_coordinator_is_open_for_the_next(slope):
+    """SIGTERM, as a supervisor sends it, ends it in order; its campaign is open, and the service goes on."""
+    text = SLOPE.replace("samples = 12", "samples = 4000").replace("horizon = 0.2", "horizon = 5.0")
+    (slope / "slope.toml").write_text(text)
+    submitted = clearcap("submit", "slope.toml", "--queue-only", "--batch-size", "20", cwd=slope)
+    assert submitted.returncode == 0, submitted.stderr
+    command = [sys.executable, "-m", "campaign", "coordinate", "--workers", "1"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    service = subprocess.Popen(command, cwd=slope, env=environment, stderr=subprocess.PIPE, text=True)
+    try:
+        until = time.monotonic() + 120.0
+        while json.loads(clearcap("status", "--json", cwd=slope).stdout)["done"] == 0 and time.monotonic() < until:
+            time.sleep(0.1)
+        service.send_signal(signal.SIGTERM)
+        service.wait(timeout=60)
+    finally:
+        service.kill()
+        service.stderr.close()
+    status = json.loads(clearcap("status", "--json", cwd=slope).stdout)
+    assert (status["state"], status["open"]) == ("interrupted", True)
+    assert 0 < status["done"] < 4000
+    assert not (slope / "runs" / status["campaign"] / "lease.json").exists()
+
+
+def test_cluster_options_survive_a_detached_start():
+    """The words of a command that describe a cluster describe the same one again."""
+    from campaign.cli.drive import options_of
+
+    words = options_of(Cluster("tcp://127.0.0.1:8786", insecure=True))
+    assert words == ["--scheduler", "tcp://127.0.0.1:8786", "--insecure"]
+    assert options_of(Cluster(workers=3)) == ["--workers", "3"]
+    assert options_of(Cluster(kind="slurm", workers=8)) == ["--cluster", "slurm", "--workers", "8"]

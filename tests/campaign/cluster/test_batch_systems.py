@@ -1,0 +1,151 @@
+"""Workers as jobs: what dask's configuration must say, and what is asked of the batch system."""
+
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import dask
+import dask_jobqueue  # noqa: F401  # sets defaults in dask's configuration that must outlive a test
+import pytest
+import yaml
+
+import campaign.cluster.connect
+from campaign.cluster.batch_systems import job_certificates, job_cluster, kubernetes_resource
+from campaign.cluster.connect import Cluster, Tls, connect
+from campaign.cluster.tls_certificates import make_certificates
+from campaign.errors import SpecError, UnreachableError
+from tests.campaign.kubernetes_api import kubernetes_api
+
+DEPLOY = Path(__file__).parents[3] / "deploy"
+COMMANDS = {"slurm": "sbatch", "oar": "oarsub", "pbs": "qsub"}
+
+
+@pytest.fixture
+def tls(tmp_path):
+    """Return certificates."""
+    paths = make_certificates(tmp_path / "tls", 2)
+    return Tls(*(str(paths[name]) for name in ("ca.pem", "client.pem", "client.key")))
+
+
+@pytest.fixture
+def settings(tmp_path):
+    """Set dask as deploy/jobqueue.yaml does."""
+    given = yaml.safe_load((DEPLOY / "jobqueue.yaml").read_text())
+    for table in given["jobqueue"].values():
+        table["shared-temp-directory"] = str(tmp_path)
+    with dask.config.set(dask.config.merge(dask.config.config, given)):
+        yield
+
+
+@pytest.fixture
+def commands(tmp_path, monkeypatch):
+    """Put commands of batch systems on the path that refuse every job."""
+    for command in COMMANDS.values():
+        (tmp_path / command).write_text("#!/bin/sh\necho 'no such partition' >&2\nexit 1\n")
+        (tmp_path / command).chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=":")
+    return tmp_path
+
+
+@pytest.mark.parametrize("kind", COMMANDS)
+@pytest.mark.parametrize("given", [True, False], ids=["given", "temporary"])
+def test_job_script(kind, given, settings, commands, tls):
+    """A job's script is shell, starts a single-threaded worker a core, over TLS, with no page for strangers."""
+    cluster = Cluster(kind=kind, workers=4, tls=tls if given else None)
+    with job_certificates(cluster) as certificates, job_cluster(cluster, certificates) as jobs:
+        script = jobs.job_script()
+        assert jobs.scheduler_address.startswith("tls://")
+        subprocess.run(["bash", "-n"], input=script, text=True, check=True)
+        [line] = [line for line in script.splitlines() if "dask_worker" in line]
+        words = shlex.split(line.replace("$TMPDIR", "/tmp"))
+        assert words[words.index("--nthreads") + 1] == "1"
+        assert words[words.index("--nworkers") + 1] == "16"
+        assert words[words.index("--protocol") + 1] == "tls://"
+        assert words[words.index("--dashboard-address") + 1] == "127.0.0.1:0"
+        assert "--no-dashboard" in words
+        key = Path(words[words.index("--tls-key") + 1])
+        assert (str(key) == tls.key) == given
+        assert key.stat().st_mode & 0o777 == 0o600
+        assert "lifetime" in line
+
+
+def test_a_refused_job_is_told(settings, commands):
+    """What the batch system says reaches the user, and nothing is left running."""
+    with (
+        pytest.raises(UnreachableError, match=r"(?s)--cluster slurm.*no such partition"),
+        connect(Cluster(kind="slurm", workers=16)),
+    ):
+        pass
+    assert not list(commands.glob(".clearcap-tls-*"))
+
+
+def test_what_must_be_said(settings, commands, monkeypatch):
+    """The number of workers, a job's size, a folder for certificates, and a place where jobs can be submitted."""
+    with pytest.raises(SpecError, match="--workers N"):
+        job_cluster(Cluster(kind="slurm"), None)
+    for key in ("cores", "memory", "shared-temp-directory"):
+        with (
+            dask.config.set({f"jobqueue.pbs.{key}": None}),
+            pytest.raises(SpecError, match=f"jobqueue.pbs.{key}: not"),
+            connect(Cluster(kind="pbs", workers=1)),
+        ):
+            pass
+    monkeypatch.setenv("PATH", "/nowhere")
+    with pytest.raises(UnreachableError, match="no command oarsub here"):
+        job_cluster(Cluster(kind="oar", workers=1), None)
+
+
+@pytest.mark.parametrize(("kind", "package"), [("slurm", "dask_jobqueue"), ("kubernetes", "dask_kubernetes")])
+def test_a_missing_package_is_named(kind, package, monkeypatch):
+    """Who has not installed an extra is told which."""
+    monkeypatch.setitem(sys.modules, package, None)
+    extra = package.removeprefix("dask_")
+    with pytest.raises(SpecError, match=rf"clearcap\[{extra}\]"), connect(Cluster(kind=kind, workers=1)):
+        pass
+
+
+@pytest.fixture(scope="module")
+def kubernetes(tmp_path_factory):
+    """Serve the API of Kubernetes; 9 workers are too many for it."""
+    with kubernetes_api(tmp_path_factory.mktemp("kubernetes"), refused=9) as api:
+        yield api
+
+
+@pytest.fixture
+def api(kubernetes, monkeypatch):
+    """Return the API with nothing in it, the shipped manifest being named in dask's configuration."""
+    kubernetes.there.clear()
+    kubernetes.changes.clear()
+    monkeypatch.setenv("KUBECONFIG", str(kubernetes.config))
+    with dask.config.set({"kubernetes.custom-cluster-spec": str(DEPLOY / "kubernetes/cluster.yaml")}):
+        yield kubernetes
+
+
+def test_kubernetes(api, tls):
+    """The resource is created with as many workers as asked for, and deleted at the end; one that is there stays."""
+    with kubernetes_resource(Cluster(kind="kubernetes", workers=7, tls=tls)) as address:
+        assert address == "tls://clearcap-scheduler.labs.svc:8786"
+        assert api.changes == [("created", "clearcap", 7)]
+        with kubernetes_resource(Cluster(kind="kubernetes", tls=tls)) as again:
+            assert again == address
+        assert len(api.changes) == 1
+    assert api.changes[1:] == [("deleted", "clearcap")]
+
+
+def test_kubernetes_says_no(api, tls, monkeypatch):
+    """No certificates, no manifest, a refusal, pods that never come: each is a message, and nothing stays."""
+    with pytest.raises(SpecError, match="needs certificates"), connect(Cluster(kind="kubernetes")):
+        pass
+    with pytest.raises(UnreachableError, match="refused"), connect(Cluster(kind="kubernetes", workers=9, tls=tls)):
+        pass
+    with (
+        dask.config.set({"kubernetes.custom-cluster-spec": str(DEPLOY / "kubernetes/storage.yaml")}),
+        pytest.raises(SpecError, match="not the manifest"),
+        connect(Cluster(kind="kubernetes", tls=tls)),
+    ):
+        pass
+    monkeypatch.setattr(campaign.cluster.connect, "PODS_WITHIN", 0.5)
+    with pytest.raises(UnreachableError, match="not reached"), connect(Cluster(kind="kubernetes", tls=tls)):
+        pass
+    assert api.changes == [("created", "clearcap", 4), ("deleted", "clearcap")]

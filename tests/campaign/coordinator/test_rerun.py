@@ -1,0 +1,61 @@
+"""Rows computed again: those asked for, in the place of the old ones, and nothing else changes."""
+
+from functools import partial
+
+import pytest
+
+from campaign.cluster.connect import Cluster
+from campaign.coordinator.lease import LeaseHeld, held
+from campaign.coordinator.rerun import failed_samples, rerun
+from campaign.errors import SpecError
+from tests.campaign import fake_engine
+from tests.campaign.driving import computed
+
+
+@pytest.fixture
+def broken(tmp_path, campaign):
+    """Return a campaign, complete but for four runs that crashed, and its table."""
+    reference, _ = computed(tmp_path / "a", campaign, 10)
+    limit = sorted(reference.table()["J1"].to_pylist())[-5]
+    store, plan = computed(tmp_path / "b", campaign, 10, partial(fake_engine.raises_above, limit))
+    return store, plan, reference.table()
+
+
+def test_failed_rows_are_replaced(broken, workers):
+    """Mended, the table is what it would have been; the rows remember what they were."""
+    store, plan, reference = broken
+    samples = failed_samples(store, plan)
+    assert len(samples) == len(failed_samples(store, plan, ["crashed"])) == 4
+    assert failed_samples(store, plan, ["timeout"]) == []
+    again = rerun(store, plan, samples, Cluster(workers=1), fake_engine.simulate)
+    assert (again.samples, again.before, again.after) == (4, {"crashed": 4}, {"ok": 4})
+    kept = ["wall_s", "attempts", "earlier_attempts"]
+    assert store.table().drop_columns(kept).equals(reference.drop_columns(kept))
+    for row in store.table().to_pylist():
+        mended = row["sample"] in samples
+        assert row["earlier_attempts"] == ("crashed (ArithmeticError: no solution)" if mended else "")
+        assert row["attempts"] == (2 if mended else 1)
+    assert store.survey(plan, verify=True).bad == {}
+
+
+def test_rows_remember_all_they_were(broken, workers):
+    """Computed again and again, a row says what each time came of it."""
+    store, plan, _ = broken
+    sample = failed_samples(store, plan)[0]
+    for cure in (partial(fake_engine.raises_above, -1.0), fake_engine.simulate):
+        rerun(store, plan, [sample], Cluster(workers=1), cure)
+    row = store.table().to_pylist()[sample]
+    crashed = "crashed (ArithmeticError: no solution)"
+    assert (row["status"], row["attempts"], row["earlier_attempts"]) == ("ok", 3, f"{crashed}; {crashed}")
+
+
+def test_sample_without_a_row_is_refused(broken):
+    """Nothing is computed then; nor while somebody drives the campaign."""
+    store, plan, _ = broken
+    with pytest.raises(SpecError, match=r"sample 25: campaign demo-[0-9a-f]+ has no row of it"):
+        rerun(store, plan, [3, 25], Cluster(workers=1), fake_engine.simulate)
+    store.files.remove(f"{plan.campaign_id}/parts/part-000002.parquet")
+    with pytest.raises(SpecError, match=r"sample 20: campaign demo-[0-9a-f]+ has no row of it"):
+        rerun(store, plan, [20], Cluster(workers=1), fake_engine.simulate)
+    with held(store, plan.campaign_id), pytest.raises(LeaseHeld):
+        rerun(store, plan, [3], Cluster(workers=1), fake_engine.simulate)

@@ -1,0 +1,354 @@
+"""What a campaign file may say, and what its faults sound like."""
+
+import pyarrow.parquet as pq
+import pytest
+import tomli_w
+from pyarrow import csv
+
+from campaign.errors import SpecError
+from campaign.plan import Plan, make_plan
+from campaign.spec.load import campaign_names, load_campaign
+
+
+def replaced(path, old, new):
+    """Change the file's text once, and return its path as the loader takes it."""
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+    return str(path)
+
+
+FAULTS = {
+    "misspelt key": (
+        "samples = 25",
+        "sampels = 25",
+        ["sampels = 25: unknown key", "did you mean 'samples'?"],
+    ),
+    "missing key": ("samples = 25", "", ["samples: missing; add it"]),
+    "no samples": ("samples = 25", "samples = 0", ["samples = 0: must be greater than or equal to 1"]),
+    "samples as text": ("samples = 25", 'samples = "25"', ['samples = "25": must be a whole number']),
+    "samples as truth": ("samples = 25", "samples = true", ["samples = true: must be a whole number"]),
+    "negative seed": ("seed = 7", "seed = -1", ["seed = -1: must be greater than or equal to 0"]),
+    "path as name": ('name = "demo"', 'name = "../demo"', ['name = "../demo": allowed: up to 60 letters']),
+    "newer format": ("format = 1", "format = 2", ["format = 2: must be 1"]),
+    "unknown mechanism": (
+        'mechanism = "c60"',
+        'mechanism = "c61"',
+        ['mechanism = "c61": c61: no such mech', "c60"],
+    ),
+    "missing file": ('mechanism = "c60"', 'mechanism = "no.toml"', ["no.toml", "cannot be read"]),
+    "sd zero": ("std = 0.0175", "std = 0.0", ["variables.J1.std = 0.0: must be greater than 0; enlarge it"]),
+    "sd negative": ("std = 0.0175", "std = -1", ["variables.J1.std = -1: must be greater than 0"]),
+    "sd infinite": ("std = 0.0175", "std = inf", ["variables.J1.std = Infinity: must be a finite number"]),
+    "sd misspelt": ("std = 0.0175", "sdt = 1.0", ["variables.J1.sdt = 1.0: unknown key", "did you mean 'std'?"]),
+    "mean not a number": ("mean = 0.07", "mean = nan", ["variables.J1.mean = NaN: must be a finite number"]),
+    "bounds crossed": (
+        "lower = 0.01",
+        "lower = 0.2",
+        ["variables.J1: lower = 0.2 is not below upper = 0.13"],
+    ),
+    "impossible mean": (
+        "mean = 0.07",
+        "mean = 9.0",
+        ["variables.J1: [lower, upper] = [0.01, 0.13] holds a share of 0 of", "nothing can be drawn"],
+    ),
+    "unknown distribution": ('"uniform"', '"unifrom"', ['unknown distribution "unifrom"', "mean 'uniform'?"]),
+    "no distribution": (
+        'distribution = "uniform"',
+        "",
+        ["variables.preload: nothing says how it", "name another distribution"],
+    ),
+    "unknown bench": (
+        'mechanism = "c60"',
+        'mechanism = "c60"\nbench = "trip_pn"',
+        ['bench = "trip_pn": c60: no bench', "did you mean 'trip_pin'?"],
+    ),
+    "number for a variable": (
+        "[variables.J1]\n",
+        "[variables]\nJ2 = 0.05\n[variables.J1]\n",
+        ["variables.J2 = 0.05: must be a table of keys; write {key = value, ...}"],
+    ),
+    "batch misspelt": (
+        "upper = 0.13",
+        "upper = 0.13\nbatch = {sise = 9, std = 1e-3}",
+        ["J1.batch.sise = 9: unknown key; allowed: size, std; did you mean 'size'?", "J1.batch.size: missing"],
+    ),
+    "correlation of 1.5": (
+        "seed = 7",
+        'seed = 7\ncorrelations = [["J1", "preload", 1.5]]',
+        ["correlations.0.2 = 1.5: must be less than 1; reduce it"],
+    ),
+    "correlation without brackets": (
+        "seed = 7",
+        'seed = 7\ncorrelations = ["J1", "preload", 0.5]',
+        ['correlations.0 = "J1": must be a list, each a list [variable, variable, rank correlation]'],
+    ),
+    "correlation of a stranger": (
+        "seed = 7",
+        'seed = 7\ncorrelations = [["J1", "prelaod", 0.5]]',
+        ["no variable prelaod; allowed: J1, preload; did you mean 'preload'?"],
+    ),
+    "sampler misspelt": ("seed = 7", 'seed = 7\nsampler = "sobl"', ["sampler = \"sobl\": must be 'random', 'lhs'"]),
+    "one level": (
+        "seed = 7",
+        'seed = 7\nsampler = "grid"\ngrid = {J1 = 1, preload = 5}',
+        ["grid.J1: must be a number of levels, at least 2, or a list"],
+    ),
+    "grid miscounted": (
+        "seed = 7",
+        'seed = 7\nsampler = "grid"\ngrid = {J1 = 3, preload = 5}',
+        ["samples = 25: the grid has 15 points; write samples = 15"],
+    ),
+    "corners miscounted": ("seed = 7", 'seed = 7\nsampler = "worst_case"', ["write samples = "]),
+    "unknown joint": ("[variables.J1]", "[variables.J9]", ["variables.J9: sets no number of c60", "J1, J2"]),
+    "unknown target": (
+        '"springs.A3.preload"',
+        '"springs.A3.x"',
+        ["variables.preload: sets no number of c60"],
+    ),
+    "clearance of 0": (
+        "lower = 0.01",
+        "lower = 0.0",
+        ["variables.J1: reaches J1 = 0, which c60 refuses", "allowed: "],
+    ),
+    "clearance negative": ("lower = 0.01", "lower = -0.1", ["reaches J1 = -0.1, which c60 refuses"]),
+    "clearance of 1 mm": ("upper = 0.13", "upper = 1.0", ["reaches J1 = 1, which c60 refuses", "allowed: "]),
+    "one target twice": (
+        '"springs.A3.preload"',
+        '"joints.J1.radial_clearance"',
+        ["J1 and preload both set joints.J1"],
+    ),
+    "column name taken": ("[variables.preload]", "[variables.status]", ["variables.status: name taken"]),
+    "unknown response": ("[responses.FC-1]", "[responses.FC1]", ["responses.FC1: c60 has no such", "'FC-1'"]),
+    "limits crossed": ("lsl = 9.0", "lsl = 16.0", ["responses.FC-1: lsl = 16 is not below usl = 16"]),
+    "half a tolerance": (
+        "lsl = 9.0",
+        "nominal = 9.0",
+        ["responses.FC-1: nominal and tolerance belong together"],
+    ),
+    "limits twice": (
+        "lsl = 9.0",
+        "nominal = 9.0\ntolerance = 1.0",
+        ["responses.FC-1: nominal and tolerance already"],
+    ),
+    "table misspelt": ("[responses.FC-1]", "[response.FC-1]", ["response: unknown key", "'responses'"]),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "said"), FAULTS.values(), ids=FAULTS)
+def test_fault_is_named(campaign_file, old, new, said):
+    """Each fault is one SpecError that names the file, the key, the value and what is allowed."""
+    with pytest.raises(SpecError) as caught:
+        load_campaign(replaced(campaign_file, old, new))
+    message = str(caught.value)
+    assert message.startswith(f"campaign {campaign_file}:")
+    assert all(words in message for words in said), message
+
+
+def test_all_faults_at_once(campaign_file):
+    """A user mends a file in one go: every fault has its line, structural or not."""
+    replaced(campaign_file, "std = 0.0175", "std = -1")
+    replaced(campaign_file, "samples = 25", "sampels = 25")
+    replaced(campaign_file, "[responses.FC-1]", "[responses.FC1]")
+    with pytest.raises(SpecError) as caught:
+        load_campaign(replaced(campaign_file, '"springs.A3.preload"', '"springs.A3.x"'))
+    _, *lines = str(caught.value).splitlines()
+    assert len(lines) == 5  # samples are missing, too
+    assert len({line.split(":")[0] for line in lines}) == 5
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"samples = = 3", "not TOML"),
+        (b"title = '\xff'", "not UTF-8"),
+        (b"#" * 1_000_001, "larger than 1 MB"),
+    ],
+)
+def test_unreadable_file(tmp_path, content, said):
+    """A file that is no campaign is refused in one message."""
+    path = tmp_path / "x.toml"
+    path.write_bytes(content)
+    with pytest.raises(SpecError, match=said):
+        load_campaign(str(path))
+
+
+def test_no_file(tmp_path):
+    """A missing file and a folder are refused; the shipped campaigns are listed."""
+    with pytest.raises(SpecError, match="no such file, and no shipped campaign of that name; shipped: c60"):
+        load_campaign(str(tmp_path / "x.toml"))
+    with pytest.raises(SpecError, match="cannot be read"):
+        load_campaign(str(tmp_path))
+
+
+def test_overrides(campaign_file):
+    """Samples and seed given on the command line replace the file's, and are checked alike."""
+    spec = load_campaign(str(campaign_file), samples=3, seed=0).spec
+    assert (spec.samples, spec.seed) == (3, 0)
+    with pytest.raises(SpecError, match="samples = 0"):
+        load_campaign(str(campaign_file), samples=0)
+
+
+def test_mechanism_beside_the_file(campaign_file, tmp_path, monkeypatch):
+    """The path of a mechanism is relative to the campaign file, not to where the user stands."""
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    (elsewhere / "own.toml").write_text("broken")
+    own = load_campaign("c60").mechanism.model_copy(update={"title": "own"})
+    text = "format = 1\nname = 'p'\nmechanism = 'own.toml'\nsamples = 1\n"
+    variable = "[variables.J1]\ndistribution = 'constant'\nvalue = 0.05\n"
+    (tmp_path / "p.toml").write_text(text + variable)
+    content = own.model_dump(mode="json", by_alias=True, exclude_none=True)
+    (tmp_path / "own.toml").write_text(tomli_w.dumps(content))
+    assert load_campaign(str(tmp_path / "p.toml")).mechanism == own
+
+
+@pytest.mark.parametrize("name", campaign_names())
+def test_shipped_campaigns_load(name):
+    """What is shipped is sound."""
+    assert load_campaign(name).spec.name == name
+
+
+def test_c60_is_the_papers_campaign():
+    """30,850 samples, seven clearances alike; the paper's limits for FC-1, all others labelled as assumed."""
+    spec = load_campaign("c60").spec
+    assert spec.samples == 30_850
+    assert list(spec.variables) == [f"J{i}" for i in range(1, 8)]
+    drawn = {(v.distribution, v.mean, v.std, v.lower, v.upper) for v in spec.variables.values()}
+    assert drawn == {("truncated_normal", 0.07, 0.0175, 0.01, 0.13)}
+    assert spec.responses["FC-1"].limits() == (9.0, 16.0, None)
+    others = [response for name, response in spec.responses.items() if name != "FC-1"]
+    assert len(others) == 5
+    assert all(response.source.startswith("assumption") for response in others)
+
+
+def test_tolerance_says_limits_and_target(campaign_file):
+    """Nominal and tolerance give both limits, and the nominal as target."""
+    path = replaced(campaign_file, "lsl = 9.0\nusl = 16.0", "nominal = 12.5\ntolerance = 3.5")
+    assert load_campaign(path).spec.responses["FC-1"].limits() == (9.0, 16.0, 12.5)
+
+
+def test_limits_from_a_nominal_are_those_of_the_drawing():
+    """2.11 -+ 0.25 is 1.86 to 2.36, not 1.8599999999999999."""
+    from campaign.spec.campaign_file import Response
+
+    assert Response(nominal=2.11, tolerance=0.25).limits() == (1.86, 2.36, 2.11)
+
+
+def test_a_campaign_on_a_bench_has_its_responses_and_targets(campaign_file):
+    """What the bench adds is there, what it takes away is not, and its numbers can be varied."""
+    path = replaced(campaign_file, 'mechanism = "c60"', 'mechanism = "c60"\nbench = "contact_force"')
+    text = campaign_file.read_text()
+    campaign_file.write_text(text[: text.index("[responses")] + "[responses.hysteresis]\nusl = 3.0\n")
+    loaded = load_campaign(path)
+    assert loaded.spec.bench == loaded.mechanism.bench == "contact_force"
+    assert "displacement" in loaded.mechanism.responses
+    assert "FC-1" not in loaded.mechanism.responses
+
+
+def test_corners_of_an_unbounded_variable_are_refused(campaign_file):
+    """A normal distribution has no ends."""
+    text = campaign_file.read_text()
+    normal = '[variables.J2]\ndistribution = "normal"\nmean = 0.07\nstd = 0.001\n\n'
+    campaign_file.write_text(text.replace("[variables.J1]", normal + "[variables.J1]"))
+    path = replaced(campaign_file, "seed = 7", 'seed = 7\nsampler = "worst_case"')
+    with pytest.raises(SpecError, match="J2 has none; give lower and upper"):
+        load_campaign(path)
+
+
+CSV = "gap,name,holes\n0.05,a,1\n0.06,b,\n0.07,c,3\n"
+EMPIRICAL = '[variables.J1]\ndistribution = "empirical"\nfile = "gaps.csv"\ncolumn = "gap"\n'
+
+
+def with_variable(path, text):
+    """Replace the file's first variable."""
+    content = path.read_text()
+    path.write_text(content[: content.index("[variables.J1]")] + text + content[content.index("[variables.preload]") :])
+    return str(path)
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_measured_values_become_part_of_the_campaign(campaign_file, tmp_path, kind):
+    """A column is read when the campaign is loaded: its plan needs no file, and its id changes with the values."""
+    (tmp_path / "gaps.csv").write_text(CSV)
+    if kind == "parquet":
+        pq.write_table(csv.read_csv(tmp_path / "gaps.csv"), tmp_path / "gaps.parquet")
+    path = with_variable(campaign_file, EMPIRICAL.replace("csv", kind))
+    plan = make_plan(load_campaign(path))
+    (tmp_path / f"gaps.{kind}").rename(tmp_path / f"elsewhere.{kind}")
+    variable = Plan.from_json(plan.to_json()).spec.variables["J1"]
+    assert variable.values == (0.05, 0.06, 0.07)
+    assert variable.text() == f"one of 3 values of gaps.{kind}, column gap"
+    assert variable.file is None
+    (tmp_path / "gaps.csv").write_text(CSV.replace("0.07", "0.08"))
+    changed = with_variable(campaign_file, EMPIRICAL)
+    assert make_plan(load_campaign(changed)).campaign_id != plan.campaign_id
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('"gap"', '"gop"', 'variables.J1.file = "gaps.csv": no column gop; columns: gap, name, holes; did you mean'),
+        ('"gap"', '"name"', "column name holds string; numbers are needed"),
+        ('"gap"', '"holes"', "column holes, row 2 of 3: no finite number"),
+        ("gaps.csv", "no.csv", r'variables.J1.file = "no.csv": no such file'),
+        ("gaps.csv", "gaps.xlsx", "neither CSV nor Parquet by its name; allowed: .csv or .parquet"),
+        ("gaps.csv", "empty.csv", "not csv: Empty CSV file"),
+        ("gaps.csv", "text.parquet", "not parquet: "),
+        ('column = "gap"', "", "variables.J1: file and column belong together"),
+        ('"gap"', '"gap"\nlower = 0.2', "none of the 3 values, 0.05 to 0.07, lies in"),
+        ('"gap"', '"gap"\nvalues = [0.05]', "values and file are two ways to say the same"),
+    ],
+)
+def test_unusable_column_is_refused(campaign_file, tmp_path, old, new, said):
+    """A file that cannot be drawn from: key, file, what is wrong, what is there."""
+    (tmp_path / "gaps.csv").write_text(CSV)
+    (tmp_path / "empty.csv").write_text("")
+    (tmp_path / "text.parquet").write_text("no parquet")
+    with pytest.raises(SpecError, match=said):
+        load_campaign(with_variable(campaign_file, EMPIRICAL.replace(old, new)))
+
+
+LIST = 'samples = 2\nsampler = "list"\ntable = {file = "rows.csv"}'
+
+
+def test_list_reads_a_column_for_each_variable(campaign_file, tmp_path):
+    """The user's table becomes part of the campaign; columns that are no variable are left out."""
+    (tmp_path / "rows.csv").write_text("preload,id,J1\n0.91,1,0.05\n0.92,2,0.06\n")
+    spec = load_campaign(replaced(campaign_file, "samples = 25", LIST)).spec
+    assert spec.rows() == {"J1": (0.05, 0.06), "preload": (0.91, 0.92)}
+    assert spec.table.source == "rows.csv"
+    with pytest.raises(SpecError, match="samples = 3: the table has 2 rows; write samples = 2 or fewer"):
+        load_campaign(str(campaign_file), samples=3)
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("preload\n0.91\n", 'table.file = "rows.csv": no column J1; columns: preload'),
+        ("preload,J1\n0.91,0.2\n0.92,0.05\n", "table.columns.J1: value 0.2 .number 0. lies outside"),
+        ("preload,J1\n0.91,nan\n0.92,0.05\n", "column J1, row 1 of 2: no finite number"),
+        ("preload,J1,J1\n0.91,0.1,0.1\n", "2 columns J1"),
+    ],
+)
+def test_unusable_table_is_refused(campaign_file, tmp_path, rows, said):
+    """A table without a variable's column, with values that its distribution excludes, or with holes."""
+    (tmp_path / "rows.csv").write_text(rows)
+    with pytest.raises(SpecError, match=said):
+        load_campaign(replaced(campaign_file, "samples = 25", LIST))
+
+
+def test_ends_are_tried_of_batches_and_counts(campaign_file):
+    """What a shifted batch, or a count, can reach is tried on the mechanism before anything runs."""
+    batched = '[variables.J1]\ndistribution = "normal"\nmean = 0.07\nstd = 1e-4\nbatch = {size = 9, std = 0.02}\n'
+    with pytest.raises(SpecError, match=r"variables\.J1: reaches J1 = -0\.02\d*, which c60 refuses"):
+        load_campaign(with_variable(campaign_file, batched))
+    counted = '[variables.J1]\ndistribution = "poisson"\nrate = 3.0\nstep = 0.01\n'
+    with pytest.raises(SpecError, match=r"variables\.J1: reaches J1 = 0, which c60 refuses"):
+        load_campaign(with_variable(campaign_file, counted))
+    listed = '[variables.J1]\ndistribution = "normal"\nmean = 0.07\nstd = 1e-4\n'
+    with_variable(campaign_file, listed)
+    rows = 'samples = 2\nsampler = "list"\ntable.columns = {J1 = [0.06, 2.0], preload = [0.9, 0.9]}'
+    with pytest.raises(SpecError, match=r"variables\.J1: reaches J1 = 2, which c60 refuses"):
+        load_campaign(replaced(campaign_file, "samples = 25", rows))

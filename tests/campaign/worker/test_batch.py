@@ -1,0 +1,53 @@
+"""A batch: its rows in one part, computed once, by the engine the plan is for."""
+
+import pickle
+from functools import partial
+
+import pytest
+
+from campaign.inputs.sampling import draw
+from campaign.worker.batch import Order, Task, WrongBuild, run_batch
+from tests.campaign import fake_engine
+
+
+def address(store, plan, simulate):
+    return Task(store.url, plan.campaign_id, plan.engine_build, simulate)
+
+
+def test_rows_hold_inputs_responses_and_certificate(store, plan):
+    """A row is the sample's inputs, the responses of a run with them, and the run's certificate."""
+    done = run_batch(address(store, plan, fake_engine.simulate), Order(2))
+    assert (done.part.batch, done.part.rows, done.part.statuses, done.computed) == (2, 5, {"ok": 5}, True)
+    row = store.read_part(plan, 2).to_pylist()[3]
+    drawn = {name: x[0] for name, x in draw(plan.spec, 23, 1).items()}
+    run = fake_engine.simulate(plan.mechanism, {"J1": drawn["J1"], "springs.A3.preload": drawn["preload"]})
+    certificate = {
+        "steps": 1000,
+        "wall_s": 0.0,
+        "max_residual": 1e-9,
+        "max_penetration": 1e-9,
+        "settled": True,
+    }
+    ending = {"status": "ok", "message": "", "attempts": 1, "earlier_attempts": ""}
+    assert row == {"sample": 23, **drawn, **run.responses, **certificate, **ending}
+
+
+def test_part_that_is_there_is_not_computed(store, plan):
+    """A batch that arrives twice is computed once."""
+    first = run_batch(address(store, plan, fake_engine.simulate), Order(0))
+    again = run_batch(address(store, plan, partial(fake_engine.raises_above, -1.0)), Order(0))
+    assert again.part.statuses == {"ok": 10}
+    assert again.part.sha256 == first.part.sha256
+    assert (first.computed, again.computed) == (True, False)
+
+
+def test_other_engine_build_is_refused(store, plan):
+    """A worker with another engine refuses the campaign, naming both builds."""
+    task = Task(store.url, plan.campaign_id, "0123456789abcdef", fake_engine.simulate)
+    with pytest.raises(WrongBuild, match=f"build 0123456789abcdef, this process runs {plan.engine_build}"):
+        run_batch(task, Order(0))
+
+
+def test_task_is_small(store, plan):
+    """What travels to a worker stays under a kilobyte."""
+    assert len(pickle.dumps(Task(store.url, plan.campaign_id, plan.engine_build))) < 1000

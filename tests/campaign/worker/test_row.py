@@ -1,0 +1,119 @@
+"""A sample becomes a row: whatever happens in its run, the answer is a row."""
+
+from functools import partial
+
+from campaign.plan import make_plan
+from campaign.spec.load import load_campaign
+from campaign.store import open_store
+from campaign.worker.batch import Order, Task, rows_here, run_batch
+from campaign.worker.row import compute_row, sample_values
+from engine.loop import Cancel
+from tests.campaign import fake_engine
+from tests.campaign.driving import computed
+
+POLICY = """
+[failures]
+retry = [{ step = 0.002, tolerance = 1e-7 }, { step = 0.001 }]
+"""
+
+
+def run_rows(store, plan, simulate):
+    """Return the rows of all samples, computed one by one."""
+    return list(rows_here(Task(store.url, plan.campaign_id, plan.engine_build, simulate), range(plan.spec.samples)))
+
+
+def test_settings_reach_the_engine(campaign_file, tmp_path):
+    """Step and horizon of the campaign are the run's."""
+    text = campaign_file.read_text()
+    campaign_file.write_text(text.replace("[variables.J1]", "[simulation]\nstep = 0.004\n\n[variables.J1]"))
+    plan = make_plan(load_campaign(str(campaign_file)), 5)
+    store = open_store(str(tmp_path / "runs"))
+    store.create_plan(plan)
+    seen = []
+
+    def listens(mechanism, values, *, step=None, horizon=None, cancel=None):
+        seen.append((step, horizon))
+        return fake_engine.simulate(mechanism, values)
+
+    run_batch(Task(store.url, plan.campaign_id, plan.engine_build, listens), Order(0))
+    assert seen == [(0.004, None)] * 5
+
+
+def test_a_run_that_raises_is_a_row(store, plan):
+    """An exception becomes a ``crashed`` row with its message and inputs; neighbours are untouched."""
+    whole = run_rows(store, plan, fake_engine.simulate)
+    limit = sorted(row["J1"] for row in whole)[-3]
+    rows = run_rows(store, plan, partial(fake_engine.raises_above, limit))
+    failed = [row for row in rows if row["status"] != "ok"]
+    assert len(failed) == 2
+    for row, before in zip(rows, whole, strict=True):
+        if row["J1"] > limit:
+            assert (row["status"], row["message"]) == ("crashed", "ArithmeticError: no solution")
+            assert (row["FC-1"], row["max_residual"], row["settled"]) == (None, None, False)
+            assert (row["J1"], row["preload"]) == (before["J1"], before["preload"])
+        else:
+            assert row == before
+
+
+def test_ok_without_a_number_is_not_ok(store, plan):
+    """A response that is not finite never enters a table as a result."""
+    row = run_rows(store, plan, fake_engine.not_finite)[0]
+    assert (row["status"], row["message"], row["FC-2"]) == ("invalid", "no finite value of FC-1", None)
+
+
+def test_failed_runs_are_tried_with_other_settings(campaign_file, tmp_path):
+    """In turn, until one succeeds; the row says what came before, and is the last attempt's."""
+    campaign_file.write_text(campaign_file.read_text() + POLICY)
+    store, _ = computed(tmp_path, load_campaign(str(campaign_file)), 100, fake_engine.needs_a_short_step)
+    rows = store.table().to_pylist()
+    assert {row["attempts"] for row in rows} == {3}
+    before = (
+        "settings of the mechanism: not_converged (residual 1e-3); "
+        "step 0.002, tolerance 1e-07: not_converged (residual 1e-3)"
+    )
+    assert {row["earlier_attempts"] for row in rows} == {before}
+    for row in rows:
+        status = "diverged" if row["J1"] > 0.09 else "ok"
+        assert (row["status"], row["FC-1"] is None) == (status, status != "ok")
+    assert {row["status"] for row in rows} == {"ok", "diverged"}
+
+
+def test_a_cancelled_run_is_not_tried_again(campaign_file):
+    """Its attempt ends because it was told to; the retry policy has nothing to mend."""
+    campaign_file.write_text(campaign_file.read_text() + POLICY)
+    plan = make_plan(load_campaign(str(campaign_file)), 10)
+    cancel, tried = Cancel(), []
+
+    def cancelled(mechanism, values, **settings):
+        tried.append(settings)
+        settings["cancel"].set()
+        return fake_engine.simulate(mechanism, values, status="not_converged")
+
+    assert compute_row(plan, cancelled, 0, sample_values(plan, 0), 1, cancel)["status"] == "not_converged"
+    assert len(tried) == 1
+
+
+def test_a_good_run_is_tried_once(campaign_file, tmp_path):
+    """Nor is one tried again that other settings cannot mend."""
+    campaign_file.write_text(campaign_file.read_text() + POLICY)
+    crashing = partial(fake_engine.raises_above, 0.07)
+    store, _ = computed(tmp_path, load_campaign(str(campaign_file)), 100, crashing)
+    table = store.table()
+    assert set(table["status"].to_pylist()) == {"ok", "crashed"}
+    assert set(table["attempts"].to_pylist()) == {1}
+    assert set(table["earlier_attempts"].to_pylist()) == {""}
+
+
+def test_limits_reach_the_engine(campaign_file, tmp_path):
+    """The campaign's limit of real time is the run's, and its tolerance."""
+    tables = "[simulation]\ntolerance = 1e-6\n\n[execution]\ntime_limit = 5.0\n\n[variables.J1]"
+    campaign_file.write_text(campaign_file.read_text().replace("[variables.J1]", tables))
+    seen = {}
+
+    def listens(mechanism, values, **settings):
+        seen.update(values)
+        return fake_engine.simulate(mechanism, values)
+
+    computed(tmp_path, load_campaign(str(campaign_file)), 100, listens)
+    assert seen.keys() == {"J1", "springs.A3.preload", "simulation.wall_limit", "simulation.tolerance"}
+    assert (seen["simulation.wall_limit"], seen["simulation.tolerance"]) == (5.0, 1e-6)

@@ -1,0 +1,89 @@
+"""Runs in a process of their own: whatever a run does to it, the answer is a row, and no process stays."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+
+import psutil
+import pytest
+
+from campaign.worker.batch import CANCEL, Cancelled, Task, rows_here
+from campaign.worker.limits import memory_limit, time_limit
+from campaign.worker.subprocess_runs import TRIES, rows_apart
+from tests.campaign import fake_engine
+
+
+def address(store, plan, simulate):
+    return Task(store.url, plan.campaign_id, plan.engine_build, simulate)
+
+
+def test_rows_are_the_same_as_here(store, plan):
+    """Another process, the same bits."""
+    task = address(store, plan, fake_engine.simulate)
+    assert list(rows_apart(task, range(3, 8), 1)) == list(rows_here(task, range(3, 8)))
+    assert [row["sample"] for row in rows_apart(task, [2, 9, 4], 1)] == [2, 9, 4]
+
+
+def test_a_run_that_kills_is_a_row(store, plan):
+    """It is tried three times, as others send that signal too; the runs before and after it are untouched."""
+    here = list(rows_here(address(store, plan, fake_engine.simulate), range(6)))
+    deadly = sorted(row["J1"] for row in here)[3]
+    task = address(store, plan, partial(fake_engine.kills_above, deadly))
+    rows = list(rows_apart(task, range(6), 2))
+    for row, before in zip(rows, here, strict=True):
+        if row["J1"] > deadly:
+            assert row["status"] == "crashed"
+            assert "killed its process (SIGKILL); repeat it with clearcap replay" in row["message"]
+            assert (row["J1"], row["attempts"]) == (before["J1"], 2 + TRIES - 1)
+        else:
+            assert row == before | {"attempts": 2}
+
+
+def test_child_ends_with_its_parent(store, plan, tmp_path):
+    """Kill -9 of the process that started it: the child does not stay."""
+    code = (
+        "import sys\nfrom functools import partial\nfrom campaign.worker.subprocess_runs import TRIES, rows_apart\n"
+        "from campaign.worker.batch import Task\nfrom tests.campaign import fake_engine\n"
+        f"task = Task({store.url!r}, {plan.campaign_id!r}, {plan.engine_build!r}, partial(fake_engine.takes, 60.0))\n"
+        "next(rows_apart(task, range(3), 1))\n"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", code])
+    try:
+        until = time.monotonic() + 60.0
+        while not (children := psutil.Process(parent.pid).children()) and time.monotonic() < until:
+            time.sleep(0.05)
+        (child,) = children
+        time.sleep(1.0)
+    finally:
+        os.kill(parent.pid, signal.SIGKILL)
+        parent.wait()
+    child.wait(timeout=30)
+
+
+def test_cancelled_in_the_middle(store, plan):
+    """The marker ends it with the campaign's own word, as it does here."""
+    store.files.write(f"{plan.campaign_id}/{CANCEL}", b"")
+    task = address(store, plan, partial(fake_engine.takes, 0.5))
+    for compute in (rows_here, rows_apart):
+        with pytest.raises(Cancelled):
+            list(compute(task, range(25), 1))
+
+
+def test_time_limit_ends_the_process():
+    """By the kernel's clock, with nothing the process could do about it."""
+    code = "from campaign.worker.limits import time_limit\nwith time_limit(0.2):\n    while True: pass\n"
+    done = subprocess.run([sys.executable, "-c", code], timeout=60, check=False)
+    assert done.returncode == -signal.SIGALRM
+    with time_limit(0.2):
+        pass
+    time.sleep(0.4)  # disarmed: this process is still here
+
+
+def test_memory_limit_is_lifted_again():
+    """Inside the block an allocation beyond it fails, after it it does not."""
+    with memory_limit(0.5), pytest.raises(MemoryError):
+        bytearray(1 << 30)
+    assert len(bytearray(1 << 30)) == 1 << 30

@@ -1,0 +1,77 @@
+"""``clearcap bench``: no stage of a step is forgotten, the clocked loop computes the same, the command prints it."""
+
+import json
+from dataclasses import replace
+
+import pytest
+from numba.core.dispatcher import Dispatcher
+from typer.testing import CliRunner
+
+import engine.profile.step_times
+from campaign.cli import app
+from engine import load_mechanism
+from engine.kernels import run, step
+from engine.profile import timed_loop as clocked
+from engine.profile.step_times import Bench, bench
+
+MEASURED = Bench(
+    mechanism="incline",
+    status="ok",
+    message="",
+    step=1e-3,
+    bodies=1,
+    contacts=4,
+    ties=0,
+    steps=20,
+    repeated=0,
+    step_us=12.34567,
+    iterations_per_step=0.5,
+    shares={"solver": 0.25, "other": 0.75},
+    max_residual=1e-9,
+    max_penetration=0.0,
+    max_violation=0.0,
+)
+
+
+def kernels_called_by(dispatcher):
+    """Return the names of the kernels a kernel calls."""
+    function = dispatcher.py_func
+    return {name for name in function.__code__.co_names if isinstance(function.__globals__.get(name), Dispatcher)}
+
+
+def test_every_stage_of_a_step_has_a_clock():
+    """What a step calls is in the table of stages, and nothing else; what is clocked of the loop, the loop calls."""
+    assert kernels_called_by(step.step) == set(clocked.IN_STEP)
+    assert set(clocked.IN_RUN) < kernels_called_by(run.run)
+    assert {*clocked.IN_STEP.values(), *clocked.IN_RUN.values()} == set(clocked.STAGES)
+
+
+@pytest.mark.slow  # compiles the loop once more
+def test_shares_and_numbers_of_a_run():
+    """Shares are positive and make 1; the numbers are those of as many steps as were asked for."""
+    measured = bench(load_mechanism("clearance_pendulum"), steps=200)
+    assert measured.status == "ok"
+    assert measured.steps - measured.repeated == 200
+    assert (measured.bodies, measured.contacts, measured.ties) == (1, 2, 0)
+    assert sum(measured.shares.values()) == pytest.approx(1)
+    assert all(share > 0 for share in measured.shares.values())
+    assert 0 < measured.max_residual <= 1e-8
+    assert 0 < measured.max_penetration <= 1e-8
+    assert 0.5 < measured.step_us < 500
+
+
+def test_command(monkeypatch):
+    """A table, or the same numbers as JSON; exit status 1 when a run failed, with its reason."""
+    monkeypatch.setattr(engine.profile.step_times, "bench", lambda mechanism, steps: replace(MEASURED, steps=steps))
+    done = CliRunner().invoke(app, ["bench", "incline", "--steps", "30", "--json"])
+    assert done.exit_code == 0
+    (entry,) = json.loads(done.stdout)
+    assert (entry["steps"], entry["step_us"], entry["shares"]["solver"]) == (30, 12.34567, 0.25)
+    table = CliRunner().invoke(app, ["bench", "incline", "--steps", "30"]).stdout
+    assert "12.3" in table
+    assert "25.0" in table
+    failed = replace(MEASURED, status="not_converged", message="friction problem: residual 0.1")
+    monkeypatch.setattr(engine.profile.step_times, "bench", lambda mechanism, steps: failed)
+    done = CliRunner().invoke(app, ["bench", "incline"])
+    assert done.exit_code == 1
+    assert "incline: friction problem: residual 0.1" in done.stdout

@@ -1,0 +1,97 @@
+"""Sigma within batches against published numbers, a simulation and the analysis of variance."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from reporting import ReportError, capability
+from reporting.capability.indices import NAMES, WHICH_SIGMA
+
+
+def set_c() -> tuple[np.ndarray, np.ndarray]:
+    """Return 12 batches of 5 that drift."""
+    rows = [
+        (20 + 0.1 * ((7 * i) % 11) + 0.05 * ((3 * i * j) % 7) + 0.02 * i, i) for i in range(1, 13) for j in range(1, 6)
+    ]
+    values, batches = zip(*rows, strict=True)
+    return np.array(values), np.array(batches)
+
+
+def test_set_c_gives_the_published_pooled_sigma() -> None:
+    """The drift makes the sigma within 3.5 times as small as the overall one, and so the indices."""
+    x, batches = set_c()
+    c = capability(x, 19.5, 21.7, batches=batches)
+    assert c.within.std == pytest.approx(0.0886237364743, rel=1e-11)
+    assert (c.within.batches, c.within.nu) == (12, 48)
+    assert c.std == pytest.approx(0.3134102562147, rel=1e-12)
+    assert c.within.cp == pytest.approx(2.2 / (6 * 0.0886237364743), rel=1e-11)
+    assert c.within.cpk == pytest.approx(c.cpk * c.std / c.within.std, rel=1e-12)
+    low, high = c.within.cp_interval
+    assert low / c.within.cp == pytest.approx(np.sqrt(stats.chi2.ppf(0.025, 48) / 48), rel=1e-12)
+    assert high / c.within.cp == pytest.approx(np.sqrt(stats.chi2.ppf(0.975, 48) / 48), rel=1e-12)
+
+
+def test_the_sigma_between_is_that_of_the_analysis_of_variance() -> None:
+    x, batches = set_c()
+    groups = [x[batches == i] for i in range(1, 13)]
+    f = stats.f_oneway(*groups).statistic
+    c = capability(x, batches=batches)
+    assert c.within.std_between == pytest.approx(c.within.std * np.sqrt((f - 1) / 5), rel=1e-10)
+
+
+@pytest.mark.slow
+def test_intervals_within_cover_the_truth() -> None:
+    """1,500 campaigns of 12 batches of 5 that agree; three binomial standard errors are 0.017, Bissell one percent."""
+    batches = np.repeat(np.arange(12), 5)
+    inside = {"cp": 0, "cpk": 0, "cpl": 0, "cpu": 0}
+    truth = {"cp": 1.33, "cpk": 1.0, "cpl": 1.0, "cpu": 1.66}
+    for x in np.random.default_rng(9).normal(size=(1500, 60)):
+        found = capability(x, -3.0, 4.98, batches=batches).within
+        for name in inside:
+            low, high = getattr(found, f"{name}_interval")
+            inside[name] += low <= truth[name] <= high
+    for name, count in inside.items():
+        assert count / 1500 == pytest.approx(0.95, abs=0.027 if name == "cpk" else 0.017), name
+
+
+def test_one_batch_is_the_overall_sigma() -> None:
+    x, _ = set_c()
+    c = capability(x, 19.5, 21.7, batches=np.full(60, "A7"))
+    assert c.within.std == pytest.approx(c.std, rel=1e-12)
+    assert c.within.std_between is None
+    assert c.within.cpk_interval == pytest.approx(c.cpk_interval, rel=1e-12)
+
+
+def test_batches_do_not_depend_on_order_offset_or_names() -> None:
+    x, batches = set_c()
+    order = np.random.default_rng(1).permutation(60)
+    one = capability(x, 19.5, 21.7, batches=batches).within
+    other = capability(x[order] + 1e6, 19.5 + 1e6, 21.7 + 1e6, batches=[f"lot {b}" for b in batches[order]]).within
+    assert other.std == pytest.approx(one.std, rel=1e-7)
+    assert other.cpk == pytest.approx(one.cpk, rel=1e-7)
+
+
+def test_values_that_are_missing_take_their_batch_along() -> None:
+    x, batches = set_c()
+    holes = np.where(batches == 3, np.nan, x)
+    kept = batches != 3
+    assert capability(holes, batches=batches).within == capability(x[kept], batches=batches[kept]).within
+
+
+def test_no_batch_with_a_spread_has_no_sigma_within() -> None:
+    c = capability([1.0, 2.0, 3.0], 0, 4, batches=[1, 2, 3])
+    assert c.within is None
+    assert any("No batch has two values" in note for note in c.notes)
+    assert capability([1.0, 1.0, 3.0, 3.0], 0, 4, batches=[1, 1, 2, 2]).within is None
+
+
+def test_batches_must_be_as_many_as_the_values() -> None:
+    with pytest.raises(ReportError, match="one batch for each of the 3 values"):
+        capability([1.0, 2.0, 3.0], batches=[1, 2])
+
+
+def test_every_index_has_its_names() -> None:
+    """The paper's Cp is AIAG's Pp; which sigma is one sentence, said once."""
+    assert (NAMES["cp"].paper, NAMES["cp"].overall, NAMES["cp"].within) == ("Cp", "Pp", "Cp")
+    assert (NAMES["cpk"].paper, NAMES["cpk"].overall, NAMES["cpk"].within) == ("Cpk", "Ppk", "Cpk")
+    assert "overall" in WHICH_SIGMA

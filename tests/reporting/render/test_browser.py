@@ -1,0 +1,156 @@
+"""The page in a real browser, and the PDF's pages: what a reader sees, and what no parser of HTML can know."""
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from synthetic import c60_spec, c60_table
+
+from reporting.render.write import write_report
+
+AXE = Path(__file__).parents[3] / "node_modules" / "axe-core" / "axe.min.js"
+CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+OPTIONS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--window-size=1280,1000",
+           "--disable-background-networking", "--disable-component-update", "--disable-sync",
+           "--host-resolver-rules=MAP * ~NOTFOUND")  # fmt: skip
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason="no chromium with its driver on this machine"),
+]
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory) -> dict[str, str]:
+    """Write a report with everything in it: failures, a comparison, assumed limits, foreign names."""
+    spec = replace(c60_spec(600), title="Schütz 断路器 C-60")
+    folder = tmp_path_factory.mktemp("report")
+    other = (c60_table(400, seed=3), replace(c60_spec(400), campaign="c60-other"))
+    return write_report(c60_table(600, 5), spec, folder, kinds=("html", "json", "pdf"), against=other)
+
+
+@pytest.fixture(scope="module")
+def browser(files, tmp_path_factory) -> Iterator[Any]:
+    """Open the page in a browser that cannot reach anything and writes down what it asks for."""
+    webdriver = pytest.importorskip("selenium.webdriver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = CHROMIUM
+    for option in (*OPTIONS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
+        options.add_argument(option)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    try:
+        driver.get(Path(files["html"]).as_uri())
+        yield driver
+    finally:
+        driver.quit()
+
+
+def test_nothing_is_asked_from_outside_and_nothing_goes_wrong(browser, files) -> None:
+    """Every request of the browser is for the file itself, and its console is empty."""
+    events = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
+    page = Path(files["html"]).as_uri()
+    asked = [e["params"] for e in events if e["method"] == "Network.requestWillBeSent"]
+    # The browser's own start page asks for its own things before.
+    urls = [each["request"]["url"] for each in asked if each["documentURL"] == page]
+    assert [url for url in urls if not url.startswith("data:")] == [page]
+    assert not any(each["request"]["url"].startswith("http") for each in asked)
+    assert browser.get_log("browser") == []
+
+
+def test_every_figure_is_seen(browser) -> None:
+    """Each has a size, stays within the page, and its texts lie within its box."""
+    sizes = browser.execute_script(
+        "return [...document.querySelectorAll('svg')].map(s => {const r = s.getBoundingClientRect();"
+        " return [r.width, r.height, r.right, s.querySelectorAll('rect,polyline,path').length]})"
+    )
+    assert len(sizes) > 30
+    for width, height, right, marks in sizes:
+        assert width > 150
+        assert height > 60
+        assert right <= 1280
+        assert marks > 2
+    outside = browser.execute_script(
+        "return [...document.querySelectorAll('svg text')].filter(t => {const r = t.getBoundingClientRect(),"
+        " b = t.closest('svg').getBoundingClientRect();"
+        " return r.left < b.left - 2 || r.right > b.right + 2 || r.top < b.top - 2 || r.bottom > b.bottom + 2})"
+        ".map(t => t.textContent)"
+    )
+    assert outside == []
+
+
+def test_the_page_is_no_wider_than_its_window(browser) -> None:
+    """Wide tables scroll in a frame of their own, on a telephone too."""
+    for width in (1280, 420):
+        browser.set_window_size(width, 1000)
+        wide = browser.execute_script("return document.documentElement.scrollWidth - window.innerWidth")
+        assert wide <= 0, width
+    browser.set_window_size(1280, 1000)
+
+
+def test_a_keyboard_reaches_everything(browser) -> None:
+    """The first stop is the link past the head; every link, fold and scrolling table is a stop."""
+    from selenium.webdriver.common.keys import Keys
+
+    browser.execute_script("window.scrollTo(0, 0); document.activeElement.blur()")
+    browser.find_element("tag name", "body").send_keys(Keys.TAB)
+    assert browser.execute_script("return document.activeElement.className") == "skip"
+    unreached = browser.execute_script(
+        "return [...document.querySelectorAll('a[href], summary, .scroll')].filter(e => e.tabIndex < 0).length"
+    )
+    assert unreached == 0
+
+
+@pytest.mark.skipif(not AXE.exists(), reason="no axe-core: npm install --no-save axe-core@4")
+def test_axe_finds_no_fault(browser) -> None:
+    """The usual check of accessibility, all its rules of WCAG 2.2 AA and good practice."""
+    browser.set_script_timeout(120)
+    browser.execute_script(AXE.read_text(encoding="utf-8"))
+    browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
+    found = browser.execute_async_script("axe.run(document).then(arguments[0])")
+    told = [(v["id"], [n["html"][:120] for n in v["nodes"][:2]]) for v in found["violations"]]
+    assert told == []
+    assert len(found["passes"]) > 20
+
+
+def test_axe_would_find_one(browser) -> None:
+    """The check sees a figure without a text."""
+    if not AXE.exists():
+        pytest.skip("no axe-core: npm install --no-save axe-core@4")
+    browser.execute_script(AXE.read_text(encoding="utf-8"))
+    browser.execute_script(
+        "window.kept = document.querySelector('svg').getAttribute('aria-label');"
+        "document.querySelector('svg').removeAttribute('aria-label')"
+    )
+    found = browser.execute_async_script("axe.run(document.querySelector('figure')).then(arguments[0])")
+    browser.execute_script("document.querySelector('svg').setAttribute('aria-label', window.kept)")
+    assert "svg-img-alt" in {v["id"] for v in found["violations"]}
+
+
+@pytest.mark.skipif(shutil.which("pdftoppm") is None, reason="no pdftoppm on this machine")
+def test_the_pdf_says_what_the_page_says(files, tmp_path: Path) -> None:
+    """A4, its text is text, no page is empty, nothing is cut off at the right edge."""
+    if "pdf" not in files:
+        pytest.skip("WeasyPrint is not installed")
+    about = subprocess.run(["pdfinfo", files["pdf"]], capture_output=True, text=True, check=True).stdout
+    assert "(A4)" in about
+    assert "Schütz 断路器 C-60" in about
+    words = subprocess.run(["pdftotext", files["pdf"], "-"], capture_output=True, text=True, check=True).stdout
+    for word in ("Can these numbers be trusted?", "FC-1", "Provenance", "Comparison with c60-other"):
+        assert word in words
+    subprocess.run(["pdftoppm", "-r", "40", "-gray", files["pdf"], tmp_path / "page"], check=True)
+    pages = sorted(tmp_path.glob("page-*.pgm"))
+    assert len(pages) == int(re.search(r"Pages:\s+(\d+)", about)[1])
+    for page in pages:
+        _, size, _, raw = page.read_bytes().split(b"\n", 3)
+        width, height = map(int, size.split())
+        grey = np.frombuffer(raw, np.uint8).reshape(height, width)
+        assert np.count_nonzero(grey < 160) > 300, page  # an almost empty page is a fault of the layout
+        assert grey[:, -8:].min() > 200, page  # the margin is empty

@@ -1,0 +1,90 @@
+"""Numbers as text: short, and never across a limit."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from reporting.render.format_numbers import decimals_for, fixed, grouped, index, percent, plain, ppm, significant
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (9.0, "9"),
+        (0.07, "0.07"),
+        (-2.2, "-2.2"),
+        (1e-6, "1e-6"),
+        (0.1 + 0.2, "0.30000000000000004"),
+        (None, "–"),
+    ],
+)
+def test_plain(value, text) -> None:
+    assert plain(value) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (1.6312, "1.631"),
+        (1.33, "1.330"),
+        (1.3299, "1.3299"),
+        (1.32999, "1.32999"),
+        (1.3300001, "1.3300001"),
+        (0.9999996, "0.9999996"),
+        (1.0, "1.000"),
+        (-0.00001, "0.000"),
+        (None, "–"),
+    ],
+)
+def test_index_keeps_its_class(value, text) -> None:
+    assert index(value) == text
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [(1.0, "100"), (0.9999999, "99.99999"), (0.0, "0"), (1e-7, "0.00001"), (0.992, "99.20"), (0.5, "50.00")],
+)
+def test_percent_is_never_all_or_nothing_by_rounding(share, text) -> None:
+    assert percent(share) == text + "\u00a0%"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (0.497, "0.497"),
+        (63.3425, "63.3"),
+        (97.1017, "97.1"),
+        (2991.25, "2\u202f991"),
+        (999_999.9, "999\u202f999.9"),
+        (1e6, "1\u202f000\u202f000"),
+        (1e-30, "< 0.001"),
+        (None, "–"),
+    ],
+)
+def test_ppm(value, text) -> None:
+    assert ppm(value) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.46, "0.460"), (3e-9, "3.00e-9"), (0.0, "0"), (123.4, "123"), (12345.0, "1.23e4")]
+)
+def test_significant(value, text) -> None:
+    assert significant(value) == text
+
+
+@pytest.mark.parametrize(("scale", "places"), [(0.478, 3), (0.0174, 4), (120.0, 0), (1.0, 2), (0.0, 3), (None, 3)])
+def test_decimals_show_three_digits_of_sigma(scale, places) -> None:
+    assert decimals_for(scale) == places
+
+
+def test_grouped() -> None:
+    assert grouped(30850) == "30\u202f850"
+    assert grouped("1234.5") == "1\u202f234.5"
+
+
+@given(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4), st.integers(0, 6))
+def test_text_lies_on_the_side_of_the_limit_that_the_value_does(value, limit, places) -> None:
+    shown = float(fixed(value, places, (limit,)))
+    assert (shown > limit) == (value > limit)
+    assert (shown < limit) == (value < limit)

@@ -1,0 +1,150 @@
+"""Non-normal indices against published vectors, and the coverage of their intervals."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from reporting import capability
+from reporting.shape.fits import fit_families
+from reporting.shape.nonnormal import ENDS, empirical_indices, percentile_indices, z_score_indices
+from reporting.shape.order_statistics import FEWEST, empirical_percentiles, percentile_bootstrap
+
+SET_A = 10 + 0.5 * stats.norm.ppf((np.arange(1, 51) - 0.5) / 50)
+SET_B = np.exp(1.9 + 0.25 * stats.norm.ppf((np.arange(1, 61) - 0.5) / 60))
+
+
+def test_set_b_gives_the_published_percentile_method() -> None:
+    c = percentile_indices(fit_families(SET_B).of("lognormal"), 3, 12)
+    assert c.percentiles == pytest.approx((3.163412767391, 6.685894442279, 14.13068346758), rel=1e-11)
+    assert c.pp == pytest.approx(0.8206234938513, rel=1e-11)
+    assert c.ppl == pytest.approx(1.046391374739, rel=1e-11)
+    assert c.ppu == pytest.approx(0.7138020351769, rel=1e-11)
+    assert c.ppk == c.ppu
+    assert c.ppm_expected_below == pytest.approx(657.696446601, rel=1e-9)
+    assert c.ppm_expected_above == pytest.approx(9519.368217638, rel=1e-9)
+
+
+def test_set_b_gives_the_published_z_scores() -> None:
+    c = z_score_indices(fit_families(SET_B).of("lognormal"), 3, 12)
+    assert c.ppl == pytest.approx(1.070866708866, rel=1e-11)
+    assert c.ppu == pytest.approx(0.7815905462427, rel=1e-11)
+    assert c.z_bench == pytest.approx(-stats.norm.ppf(c.ppm_expected * 1e-6), rel=1e-10)
+
+
+def test_set_b_needs_the_logarithm_by_box_cox() -> None:
+    fit = fit_families(SET_B).of("box_cox")
+    assert fit.parameters["lambda"] == pytest.approx(0.0, abs=2e-5)
+    c = z_score_indices(fit, 3, 12)
+    logs = np.log(SET_B)
+    assert c.ppu == pytest.approx((np.log(12) - logs.mean()) / (3 * logs.std()), rel=1e-4)
+
+
+def test_a_normal_fit_gives_the_usual_indices_by_both_methods() -> None:
+    fit, c = fit_families(SET_A).of("normal"), capability(SET_A, 8.2, 11.5)
+    for found in (percentile_indices(fit, 8.2, 11.5), z_score_indices(fit, 8.2, 11.5)):
+        assert found.pp == pytest.approx(c.cp, rel=1e-5)  # 0.135 % is 2.99998 sigma
+        assert found.ppk == pytest.approx(c.cpk, rel=1e-5)
+        assert found.ppm_expected == pytest.approx(c.ppm_expected, rel=1e-9)
+        assert found.ppk_interval == pytest.approx(c.cpk_interval, abs=0.01)
+
+
+def test_empirical_percentiles_are_rs_type_6() -> None:
+    published = (8.83682606298, 10, 11.16317393702)
+    assert empirical_percentiles(SET_A, ENDS) == pytest.approx(published, abs=1e-11)
+    x = np.sort(np.random.default_rng(1).normal(size=5000))
+    assert empirical_percentiles(x, ENDS) == pytest.approx(np.quantile(x, ENDS, method="weibull"), rel=1e-12)
+
+
+def test_few_values_have_no_empirical_interval_and_say_so() -> None:
+    c = empirical_indices(SET_A, 8.2, 11.5)
+    assert c.pp == pytest.approx(3.3 / (11.16317393702 - 8.83682606298), rel=1e-9)
+    assert c.pp_interval is None
+    assert any("extreme values" in note for note in c.notes)
+    assert 1 - 2 * 0.99865**FEWEST > 0.95 - 1e-3  # both ends of a percentile's interval are in the sample
+
+
+def test_the_bootstrap_is_the_ordinary_one() -> None:
+    """Quantiles of Ppu over 4,000 direct resamples of 3,000 values, to the noise of both."""
+    rng = np.random.default_rng(11)
+    x = np.sort(rng.gamma(9.0, size=3000))
+    direct = np.quantile(rng.choice(x, size=(1000, 3000)), [0.05, 0.5, 0.99], axis=1, method="weibull")
+    seen = {}
+
+    def spread(q: np.ndarray) -> dict[str, np.ndarray]:
+        seen[q.shape[1]] = q
+        return {"width": q[2] - q[0]}
+
+    percentile_bootstrap(x, (0.05, 0.5, 0.99), spread, 0.95)
+    drawn = seen[max(seen)]
+    for one, other in zip(drawn, direct, strict=True):
+        assert one.mean() == pytest.approx(other.mean(), abs=5 * other.std() / np.sqrt(1000))
+        assert one.std() == pytest.approx(other.std(), rel=0.1)
+    assert np.corrcoef(drawn)[0, 1] == pytest.approx(np.corrcoef(direct)[0, 1], abs=0.1)
+
+
+def test_the_jackknife_leaves_out_every_value() -> None:
+    """The interval equals scipy's BCa of the same statistic, which leaves out value by value."""
+    x = np.sort(np.random.default_rng(12).gamma(9.0, size=400))
+
+    def upper(sample: np.ndarray, axis: int = -1) -> np.ndarray:
+        return np.quantile(sample, 0.9, axis=axis, method="weibull")
+
+    known = stats.bootstrap((x,), upper, n_resamples=4000, method="BCa", rng=np.random.default_rng(1))
+    found = percentile_bootstrap(x, (0.9,), lambda q: {"q": q[0]}, 0.95)["q"]
+    assert found == pytest.approx(tuple(known.confidence_interval), abs=0.25 * known.standard_error)
+
+
+def coverage(draw, indices, truth: float, runs: int) -> float:
+    inside = 0
+    for i in range(runs):
+        low, high = indices(draw(np.random.default_rng(1000 + i))).ppk_interval
+        inside += low <= truth <= high
+    return inside / runs
+
+
+@pytest.mark.parametrize("method", [percentile_indices, z_score_indices])
+def test_fitted_intervals_cover_the_truth(method) -> None:
+    """400 campaigns of 150 Weibull values; three binomial standard errors are 0.033."""
+    known = stats.weibull_min(2.0)
+    _, median, high = known.ppf(ENDS)
+    truth = (4.0 - median) / (high - median) if method is percentile_indices else -stats.norm.ppf(known.sf(4.0)) / 3
+    found = coverage(
+        lambda rng: rng.weibull(2.0, 150),
+        lambda x: method(fit_families(x, names=["weibull"]).of("weibull"), None, 4.0),
+        truth,
+        400,
+    )
+    assert found == pytest.approx(0.95, abs=0.04)
+
+
+def test_empirical_intervals_cover_the_truth() -> None:
+    """300 campaigns of 6,000 gamma values: 8 values beyond the percentile; the bar is 0.90 to 0.985."""
+    _, median, high = stats.gamma(9.0).ppf(ENDS)
+    found = coverage(
+        lambda rng: rng.gamma(9.0, size=6000),
+        lambda x: empirical_indices(x, None, 30.0),
+        (30.0 - median) / (high - median),
+        300,
+    )
+    assert 0.90 <= found <= 0.985
+
+
+def test_the_same_values_give_the_same_interval_in_any_order() -> None:
+    x = np.random.default_rng(4).normal(size=5000)
+    assert empirical_indices(x, -4, 4) == empirical_indices(x[::-1], -4, 4)
+
+
+@pytest.mark.parametrize("x", [[], [1.0], [1.0] * 5000, [np.nan] * 3, np.r_[np.zeros(4000), 1.0], [1e300, -1e300]])
+def test_odd_values_give_no_error(x) -> None:
+    c = empirical_indices(x, 0.0, 2.0)
+    numbers = [v for v in vars(c).values() if isinstance(v, float)]
+    assert np.all(np.isfinite(numbers))
+    assert c.notes or c.ppk is not None
+
+
+def test_a_limit_beyond_the_support_has_no_z_score() -> None:
+    c = z_score_indices(fit_families(SET_B).of("lognormal"), -1.0, 12.0)
+    assert c.z_lsl is None
+    assert c.ppl is None
+    assert c.ppm_expected_below == 0
+    assert any("no Z-score" in note for note in c.notes)
