@@ -1,9 +1,9 @@
-"""What every table of a mechanism file is made of: the base model, numbers, vectors and names."""
+"""What the tables of the file formats are made of: the base of their models, numbers, vectors and names."""
 
 import math
 import sys
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StringConstraints
 from pydantic_core import PydanticCustomError
@@ -13,18 +13,23 @@ from engine.mechanism.quantities import Quantity
 PERPENDICULAR = 1e-5  # largest cosine of two directions that are meant to be perpendicular
 
 
-class Model(BaseModel):
-    """Base of all tables: frozen, and a key that is not known is an error."""
+class TableModel(BaseModel):
+    """Base of every table of a file that a user writes: it is immutable, and an unknown key is an error.
+
+    Where a file offers a choice of tables, the key ``kind_key`` says which one is meant.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
+    kind_key: ClassVar[str] = "type"
+
     def table(self) -> dict[str, Any]:
-        """Return the table by the keys of the file (``from``, not ``from_``); sub-tables are still models."""
+        """Return the table by the keys of the file (``from``, not ``from_``); its sub-tables remain models."""
         return {field.alias or name: getattr(self, name) for name, field in type(self).model_fields.items()}
 
 
 def refuse(text: str, *, key: str = "", value: Any = None) -> PydanticCustomError:
-    """Return the error a validator raises to refuse a value.
+    """Return the error with which a validator refuses a value.
 
     Parameters
     ----------
@@ -33,34 +38,44 @@ def refuse(text: str, *, key: str = "", value: Any = None) -> PydanticCustomErro
     key : str
         The key at fault inside the table, dotted; empty when the validated value itself is.
     value
-        What stands at ``key``.
+        The value at ``key``.
+
+    Returns
+    -------
+    PydanticCustomError
+        The error, for the validator to raise.
     """
     return PydanticCustomError("refused", "{text}", {"text": text, "key": key, "value": value})
 
 
 def one_of(**keys: str) -> Discriminator:
-    """Return the choice between tables that are told apart by which one of some keys they have.
+    """Return the choice between tables each of which has a key that the others lack.
 
-    Each table of the choice has the key as its tag, and as its class variable ``told_by``.
+    Each table of the choice has this key as its tag, and as its class variable ``distinguishing_key``.
 
     Parameters
     ----------
     **keys : str
-        Key -> what it means, for the error when none or several are there.
+        The meaning of each key, for the error when none or several of them are given.
+
+    Returns
+    -------
+    Discriminator
+        The choice, for the annotation of a union.
     """
 
-    def found(value: Any) -> str | None:
-        entries = value.table() if isinstance(value, Model) else value if isinstance(value, Mapping) else {}
+    def tag_of(value: Any) -> str | None:
+        entries = value.table() if isinstance(value, TableModel) else value if isinstance(value, Mapping) else {}
         given = [key for key in keys if key in entries]
         return given[0] if len(given) == 1 else None
 
     meanings = ", ".join(f"{key} ({meaning})" for key, meaning in keys.items())
     text = f"which kind is meant? allowed: exactly one of {meanings}; keep or add one"
-    return Discriminator(found, custom_error_type="refused", custom_error_message=text)
+    return Discriminator(tag_of, custom_error_type="refused", custom_error_message=text)
 
 
 def is_number(value: Any) -> bool:
-    """Say whether ``value`` is a finite int or float (a bool is not a number)."""
+    """Return whether ``value`` is a finite int or float; a bool is not a number."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
@@ -74,7 +89,7 @@ def _unit(value: tuple[float, float, float]) -> tuple[float, float, float]:
     length = math.hypot(*value)
     if not 0 < length < math.inf:
         raise refuse("has no direction; allowed: any vector but [0, 0, 0]; write the direction")
-    if abs(length - 1) < 1e-14:  # already of unit length: dividing again would only stir the last bits
+    if abs(length - 1) < 1e-14:  # already of unit length: dividing again would change its last bits
         return value
     return (value[0] / length, value[1] / length, value[2] / length)
 
@@ -91,15 +106,15 @@ Friction = Annotated[Number, Field(ge=0), Quantity("number")]
 Restitution = Annotated[Number, Field(ge=0, le=1), Quantity("number")]
 
 
-class BodyPoint(Model):
+class BodyPoint(TableModel):
     """A point that moves with a body."""
 
     body: Name = Field(description="the body the point belongs to")
     point: Point = Field(description="the point, in the frame of the body")
 
 
-class PairLaw(Model):
-    """What happens where two bodies touch: by a pair of materials, or by numbers of its own."""
+class PairLaw(TableModel):
+    """The contact law between two bodies: that of a pair of materials, or numbers of its own."""
 
     material: Name | None = Field(
         default=None, description="the pair of materials, a table of [materials]; default: that between the bodies'"

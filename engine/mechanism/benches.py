@@ -6,21 +6,21 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from engine.errors import MechanismError
-from engine.mechanism.base import Model, Name, Number
+from engine.mechanism.base import Name, Number, TableModel
 from engine.mechanism.faults import did_you_mean
 
 Table = dict[str, Any]
 Tables = Annotated[dict[Name, Table], Field(default={}, description="tables that are added, or replace those here")]
 
 
-class Plot(Model):
+class Plot(TableModel):
     """Two responses drawn against each other over the run, such as a force against a way."""
 
     x: Name = Field(description="the response along the axis of abscissae")
     y: Name = Field(description="the response along the axis of ordinates")
 
 
-class Preset(Model):
+class Preset(TableModel):
     """A named set of values."""
 
     title: str = Field(default="", description="what the values are")
@@ -28,7 +28,7 @@ class Preset(Model):
     values: dict[str, Number] = Field(description="key -> number, as they can be set")
 
 
-class Bench(Model):
+class Bench(TableModel):
     """What is added to a mechanism, and taken away, to test it; checked as a whole when the mechanism is put on it."""
 
     title: str = Field(default="", description="what the test is called")

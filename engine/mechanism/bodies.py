@@ -5,7 +5,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from engine.mechanism.base import Direction, Model, Name, Number, Point, Vector, is_number, refuse
+from engine.mechanism.base import Direction, Name, Number, Point, TableModel, Vector, is_number, refuse
 from engine.mechanism.quantities import Quantity
 
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
@@ -62,7 +62,7 @@ def _outline(value: Any) -> tuple[tuple[float, float, float], ...] | None:
     return tuple((float(c[0]), float(c[1]), float(c[2]) if len(c) == 3 else 0.0) for c in corners)
 
 
-class Body(Model):
+class Body(TableModel):
     """A rigid body. Its frame is at ``origin``, turned by ``angle`` about ``axis``, at the start."""
 
     fixed: bool = Field(default=False, strict=True, description="true for a body that never moves")

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, model_validator
 
-from engine.mechanism.base import Length, Model, Name, PairLaw, Point, refuse
+from engine.mechanism.base import Length, Name, PairLaw, Point, TableModel, refuse
 from engine.mechanism.primitives import Arc, Bore, Cylinder, Disc, Plane, Rectangle, Ring, Socket, Sphere
 from engine.mechanism.quantities import Quantity
 
@@ -23,7 +23,7 @@ PAIRS = tuple(f"{first}-{second}" for first, seconds in _PARTNERS.items() for se
 """The pairs with a gap function: side a of the kernels, then side b."""
 
 
-class Side(Model):
+class Side(TableModel):
     """One side of a contact: a body, and exactly one primitive fixed to it."""
 
     body: Name = Field(description="the body the primitive belongs to")

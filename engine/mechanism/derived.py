@@ -4,12 +4,12 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from engine.mechanism.base import Model, Name
+from engine.mechanism.base import Name, TableModel
 from engine.mechanism.conditions import ValidityCondition
 from engine.mechanism.quantities import Quantity
 
 
-class Derived(Model):
+class Derived(TableModel):
     """What they have in common: they follow from what others report, whenever that was read."""
 
     at: ClassVar[str] = "end"

@@ -200,6 +200,6 @@ def _tags_of(model: type[BaseModel]) -> tuple[str, ...]:
     """Return by what pydantic tells the model from others: the values of its ``type`` key, or a key only it has."""
     field = model.model_fields.get("type")
     if field is None or get_origin(field.annotation) is not Literal:
-        told_by = getattr(model, "told_by", None)
-        return (told_by,) if told_by else ()
+        distinguishing_key = getattr(model, "distinguishing_key", None)
+        return (distinguishing_key,) if distinguishing_key else ()
     return tuple(map(str, get_args(field.annotation)))

@@ -4,14 +4,14 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, Tag
 
-from engine.mechanism.base import BodyPoint, Direction, Model, Name, Number, Point, Vector, one_of
+from engine.mechanism.base import BodyPoint, Direction, Name, Number, Point, TableModel, Vector, one_of
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.time_laws import FactorLaw
 
 Frame = Literal["world", "body"]
 
 
-class Action(Model):
+class Action(TableModel):
     """Where a spring acts that is not passed on along its line or as its couple."""
 
     body: Name = Field(description="the body that is acted on")
@@ -20,7 +20,7 @@ class Action(Model):
 class ForceAction(Action):
     """A force at a point of a body, times the spring's force or torque."""
 
-    told_by: ClassVar[str] = "force"
+    distinguishing_key: ClassVar[str] = "force"
 
     point: Point = Field(default=(0.0, 0.0, 0.0), description="where the force acts, in the body frame")
     force: Vector
@@ -29,7 +29,7 @@ class ForceAction(Action):
 class TorqueAction(Action):
     """A torque on a body, times the spring's force or torque."""
 
-    told_by: ClassVar[str] = "torque"
+    distinguishing_key: ClassVar[str] = "torque"
 
     torque: Vector
 
@@ -77,7 +77,7 @@ ActionOfTorque = Annotated[
 ]
 
 
-class LinearSpring(Model):
+class LinearSpring(TableModel):
     """A force along the line of two points, k (free_length - length) + preload - c d(length)/dt; > 0 pushes."""
 
     type: Literal["linear"] = Field(description="the kind of spring")
@@ -103,7 +103,7 @@ class LinearSpring(Model):
     )
 
 
-class TorsionSpring(Model):
+class TorsionSpring(TableModel):
     """A balanced couple about an axis fixed in a.
 
     With phi the rotation of b relative to a, b feels -k (phi - free_angle + preload) - c dphi/dt,
@@ -132,7 +132,7 @@ class TorsionSpring(Model):
 Spring = Annotated[LinearSpring | TorsionSpring, Field(discriminator="type")]
 
 
-class LinearDamper(Model):
+class LinearDamper(TableModel):
     """A force along the line of two points against the speed of its length, -c d(length)/dt."""
 
     type: Literal["linear"] = Field(description="the kind of damper")
@@ -143,7 +143,7 @@ class LinearDamper(Model):
     )
 
 
-class TorsionDamper(Model):
+class TorsionDamper(TableModel):
     """A balanced couple about an axis fixed in a, against the rotation of b relative to a: -c dphi/dt."""
 
     type: Literal["torsion"] = Field(description="the kind of damper")
@@ -158,7 +158,7 @@ class TorsionDamper(Model):
 Damper = Annotated[LinearDamper | TorsionDamper, Field(discriminator="type")]
 
 
-class Force(Model):
+class Force(TableModel):
     """A force at a point of a body: constant, or times a law of time."""
 
     body: Name = Field(description="the body the force acts on")
@@ -174,7 +174,7 @@ class Force(Model):
     )
 
 
-class Torque(Model):
+class Torque(TableModel):
     """A torque on a body: constant, or times a law of time."""
 
     body: Name = Field(description="the body the torque acts on")

@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from engine.errors import MechanismError
 from engine.mechanism import values
-from engine.mechanism.base import Friction, Model, Name, Number, Restitution, Vector, is_number, refuse
+from engine.mechanism.base import Friction, Name, Number, Restitution, TableModel, Vector, is_number, refuse
 from engine.mechanism.benches import Bench, Plot, Preset, with_bench
 from engine.mechanism.bodies import Body
 from engine.mechanism.conditions import ValidityCondition
@@ -26,7 +26,7 @@ from engine.mechanism.references import pair_between, reference_faults
 from engine.mechanism.responses import Response
 
 
-class Rest(Model):
+class Rest(TableModel):
     """When a phase has come to rest: nothing that is measured, and no contact that carries load, moves for a while."""
 
     window: Annotated[Number, Field(gt=0), Quantity("time")] = Field(
@@ -37,7 +37,7 @@ class Rest(Model):
     )
 
 
-class Adaptive(Model):
+class Adaptive(TableModel):
     """Longer steps while everything is slow."""
 
     longest: Annotated[Number, Field(gt=0), Quantity("time")] = Field(
@@ -48,7 +48,7 @@ class Adaptive(Model):
     )
 
 
-class Simulation(Model):
+class Simulation(TableModel):
     """Defaults of a run."""
 
     step: Annotated[Number, Field(gt=0), Quantity("time")] = Field(description="the time step, a number > 0")
@@ -90,7 +90,7 @@ class Simulation(Model):
         return data
 
 
-class Phase(Model):
+class Phase(TableModel):
     """A part of the run; it ends at rest, or after ``duration`` or at the event ``until``, whichever is first."""
 
     name: Name = Field(description="what forces and torques call it")
@@ -106,7 +106,7 @@ class Phase(Model):
     )
 
 
-class Material(Model):
+class Material(TableModel):
     """What happens between a pair of materials."""
 
     between: tuple[Name, Name] | None = Field(
@@ -118,7 +118,7 @@ class Material(Model):
     restitution: Restitution = Field(default=0.0, description="the coefficient of restitution, from 0 to 1")
 
 
-class Mechanism(Model):
+class Mechanism(TableModel):
     """A mechanism: bodies, what joins and loads them, and what is read off at the end of a run.
 
     Made by `load_mechanism` from a TOML file, or by `mechanism_from` from plain data. Frozen: `set_values`

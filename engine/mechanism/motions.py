@@ -4,24 +4,24 @@ from typing import Annotated, ClassVar
 
 from pydantic import Field, Tag
 
-from engine.mechanism.base import Direction, Model, Name, Point, one_of
+from engine.mechanism.base import Direction, Name, Point, TableModel, one_of
 from engine.mechanism.time_laws import TravelLaw, TurnLaw
 
 
-class Along(Model):
+class Along(TableModel):
     """A point of the moving body and the direction in which it is led, fixed in the other body."""
 
     point: Point = Field(default=(0.0, 0.0, 0.0), description="the point that is led, in the frame of body")
     direction: Direction = Field(description="the direction, in the frame of relative_to")
 
 
-class About(Model):
+class About(TableModel):
     """The axis about which the moving body is turned, fixed in the other body."""
 
     axis: Direction = Field(description="the axis, in the frame of relative_to")
 
 
-class Led(Model):
+class Led(TableModel):
     """What all motions have: the two bodies that move relative to each other."""
 
     body: Name = Field(description="the body that is moved")
@@ -41,7 +41,7 @@ class Led(Model):
 class Translation(Led):
     """direction . (way of a point of the body, seen from the other body) follows a law, 0 where it begins."""
 
-    told_by: ClassVar[str] = "along"
+    distinguishing_key: ClassVar[str] = "along"
 
     along: Along = Field(description="what is led where: { point, direction }")
     law: TravelLaw = Field(description="the way as a law of time: { table }, { speed } or { amplitude, frequency }")
@@ -50,7 +50,7 @@ class Translation(Led):
 class Rotation(Led):
     """The angle of the body about an axis of the other body follows a law, 0 where it begins."""
 
-    told_by: ClassVar[str] = "about"
+    distinguishing_key: ClassVar[str] = "about"
 
     about: About = Field(description="the axis of the rotation: { axis }")
     law: TurnLaw = Field(description="the angle as a law of time: { table }, { speed } or { amplitude, frequency }")

@@ -11,10 +11,10 @@ from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from engine.mechanism.base import (
     Direction,
-    Model,
     Number,
     Point,
     PositiveLength,
+    TableModel,
     check_perpendicular,
     is_number,
     refuse,
@@ -31,21 +31,21 @@ def _two_sizes(value: Any) -> tuple[float, float]:
     return (float(value[0]), float(value[1]))
 
 
-class Sphere(Model):
+class Sphere(TableModel):
     """The outside of a sphere."""
 
     centre: Point = Field(description="the centre of the sphere, in the body frame")
     radius: PositiveLength = Field(description="the radius of the sphere, a number > 0")
 
 
-class Socket(Model):
+class Socket(TableModel):
     """The inside of a sphere."""
 
     centre: Point = Field(description="the centre of the hollow sphere, in the body frame")
     radius: PositiveLength = Field(description="the radius of the hollow sphere, a number > 0")
 
 
-class Arc(Model):
+class Arc(TableModel):
     """A circular arc or a full circle; with an edge radius it is a rounded edge, a piece of a torus."""
 
     centre: Point = Field(description="the centre of the circle, in the body frame")
@@ -70,14 +70,14 @@ class Arc(Model):
         return self
 
 
-class Ring(Model):
+class Ring(TableModel):
     """The ring of a bore around a cylinder, or a ring on a pin inside a bore; its tilt does not count."""
 
     centre: Point = Field(description="the centre of the ring, in the body frame")
     radius: PositiveLength = Field(description="the radius of the ring where it touches, a number > 0")
 
 
-class Cylinder(Model):
+class Cylinder(TableModel):
     """The outside of a cylinder; ``point`` is at mid-height of the working patch."""
 
     point: Point = Field(description="the point of the axis at mid-height of the working patch")
@@ -88,7 +88,7 @@ class Cylinder(Model):
     )
 
 
-class Bore(Model):
+class Bore(TableModel):
     """The inside of a cylinder; with ends it is a hole through a plate."""
 
     point: Point = Field(description="the point of the axis at mid-height of the working patch")
@@ -99,14 +99,14 @@ class Bore(Model):
     )
 
 
-class Plane(Model):
+class Plane(TableModel):
     """A plane; its normal points to the free side."""
 
     point: Point = Field(description="a point of the plane, in the body frame")
     normal: Direction = Field(description="the normal of the plane, pointing to the free side")
 
 
-class Disc(Model):
+class Disc(TableModel):
     """A round face: the top of a round plate."""
 
     centre: Point = Field(description="the centre of the face, in the body frame")
@@ -117,7 +117,7 @@ class Disc(Model):
     )
 
 
-class Rectangle(Model):
+class Rectangle(TableModel):
     """A rectangular face: the top of a rectangular plate."""
 
     centre: Point = Field(description="the centre of the face, in the body frame")

@@ -5,14 +5,14 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 
-from engine.mechanism.base import Model, Name, Number, refuse
+from engine.mechanism.base import Name, Number, TableModel, refuse
 from engine.mechanism.faults import did_you_mean
 
 MOMENTS = ("end", "maximum", "minimum")
 Moment = Literal["end", "maximum", "minimum"]
 
 
-class Event(Model):
+class Event(TableModel):
     """The first instant at which another response is beyond a limit."""
 
     response: Name = Field(description="the response that is watched, a table of [responses]")
@@ -26,7 +26,7 @@ class Event(Model):
         return self
 
 
-class Peak(Model):
+class Peak(TableModel):
     """The instant at which another response is at its largest or smallest."""
 
     response: Name = Field(description="the response whose peak it is, a table of [responses]")

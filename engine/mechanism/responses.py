@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, StringConstraints, model_validator
 
-from engine.mechanism.base import BodyPoint, Direction, Length, Model, Name, Number, Point, refuse
+from engine.mechanism.base import BodyPoint, Direction, Length, Name, Number, Point, TableModel, refuse
 from engine.mechanism.derived import ConditionMet, Difference
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.readout import At
@@ -12,7 +12,7 @@ from engine.mechanism.readout import At
 ContactName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*(\.[A-Za-z][A-Za-z0-9_-]*)?$")]
 
 
-class Measured(Model):
+class Measured(TableModel):
     """What all responses have: a title, and when in the run they are read."""
 
     measures: ClassVar[Quantity]
@@ -49,14 +49,14 @@ class Measured(Model):
         return self
 
 
-class Axis(Model):
+class Axis(TableModel):
     """A straight line that moves with a body."""
 
     point: Point = Field(description="a point of the line, in the body frame")
     axis: Direction = Field(description="the direction of the line, in the body frame")
 
 
-class Reference(Model):
+class Reference(TableModel):
     """What a position is measured from: a point of a body, or the foot point on an axis of a body."""
 
     body: Name = Field(description="the body the point or axis belongs to")
@@ -70,7 +70,7 @@ class Reference(Model):
         return self
 
 
-class ResponseDirection(Model):
+class ResponseDirection(TableModel):
     """A direction, in the axes of a body or of the world."""
 
     body: Name | None = Field(default=None, description="the body whose axes are meant; default: the world's")

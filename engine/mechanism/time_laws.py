@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, Tag, model_validator
 
-from engine.mechanism.base import Model, Number, is_number, one_of, refuse
+from engine.mechanism.base import Number, TableModel, is_number, one_of, refuse
 from engine.mechanism.quantities import Quantity
 
 Points = tuple[tuple[float, float], ...]
@@ -27,10 +27,10 @@ def _points(value: Any) -> Points:
     return points
 
 
-class Table(Model):
+class Table(TableModel):
     """A law given by points; constant before the first and after the last."""
 
-    told_by: ClassVar[str] = "table"
+    distinguishing_key: ClassVar[str] = "table"
 
     points: Annotated[Points, BeforeValidator(_points)] = Field(
         alias="table",
@@ -57,10 +57,10 @@ class MotionTable(Table):
         return self
 
 
-class Sine(Model):
+class Sine(TableModel):
     """What all sines have: how fast, and where in the period they start."""
 
-    told_by: ClassVar[str] = "amplitude"
+    distinguishing_key: ClassVar[str] = "amplitude"
 
     frequency: Annotated[Number | None, Field(gt=0), Quantity("frequency")] = Field(
         default=None, description="periods per time, a number > 0"
@@ -105,18 +105,18 @@ class TurnSine(Sine):
     amplitude: Annotated[Number, Quantity("angle")] = Field(description="the amplitude of the angle")
 
 
-class TravelRamp(Model):
+class TravelRamp(TableModel):
     """The way speed t."""
 
-    told_by: ClassVar[str] = "speed"
+    distinguishing_key: ClassVar[str] = "speed"
 
     speed: Annotated[Number, Quantity("speed")] = Field(description="the constant speed")
 
 
-class TurnRamp(Model):
+class TurnRamp(TableModel):
     """The angle speed t."""
 
-    told_by: ClassVar[str] = "speed"
+    distinguishing_key: ClassVar[str] = "speed"
 
     speed: Annotated[Number, Quantity("angular speed")] = Field(description="the constant angular speed")
 

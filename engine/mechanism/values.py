@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from pydantic import ValidationError
 
 from engine.errors import MechanismError
-from engine.mechanism.base import Model
+from engine.mechanism.base import TableModel
 from engine.mechanism.faults import Fault, did_you_mean, faults_of, field_of, field_quantity
 from engine.mechanism.joints import Joint
 from engine.mechanism.readout import Event
@@ -97,7 +97,7 @@ def _replaced(mechanism: "Mechanism", key: str, number: float, unit: str) -> "Me
     new: Any = number
     for depth in range(len(path) - 1, 0, -1):
         node, token = nodes[depth], path[depth]
-        if isinstance(node, Model):
+        if isinstance(node, TableModel):
             try:
                 new = type(node).model_validate({**node.table(), token: new})
             except ValidationError as error:
@@ -160,10 +160,10 @@ def _below(node: Any) -> Mapping[str, Any]:
     """Return what can be named inside ``node``."""
     if isinstance(node, Joint) and node.ideal:
         return {}
-    if isinstance(node, Model):
+    if isinstance(node, TableModel):
         return {key: child for key, child in node.table().items() if key not in ("benches", "presets")}
     if isinstance(node, tuple):
-        return {str(i): item for i, item in enumerate(node) if isinstance(item, Model)}
+        return {str(i): item for i, item in enumerate(node) if isinstance(item, TableModel)}
     return node if isinstance(node, Mapping) else {}
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from engine.mechanism import Mechanism
-from engine.mechanism.base import Model
+from engine.mechanism.base import TableModel
 from engine.mechanism.faults import field_quantity
 from tests.engine.assembly.pairs_of_bodies import body, joint, seen_from
 from tests.engine.small import GRAVITY, coordinates, made, small
@@ -110,7 +110,7 @@ def in_millimetres(mechanism: Mechanism) -> Mechanism:
     return made({**_scaled(mechanism), "units": "mm-g-ms"})
 
 
-def _scaled(model: Model) -> dict[str, Any]:
+def _scaled(model: TableModel) -> dict[str, Any]:
     """Return a table with its numbers in mm-g-ms; keys that were not given are left out."""
     table = {}
     for name in model.model_fields_set:
@@ -123,7 +123,7 @@ def _scaled(model: Model) -> dict[str, Any]:
 
 def _times(value: Any, factor: float) -> Any:
     """Return what stands at a key, with its numbers multiplied and the tables in it scaled."""
-    if isinstance(value, Model):
+    if isinstance(value, TableModel):
         return _scaled(value)
     if isinstance(value, dict):
         return {key: _times(item, factor) for key, item in value.items()}

@@ -4,7 +4,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field
 
-from engine.mechanism.base import Length, Model, Number, PositiveLength, is_number, refuse
+from engine.mechanism.base import Length, Number, PositiveLength, TableModel, is_number, refuse
 from engine.mechanism.joints.base import Joint, Line, stations
 from engine.mechanism.quantities import Quantity
 
@@ -37,7 +37,7 @@ class Journal(Line):
     )
 
 
-class Flanges(Model):
+class Flanges(TableModel):
     """Planes of the journal beyond the bearing's end faces; three points of each face can touch its flange."""
 
     radius: PositiveLength = Field(description="the radius on which the three points of an end face lie, a number > 0")

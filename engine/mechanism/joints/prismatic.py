@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from engine.mechanism.base import Direction, Model, PositiveLength, check_perpendicular, refuse
+from engine.mechanism.base import Direction, PositiveLength, TableModel, check_perpendicular, refuse
 from engine.mechanism.joints.base import Joint, Line, stations
 from engine.mechanism.quantities import Quantity
 
@@ -21,7 +21,7 @@ class Slideway(Line):
         return self
 
 
-class Block(Model):
+class Block(TableModel):
     """A rectangular block about the slider's ``point``; its eight corners can touch the faces of the slot."""
 
     half_length: PositiveLength = Field(description="half the length along the axis, a number > 0")
@@ -29,7 +29,7 @@ class Block(Model):
     half_width: PositiveLength = Field(description="half the width across both, a number > 0")
 
 
-class Shaft(Model):
+class Shaft(TableModel):
     """A cylinder on the slider's axis, in a sleeve on the guide's."""
 
     radius: PositiveLength = Field(description="the radius of the shaft, a number > 0")
