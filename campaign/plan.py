@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import pyarrow as pa
-
 from campaign.errors import StoreError
+from campaign.plan_header import FORMAT, PlanHeader, parse_plan, unreadable_plan
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.load import Campaign
 from campaign.spec.result_columns import results_schema
 from engine import build_id
 from engine.mechanism import Mechanism
 
-FORMAT = 1
 BATCH_TAKES = 10.0  # s: what a killed worker loses at most, and how long a cancelled campaign goes on
 LARGEST_BATCH = 500  # runs
 UNTRIED_BATCH = 100  # runs, where nobody knows how long one takes
@@ -23,51 +21,27 @@ BATCHES_AT_LEAST = 40  # so that the progress moves and the last batches keep al
 
 
 @dataclass(frozen=True)
-class Plan:
-    """What is to be computed; a pure function of the spec, the mechanism and the engine.
+class Plan(PlanHeader):
+    """What is to be computed: a pure function of the spec, the mechanism and the engine.
 
     Attributes
     ----------
-    campaign_id : str
-        Name and ten hexadecimal digits of a hash over spec, mechanism and engine build.
     spec : CampaignSpec
         The campaign.
     mechanism : Mechanism
         The mechanism, complete: workers need no other file.
     engine_build : str
         The only engine build whose rows may enter.
-    batches : tuple of (int, int)
-        First sample and number of samples of each batch; the position in the tuple is the batch's number.
     """
 
-    campaign_id: str
     spec: CampaignSpec
     mechanism: Mechanism
     engine_build: str
-    batches: tuple[tuple[int, int], ...]
-
-    @cached_property
-    def schema(self) -> pa.Schema:
-        """Columns, units and campaign id of every part."""
-        return results_schema(self.mechanism, self.spec.targets(), self.campaign_id)
 
     @cached_property
     def targets(self) -> dict[str, str]:
         """Key of the mechanism that each variable sets, by variable name."""
         return self.spec.targets()
-
-    @cached_property
-    def columns(self) -> list[dict[str, Any]]:
-        """Name, type, unit and whether it may be null, of each column."""
-        return [
-            {
-                "name": f.name,
-                "type": str(f.type),
-                "unit": (f.metadata or {}).get(b"unit", b"").decode(),
-                "nullable": f.nullable,
-            }
-            for f in self.schema
-        ]
 
     def to_json(self) -> str:
         """Return the content of ``plan.json``."""
@@ -87,27 +61,49 @@ class Plan:
     def from_json(cls, text: str) -> "Plan":
         """Read ``plan.json``.
 
+        Parameters
+        ----------
+        text : str
+            Content of the file.
+
+        Returns
+        -------
+        Plan
+            The plan that was written.
+
         Raises
         ------
         StoreError
             If it is of another format, or not what was written.
         """
+        header, document = parse_plan(text)
         try:
-            content = json.loads(text)
-            if content["format"] != FORMAT:
-                raise StoreError(f"plan.json has format {content['format']}; this version reads {FORMAT}")
-            spec = CampaignSpec.model_validate(content["spec"])
-            mechanism = Mechanism.model_validate_json(json.dumps(content["mechanism"]))
-            batches = tuple((int(first), int(count)) for first, count in content["batches"])
-            plan = cls(content["campaign"], spec, mechanism, content["engine_build"], batches)
+            spec = CampaignSpec.model_validate(document["spec"])
+            mechanism = Mechanism.model_validate_json(json.dumps(document["mechanism"]))
+            plan = _plan(spec, mechanism, document["engine_build"], header.batches)
         except (ValueError, KeyError, TypeError) as error:
-            raise StoreError(f"plan.json cannot be read: {error}; restore it, or run in a new store") from error
-        if plan.campaign_id != _identity(spec, mechanism, plan.engine_build):
+            raise unreadable_plan(error) from error
+        if plan.campaign_id != header.campaign_id:
             raise StoreError(
                 "plan.json was changed after it was written: its content no longer has the id"
-                f" {plan.campaign_id}; restore it, or run in a new store"
+                f" {header.campaign_id}; restore it, or run in a new store"
             )
         return plan
+
+
+def _plan(spec: CampaignSpec, mechanism: Mechanism, build: str, batches: tuple[tuple[int, int], ...]) -> Plan:
+    """Return the plan of these batches, named after what its rows depend on."""
+    campaign_id = _identity(spec, mechanism, build)
+    columns = [
+        {
+            "name": field.name,
+            "type": str(field.type),
+            "unit": (field.metadata or {}).get(b"unit", b"").decode(),
+            "nullable": field.nullable,
+        }
+        for field in results_schema(mechanism, spec.targets(), campaign_id)
+    ]
+    return Plan(campaign_id, spec.title or spec.name, batches, columns, spec, mechanism, build)
 
 
 def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run: float | None = None) -> Plan:
@@ -126,7 +122,7 @@ def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run
     spec, build = campaign.spec, build_id()
     size = batch_size or _size(spec.samples, seconds_per_run)
     batches = tuple((first, min(size, spec.samples - first)) for first in range(0, spec.samples, size))
-    return Plan(_identity(spec, campaign.mechanism, build), spec, campaign.mechanism, build, batches)
+    return _plan(spec, campaign.mechanism, build, batches)
 
 
 def size_is_sure(samples: int) -> bool:

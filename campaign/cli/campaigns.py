@@ -8,8 +8,8 @@ import typer
 from campaign.cli.output import Json, print_json, say
 
 if TYPE_CHECKING:
+    from campaign.plan_header import PlanHeader
     from campaign.store import Store
-    from campaign.store.plan_header import Outline
 
 Id = Annotated[str | None, typer.Argument(help="Id of the campaign; not needed if it is the only one.")]
 StoreUrl = Annotated[str, typer.Option("--store", help="Folder or URL of the results.")]
@@ -17,20 +17,20 @@ StoreUrl = Annotated[str, typer.Option("--store", help="Folder or URL of the res
 
 def status(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
     """Say how far a campaign is: its state, rows done, failed and left, and what its coordinator said last."""
-    from campaign.coordinator.lease import HEARTBEAT
     from campaign.coordinator.state import state_of
     from campaign.store import open_store
+    from campaign.store.layout import HEARTBEAT
 
     opened = open_store(store)
-    outline = opened.outline(opened.find(campaign))
-    state, counts = state_of(opened, outline.campaign_id), progress(opened, outline)
-    heartbeat = opened.read_json(outline.campaign_id, HEARTBEAT) if state["state"] == "running" else None
+    header = opened.plan_header(opened.find(campaign))
+    state, counts = state_of(opened, header.campaign_id), progress(opened, header)
+    heartbeat = opened.read_json(header.campaign_id, HEARTBEAT) if state["state"] == "running" else None
     if json:
-        document = {"campaign": outline.campaign_id, "store": opened.url, **state, **counts}
+        document = {"campaign": header.campaign_id, "store": opened.url, **state, **counts}
         print_json({**document, "heartbeat": heartbeat})
         return
     done, failed, left = counts["done"], counts["failed"], counts["left"]
-    print(f"{outline.campaign_id}: {state['state']}, {done} of {counts['samples']} done, {failed} failed, {left} left")
+    print(f"{header.campaign_id}: {state['state']}, {done} of {counts['samples']} done, {failed} failed, {left} left")
     if state["message"]:
         print(f"  {state['message']}")
     if heartbeat:
@@ -41,13 +41,13 @@ def status(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) ->
             print(f"  {count} {status}")
 
 
-def progress(store: "Store", outline: "Outline") -> dict[str, Any]:
+def progress(store: "Store", header: "PlanHeader") -> dict[str, Any]:
     """Return how many rows of a campaign are done and how they ended; say which parts are bad."""
-    survey = store.survey(outline)
+    survey = store.survey(header)
     for reason in dict.fromkeys(survey.bad.values()):
-        say(f"{outline.campaign_id}: {reason}; run the campaign again to replace it")
+        say(f"{header.campaign_id}: {reason}; run the campaign again to replace it")
     done, ok = survey.rows, survey.statuses.get("ok", 0)
-    samples = store.end(outline)
+    samples = store.end(header)
     counts = {"samples": samples, "done": done, "ok": ok, "failed": done - ok, "left": samples - done}
     return {**counts, "statuses": survey.statuses}
 

@@ -54,7 +54,7 @@ def resume(
 ) -> None:
     """Go on with a campaign that was interrupted or cancelled, or that failed."""
     from campaign.store import open_store
-    from campaign.worker.batch import CANCEL
+    from campaign.store.layout import CANCEL
 
     opened = open_store(store)
     plan = opened.plan(opened.find(campaign))
@@ -78,7 +78,7 @@ def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) ->
     from campaign.coordinator.lease import seems_driven
     from campaign.coordinator.state import enter, state_of
     from campaign.store import open_store
-    from campaign.worker.batch import CANCEL
+    from campaign.store.layout import CANCEL
 
     opened = open_store(store)
     campaign_id = opened.find(campaign)

@@ -37,7 +37,7 @@ def run(
     """
     opened, plan = _planned(campaign, store, samples, seed, batch_size)
     from campaign.cli.drive import drive
-    from campaign.worker.batch import CANCEL
+    from campaign.store.layout import CANCEL
 
     opened.remove(plan.campaign_id, CANCEL)
     say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {store}")

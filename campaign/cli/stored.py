@@ -40,15 +40,15 @@ def _entry(store: "Store", campaign_id: str) -> dict[str, Any]:
     entry: dict[str, Any] = dict.fromkeys((*_COLUMNS, "samples", "fault"))
     entry |= {"campaign": campaign_id, "state": "broken"}
     try:
-        outline = store.outline(campaign_id)
-        counts = progress(store, outline)
+        header = store.plan_header(campaign_id)
+        counts = progress(store, header)
         state = state_of(store, campaign_id)
     except CampaignError as error:
         return entry | {"fault": str(error)}
     kept = ("samples", "done", "failed", "left")
     since = state["since"]
     when = None if since is None else datetime.fromtimestamp(since).isoformat(sep=" ", timespec="seconds")
-    known = {"title": outline.title, "state": state["state"], "when": when}
+    known = {"title": header.title, "state": state["state"], "when": when}
     return entry | known | {key: counts[key] for key in kept}
 
 
@@ -57,7 +57,7 @@ def compact(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -
     from campaign.store import open_store
 
     opened = open_store(store)
-    plan = opened.outline(opened.find(campaign))
+    plan = opened.plan_header(opened.find(campaign))
     done = opened.compact(plan)
     for reason in dict.fromkeys(done.bad.values()):
         say(f"{reason}: left as it is; run the campaign again to replace it")

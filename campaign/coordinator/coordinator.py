@@ -23,11 +23,12 @@ from campaign.coordinator.heartbeat import Ledger
 from campaign.coordinator.lease import LeaseLost, held
 from campaign.coordinator.results import TRIES, Drive, Lost, Show, pause
 from campaign.coordinator.state import enter
-from campaign.coordinator.stopping_rule import STOPPED, Verdict
+from campaign.coordinator.stopping_rule import Verdict
 from campaign.coordinator.work_queue import Agenda
 from campaign.errors import StoreError, UnreachableError
 from campaign.plan import Plan
 from campaign.store import Store, Survey
+from campaign.store.layout import PARTS, STOPPED
 from campaign.worker.batch import Cancelled, Done, Task
 from campaign.worker.moments import moments
 from campaign.worker.row import Simulate
@@ -130,9 +131,9 @@ def coordinate(
 
 
 def _begin(store: Store, plan: Plan, task: Task, token: str, show: Show) -> Drive:
-    """Look at what is there, every part of it; what is not sound is set aside."""
+    """Look at what is there, every part of it; what is not sound is quarantined."""
     survey = store.survey(plan, verify=True)
-    store.set_aside(plan, survey.bad)
+    store.quarantine(plan, survey.bad)
     ledger = Ledger(store, plan, survey)
     agenda = Agenda(plan, survey.parts, store.end(plan))
     drive = Drive(store, plan, task, ledger, dict(survey.parts), agenda, token, show)
@@ -156,7 +157,7 @@ def _to_the_end(drive: Drive, cluster: Cluster) -> None:
             " row; check the disk"
         )
     drive.store.record(drive.plan, drive.parts.values())
-    drive.store.files.sweep(f"{drive.plan.campaign_id}/parts")
+    drive.store.files.sweep(f"{drive.plan.campaign_id}/{PARTS}")
 
 
 def _through_losses(drive: Drive, cluster: Cluster) -> None:
@@ -186,7 +187,7 @@ def _through_losses(drive: Drive, cluster: Cluster) -> None:
 def _rescan(drive: Drive, *, verify: bool = False) -> None:
     """Ask the store what is missing, forgetting what was in flight."""
     survey = drive.store.survey(drive.plan, verify=verify)
-    drive.store.set_aside(drive.plan, survey.bad)
+    drive.store.quarantine(drive.plan, survey.bad)
     if drive.parts.keys() <= survey.parts.keys():
         needed = range(drive.agenda.covering(drive.store.end(drive.plan)))
         for batch in (survey.parts.keys() - drive.parts.keys()).intersection(needed):  # written while nobody listened

@@ -8,12 +8,13 @@ from typing import Any
 
 from distributed import Client
 
-from campaign.coordinator.lease import BEAT, HEARTBEAT, LeaseLost, holder
+from campaign.coordinator.lease import BEAT, LeaseLost, holder
 from campaign.coordinator.results import Drive, Handed, Lost, settle
-from campaign.coordinator.stopping_rule import STOPPED, judge
+from campaign.coordinator.stopping_rule import judge
 from campaign.coordinator.work_queue import Agenda
 from campaign.errors import CampaignError
-from campaign.worker.batch import CANCEL, Cancelled, Order, run_batches
+from campaign.store.layout import CANCEL, HEARTBEAT, STOPPED
+from campaign.worker.batch import Cancelled, Order, run_batches
 
 logger = logging.getLogger(__name__)
 

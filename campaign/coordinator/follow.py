@@ -5,9 +5,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from campaign.coordinator.heartbeat import Heartbeat
-from campaign.coordinator.lease import BEAT, HEARTBEAT
+from campaign.coordinator.lease import BEAT
 from campaign.coordinator.state import state_of
 from campaign.store import Store
+from campaign.store.layout import HEARTBEAT
 
 
 def heartbeats(store: Store, campaign_id: str) -> Iterator[Heartbeat]:

@@ -16,8 +16,8 @@ from typing import Any
 
 from campaign.errors import CampaignError, StoreError
 from campaign.store import Store
+from campaign.store.layout import HEARTBEAT, LEASE
 
-LEASE, HEARTBEAT = "lease.json", "heartbeat.json"
 BEAT = 2.0  # s, between two heartbeats
 PATIENCE = 5 * BEAT  # s without a new one, until its process counts as gone
 SETTLE = 0.3  # s, for another one that takes the same stale lease to be seen

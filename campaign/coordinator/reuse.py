@@ -16,6 +16,7 @@ from campaign.errors import StoreError
 from campaign.inputs.sampling import keeps_first
 from campaign.plan import Plan
 from campaign.store import Store
+from campaign.store.layout import PLAN
 
 logger = logging.getLogger(__name__)
 
@@ -42,7 +43,7 @@ def _akin(store: Store, plan: Plan) -> Iterator[Plan]:
     wanted = _what_rows_depend_on(json.loads(plan.to_json()))
     for campaign_id in store.campaigns():
         try:
-            content = store.read_json(campaign_id, "plan.json") or {}
+            content = store.read_json(campaign_id, PLAN) or {}
             if campaign_id != plan.campaign_id and _what_rows_depend_on(content) == wanted:
                 yield store.plan(campaign_id)
         except StoreError:

@@ -8,12 +8,12 @@ from contextlib import contextmanager
 
 from campaign.cluster.connect import Cluster
 from campaign.coordinator.coordinator import coordinate
-from campaign.coordinator.lease import BEAT, HEARTBEAT, LeaseHeld, held
+from campaign.coordinator.lease import BEAT, LeaseHeld, held
 from campaign.coordinator.state import close, state_of
-from campaign.coordinator.submit import SERVICE
 from campaign.errors import CampaignError, StoreError
 from campaign.plan import Plan
 from campaign.store import Store
+from campaign.store.layout import HEARTBEAT, SERVICE
 
 logger = logging.getLogger(__name__)
 

@@ -5,8 +5,8 @@ from typing import Any
 
 from campaign.coordinator.lease import seems_driven, this_process
 from campaign.store import Store
+from campaign.store.layout import STATE
 
-STATE = "state.json"
 STATES = ("queued", "running", "completed", "cancelled", "failed", "interrupted")
 
 

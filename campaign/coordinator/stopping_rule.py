@@ -15,8 +15,6 @@ from campaign.plan import Plan
 from campaign.spec.campaign_file import Response
 from campaign.store import Store
 
-STOPPED = "stopped.json"
-
 
 @dataclass(frozen=True)
 class Verdict:

@@ -8,21 +8,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from campaign.coordinator.lease import LEASE, alive, seems_driven
+from campaign.coordinator.lease import alive, seems_driven
 from campaign.coordinator.reuse import take_over
 from campaign.coordinator.run_time import seconds_per_run
 from campaign.coordinator.state import enter, state_of
 from campaign.plan import Plan, make_plan, size_is_sure
 from campaign.spec.load import Campaign
 from campaign.store import Store
-from campaign.worker.batch import CANCEL
+from campaign.store.layout import CANCEL, LEASE, LOG, SERVICE
 from campaign.worker.row import Simulate
 from engine import simulate
 
 logger = logging.getLogger(__name__)
-
-SERVICE = "service"  # the folder in which a coordinator that serves a store keeps its lease and heartbeat
-LOG = "coordinator.log"
 
 
 def submit(store: Store, campaign: Campaign, batch_size: int | None = None, simulate: Simulate = simulate) -> Plan:

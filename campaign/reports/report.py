@@ -18,6 +18,7 @@ from campaign.plan import Plan
 from campaign.reports.changed_distributions import widened
 from campaign.spec.campaign_file import Response
 from campaign.store import Store
+from campaign.store.layout import REPORT, STOPPED
 from campaign.version import clearcap_version
 from reporting import ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
 from reporting.render.write import USUAL
@@ -95,7 +96,7 @@ def _batched(plan: Plan) -> bool:
 
 def _write(store: Store, plan: Plan, rows: "pa.Table | Iterable[pa.Table]", told: dict[str, Any]) -> dict[str, str]:
     """Write the report next to the parts; behind a URL, upload it."""
-    folder = f"{plan.campaign_id}/report"
+    folder = f"{plan.campaign_id}/{REPORT}"
     spec = report_spec(plan, store)
     if store.files.local:
         return write_report(rows, spec, Path(store.files.path(folder)), **told)
@@ -157,8 +158,6 @@ def _stop(plan: Plan, store: Store | None) -> str:
     if rule is None:
         return ""
     asked = f"Asked for: {rule.statistic} of {rule.response} to ±{rule.half_width:g} at {100 * rule.confidence:g} %."
-    from campaign.coordinator.stopping_rule import STOPPED
-
     found = None if store is None else store.read_json(plan.campaign_id, STOPPED)
     if found is None:
         return f"{asked} Not reached: all samples are computed."

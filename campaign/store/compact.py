@@ -12,8 +12,9 @@ from itertools import groupby
 import pyarrow as pa
 
 from campaign.errors import StoreError
+from campaign.plan_header import PlanHeader
 from campaign.store.files.files import Files
-from campaign.store.parts import BadPart, Part, Planned, batches_of, encode, file_name, folder
+from campaign.store.parts import BadPart, Part, batches_of, encode, file_name, folder
 from campaign.store.rows import cut
 from campaign.store.survey import check_file, read_file, survey
 
@@ -46,7 +47,7 @@ class Compacted:
     parts: dict[int, Part]
 
 
-def compact(files: Files, plan: Planned) -> Compacted:
+def compact(files: Files, plan: PlanHeader) -> Compacted:
     """Merge the parts of a campaign; see `Store.compact`."""
     found = survey(files, plan, sum(plan.batches[-1]), verify=False)
     parts, written, removed = dict(found.parts), [], 0
@@ -65,7 +66,7 @@ def compact(files: Files, plan: Planned) -> Compacted:
     return Compacted(written, removed, len({part.file for part in parts.values()}), found.bad, parts)
 
 
-def runs(plan: Planned, parts: dict[int, Part]) -> Iterator[list[Part]]:
+def runs(plan: PlanHeader, parts: dict[int, Part]) -> Iterator[list[Part]]:
     """Yield parts that are to be one file: of successive batches, that begin in the same 100,000 samples."""
 
     def place(numbered: tuple[int, Part]) -> tuple[int, int]:
@@ -76,7 +77,7 @@ def runs(plan: Planned, parts: dict[int, Part]) -> Iterator[list[Part]]:
         yield [part for _, part in group]
 
 
-def _merge(files: Files, plan: Planned, run: list[Part], target: str) -> list[Part]:
+def _merge(files: Files, plan: PlanHeader, run: list[Part], target: str) -> list[Part]:
     """Write the rows of a run of batches into one file, and return what it holds once it has been read back."""
     pieces = []
     for name, group in groupby(run, key=lambda part: part.file):
@@ -92,7 +93,7 @@ def _merge(files: Files, plan: Planned, run: list[Part], target: str) -> list[Pa
     return check_file(files, plan, target)
 
 
-def _remove_replaced(files: Files, plan: Planned, target: str) -> int:
+def _remove_replaced(files: Files, plan: PlanHeader, target: str) -> int:
     """Remove the sound files all of whose batches are in a merged file."""
     first, last = batches_of(target, plan) or (0, -1)
     removed = 0

@@ -9,13 +9,13 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-from campaign.store.parts import Part, Planned, batches_of
+from campaign.plan_header import PlanHeader
+from campaign.store.parts import Part, batches_of
 
-NAME = "manifest.json"
 FORMAT = 1
 
 
-def dump(plan: Planned, parts: Iterable[Part]) -> bytes:
+def dump(plan: PlanHeader, parts: Iterable[Part]) -> bytes:
     """Return the content of a manifest."""
     files: dict[str, Any] = {}
     for part in sorted(parts, key=lambda part: part.batch):
@@ -25,7 +25,7 @@ def dump(plan: Planned, parts: Iterable[Part]) -> bytes:
     return (json.dumps(document, separators=(",", ":")) + "\n").encode()
 
 
-def load(plan: Planned, content: bytes) -> dict[str, list[Part]]:
+def load(plan: PlanHeader, content: bytes) -> dict[str, list[Part]]:
     """Return the parts a manifest knows, by the name of their file.
 
     Raises
@@ -45,7 +45,7 @@ def load(plan: Planned, content: bytes) -> dict[str, list[Part]]:
         raise ValueError(f"it has not the form of a manifest ({error!r})") from error
 
 
-def _parts(plan: Planned, name: str, entry: dict[str, Any]) -> list[Part]:
+def _parts(plan: PlanHeader, name: str, entry: dict[str, Any]) -> list[Part]:
     span = batches_of(name, plan)
     size, sha256 = int(entry["size"]), str(entry["sha256"])
     if span is None or size <= 0 or not re.fullmatch("[0-9a-f]{64}", sha256):

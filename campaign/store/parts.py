@@ -12,7 +12,10 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
+
+from campaign.plan_header import PlanHeader
+from campaign.store.layout import PARTS
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -28,26 +31,6 @@ _MERGED = re.compile(r"rows-(\d{6,9})-(\d{6,9})\.parquet")
 
 class BadPart(Exception):
     """A file of rows that is not what its name says; the message says why."""
-
-
-class Planned(Protocol):
-    """What the store must know of a plan."""
-
-    @property
-    def campaign_id(self) -> str:
-        """Whose rows."""
-
-    @property
-    def batches(self) -> tuple[tuple[int, int], ...]:
-        """First sample and number of samples of each batch."""
-
-    @property
-    def columns(self) -> list[dict[str, Any]]:
-        """Name, type, unit and whether it may be null, of each column."""
-
-    @property
-    def schema(self) -> "pa.Schema":
-        """Columns, units and campaign id."""
 
 
 @dataclass(frozen=True)
@@ -83,12 +66,12 @@ class Part:
         return file_name(*(self.merged or (self.batch, self.batch)), merged=self.merged is not None)
 
 
-def folder(plan: Planned) -> str:
+def folder(plan: PlanHeader) -> str:
     """Return the folder of a campaign's parts, relative to the store."""
-    return f"{plan.campaign_id}/parts"
+    return f"{plan.campaign_id}/{PARTS}"
 
 
-def part_name(plan: Planned, batch: int) -> str:
+def part_name(plan: PlanHeader, batch: int) -> str:
     """Return the name of a batch's own part, relative to the store."""
     return f"{folder(plan)}/{file_name(batch, batch)}"
 
@@ -98,7 +81,7 @@ def file_name(first: int, last: int, *, merged: bool = False) -> str:
     return f"rows-{first:06d}-{last:06d}.parquet" if merged else f"part-{first:06d}.parquet"
 
 
-def batches_of(name: str, plan: Planned) -> tuple[int, int] | None:
+def batches_of(name: str, plan: PlanHeader) -> tuple[int, int] | None:
     """Return first and last batch that a file of this name holds; None if it is no file of rows of this plan."""
     if match := _PART.fullmatch(name):
         first = last = int(match[1])
@@ -110,7 +93,7 @@ def batches_of(name: str, plan: Planned) -> tuple[int, int] | None:
     return (first, last) if sound else None
 
 
-def encode(plan: Planned, table: "pa.Table", first: int, last: int) -> bytes:
+def encode(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> bytes:
     """Return the rows of batches ``first`` to ``last``, in the plan's columns, as the content of their file."""
     import pyarrow.parquet as pq
 
@@ -135,7 +118,7 @@ def encode(plan: Planned, table: "pa.Table", first: int, last: int) -> bytes:
     return bytes(content)
 
 
-def check(plan: Planned, content: bytes, first: int, last: int, *, merged: bool) -> list[Part]:
+def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bool) -> list[Part]:
     """Return what is to be known of batches ``first`` to ``last`` from the content of their file.
 
     Raises
@@ -159,7 +142,7 @@ def check(plan: Planned, content: bytes, first: int, last: int, *, merged: bool)
     ]
 
 
-def decode(plan: Planned, content: bytes, columns: Sequence[str] | None = None) -> "pa.Table":
+def decode(plan: PlanHeader, content: bytes, columns: Sequence[str] | None = None) -> "pa.Table":
     """Return the rows of a file that has been checked; BadPart if there are none that this version can read.
 
     Only the ``columns`` named are read, in that order; all of them by default.
@@ -197,7 +180,7 @@ def _seal(content: bytes) -> tuple[str, dict[str, Any]]:
     return stated.decode(), seal
 
 
-def _statuses(plan: Planned, table: "pa.Table", first: int, last: int) -> list[dict[str, int]]:
+def _statuses(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> list[dict[str, int]]:
     """Return how many rows of each batch ended in which status; ValueError if they are not the batches' rows."""
     begin, end = plan.batches[first][0], sum(plan.batches[last])
     if table["sample"].to_pylist() != list(range(begin, end)):

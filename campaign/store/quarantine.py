@@ -3,16 +3,17 @@
 import logging
 from collections.abc import Iterable
 
+from campaign.plan_header import PlanHeader
 from campaign.store.files.files import Files
-from campaign.store.parts import BadPart, Planned, folder
+from campaign.store.parts import BadPart, folder
 from campaign.store.rows import holders
 from campaign.store.survey import check_file
 
 logger = logging.getLogger(__name__)
 
 
-def set_aside(files: Files, plan: Planned, bad: Iterable[int]) -> list[str]:
-    """Rename the unsound files of some batches; see `Store.set_aside`."""
+def quarantine(files: Files, plan: PlanHeader, bad: Iterable[int]) -> list[str]:
+    """Rename the unsound files of some batches; see `Store.quarantine`."""
     held, moved = holders(files, plan), []
     suspects = dict.fromkeys(name for batch in bad for name in held.get(batch, []))
     taken = set(files.names(folder(plan))) if suspects else set()
@@ -26,7 +27,7 @@ def set_aside(files: Files, plan: Planned, bad: Iterable[int]) -> list[str]:
             taken.add(new)
             files.move(f"{folder(plan)}/{name}", f"{folder(plan)}/{new}")
             moved.append(new)
-            logger.warning("%s/%s %s: set aside as %s and computed again", folder(plan), name, error, new)
+            logger.warning("%s/%s %s: quarantined as %s and computed again", folder(plan), name, error, new)
     return moved
 
 

@@ -4,8 +4,9 @@ import logging
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+from campaign.plan_header import PlanHeader
 from campaign.store.files.files import Files
-from campaign.store.parts import ROW_GROUP, BadPart, Planned, batches_of, folder, part_name
+from campaign.store.parts import ROW_GROUP, BadPart, batches_of, folder, part_name
 from campaign.store.survey import read_file
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 
-def holders(files: Files, plan: Planned) -> dict[int, list[str]]:
+def holders(files: Files, plan: PlanHeader) -> dict[int, list[str]]:
     """Return for each batch the names of the files that hold it, the one to read first: its own, then the longest."""
     spans = {name: span for name in files.names(folder(plan)) if (span := batches_of(name, plan))}
     held: dict[int, list[str]] = {}
@@ -24,7 +25,7 @@ def holders(files: Files, plan: Planned) -> dict[int, list[str]]:
     return held
 
 
-def batch_rows(files: Files, plan: Planned, batch: int) -> "pa.Table":
+def batch_rows(files: Files, plan: PlanHeader, batch: int) -> "pa.Table":
     """Return the rows of a batch; see `Store.read_part`."""
     reasons = []
     own = part_name(plan, batch).rsplit("/", 1)[-1]
@@ -48,7 +49,7 @@ def batch_rows(files: Files, plan: Planned, batch: int) -> "pa.Table":
     raise FileNotFoundError(part_name(plan, batch))
 
 
-def stream(files: Files, plan: Planned, end: int, columns: Sequence[str] | None) -> "Iterator[pa.Table]":
+def stream(files: Files, plan: PlanHeader, end: int, columns: Sequence[str] | None) -> "Iterator[pa.Table]":
     """Yield rows in the order of the samples; see `Store.stream`."""
     import pyarrow as pa
 
@@ -62,7 +63,7 @@ def stream(files: Files, plan: Planned, end: int, columns: Sequence[str] | None)
         yield pa.concat_tables(pieces)
 
 
-def _by_file(files: Files, plan: Planned, end: int, columns: Sequence[str] | None) -> "Iterator[pa.Table]":
+def _by_file(files: Files, plan: PlanHeader, end: int, columns: Sequence[str] | None) -> "Iterator[pa.Table]":
     """Yield rows in the order of the samples, a file at a time."""
     held = holders(files, plan)
     batch, last = 0, max(number for number, (first, _) in enumerate(plan.batches) if first < end)
@@ -90,7 +91,7 @@ def _by_file(files: Files, plan: Planned, end: int, columns: Sequence[str] | Non
         batch = to + 1
 
 
-def _until(plan: Planned, held: dict[int, list[str]], name: str, batch: int, last: int) -> int:
+def _until(plan: PlanHeader, held: dict[int, list[str]], name: str, batch: int, last: int) -> int:
     """Return the last of the batches from ``batch`` on that are best read from this file."""
     to = batch
     while to < last and held.get(to + 1, [None])[0] == name:
@@ -98,7 +99,7 @@ def _until(plan: Planned, held: dict[int, list[str]], name: str, batch: int, las
     return to
 
 
-def cut(plan: Planned, name: str, table: "pa.Table", first: int, last: int) -> "pa.Table":
+def cut(plan: PlanHeader, name: str, table: "pa.Table", first: int, last: int) -> "pa.Table":
     """Return the rows of batches ``first`` to ``last`` from the table of a file."""
     begin = plan.batches[first][0]
     begin_of_file = plan.batches[(batches_of(name, plan) or (first, last))[0]][0]

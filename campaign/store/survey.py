@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from campaign.errors import StoreError
+from campaign.plan_header import PlanHeader
 from campaign.store import manifest
 from campaign.store.files.files import LARGEST, Files
-from campaign.store.parts import BadPart, Part, Planned, batches_of, check, decode, folder, total
+from campaign.store.layout import MANIFEST
+from campaign.store.parts import BadPart, Part, batches_of, check, decode, folder, total
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -64,9 +66,9 @@ def rank(part: Part) -> tuple[int, int]:
     return (0, 0) if part.merged is None else (1, part.merged[0] - part.merged[1])
 
 
-def load_manifest(files: Files, plan: Planned) -> dict[str, list[Part]]:
+def load_manifest(files: Files, plan: PlanHeader) -> dict[str, list[Part]]:
     """Return what the manifest knows by file; nothing if there is none that can be used, and say so."""
-    name = f"{plan.campaign_id}/{manifest.NAME}"
+    name = f"{plan.campaign_id}/{MANIFEST}"
     try:
         return manifest.load(plan, files.read(name))
     except FileNotFoundError:
@@ -76,7 +78,7 @@ def load_manifest(files: Files, plan: Planned) -> dict[str, list[Part]]:
         return {}
 
 
-def holdings(files: Files, plan: Planned, *, verify: bool) -> Holdings:
+def holdings(files: Files, plan: PlanHeader, *, verify: bool) -> Holdings:
     """Return what a plan's folder of parts holds.
 
     A folder is not listed in an instant: what is merged meanwhile may be in neither place. So if a batch is not
@@ -101,7 +103,7 @@ def holdings(files: Files, plan: Planned, *, verify: bool) -> Holdings:
     return found
 
 
-def _unlisted(files: Files, plan: Planned, names: Iterable[str]) -> dict[str, int]:
+def _unlisted(files: Files, plan: PlanHeader, names: Iterable[str]) -> dict[str, int]:
     sizes = {}
     for name in names:
         try:
@@ -111,19 +113,19 @@ def _unlisted(files: Files, plan: Planned, names: Iterable[str]) -> dict[str, in
     return sizes
 
 
-def _unchanged(plan: Planned, name: str, known: list[Part] | None, size: int) -> bool:
+def _unchanged(plan: PlanHeader, name: str, known: list[Part] | None, size: int) -> bool:
     """Return whether a file is, by its size, still the one that the manifest knows."""
     span = batches_of(name, plan)
     return span is not None and known is not None and known[0].size == size
 
 
-def _check(files: Files, plan: Planned, names: list[str], found: Holdings) -> None:
+def _check(files: Files, plan: PlanHeader, names: list[str], found: Holdings) -> None:
     """Add files to what was found that must be checked, some at a time: an object store answers slowly."""
 
     def look(name: str) -> list[Part] | str:
         try:
             return check_file(files, plan, name)
-        except FileNotFoundError:  # merged or set aside since it was listed
+        except FileNotFoundError:  # merged or quarantined since it was listed
             return []
         except BadPart as error:
             return f"{name} {error}"
@@ -138,7 +140,7 @@ def _check(files: Files, plan: Planned, names: list[str], found: Holdings) -> No
                 found.add(result)
 
 
-def check_file(files: Files, plan: Planned, name: str) -> list[Part]:
+def check_file(files: Files, plan: PlanHeader, name: str) -> list[Part]:
     """Return what is to be known of the batches of a file of rows.
 
     Raises
@@ -151,12 +153,12 @@ def check_file(files: Files, plan: Planned, name: str) -> list[Part]:
     return _checked(files, plan, name)[1]
 
 
-def read_file(files: Files, plan: Planned, name: str, columns: Sequence[str] | None = None) -> "pa.Table":
+def read_file(files: Files, plan: PlanHeader, name: str, columns: Sequence[str] | None = None) -> "pa.Table":
     """Return the rows of a file, of all columns or these; errors as in `check_file`."""
     return decode(plan, _checked(files, plan, name)[0], columns)
 
 
-def _checked(files: Files, plan: Planned, name: str) -> tuple[bytes, list[Part]]:
+def _checked(files: Files, plan: PlanHeader, name: str) -> tuple[bytes, list[Part]]:
     """Return the content of a file of rows, and what is to be known of its batches."""
     span = batches_of(name, plan)
     if span is None:
@@ -165,7 +167,7 @@ def _checked(files: Files, plan: Planned, name: str) -> tuple[bytes, list[Part]]
     return content, check(plan, content, *span, merged=name.startswith("rows"))
 
 
-def _content(files: Files, plan: Planned, name: str) -> bytes:
+def _content(files: Files, plan: PlanHeader, name: str) -> bytes:
     path = f"{folder(plan)}/{name}"
     size = files.size(path)
     if size > LARGEST:
@@ -173,7 +175,7 @@ def _content(files: Files, plan: Planned, name: str) -> bytes:
     return files.read(path)
 
 
-def survey(files: Files, plan: Planned, end: int, *, verify: bool) -> Survey:
+def survey(files: Files, plan: PlanHeader, end: int, *, verify: bool) -> Survey:
     """Return what a store holds of a plan whose table ends at sample ``end``."""
     found = holdings(files, plan, verify=verify)
     parts = dict(sorted(found.parts.items()))
@@ -184,7 +186,7 @@ def survey(files: Files, plan: Planned, end: int, *, verify: bool) -> Survey:
     return Survey(parts, missing, dict(sorted(found.bad.items())), statuses, sum(statuses.values()))
 
 
-def _counted(files: Files, plan: Planned, part: Part, end: int) -> dict[str, int]:
+def _counted(files: Files, plan: PlanHeader, part: Part, end: int) -> dict[str, int]:
     """Return the statuses of a part's rows before ``end``."""
     first, count = plan.batches[part.batch]
     if first + count <= end:

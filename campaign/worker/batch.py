@@ -12,12 +12,11 @@ from time import perf_counter
 from campaign.errors import CampaignError
 from campaign.plan import Plan
 from campaign.store import BadPart, Part, Store, open_store
+from campaign.store.layout import CANCEL
 from campaign.worker.limits import cancelled_by, memory_limit
 from campaign.worker.moments import Moments, moments
 from campaign.worker.row import Row, Simulate, compute_row, inputs, rows_to_table
 from engine import build_id, simulate, warm_up
-
-CANCEL = "cancel"  # the marker in a campaign's folder
 
 
 class WrongBuild(CampaignError):

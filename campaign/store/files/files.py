@@ -5,10 +5,10 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
 from campaign.errors import SpecError, StoreError
-from campaign.store.files.local import Folder
+from campaign.store.files.local import LocalFolder
 
 if TYPE_CHECKING:
-    from campaign.store.files.object_store import Objects
+    from campaign.store.files.object_store import ObjectStore
 
 TEMPORARY = ".tmp"  # ending of files that are being written
 LARGEST = 256 * 2**20  # bytes that are read into memory at once: ten times the largest file a store should hold
@@ -40,12 +40,12 @@ class Files:
     def __init__(self, url: str) -> None:
         self.url = url
         self.local = ("://" not in url and "::" not in url) or url.startswith(("file://", "local://"))
-        self._backend = Folder(re.sub(r"^(file|local)://", "", url)) if self.local else _objects(url)
+        self._backend = LocalFolder(re.sub(r"^(file|local)://", "", url)) if self.local else _open_url(url)
 
     @property
     def root(self) -> str:
         """The path or URL under which every process finds the same files, whatever folder it stands in."""
-        return self._backend.root if isinstance(self._backend, Folder) else self.url
+        return self._backend.root if isinstance(self._backend, LocalFolder) else self.url
 
     @property
     def shared(self) -> bool:
@@ -176,11 +176,11 @@ def _reason(error: Exception) -> str:
     return (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
 
 
-def _objects(url: str) -> "Objects":
-    """Return what speaks to the file system of a URL."""
-    from campaign.store.files import object_store as objects
+def _open_url(url: str) -> "ObjectStore":
+    """Open the file system of a URL."""
+    from campaign.store.files.object_store import ObjectStore  # imports fsspec, which folders do without
 
     try:
-        return objects.Objects(url)
+        return ObjectStore(url)
     except (ValueError, ImportError) as error:
         raise SpecError(f"store {url}: {error}; name a folder, or a URL fsspec can open") from error

@@ -15,7 +15,7 @@ from functools import cache
 from pathlib import Path
 
 
-class Folder:
+class LocalFolder:
     """Files under a folder; paths are full, errors those of the operating system."""
 
     shared = True

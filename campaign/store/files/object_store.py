@@ -24,7 +24,7 @@ ANSWERS = (  # no faults of the way there: they would be the same if asked again
 T = TypeVar("T")
 
 
-class Objects:
+class ObjectStore:
     """Files under a URL; paths are the file system's, errors are OSError whatever the file system raised.
 
     Whatever may be a fault of the moment (a timeout, a server error, "slow down") is tried four times.

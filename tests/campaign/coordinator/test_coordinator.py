@@ -18,7 +18,8 @@ from campaign.errors import CampaignError, StoreError
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import Store, open_store, part_name
-from campaign.worker.batch import CANCEL, Cancelled
+from campaign.store.layout import CANCEL
+from campaign.worker.batch import Cancelled
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows, start
 
@@ -162,7 +163,7 @@ def test_cancelled_campaign_stops_and_goes_on(tmp_path, campaign):
     assert outcome.computed == 25 - kept
 
 
-def test_what_is_damaged_is_kept_aside(tmp_path, campaign, workers):
+def test_what_is_damaged_is_quarantined(tmp_path, campaign, workers):
     """Nothing is written over: who looks for the cause finds the file as it was."""
     store = open_store(str(tmp_path / "s"))
     name = part_name(submit(store, campaign, 3), 1)
@@ -172,7 +173,7 @@ def test_what_is_damaged_is_kept_aside(tmp_path, campaign, workers):
 
 
 def test_rows_computed_again_count_once(tmp_path, campaign, workers, monkeypatch):
-    """A part that was damaged meanwhile is set aside and computed again; what is said counts its rows once."""
+    """A part that was damaged meanwhile is quarantined and computed again; what is said counts its rows once."""
     record, damaged = Store.record, []
 
     def damaging(self, plan, parts):

@@ -10,8 +10,9 @@ import time
 import pytest
 
 import campaign.coordinator.lease as leases
-from campaign.coordinator.lease import LEASE, LeaseHeld, alive, held, holder, seems_driven, take, this_process
+from campaign.coordinator.lease import LeaseHeld, alive, held, holder, seems_driven, take, this_process
 from campaign.store import open_store
+from campaign.store.layout import LEASE
 
 HELD = """
 import sys, time

@@ -115,7 +115,7 @@ def test_order_of_precedence(store, plan):
 
 
 def test_bad_part_with_a_merged_double(store, plan, caplog):
-    """A bad part is named and set aside, and its batch is not missing if a merged file holds it."""
+    """A bad part is named and quarantined, and its batch is not missing if a merged file holds it."""
     fill(store, plan)
     store.compact(plan)
     whole = store.table()
@@ -125,12 +125,12 @@ def test_bad_part_with_a_merged_double(store, plan, caplog):
     assert store.table().equals(whole)
     assert "part-000001.parquet is not whole" in caplog.text
     assert store.read_part(plan, 1).num_rows == 10
-    assert store.set_aside(plan, survey.bad) == ["part-000001.parquet.bad"]
+    assert store.quarantine(plan, survey.bad) == ["part-000001.parquet.bad"]
     assert store.survey(plan).bad == {}
 
 
 def test_bad_merged_file(store, plan):
-    """All batches of a damaged merged file are missing, it is set aside, and computing them gives the table again."""
+    """All batches of a damaged merged file are missing, it is quarantined, and computing them gives the table again."""
     fill(store, plan)
     whole = store.table()
     store.compact(plan)
@@ -140,7 +140,7 @@ def test_bad_merged_file(store, plan):
     assert (survey.missing, sorted(survey.bad), survey.rows) == ([0, 1, 2], [0, 1, 2], 0)
     assert len(store.table()) == 0
     assert store.compact(plan).bad == survey.bad
-    assert store.set_aside(plan, survey.bad) == ["rows-000000-000002.parquet.bad"]
+    assert store.quarantine(plan, survey.bad) == ["rows-000000-000002.parquet.bad"]
     fill(store, plan)
     assert store.table().equals(whole)
 
@@ -170,7 +170,7 @@ COMPACTS = """
 import sys
 from campaign.store import open_store
 store = open_store(sys.argv[1])
-plan = store.outline(store.find(None))
+plan = store.plan_header(store.find(None))
 import campaign.store.compact
 print("go", flush=True)
 store.compact(plan)

@@ -113,11 +113,11 @@ def huge(store, plan, name):
         (huge, "has 10737418240 bytes, more than any file of rows"),
     ],
 )
-def test_bad_part_is_named_set_aside_and_replaced(store, plan, caplog, spoil, reason):
-    """A bad part is not used; readers say so, writers set it aside, as often as it comes, and compute it again."""
+def test_bad_part_is_named_quarantined_and_replaced(store, plan, caplog, spoil, reason):
+    """A bad part is not used; readers say so, writers quarantine it, as often as it comes, and compute it again."""
     fill(store, plan)
     whole = store.table()
-    for aside in (["part-000001.parquet.bad"], ["part-000001.parquet.bad", "part-000001.parquet.bad-2"]):
+    for quarantined in (["part-000001.parquet.bad"], ["part-000001.parquet.bad", "part-000001.parquet.bad-2"]):
         spoil(store, plan, part_name(plan, 1))
         assert store.table()["sample"].to_pylist() == [*range(10), *range(20, 25)]
         assert reason in caplog.text
@@ -126,10 +126,10 @@ def test_bad_part_is_named_set_aside_and_replaced(store, plan, caplog, spoil, re
         survey = store.survey(plan)
         assert (survey.missing, list(survey.bad), survey.rows) == ([1], [1], 15)
         assert reason in survey.bad[1]
-        assert store.set_aside(plan, survey.bad) == aside[-1:]
+        assert store.quarantine(plan, survey.bad) == quarantined[-1:]
         assert store.files.names(f"{plan.campaign_id}/parts") == [
             "part-000000.parquet",
-            *aside,
+            *quarantined,
             "part-000002.parquet",
         ]
         fill(store, plan, [1])
@@ -170,13 +170,13 @@ def sealed(tmp_path_factory):
 
 
 def test_part_that_became_sound_stays(store, plan):
-    """A bad part that was replaced since it was found is not set aside."""
+    """A bad part that was replaced since it was found is not quarantined."""
     fill(store, plan)
     truncate(store, plan, part_name(plan, 1))
     survey = store.survey(plan)
     store.files.remove(part_name(plan, 1))
     fill(store, plan, [1])
-    assert store.set_aside(plan, survey.bad) == []
+    assert store.quarantine(plan, survey.bad) == []
     assert store.survey(plan).missing == []
 
 

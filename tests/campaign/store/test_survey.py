@@ -212,24 +212,24 @@ def test_documents(store, plan):
             store.read_json(name, "state.json")
 
 
-def test_outline_is_the_plan(store, plan):
+def test_header_is_the_plan(store, plan):
     """The quick reading of a plan agrees with the plan."""
-    outline = store.outline(plan.campaign_id)
-    assert outline.schema.equals(plan.schema, check_metadata=True)
-    assert (outline.batches, outline.columns, outline.samples) == (plan.batches, plan.columns, 25)
+    header = store.plan_header(plan.campaign_id)
+    assert header.schema.equals(plan.schema, check_metadata=True)
+    assert (header.batches, header.columns, header.samples) == (plan.batches, plan.columns, 25)
     fill(store, plan)
-    assert store.survey(outline) == store.survey(plan)
+    assert store.survey(header) == store.survey(plan)
 
 
 @pytest.mark.parametrize("key", ["batches", "spec", "schema", "campaign"])
-def test_outline_of_a_damaged_plan(store, plan, key):
+def test_header_of_a_damaged_plan(store, plan, key):
     """A plan that lacks something, or whose batches have a hole, is refused."""
     content = json.loads(plan.to_json())
     del content[key]
     name = f"{plan.campaign_id}/plan.json"
     store.files.write(name, json.dumps(content).encode())
     with pytest.raises(StoreError, match=r"plan\.json cannot be read"):
-        store.outline(plan.campaign_id)
+        store.plan_header(plan.campaign_id)
     store.files.write(name, plan.to_json().replace("[\n   10,\n   10\n  ],", "").encode())
     with pytest.raises(StoreError, match="a batch begins at sample 20 where 10 is next"):
-        store.outline(plan.campaign_id)
+        store.plan_header(plan.campaign_id)

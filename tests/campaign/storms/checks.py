@@ -1,6 +1,6 @@
 """What must hold of a store when a campaign is over, whatever happened to it."""
 
-from campaign.store import manifest
+from campaign.store import layout
 from campaign.store.files.files import TEMPORARY
 from campaign.store.survey import load_manifest
 
@@ -23,7 +23,7 @@ def check_whole(store, plan, reference):
     assert {part.batch: part for parts in known.values() for part in parts} == survey.parts
     root = plan.campaign_id
     there = set(store.files.names(root)) - {"reports"}
-    kept = {"plan.json", "campaign.toml", "state.json", "heartbeat.json", "parts", manifest.NAME}
+    kept = {"plan.json", "campaign.toml", "state.json", "heartbeat.json", "parts", layout.MANIFEST}
     assert there == kept, there ^ kept  # no lease, no marker, nothing temporary
     assert [name for name in store.files.names(f"{root}/parts") if name.endswith(TEMPORARY)] == []
     assert store.read_json(root, "state.json")["state"] == "completed"

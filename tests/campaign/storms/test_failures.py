@@ -15,14 +15,13 @@ import pytest
 
 from campaign.cluster.connect import Cluster
 from campaign.coordinator.coordinator import coordinate
-from campaign.coordinator.lease import LEASE
 from campaign.coordinator.results import TRIES
 from campaign.coordinator.state import state_of
 from campaign.coordinator.submit import submit
 from campaign.errors import StoreError
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.worker.batch import CANCEL
+from campaign.store.layout import CANCEL, LEASE
 from tests.campaign import fake_engine
 from tests.campaign.cluster_processes import free_port, scheduler, worker
 from tests.campaign.driving import computed
@@ -165,7 +164,7 @@ def test_two_coordinators_with_the_lease_forced_open(tmp_path, asked, reference,
 
 
 def test_part_damaged_while_it_runs(tmp_path, asked, reference, supervisor):
-    """A part that was sound and is not any more at the end is named, set aside, and computed again."""
+    """A part that was sound and is not any more at the end is named, quarantined, and computed again."""
     store, plan, _ = driven(tmp_path, asked, supervisor, 3, 0.02)
     wait(lambda: len(parts(store, plan)) > 5, lambda: supervisor.said("coordinator"))
     names = [f"{plan.campaign_id}/parts/{name}" for name in parts(store, plan)[:2]]
@@ -175,9 +174,9 @@ def test_part_damaged_while_it_runs(tmp_path, asked, reference, supervisor):
     finish(supervisor)
     said = supervisor.said("coordinator")
     for name in names:
-        aside = name.rsplit("/", 1)[-1] + ".bad"
-        assert f"set aside as {aside}" in said
-        store.files.remove(f"{plan.campaign_id}/parts/{aside}")
+        quarantined = name.rsplit("/", 1)[-1] + ".bad"
+        assert f"quarantined as {quarantined}" in said
+        store.files.remove(f"{plan.campaign_id}/parts/{quarantined}")
     check_whole(store, plan, reference)
 
 

@@ -10,7 +10,8 @@ from functools import partial
 import psutil
 import pytest
 
-from campaign.worker.batch import CANCEL, Cancelled, Task, rows_here
+from campaign.store.layout import CANCEL
+from campaign.worker.batch import Cancelled, Task, rows_here
 from campaign.worker.limits import memory_limit, time_limit
 from campaign.worker.subprocess_runs import TRIES, rows_apart
 from tests.campaign import fake_engine

@@ -91,7 +91,7 @@ def test_sweep_goes_by_the_clock_that_dates_the_files(tmp_path):
     in_work = tmp_path / "parts" / "part-000004.parquet.0123456789ab-1-01234567.tmp"
     in_work.parent.mkdir()
     in_work.write_bytes(b"x")
-    script = f"from campaign.files import DEAD_AFTER, Files; Files({str(tmp_path)!r}).sweep('parts')"
+    script = f"from campaign.store.files.files import DEAD_AFTER, Files; Files({str(tmp_path)!r}).sweep('parts')"
     subprocess.run(["faketime", "-f", "+365d", sys.executable, "-c", script], check=True)
     assert in_work.exists()
 

@@ -12,12 +12,12 @@ from contextlib import contextmanager
 import pytest
 import s3fs
 
-import campaign.store.files.object_store as objects
 from campaign.cluster.connect import Cluster
 from campaign.coordinator.coordinator import coordinate
 from campaign.coordinator.submit import submit
 from campaign.errors import SpecError, StoreError
 from campaign.store import open_store, part_name
+from campaign.store.files import object_store
 from campaign.store.files.files import Files
 from campaign.worker.batch import Order, Task, run_batch
 from tests.campaign import fake_engine
@@ -129,7 +129,7 @@ def test_killed_writer_leaves_whole_parts(remote, plan, seed):
 
 def test_server_that_is_killed(monkeypatch, plan):
     """A server that dies is a StoreError that says what to do; with it back, the same call succeeds."""
-    monkeypatch.setattr(objects, "PAUSES", (0.1, 0.1))
+    monkeypatch.setattr(object_store, "PAUSES", (0.1, 0.1))
     with s3_server() as (server, port):
         url = bucket(monkeypatch, port)
         store = open_store(url)
@@ -163,7 +163,7 @@ def test_server_that_comes_back_in_time(monkeypatch, plan):
 
 def test_busy_server(monkeypatch, plan, campaign):
     """Every third request is answered "slow down", and no call fails."""
-    monkeypatch.setattr(objects, "PAUSES", (0.01, 0.01, 0.01))
+    monkeypatch.setattr(object_store, "PAUSES", (0.01, 0.01, 0.01))
     with s3_server(busy=3) as (_, port):
         store = open_store(bucket(monkeypatch, port))
         monkeypatch.setattr(s3fs.S3FileSystem, "retries", 1)
@@ -195,16 +195,16 @@ def test_one_of_two_creates(url):
 
 
 def test_killed_between_copy_and_removal(remote, plan, monkeypatch, caplog):
-    """A bad part that was copied but not removed is set aside once more; what is computed then stays."""
+    """A bad part that was copied but not removed is quarantined once more; what is computed then stays."""
     fill(remote, plan)
     remote.files.write(part_name(plan, 1), b"damaged")
     survey = remote.survey(plan)
     with monkeypatch.context() as patch:
-        patch.setattr(objects.Objects, "remove", lambda self, path: os.strerror(0))
-        assert remote.set_aside(plan, survey.bad) == ["part-000001.parquet.bad"]
+        patch.setattr(object_store.ObjectStore, "remove", lambda self, path: os.strerror(0))
+        assert remote.quarantine(plan, survey.bad) == ["part-000001.parquet.bad"]
     survey = remote.survey(plan)
     assert (survey.missing, list(survey.bad)) == ([1], [1])
-    assert remote.set_aside(plan, survey.bad) == ["part-000001.parquet.bad-2"]
+    assert remote.quarantine(plan, survey.bad) == ["part-000001.parquet.bad-2"]
     fill(remote, plan, [1])
     assert remote.survey(plan).bad == {}
     assert len(remote.table()) == 25
@@ -235,7 +235,7 @@ def test_no_such_bucket(url):
 
 def test_no_credentials(url, monkeypatch):
     """Without credentials there is one message too."""
-    monkeypatch.setattr(objects, "PAUSES", (0.01,))
+    monkeypatch.setattr(object_store, "PAUSES", (0.01,))
     for key in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
         monkeypatch.delenv(key)
     monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")

@@ -1,0 +1,19 @@
+"""Names of the files and folders of a store; each is written here once.
+
+``STORE/CAMPAIGN_ID/`` holds what a campaign is (its plan), what has been computed (its parts), what is computed now
+(state, lease, heartbeat, cancel marker), and its report.
+"""
+
+PLAN = "plan.json"
+CAMPAIGN_FILE = "campaign.toml"
+PARTS = "parts"
+MANIFEST = "manifest.json"
+STOPPED = "stopped.json"  # there once the stopping rule has ended the campaign
+STATE = "state.json"
+LEASE = "lease.json"
+HEARTBEAT = "heartbeat.json"
+CANCEL = "cancel"  # a marker: who finds it ends the campaign
+REPORT = "report"
+LOG = "coordinator.log"
+
+SERVICE = "service"  # beside the campaigns: the lease and the heartbeat of a coordinator that serves the store
