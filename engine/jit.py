@@ -38,5 +38,8 @@ OPTIONS = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False, 
 
 kernel: Any = numba.njit(**OPTIONS)  # type: ignore[call-overload]
 
+# For the copies of kernels that are measured: their clocks have addresses, which cannot be kept on disk.
+uncached: Any = numba.njit(**{**OPTIONS, "cache": False})  # type: ignore[call-overload]
+
 # For kernels that only kernels call: a way in from Python would be a third of their compile time.
 inner: Any = numba.njit(**OPTIONS, no_cpython_wrapper=True)  # type: ignore[call-overload]

@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from numba.extending import intrinsic
 
-from engine.jit import OPTIONS
+from engine.jit import uncached
 from engine.kernels import run, step
 
 # loads: with the free motion; contacts: finding them, their velocities and the active set; projection: with its own
@@ -45,7 +45,6 @@ IN_STEP = {
 }
 IN_RUN = {"_measure": REST, "note": REST, "_rest": REST}
 
-_kernel = numba.njit(**{**OPTIONS, "cache": False})  # type: ignore[call-overload]
 _clock = ctypes.CDLL(None).clock_gettime
 _clock.argtypes, _clock.restype = (ctypes.c_int, ctypes.c_size_t), ctypes.c_int
 _MONOTONIC = time.CLOCK_MONOTONIC
@@ -76,7 +75,7 @@ def clocked_run() -> tuple[Callable[..., None], np.ndarray]:
 def _rebound(dispatcher: Any, names: Mapping[str, Any]) -> Any:
     """Compile a kernel with other functions behind the names it calls."""
     function = dispatcher.py_func
-    return _kernel(FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__))
+    return uncached(FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__))
 
 
 def _clocked(module: Any, stages: Mapping[str, str]) -> dict[str, Any]:
@@ -87,13 +86,13 @@ def _with_clock(stage: Any, number: int) -> Any:
     """Return the kernel ``stage`` with what it takes added to ``_spent[number]``."""
     spent_at, instant_at = _spent.ctypes.data, _instant.ctypes.data
 
-    @_kernel
+    @uncached
     def now() -> Any:
         _clock(_MONOTONIC, instant_at)
         instant = _integers(instant_at)
         return 1_000_000_000 * instant[0] + instant[1]
 
-    @_kernel
+    @uncached
     def clocked(*arguments: Any) -> Any:
         start = now()
         result = stage(*arguments)

@@ -7,7 +7,7 @@ f_k(x_k)``: what the others explain is then no noise to the one. Correlated ones
 index keeps its meaning. The delete-a-group jackknife takes off the share that fitted noise adds, and gives the
 intervals (Efron, Stein 1981); near zero they are short by a few percent of confidence.
 
-Root mean square error, the largest over the variables (`tests/reporting/test_first_order.py`):
+Root mean square error, the largest over the variables (`tests/reporting/sensitivity/test_first_order.py`):
 
 =========================  ==========  ============  ============
 n, model                   all at once one at a time classes

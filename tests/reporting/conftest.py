@@ -6,9 +6,9 @@ from dataclasses import replace
 import pyarrow as pa
 import pytest
 from hypothesis import settings
-from synthetic import c60_spec, c60_table
 
 from reporting import ReportSpec
+from tests.reporting.synthetic import c60_spec, c60_table
 
 # The first call of a test pays for imports; what a report may cost is measured by tests of their own.
 settings.register_profile("reporting", deadline=None)

@@ -6,11 +6,11 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from scipy import stats
-from synthetic import c60_spec, c60_table
 
 from reporting import ReportError
 from reporting.comparison import compare
 from reporting.samples import read_samples
+from tests.reporting.synthetic import c60_spec, c60_table
 
 
 def compared(table: pa.Table, other: pa.Table, first_only: bool = False, **changes):

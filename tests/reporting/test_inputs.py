@@ -6,11 +6,11 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from scipy import stats
-from synthetic import c60_spec, c60_table
 
 from reporting.inputs import analyse_correlations, analyse_variable
 from reporting.samples import read_samples
 from reporting.spec import VariableSpec
+from tests.reporting.synthetic import c60_spec, c60_table
 
 GRID = np.linspace(-4, 4, 2001)
 NORMAL = VariableSpec(

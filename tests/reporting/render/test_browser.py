@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from synthetic import c60_spec, c60_table
 
 from reporting.render.write import write_report
+from tests.reporting.synthetic import c60_spec, c60_table
 
 AXE = Path(__file__).parents[3] / "node_modules" / "axe-core" / "axe.min.js"
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")

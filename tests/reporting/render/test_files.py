@@ -9,7 +9,6 @@ import openpyxl
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from synthetic import c60_spec, c60_table
 
 from reporting import ReportError, write_report
 from reporting.analysis import analyse
@@ -17,6 +16,7 @@ from reporting.render import write
 from reporting.render.html import render_html
 from reporting.render.json import document, report_schema
 from reporting.tolerance.reweighting import Change
+from tests.reporting.synthetic import c60_spec, c60_table
 
 
 def odd_analyses():

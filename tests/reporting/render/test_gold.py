@@ -6,10 +6,9 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
-from synthetic import c60_spec, c60_table
-
 from reporting.analysis import analyse
 from reporting.render.html import render_html
+from tests.reporting.synthetic import c60_spec, c60_table
 
 GOLD = Path(__file__).parent / "gold" / "report.txt"
 BLOCKS = {"p", "h1", "h2", "h3", "tr", "caption", "li", "dt", "dd", "figcaption", "summary", "title", "small", "svg"}

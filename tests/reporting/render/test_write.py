@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
-from synthetic import c60_spec, c60_table
 
 from benchmarks.report import report_of
 from reporting import ReportError, ResponseSpec, write_report
@@ -21,6 +20,7 @@ from reporting.analysis import analyse
 from reporting.render.figures import response_figure
 from reporting.render.html import headline, render_html, weakest
 from reporting.render.json import render_json
+from tests.reporting.synthetic import c60_spec, c60_table
 
 VOID = {"meta", "link", "br", "input", "img", "hr"}
 
