@@ -1,6 +1,7 @@
 """Campaigns to their end on real worker processes, with a stand-in for the physics."""
 
 import json
+from dataclasses import replace
 from functools import partial
 
 import pytest
@@ -224,7 +225,7 @@ def test_workers_of_another_build_are_named(tmp_path, campaign, monkeypatch):
     monkeypatch.setattr(window, "SOUND_WITHIN", 1.0)
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, campaign, 3)
-    other = type(plan)(plan.campaign_id, plan.spec, plan.mechanism, "0123456789abcdef", plan.batches)
+    other = replace(plan, engine_build="0123456789abcdef")
     with pytest.raises(CampaignError, match="no worker left with engine build 0123456789abcdef"):
         coordinate(store, other, Cluster(workers=2), simulate=fake_engine.simulate)
 
