@@ -3,10 +3,10 @@
 One analysis model (`reporting.analysis`), many renderings of it (`reporting.render.html`, `reporting.render.json`).
 """
 
-from reporting.capability.capability import Capability, capability
+from reporting.capability.summary import Capability, capability
 from reporting.errors import ReportError
-from reporting.render.write import write_report
 from reporting.spec import ReportSpec, ResponseSpec, VariableSpec
+from reporting.write import write_report
 
 __all__ = [
     "Capability",

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reporting.arrays import Array, random_rows
+from reporting.capability.verdict import CAPABLE
 from reporting.comparison import Comparison, compare
 from reporting.designs import CORNERS, Design, design
 from reporting.failures import FailedSample, StatusCount, count_statuses, list_failures
@@ -14,15 +15,12 @@ from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_corr
 from reporting.response import ResponseAnalysis, analyse_response
 from reporting.samples import Samples, read_samples
 from reporting.sensitivity.influence import ResponseSensitivity, Sensitivity
-from reporting.sensitivity.polynomials import dealt
-from reporting.sensitivity.sensitivity import sensitivity
-from reporting.sensitivity.total_order import Totals, draws, totals
+from reporting.sensitivity.summary import sensitivity
+from reporting.sensitivity.total_order import TotalOrder, independent_draws, total_order
 from reporting.spec import ReportSpec
 from reporting.tolerance.advice import Advice, advise
 from reporting.tolerance.reweighting import Change
-from reporting.trust import Check
-from reporting.trust_card import trust_checks
-from reporting.verdicts import CAPABLE
+from reporting.trust import Check, trust_checks
 
 if TYPE_CHECKING:
     from reporting.samples import Rows
@@ -31,7 +29,7 @@ CONFIDENCE = 0.95
 # Rows for the tolerance advice: they know a Cpk of 1.33 to 0.6 %.
 _ADVISED_ROWS = 20_000
 
-Widen = Callable[[str, Mapping[str, NDArray[np.float64]], float], Change]
+Widen = Callable[[str, Mapping[str, Array], float], Change]
 
 
 @dataclass(frozen=True)
@@ -91,41 +89,38 @@ class Analysis:
 
 
 def analyse(
-    rows: "Rows", spec: ReportSpec, widen: Widen | None = None, against: "tuple[Rows, ReportSpec] | None" = None
+    samples: Samples, spec: ReportSpec, widen: Widen | None = None, against: "tuple[Rows, ReportSpec] | None" = None
 ) -> Analysis:
     """Return the analysis of a finished or running campaign.
 
     Parameters
     ----------
-    rows : pyarrow.Table or iterable of pyarrow.Table
-        One row per finished sample: number, variables, responses (used only where status is "ok"), status,
-        message and the run's certificate. One table, or tables whose samples follow each other.
+    samples : Samples
+        The checked rows of the campaign.
     spec : ReportSpec
-        What was asked.
+        Limits, requested distributions and provenance.
     widen : callable (variable, columns, factor) -> Change, optional
-        The log ratio at samples, given by the columns of all variables, when the standard deviation of one is so many
-        times what it is; without it there is no tolerance advice.
+        The change of the density at each sample, given by the columns of all variables, when the standard deviation
+        of one variable is multiplied by a factor. Without it there is no tolerance advice.
     against : (rows, ReportSpec), optional
-        Another campaign to compare with; of a campaign of corners the worst case stands beside the statistics.
+        Another campaign to compare with. A worst-case campaign is not compared: its worst case is shown beside the
+        statistics of this one.
+
+    Returns
+    -------
+    Analysis
 
     Raises
     ------
     ReportError
-        The rows do not fit the spec, or the limits of a response are crossed.
+        The rows of the other campaign do not fit its spec, or the limits of a response are crossed.
     """
-    return analyse_samples(read_samples(rows, spec), spec, widen, against)
-
-
-def analyse_samples(
-    samples: Samples, spec: ReportSpec, widen: Widen | None = None, against: "tuple[Rows, ReportSpec] | None" = None
-) -> Analysis:
-    """Return the analysis of samples that have been read; see `analyse`."""
-    other = None if against is None else (draws(read_samples(*against), against[1]), against[1])
+    other = None if against is None else (independent_draws(read_samples(*against), against[1]), against[1])
     corners = next((pair for pair in ((samples, spec), other) if pair and pair[1].sampler == CORNERS), None)
     if other is corners:  # corners are no production to compare with: their worst case stands beside the statistics
         other = None
-    drawn = draws(samples, spec)
-    moved = _sensitivity(drawn, spec, totals(samples, spec))
+    drawn = independent_draws(samples, spec)
+    moved = _sensitivity(drawn, spec, total_order(samples, spec))
     found = {r.response: r for r in moved.responses} if moved else dict[str, ResponseSensitivity]()
     responses = tuple(
         analyse_response(response, drawn, spec, found.get(response.name), corners, CONFIDENCE)
@@ -157,7 +152,7 @@ def analyse_samples(
     )
 
 
-def _sensitivity(samples: Samples, spec: ReportSpec, designed: Mapping[str, Totals | str]) -> Sensitivity | None:
+def _sensitivity(samples: Samples, spec: ReportSpec, designed: Mapping[str, TotalOrder | str]) -> Sensitivity | None:
     """Return what moves the responses; None without variables or responses."""
     if not spec.variables or not spec.responses or not np.any(samples.ok):
         return None
@@ -193,7 +188,7 @@ def _advice(
         if missed
         else ""
     )
-    rows = ok[dealt(ok.size)[:_ADVISED_ROWS]]
+    rows = ok[random_rows(ok.size)[:_ADVISED_ROWS]]
     columns = {v.name: samples.values[v.name][rows] for v in spec.variables}
     advice = advise(
         {name: samples.values[name][rows] for name in judged},

@@ -9,18 +9,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import betainc, ndtr, ndtri, stdtr, stdtrit
 
-from reporting.capability.capability import Capability, capability
+from reporting.arrays import Array
 from reporting.capability.intervals import Interval
 from reporting.capability.moments import ROUNDING
+from reporting.capability.summary import Capability, capability
 from reporting.errors import ReportError
 from reporting.samples import Samples
 from reporting.shape.histogram import Histogram, histogram
 from reporting.spec import ReportSpec, ResponseSpec
-
-Array = NDArray[np.float64]
 
 # Cohen's (1988) words for d; below the first the difference is of no use to anybody.
 NEGLIGIBLE, SMALL, MEDIUM = 0.2, 0.5, 0.8

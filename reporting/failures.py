@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reporting.render.format_numbers import plain
+from reporting.format_numbers import plain
 from reporting.samples import OK, Samples
 from reporting.spec import ReportSpec, VariableSpec
 

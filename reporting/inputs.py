@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import kolmogorov
 
+from reporting.arrays import Array
 from reporting.samples import Samples
 from reporting.shape.histogram import Histogram, histogram
 from reporting.spec import ReportSpec, VariableSpec
-
-Array = NDArray[np.float64]
 
 _FEWEST = 30
 _ROWS = 200_000  # know a rank correlation to 0.002

@@ -4,13 +4,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
-from reporting.capability.capability import Capability, capability
-from reporting.capability.convergence import Running, running
+from reporting.arrays import Array
+from reporting.capability.convergence import Convergence, convergence
 from reporting.capability.intervals import share_lower_bound
 from reporting.capability.shares import Nonconforming, nonconforming, runs_to_claim
+from reporting.capability.summary import Capability, capability
+from reporting.capability.verdict import class_of, verdict
 from reporting.designs import design
 from reporting.errors import ReportError
 from reporting.samples import Samples
@@ -22,9 +23,6 @@ from reporting.shape.normality import CLOSE, Normality, ProbabilityPlot, normali
 from reporting.shape.tails import TailShare, pareto_tails
 from reporting.spec import ReportSpec, ResponseSpec
 from reporting.tolerance.worst_case import WorstCase, worst_case
-from reporting.verdicts import class_of, verdict
-
-Array = NDArray[np.float64]
 
 # The share of a centred normal response with Cp 1.33: what "1.33" claims.
 CLAIM_PPM = 64.0
@@ -90,7 +88,7 @@ class ResponseAnalysis:
         Distributions fitted.
     methods : tuple of NonnormalIndices
         By percentiles and by Z-scores of the best fit, and by the values' own percentiles.
-    running : Running or None
+    running : Convergence or None
         How the index settled.
     sensitivity : ResponseSensitivity or None
         What moves it.
@@ -112,7 +110,7 @@ class ResponseAnalysis:
     plot: ProbabilityPlot | None
     fits: Fits
     methods: tuple[NonnormalIndices, ...]
-    running: Running | None
+    running: Convergence | None
     sensitivity: ResponseSensitivity | None
 
 
@@ -132,7 +130,7 @@ def analyse_response(
         Its limits are crossed.
     """
     values = samples.values[spec.name][samples.ok]
-    batches = None if samples.batch is None else samples.batch[samples.ok]
+    batches = None if samples.production_batch is None else samples.production_batch[samples.ok]
     try:
         numbers = capability(values, spec.lsl, spec.usl, spec.target, confidence, batches)
     except ReportError as error:
@@ -165,7 +163,7 @@ def analyse_response(
         plot=probability_plot(x, confidence=confidence),
         fits=fits,
         methods=_methods(x, fits, spec, confidence) if limited else (),
-        running=running(x, spec.lsl, spec.usl, confidence),
+        running=convergence(x, spec.lsl, spec.usl, confidence),
         sensitivity=sensitivity,
     )
 

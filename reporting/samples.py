@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from reporting.arrays import Array
 from reporting.errors import ReportError
 from reporting.spec import ReportSpec
 
@@ -49,8 +50,8 @@ class Samples:
     settled : array of bool, shape (n,)
     penetration_unit : str
         From the column's metadata; empty where there is none.
-    batch : array of int64, shape (n,), or None
-        Production batch.
+    production_batch : array of int64, shape (n,), or None
+        Number of each sample's production batch; None without production batches.
     run_seconds : float or None
         Time all runs took together [s]; None where the rows do not say it.
     """
@@ -60,12 +61,12 @@ class Samples:
     statuses: tuple[str, ...]
     messages: dict[int, str]
     ok: NDArray[np.bool_]
-    values: dict[str, NDArray[np.float64]]
-    max_residual: NDArray[np.float64]
-    max_penetration: NDArray[np.float64]
+    values: dict[str, Array]
+    max_residual: Array
+    max_penetration: Array
     settled: NDArray[np.bool_]
     penetration_unit: str
-    batch: NDArray[np.int64] | None
+    production_batch: NDArray[np.int64] | None
     run_seconds: float | None
 
     def rows_of(self, status: str) -> NDArray[np.intp]:
@@ -93,8 +94,8 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
     """
     names = [*(v.name for v in spec.variables), *(r.name for r in spec.responses)]
     kept = [*names, "sample", "max_residual", "max_penetration", "settled"]
-    kept += [spec.batch_column] if spec.batch_column else []
-    pieces: dict[str, list[NDArray[np.float64]]] = {name: [np.zeros(0)] for name in kept}
+    kept += [spec.production_batch_column] if spec.production_batch_column else []
+    pieces: dict[str, list[Array]] = {name: [np.zeros(0)] for name in kept}
     codes, statuses, messages = [np.zeros(0, np.int16)], dict[str, int](), dict[int, str]()
     unit, seconds = "", None
     for table in _tables(rows):
@@ -118,7 +119,9 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
         max_penetration=columns.pop("max_penetration"),
         settled=columns.pop("settled") == 1.0,
         penetration_unit=unit,
-        batch=columns.pop(spec.batch_column).astype(np.int64) if spec.batch_column else None,
+        production_batch=columns.pop(spec.production_batch_column).astype(np.int64)
+        if spec.production_batch_column
+        else None,
         run_seconds=seconds,
         values=columns,
     )
@@ -186,7 +189,7 @@ def _statuses(table: "pyarrow.Table", known: dict[str, int], messages: dict[int,
     return codes
 
 
-def _numbers(table: "pyarrow.Table", name: str) -> NDArray[np.float64]:
+def _numbers(table: "pyarrow.Table", name: str) -> Array:
     """Return a column as floats, nulls as NaN."""
     import pyarrow
 
@@ -198,7 +201,7 @@ def _numbers(table: "pyarrow.Table", name: str) -> NDArray[np.float64]:
         raise ReportError(f"column {name!r} holds {kind}; numbers are needed")
     if name == "sample" and column.null_count:
         raise ReportError(f"column 'sample' has {column.null_count} empty rows; every row needs its number")
-    values: NDArray[np.float64] = column.cast(pyarrow.float64()).to_numpy()
+    values: Array = column.cast(pyarrow.float64()).to_numpy()
     return values
 
 

@@ -102,7 +102,7 @@ class ReportSpec:
         The command that repeats a sample of the campaign, without the sample's number; empty: there is none.
     correlations : tuple of (str, str, float)
         Pairs of variables and the rank correlation (Spearman) asked for.
-    batch_column : str
+    production_batch_column : str
         Column with the number of the production batch each sample is in; empty without batches.
     stop : str
         What the campaign's stopping rule said, in words; empty without a rule.
@@ -123,6 +123,6 @@ class ReportSpec:
     sampler: str = "random"
     replay: str = ""
     correlations: tuple[tuple[str, str, float], ...] = ()
-    batch_column: str = ""
+    production_batch_column: str = ""
     stop: str = ""
     designed: tuple[str, ...] = ()

@@ -21,8 +21,8 @@ from campaign.store import Store
 from campaign.store.layout import REPORT, STOPPED
 from campaign.version import clearcap_version
 from reporting import ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
-from reporting.render.write import USUAL
 from reporting.tolerance.reweighting import Change
+from reporting.write import USUAL
 
 BATCH = "production batch"
 _CDF_POINTS = 401
@@ -48,7 +48,7 @@ def report(
     rows : pyarrow.Table or iterable of pyarrow.Table, optional
         Its rows; read from the store, a file at a time, if not given.
     kinds : collection of str
-        Files to write, see `reporting.render.write.NAMES`.
+        Files to write, see `reporting.write.NAMES`.
     against : str, optional
         Id of another campaign of the store to compare with.
 
@@ -124,7 +124,7 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         sampler=spec.sampler,
         replay=shlex.join(["clearcap", "replay", *place, plan.campaign_id]),
         correlations=spec.correlations or (),
-        batch_column=BATCH if _batched(plan) else "",
+        production_batch_column=BATCH if _batched(plan) else "",
         stop=_stop(plan, store),
         designed=tuple(varied(spec)) if spec.sampler == "saltelli" else (),
     )

@@ -19,12 +19,12 @@ from campaign.spec.campaign_file import Response
 from campaign.spec.messages import fault
 from campaign.store import Store
 from reporting import ReportError, capability
-from reporting.sensitivity.sensitivity import sensitivity
+from reporting.capability.verdict import CAPABLE
+from reporting.sensitivity.summary import sensitivity
 from reporting.tolerance.advice import Advice, advise
-from reporting.tolerance.allocation import Allocation, Joint, Requirement, allocate
+from reporting.tolerance.allocation import Allocation, CostedVariable, Requirement, allocate
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.whatif import WhatIf, what_if_all
-from reporting.verdicts import CAPABLE
 
 Limits = dict[str, tuple[float | None, float | None]]
 
@@ -221,7 +221,7 @@ def _varied(plan: Plan) -> list[str]:
     return [name for name, variable in plan.spec.variables.items() if variable.moments()[1] > 0]
 
 
-def _joint(name: str, std: float, cost: Cost) -> Joint:
+def _joint(name: str, std: float, cost: Cost) -> CostedVariable:
     """Return what may be done to one variable."""
     lower, upper = cost.lower or 0.1 * std, cost.upper or 10 * std
-    return Joint(name, std, cost.fixed, cost.cost, lower, upper, cost.locked)
+    return CostedVariable(name, std, cost.fixed, cost.cost, lower, upper, cost.locked)

@@ -1,5 +1,5 @@
 """Capability indices of a response and their intervals."""
 
-from reporting.capability.capability import Capability, capability
+from reporting.capability.summary import Capability, capability
 
 __all__ = ["Capability", "capability"]

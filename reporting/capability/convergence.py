@@ -4,12 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reporting.arrays import Array
 from reporting.capability.intervals import cpk_half_width, mean_interval
 from reporting.capability.moments import ROUNDING
-
-Array = NDArray[np.float64]
 
 _POINTS, _FIRST = 60, 10
 # Halves of a campaign that differ by so many standard errors do not come from one source.
@@ -17,7 +15,7 @@ DRIFT_BAR = 4.0
 
 
 @dataclass(frozen=True)
-class Running:
+class Convergence:
     """An index over the first n samples.
 
     Attributes
@@ -41,7 +39,7 @@ class Running:
     drift: float | None
 
 
-def running(x: Array, lsl: float | None, usl: float | None, confidence: float) -> Running | None:
+def convergence(x: Array, lsl: float | None, usl: float | None, confidence: float) -> Convergence | None:
     """Return how the index of a response settles; None below 10 values or without spread.
 
     Parameters
@@ -73,7 +71,7 @@ def running(x: Array, lsl: float | None, usl: float | None, confidence: float) -
     if not points:
         return None
     counts, values, low, high = zip(*points, strict=True)
-    return Running("Cpk" if limited else "mean", counts, values, low, high, _drift(x, lsl, usl))
+    return Convergence("Cpk" if limited else "mean", counts, values, low, high, _drift(x, lsl, usl))
 
 
 def _cpk(mean: float, std: float, lsl: float | None, usl: float | None) -> float:

@@ -1,15 +1,16 @@
 """Location, spread and shape of a series of numbers."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from reporting.arrays import Array
 from reporting.errors import ReportError
 
 # A spread below this share of the largest value is the rounding of a constant, not a spread.
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
 
 
-def series(x: ArrayLike) -> NDArray[np.float64]:
+def series(x: ArrayLike) -> Array:
     """Return `x` as a one-dimensional array of floats.
 
     Raises
@@ -26,7 +27,7 @@ def series(x: ArrayLike) -> NDArray[np.float64]:
     return values
 
 
-def location_and_shape(x: NDArray[np.float64]) -> dict[str, float]:
+def location_and_shape(x: Array) -> dict[str, float]:
     """Return location, spread and shape as far as the number of values allows.
 
     The keys mean, std, min, max, median are in the unit of `x`; std is 0 where the values differ by rounding only.
@@ -51,7 +52,7 @@ def location_and_shape(x: NDArray[np.float64]) -> dict[str, float]:
     return numbers | {"std": std} | _shape((x - mean) / std)
 
 
-def _shape(z: NDArray[np.float64]) -> dict[str, float]:
+def _shape(z: Array) -> dict[str, float]:
     """Return adjusted skewness and excess kurtosis of standardised values (Joanes, Gill 1998: G1, G2)."""
     n, numbers = z.size, {}
     if n > 2:

@@ -10,8 +10,9 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri, gammaln, ndtr, ndtri
+
+from reporting.arrays import Array
 
 # Probability left out at each end when the chi distribution is integrated: at rounding level.
 _TAIL = 1e-16
@@ -42,7 +43,7 @@ def cpk_survival(observed: float, n: int, cpk: float) -> float:
     """
     reach = 3.0 * math.sqrt(n)
 
-    def inside(u: NDArray[np.float64]) -> NDArray[np.float64]:
+    def inside(u: Array) -> Array:
         both = ndtr(reach * (abs(cpk) - observed * u)) - ndtr(-reach * (cpk - observed * u))
         return np.maximum(np.asarray(both, dtype=np.float64), 0.0)
 
@@ -62,9 +63,7 @@ def cpk_of_survival(observed: float, n: int, probability: float) -> float:
     return float(brentq(lambda cpk: cpk_survival(observed, n, cpk) - probability, least, most, rtol=1e-13))
 
 
-def _expectation(
-    g: Callable[[NDArray[np.float64]], NDArray[np.float64]], nu: float, centre: float, width: float
-) -> float:
+def _expectation(g: Callable[[Array], Array], nu: float, centre: float, width: float) -> float:
     """Return ``E[g(U)]``; g steps from 0 to 1 within `width` around `centre`.
 
     The interval is split there, and each piece is smooth enough for 40 Gauss points.
@@ -88,7 +87,7 @@ def _chi_ends(nu: float) -> tuple[float, float, float]:
 
 
 @lru_cache(maxsize=1)
-def _gauss() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _gauss() -> tuple[Array, Array]:
     """Return the 40 Gauss-Legendre points and weights on [-1, 1]."""
     points, weights = np.polynomial.legendre.leggauss(40)
     return points, weights

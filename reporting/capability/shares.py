@@ -7,9 +7,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import log_ndtr, ndtr
 
+from reporting.arrays import Array
 from reporting.capability.intervals import Interval, share_interval, share_upper_bound
 from reporting.errors import ReportError
 
@@ -61,7 +61,7 @@ class Nonconforming:
 
 
 def nonconforming(
-    x: NDArray[np.float64], lsl: float | None, usl: float | None, confidence: float, failed: int = 0
+    x: Array, lsl: float | None, usl: float | None, confidence: float, failed: int = 0
 ) -> Nonconforming | None:
     """Return the counted shares out of limits; None without values (failed ones included) or without a limit.
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from reporting.arrays import Array
 from reporting.capability.indices import basic_intervals, point_indices
 from reporting.capability.intervals import Interval
 from reporting.capability.moments import ROUNDING
@@ -57,7 +58,7 @@ class Within:
 
 
 def within(
-    x: NDArray[np.float64],
+    x: Array,
     batches: NDArray[np.generic],
     lsl: float | None,
     usl: float | None,
@@ -106,7 +107,7 @@ def within(
 
 
 def _variance_components(
-    x: NDArray[np.float64], batches: NDArray[np.generic]
+    x: Array, batches: NDArray[np.generic]
 ) -> tuple[float | None, float | None, NDArray[np.int64]]:
     """Return sigma within, sigma between and the batch sizes of values whose mean is zero."""
     _, group = np.unique(batches, return_inverse=True)

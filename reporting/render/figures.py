@@ -3,19 +3,17 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from reporting import format_numbers as numbers
+from reporting.arrays import Array
+from reporting.capability.verdict import CAPABLE, MARGINAL
 from reporting.comparison import ResponseComparison
 from reporting.inputs import VariableAnalysis
-from reporting.render import format_numbers as numbers
-from reporting.render.svg import INK, MUTED, Frame, axis_x, axis_y, band, box, curve, dots, line, marker, svg, text
+from reporting.render.svg import INK, MUTED, PlotArea, axis_x, axis_y, band, box, curve, dots, line, marker, svg, text
 from reporting.response import ResponseAnalysis
 from reporting.shape.fits import distribution
 from reporting.shape.histogram import Histogram
-from reporting.verdicts import CAPABLE, MARGINAL
-
-Array = NDArray[np.float64]
 
 BAR, REJECT, LIMIT, TARGET, FIT, OTHER = "#7fa6cc", "#c2371d", "#a61c00", "#1f6f43", "#7a3e9d", "#c9772b"
 BAND = "#e6edf5"
@@ -41,7 +39,7 @@ def response_figure(response: ResponseAnalysis) -> str:
             kept = np.isfinite(density)
             curves.append((x[kept], density[kept], FIT, "5 3"))
     most = max([float(np.max(_density(bins)[1])) if bins else 0.0, *(_top(y) for _, y, _, _ in curves)])
-    frame = Frame(_WIDE, 264, _around(ends or [0.0]), (0.0, 1.06 * most or 1.0), top=42)
+    frame = PlotArea(_WIDE, 264, _around(ends or [0.0]), (0.0, 1.06 * most or 1.0), top=42)
     marks = [axis_y(frame, _density_label(spec.unit))]
     marks += [_bars(frame, bins, spec.lsl, spec.usl)] if bins else []
     for x, y, colour, dash in curves:
@@ -89,7 +87,7 @@ def probability_figure(response: ResponseAnalysis) -> str | None:
     scores = np.asarray(plot.scores)
     reach = max(3.1, float(np.max(np.abs(scores))) + 0.2)
     fit = [c.mean - reach * c.std, c.mean + reach * c.std]
-    frame = Frame(_HALF, 290, _around([*limits, *plot.values, *fit]), (-reach, reach), left=70, top=28)
+    frame = PlotArea(_HALF, 290, _around([*limits, *plot.values, *fit]), (-reach, reach), left=70, top=28)
     ticks = [(float(ndtri(p)), f"{100 * p:g}") for p in _PROBABILITIES if abs(ndtri(p)) < reach]
     marks = [
         axis_y(frame, "values below [%]", ticks),
@@ -107,7 +105,7 @@ def probability_figure(response: ResponseAnalysis) -> str | None:
     return svg(frame, label, marks)
 
 
-def running_figure(response: ResponseAnalysis) -> str | None:
+def convergence_figure(response: ResponseAnalysis) -> str | None:
     """Return the index against the number of samples with its band; None without one."""
     run, spec = response.running, response.spec
     if run is None:
@@ -117,7 +115,7 @@ def running_figure(response: ResponseAnalysis) -> str | None:
     low, high = min(run.low[later:]), max(run.high[later:])
     near = [bar for bar in bars if low - 0.5 * (high - low) <= bar <= high + 0.5 * (high - low)]
     span = _around([low, high, *near])
-    frame = Frame(_HALF, 290, (math.log10(run.n[0]), math.log10(run.n[-1]) + 1e-9), span, left=70, top=28)
+    frame = PlotArea(_HALF, 290, (math.log10(run.n[0]), math.log10(run.n[-1]) + 1e-9), span, left=70, top=28)
     n = [math.log10(count) for count in run.n]
     clipped = [[min(max(v, span[0]), span[1]) for v in column] for column in (run.low, run.high, run.value)]
     powers = [10**p for p in range(1, 9) if run.n[0] <= 10**p <= run.n[-1]]
@@ -148,7 +146,7 @@ def tornado_figure(response: ResponseAnalysis) -> str | None:
     lows, highs = [i.low or 0.0 for i in known], [i.high or 0.0 for i in known]
     height = 62.0 + 22 * len(known)
     left = 24 + max(0.6 * 12 * len(i.variable) for i in known)
-    frame = Frame(_HALF, height, _around([*lows, *highs, c.mean]), (0, len(known)), left=min(left, 180), top=8)
+    frame = PlotArea(_HALF, height, _around([*lows, *highs, c.mean]), (0, len(known)), left=min(left, 180), top=8)
     marks = []
     for row, (influence, low, high) in enumerate(zip(known, lows, highs, strict=True)):
         y = frame.top + 22 * row
@@ -169,7 +167,7 @@ def variable_figure(variable: VariableAnalysis) -> str:
     points = np.asarray(spec.density, dtype=float).reshape(-1, 2)
     ends = [*((bins.edges[0], bins.edges[-1]) if bins else ()), *points[:, 0].tolist()]
     most = max(float(np.max(_density(bins)[1])) if bins else 0.0, _top(points[:, 1]))
-    frame = Frame(340, 210, _around(ends or [0.0]), (0.0, 1.06 * most or 1.0), top=12)
+    frame = PlotArea(340, 210, _around(ends or [0.0]), (0.0, 1.06 * most or 1.0), top=12)
     marks = [axis_y(frame, _density_label(spec.unit))]
     marks += [_bars(frame, bins, spec.lower, spec.upper)] if bins else []
     if points.size:
@@ -187,7 +185,7 @@ def compared_figure(found: ResponseComparison) -> str | None:
         return None
     limits = [v for v in (found.capability.lsl, found.capability.usl) if v is not None]
     most = max(float(np.max(_density(b)[1])) for b in (bins, other))
-    frame = Frame(_WIDE, 230, _around([*limits, bins.edges[0], bins.edges[-1]]), (0.0, 1.06 * most), top=28)
+    frame = PlotArea(_WIDE, 230, _around([*limits, bins.edges[0], bins.edges[-1]]), (0.0, 1.06 * most), top=28)
     marks = [axis_y(frame, _density_label(found.unit)), _bars(frame, bins, None, None)]
     edges, heights = _density(other)
     steps = [(edges[0], 0.0)]
@@ -214,7 +212,7 @@ def unit_suffix(unit: str) -> str:
     return "" if unit in ("", "1") else f" {unit}"
 
 
-def _bars(frame: Frame, bins: Histogram, low: float | None, high: float | None) -> str:
+def _bars(frame: PlotArea, bins: Histogram, low: float | None, high: float | None) -> str:
     """Return the bars; those outside the limits hatched, not only coloured."""
     edges, heights = _density(bins)
     marks = []

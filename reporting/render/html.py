@@ -3,15 +3,15 @@
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
+from reporting import format_numbers as numbers
 from reporting.analysis import Analysis
 from reporting.capability.indices import NAMES, SIX_SIGMA_SHIFT, WHICH_SIGMA
 from reporting.capability.shares import runs_to_claim
+from reporting.capability.verdict import CAPABLE, MARGINAL
 from reporting.designs import CORNERS
 from reporting.render import figures, overview
-from reporting.render import format_numbers as numbers
 from reporting.response import CLAIM_PPM, ResponseAnalysis
 from reporting.sensitivity.influence import CRITICAL_SHARE
-from reporting.verdicts import CAPABLE, MARGINAL
 
 MARKS = {
     "capable": "✓",
@@ -120,7 +120,7 @@ def _environment() -> Environment:
         places=numbers.decimals_for,
         histogram=lambda r: _markup(figures.response_figure(r)),
         probability_plot=lambda r: _markup(figures.probability_figure(r)),
-        running_plot=lambda r: _markup(figures.running_figure(r)),
+        convergence_plot=lambda r: _markup(figures.convergence_figure(r)),
         tornado=lambda r: _markup(figures.tornado_figure(r)),
         variable_histogram=lambda v: _markup(figures.variable_figure(v)),
         compared=lambda c: _markup(figures.compared_figure(c)),

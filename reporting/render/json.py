@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from reporting.analysis import Analysis
-from reporting.verdicts import CAPABLE, MARGINAL
+from reporting.capability.verdict import CAPABLE, MARGINAL
 
 # History: 1, the first. 2: sampling, shares, shape, methods, running index, sensitivity, correlations, advice,
 # comparison; the command that replays a sample.

@@ -2,13 +2,14 @@
 
 from typing import cast
 
+from reporting import format_numbers as numbers
 from reporting.analysis import Analysis
-from reporting.render import format_numbers as numbers
+from reporting.capability.verdict import CAPABLE, MARGINAL
 from reporting.render.svg import (
     GRID,
     INK,
     MUTED,
-    Frame,
+    PlotArea,
     axis_x,
     axis_y,
     box,
@@ -20,7 +21,6 @@ from reporting.render.svg import (
     text_width,
 )
 from reporting.response import ResponseAnalysis
-from reporting.verdicts import CAPABLE, MARGINAL
 
 LIMIT = "#a61c00"
 COLOURS = {"capable": "#1f6f43", "marginal": "#8a5a00", "not capable": "#a61c00"}
@@ -38,7 +38,7 @@ def overview_figure(analysis: Analysis) -> str | None:
     low = max(min(-1.15, *(p[0] for p in parts), *(p[3] for p in parts)), -_REACH)
     high = min(max(1.15, *(p[2] for p in parts), *(p[4] for p in parts)), _REACH)
     left = min(24 + max(text_width(r.spec.name) for r in shown), 200.0)
-    frame = Frame(720, 78 + _ROW * len(shown), (low, high), (0, 1), left=left, top=26)
+    frame = PlotArea(720, 78 + _ROW * len(shown), (low, high), (0, 1), left=left, top=26)
     marks = [
         box(frame.across(-1), frame.top, frame.across(1) - frame.across(-1), frame.ground - frame.top, "#eef3f8"),
         line([(frame.across(0), frame.top), (frame.across(0), frame.ground)], GRID, 1.2),
@@ -70,7 +70,7 @@ def goal_figure(analysis: Analysis) -> str | None:
         places.append(((mean - (lsl + usl) / 2) / (usl - lsl), std / (usl - lsl)))
     reach = min(max(0.55, *(1.1 * abs(x) for x, _ in places)), 1.5)
     top = min(max(0.19, *(1.15 * y for _, y in places)), 0.8)
-    frame = Frame(720, 330, (-reach, reach), (0.0, top), top=14, right=120)
+    frame = PlotArea(720, 330, (-reach, reach), (0.0, top), top=14, right=120)
     marks = [axis_y(frame, "σ / (USL − LSL)")]
     for index, colour in ((CAPABLE, COLOURS["capable"]), (MARGINAL, COLOURS["not capable"])):
         peak = 0.5 / (3 * index)

@@ -5,7 +5,7 @@ from dataclasses import fields
 from typing import Any
 
 from reporting.analysis import Analysis
-from reporting.capability.capability import Capability
+from reporting.capability.summary import Capability
 from reporting.response import ResponseAnalysis
 
 # What of a capability has the unit of its response; the unit stands in the column "unit" of each row.

@@ -16,7 +16,7 @@ _WIDTH_OF_A_LETTER = 0.56  # of its size, on average
 
 
 @dataclass(frozen=True)
-class Frame:
+class PlotArea:
     """A rectangle of the figure and the numbers at its ends.
 
     Attributes
@@ -54,7 +54,7 @@ class Frame:
         return self.height - self.bottom
 
 
-def svg(frame: Frame, label: str, marks: Iterable[str]) -> str:
+def svg(frame: PlotArea, label: str, marks: Iterable[str]) -> str:
     """Return the figure; `label` says in words what it shows."""
     body = "\n".join(marks)
     return (
@@ -76,12 +76,12 @@ def line(points: Iterable[tuple[float, float]], colour: str = INK, width: float 
     return f'<polyline points="{at}" fill="none" stroke="{colour}" stroke-width="{width:g}"{dashes}/>'
 
 
-def curve(frame: Frame, x: Sequence[float], y: Sequence[float], colour: str = INK, dash: str = "") -> str:
+def curve(frame: PlotArea, x: Sequence[float], y: Sequence[float], colour: str = INK, dash: str = "") -> str:
     """Return a line through numbers."""
     return line(((frame.across(a), frame.up(b)) for a, b in zip(x, y, strict=True)), colour, 1.5, dash)
 
 
-def band(frame: Frame, x: Sequence[float], low: Sequence[float], high: Sequence[float], colour: str) -> str:
+def band(frame: PlotArea, x: Sequence[float], low: Sequence[float], high: Sequence[float], colour: str) -> str:
     """Return the area between two curves."""
     there = [f"{frame.across(a):.1f},{frame.up(b):.1f}" for a, b in zip(x, high, strict=True)]
     back = [f"{frame.across(a):.1f},{frame.up(b):.1f}" for a, b in zip(x, low, strict=True)]
@@ -101,7 +101,7 @@ def dots(places: Iterable[tuple[float, float]], colour: str, radius: float = 2.2
     return f'<path d="{path}" stroke="{colour}" stroke-width="{2 * radius:g}" stroke-linecap="round" fill="none"/>'
 
 
-def marker(frame: Frame, value: float, words: str, colour: str, dash: str, row: int = 0) -> str:
+def marker(frame: PlotArea, value: float, words: str, colour: str, dash: str, row: int = 0) -> str:
     """Return a line from the ground up with its name above, kept inside the figure; `row` 1 stands higher."""
     x = frame.across(value)
     half = 0.5 * text_width(words) * 1.05 + 1
@@ -110,7 +110,7 @@ def marker(frame: Frame, value: float, words: str, colour: str, dash: str, row: 
     return line([(x, frame.ground), (x, frame.top - 3 - 14 * row)], colour, 1.5, dash) + "\n" + name
 
 
-def axis_x(frame: Frame, label: str, ticks: Sequence[tuple[float, str]] | None = None) -> str:
+def axis_x(frame: PlotArea, label: str, ticks: Sequence[tuple[float, str]] | None = None) -> str:
     """Return the axis of x: line, ticks, numbers, label."""
     marks = [line([(frame.left, frame.ground), (frame.width - frame.right, frame.ground)], MUTED, 1)]
     known = ticks or _fitting(frame)
@@ -122,7 +122,7 @@ def axis_x(frame: Frame, label: str, ticks: Sequence[tuple[float, str]] | None =
     return "\n".join(marks)
 
 
-def axis_y(frame: Frame, label: str, ticks: Sequence[tuple[float, str]] | None = None) -> str:
+def axis_y(frame: PlotArea, label: str, ticks: Sequence[tuple[float, str]] | None = None) -> str:
     """Return the axis of y: grid, numbers, label."""
     marks = []
     for value, words in ticks or labelled(*frame.y, 4):
@@ -153,7 +153,7 @@ def labelled(low: float, high: float, count: int) -> list[tuple[float, str]]:
     return [(v, f"{v:.{decimals}f}".replace("-", "−") if abs(v) > step / 2 else "0") for v in values]
 
 
-def _fitting(frame: Frame) -> list[tuple[float, str]]:
+def _fitting(frame: PlotArea) -> list[tuple[float, str]]:
     """Return round numbers whose texts fit side by side below the axis."""
     room = frame.width - frame.left - frame.right
     for count in (8, 6, 4, 3, 2):

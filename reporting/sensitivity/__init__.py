@@ -1,5 +1,5 @@
 """Which variable drives a response: regression, first-order and total-order indices, rejects, influence."""
 
-from reporting.sensitivity.sensitivity import sensitivity
+from reporting.sensitivity.summary import sensitivity
 
 __all__ = ["sensitivity"]

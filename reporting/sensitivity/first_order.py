@@ -28,7 +28,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from reporting.sensitivity.polynomials import Array, Sums
+from reporting.arrays import Array
+from reporting.sensitivity.polynomials import Sums
 
 MOST_DEGREE = 10
 _ROWS_PER_COEFFICIENT = 5

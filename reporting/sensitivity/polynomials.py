@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from reporting.arrays import Array
 
 GROUPS = 20
-MOST_ROWS = 200_000  # more would change no digit that is read: the error of a share is then below 0.002
 _CHUNK = 50_000  # rows whose basis is in memory at a time
 _RECURRENCE_ROWS = 20_000  # the basis only needs to be nearly orthonormal: the sums hold what it is
 # Below this norm a polynomial is zero on the sample: the variable has no more distinct values.
@@ -86,11 +85,6 @@ class Sums:
         return Sums(self.basis, *(total_and_rest(a) for a in (self.rows, self.bb, self.by, self.yy)))
 
 
-def dealt(n: int) -> NDArray[np.intp]:
-    """Return row numbers in random order, always the same for the same n, at most 200,000 of them."""
-    return np.random.Generator(np.random.PCG64(n)).permutation(n)[:MOST_ROWS]
-
-
 def basis_of(x: Array, degree: int) -> Basis:
     """Return the orthonormal polynomials of each column, shape (n, k), no column constant."""
     mean, std = x.mean(axis=0), x.std(axis=0)
@@ -113,7 +107,7 @@ def group_sums(x: Array, y: Array, degree: int, groups: int = GROUPS) -> Sums:
     Parameters
     ----------
     x : array, shape (n, k)
-        Variables, finite, no column constant; rows in random order (`dealt`).
+        Variables, finite, no column constant; rows in random order (`reporting.arrays.random_rows`).
     y : array, shape (n, m)
         Responses, finite, no column constant.
     degree : int

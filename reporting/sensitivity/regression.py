@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
+from reporting.arrays import Array
 from reporting.sensitivity.first_order import jackknife_error
-from reporting.sensitivity.polynomials import Array, Sums
+from reporting.sensitivity.polynomials import Sums
 
 MOST_SHARED = 10  # variables up to which all subsets are gone through
 # A variable whose variance is left to less than this share by the others is a combination of them.

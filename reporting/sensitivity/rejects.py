@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import kolmogorov, stdtrit
 
+from reporting.arrays import Array, random_rows
 from reporting.capability.intervals import Interval
-from reporting.sensitivity.polynomials import Array, dealt
 
 FEWEST = 20  # rejects from which their means say something
 TAIL_SHARE = 0.01
@@ -22,7 +22,7 @@ REJECTS, TAIL = "rejects", "least margin"
 
 
 @dataclass(frozen=True)
-class Difference:
+class RejectDifference:
     """How one variable differs between the rejects and the others.
 
     Attributes
@@ -61,7 +61,7 @@ class RejectCauses:
         Samples of the group, and the rest.
     rejects : int
         Values out of limits.
-    differences : tuple of Difference
+    differences : tuple of RejectDifference
         One a variable, the largest distance first.
     """
 
@@ -69,7 +69,7 @@ class RejectCauses:
     count: int
     others: int
     rejects: int
-    differences: tuple[Difference, ...]
+    differences: tuple[RejectDifference, ...]
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def reject_causes(
     inside, outside = np.flatnonzero(~out), np.flatnonzero(out)
     if inside.size < FEWEST:
         return None
-    a, b = outside[dealt(outside.size)], inside[dealt(inside.size)]
+    a, b = outside[random_rows(outside.size)], inside[random_rows(inside.size)]
     differences = (_difference(name, column[a], column[b], confidence) for name, column in inputs.items())
     ranked = sorted(differences, key=lambda d: -d.distance)
     return RejectCauses(group, outside.size, inside.size, rejects, tuple(ranked))
@@ -159,7 +159,7 @@ def worst_samples(
     return tuple(worst)
 
 
-def _difference(name: str, a: Array, b: Array, confidence: float) -> Difference:
+def _difference(name: str, a: Array, b: Array, confidence: float) -> RejectDifference:
     """Compare one variable between two groups, of at least two values each."""
     whole = np.concatenate([a, b])
     std = float(np.std(whole, ddof=1))
@@ -170,7 +170,9 @@ def _difference(name: str, a: Array, b: Array, confidence: float) -> Difference:
     half = float(stdtrit(freedom, 0.5 + confidence / 2)) * math.sqrt(both) / std
     distance = _distance(a, b)
     p_value = float(kolmogorov(distance * math.sqrt(a.size * b.size / whole.size)))
-    return Difference(name, float(a.mean()), float(b.mean()), shift, (shift - half, shift + half), distance, p_value)
+    return RejectDifference(
+        name, float(a.mean()), float(b.mean()), shift, (shift - half, shift + half), distance, p_value
+    )
 
 
 def _distance(a: Array, b: Array) -> float:

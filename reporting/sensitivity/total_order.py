@@ -15,20 +15,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from reporting import format_numbers as numbers
+from reporting.arrays import Array, random_rows
 from reporting.capability.moments import ROUNDING
 from reporting.designs import SALTELLI
 from reporting.errors import ReportError
-from reporting.render import format_numbers as numbers
 from reporting.samples import Samples
 from reporting.sensitivity.first_order import jackknife_error
-from reporting.sensitivity.polynomials import GROUPS, Array, dealt, total_and_rest
+from reporting.sensitivity.polynomials import GROUPS, total_and_rest
 from reporting.spec import ReportSpec
 
 _NAMED = 5  # samples of a hole
 
 
 @dataclass(frozen=True)
-class Totals:
+class TotalOrder:
     """Shares of a response's variance from a design; estimates may leave 0 to 1 by chance.
 
     Attributes
@@ -52,7 +53,7 @@ class Totals:
     interactions_error: Array
 
 
-def draws(samples: Samples, spec: ReportSpec) -> Samples:
+def independent_draws(samples: Samples, spec: ReportSpec) -> Samples:
     """Return the samples that are draws by themselves: of a design those of A and B, otherwise all.
 
     Raises
@@ -72,12 +73,12 @@ def draws(samples: Samples, spec: ReportSpec) -> Samples:
     return replace(
         samples,
         **{name: getattr(samples, name)[kept] for name in columns},
-        batch=None if samples.batch is None else samples.batch[kept],
+        production_batch=None if samples.production_batch is None else samples.production_batch[kept],
         values={name: column[kept] for name, column in samples.values.items()},
     )
 
 
-def totals(samples: Samples, spec: ReportSpec) -> "dict[str, Totals | str]":
+def total_order(samples: Samples, spec: ReportSpec) -> "dict[str, TotalOrder | str]":
     """Return the indices of every response, or in words why there are none; nothing where there is no design.
 
     Raises
@@ -90,16 +91,16 @@ def totals(samples: Samples, spec: ReportSpec) -> "dict[str, Totals | str]":
     if samples.sample.size and samples.sample[-1] >= spec.requested:
         raise ReportError(f"sample {samples.sample[-1]}: a design of {spec.requested} samples numbers them from 0")
     at = samples.sample[samples.ok]
-    found: dict[str, Totals | str] = {}
+    found: dict[str, TotalOrder | str] = {}
     for response in spec.responses:
         y = np.full(spec.requested, np.nan)
         y[at] = samples.values[response.name][samples.ok]
         holes = np.flatnonzero(~np.isfinite(y))
-        found[response.name] = _why_none(holes, y.size) if holes.size else designed_indices(y, spec.designed)
+        found[response.name] = _why_none(holes, y.size) if holes.size else total_order_indices(y, spec.designed)
     return found
 
 
-def designed_indices(y: Array, variables: Sequence[str]) -> Totals | str:
+def total_order_indices(y: Array, variables: Sequence[str]) -> TotalOrder | str:
     """Return the Sobol' indices of a response on a design.
 
     Parameters
@@ -111,7 +112,7 @@ def designed_indices(y: Array, variables: Sequence[str]) -> Totals | str:
 
     Returns
     -------
-    Totals or str
+    TotalOrder or str
         In words why there are none: too few rows, or all values are equal.
 
     Raises
@@ -128,7 +129,7 @@ def designed_indices(y: Array, variables: Sequence[str]) -> Totals | str:
         )
     if n < GROUPS:
         return f"No total indices: a design of {n} rows is too small, {GROUPS} are needed."
-    z = y.reshape(n, width)[dealt(n)]
+    z = y.reshape(n, width)[random_rows(n)]
     z = z - z[:, :2].mean()
     if z[:, :2].std() <= ROUNDING * np.abs(y).max():
         return "No total indices: all values are equal."
@@ -139,7 +140,7 @@ def designed_indices(y: Array, variables: Sequence[str]) -> Totals | str:
     variance = means[:, 1:2] / 2 - (means[:, :1] / 2) ** 2  # of A and B: the other runs repeat their values
     first, total = np.split(means[:, 2:] / variance, 2, axis=1)
     found = [(share[0], jackknife_error(share)) for share in (first, total, total - first)]
-    return Totals(tuple(variables), *found[0], *found[1], *found[2])
+    return TotalOrder(tuple(variables), *found[0], *found[1], *found[2])
 
 
 def _why_none(holes: NDArray[np.intp], requested: int) -> str:

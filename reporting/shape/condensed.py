@@ -8,9 +8,8 @@ log-likelihood at a million values, nearly the same for every family.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from reporting.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 from scipy.special import ndtr, ndtri
 
-Array = NDArray[np.float64]
+from reporting.arrays import Array
+
 Function = Callable[[Array], Array]
 
 _HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)

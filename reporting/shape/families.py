@@ -10,13 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from reporting.arrays import Array
 from reporting.shape import distributions as shapes
 from reporting.shape.condensed import Condensed
 from reporting.shape.distributions import Shape
 
-Array = NDArray[np.float64]
 Theta = tuple[float, ...]
 
 

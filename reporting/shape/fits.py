@@ -10,14 +10,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from reporting.arrays import Array
 from reporting.capability.moments import ROUNDING, series
 from reporting.shape.condensed import Condensed, anderson_darling, condense, distance
 from reporting.shape.families import FAMILIES, Family, Scaled, Theta
 from reporting.shape.maximum_likelihood import curvature, maximise
-
-Array = NDArray[np.float64]
 
 SEARCHED, JUDGED = 600, 20_000
 # Fewer values than this for each parameter say nothing about a shape.

@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from reporting.arrays import Array
 
 _FEWEST, _MOST = 12, 60
 
@@ -25,7 +26,7 @@ class Histogram:
     counts: tuple[int, ...]
 
 
-def histogram(x: NDArray[np.float64], lsl: float | None = None, usl: float | None = None) -> Histogram | None:
+def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> Histogram | None:
     """Count the values of `x` in equal bins that end at the limits; None for no values.
 
     The width follows Freedman and Diaconis (1981), kept between 12 and 60 bins over the data; with both
@@ -50,7 +51,7 @@ def histogram(x: NDArray[np.float64], lsl: float | None = None, usl: float | Non
             width = between / round(between / width)
     anchor = lsl if lsl is not None else usl if usl is not None else low
     first, last = math.floor((low - anchor) / width), math.floor((high - anchor) / width) + 1
-    edges: NDArray[np.float64] = anchor + width * np.arange(first, last + 1, dtype=np.float64)
+    edges: Array = anchor + width * np.arange(first, last + 1, dtype=np.float64)
     for limit in (lsl, usl):
         if limit is not None:
             edges = _end_at(edges, limit, width)
@@ -62,7 +63,7 @@ def histogram(x: NDArray[np.float64], lsl: float | None = None, usl: float | Non
     return Histogram(tuple(edges.tolist()), tuple(counts.tolist()))
 
 
-def _width(x: NDArray[np.float64], span: float) -> float:
+def _width(x: Array, span: float) -> float:
     """Return the width of a bin before the limits have their say."""
     largest = float(np.max(np.abs(x)))
     # Below this the edges of a (nearly) constant response could not be told apart.
@@ -73,7 +74,7 @@ def _width(x: NDArray[np.float64], span: float) -> float:
     return min(max(width, span / _MOST), span / _FEWEST)
 
 
-def _end_at(edges: NDArray[np.float64], limit: float, width: float) -> NDArray[np.float64]:
+def _end_at(edges: Array, limit: float, width: float) -> Array:
     """Make `limit` an edge if it lies between first and last: move the one it rounds to, or add it."""
     if not edges[0] <= limit <= edges[-1]:
         return edges

@@ -17,17 +17,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
+from reporting.arrays import Array
 from reporting.capability.intervals import Interval, bench
 from reporting.capability.moments import series
 from reporting.capability.shares import PPM
 from reporting.shape.families import Scaled, Theta
 from reporting.shape.fits import Fit, distribution
 from reporting.shape.order_statistics import FEWEST, empirical_percentiles, percentile_bootstrap
-
-Array = NDArray[np.float64]
 
 # Shares below, at and above which ISO 22514-2 sets the ends of a process: those of -3, 0 and 3 normal sigmas.
 ENDS = (0.00135, 0.5, 0.99865)

@@ -8,14 +8,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import betaincinv, ndtr, ndtri
 
+from reporting.arrays import Array
 from reporting.capability.intervals import Interval
 from reporting.capability.moments import location_and_shape, series
 from reporting.shape.condensed import Condensed, anderson_darling, condense, distance
-
-Array = NDArray[np.float64]
 
 # A share below any value that is wrong by up to the first is close to normal, from the second on it is not.
 CLOSE, FAR = 0.02, 0.05

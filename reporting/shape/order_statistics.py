@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
+from reporting.arrays import Array
 from reporting.capability.intervals import Interval
-
-Array = NDArray[np.float64]
 
 # ln 0.025 / ln 0.99865: from here on, both ends of a 95 % binomial interval of a 0.135 % percentile are in the sample.
 FEWEST = 2731

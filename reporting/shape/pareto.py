@@ -9,12 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import chdtri
 
+from reporting.arrays import Array
 from reporting.capability.intervals import Interval
-
-Array = NDArray[np.float64]
 
 # Shapes searched: from where the likelihood stops to be regular (a tail that ends abruptly) to one without a variance.
 SHAPES = (-0.5, 0.75)

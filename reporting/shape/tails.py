@@ -10,13 +10,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reporting.arrays import Array
 from reporting.capability.intervals import Interval, share_interval
 from reporting.capability.moments import ROUNDING, series
 from reporting.capability.shares import PPM
 from reporting.errors import ReportError
 from reporting.shape import pareto
-
-Array = NDArray[np.float64]
 
 # Excesses over the threshold: fewer say nothing about the shape, and more bend a normal tail visibly: with 2,000 of
 # 30,000 the interval of a share of 30 ppm missed it every other time, with 250 as often as it says.

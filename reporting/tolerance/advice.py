@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reporting.arrays import Array, random_rows
 from reporting.errors import ReportError
-from reporting.sensitivity.polynomials import Array, dealt
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.whatif import what_if_all
 
@@ -116,7 +116,7 @@ def advise(
         No response has both limits and a target.
     """
     first = next(iter(responses.values()), np.zeros(0))
-    rows = dealt(np.size(first))[:_ROWS]
+    rows = random_rows(np.size(first))[:_ROWS]
     asked = {
         name: _Asked(np.asarray(y, np.float64)[rows], *limits[name], targets[name], contributions.get(name, {}))
         for name, y in responses.items()

@@ -16,10 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reporting.arrays import Array, random_rows
 from reporting.errors import ReportError
-from reporting.sensitivity.polynomials import Array, dealt
 from reporting.tolerance.advice import CONTRIBUTIONS, REWEIGHTING, Rows
-from reporting.tolerance.barrier import Optimum, cheapest
+from reporting.tolerance.cost_optimum import Optimum, cheapest
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.whatif import runs_for, what_if_all
 
@@ -30,7 +30,7 @@ Rescale = Callable[[Mapping[str, float], Rows], Change]
 
 
 @dataclass(frozen=True)
-class Joint:
+class CostedVariable:
     """What may be done to one variable's tolerance.
 
     Attributes
@@ -154,7 +154,7 @@ class Allocation:
 
 
 def allocate(
-    joints: Sequence[Joint],
+    joints: Sequence[CostedVariable],
     requirements: Sequence[Requirement],
     responses: Mapping[str, ArrayLike] | None = None,
     rescale: Rescale | None = None,
@@ -163,7 +163,7 @@ def allocate(
 
     Parameters
     ----------
-    joints : sequence of Joint
+    joints : sequence of CostedVariable
         The variables whose tolerance is to be set; others stay as they are.
     requirements : sequence of Requirement
         The responses to keep.
@@ -185,7 +185,7 @@ def allocate(
 
 
 def _with_reweighting(
-    joints: Sequence[Joint],
+    joints: Sequence[CostedVariable],
     wanted: Sequence[Requirement],
     found: Optimum,
     responses: Mapping[str, ArrayLike],
@@ -194,7 +194,7 @@ def _with_reweighting(
     """Correct the model at the optimum and seek it again, until it stays or the weights are no good."""
     effective = None
     columns = {r.response: np.asarray(responses[r.response], np.float64) for r in wanted}
-    rows = dealt(next(iter(columns.values())).size)
+    rows = random_rows(next(iter(columns.values())).size)
     columns = {name: y[rows] for name, y in columns.items()}
     for _ in range(_CORRECTIONS):
         factors = _factors(joints, found.tolerance)
@@ -214,7 +214,7 @@ def _with_reweighting(
     return _proposal(joints, wanted, found, REWEIGHTING, effective, (note,))
 
 
-def _solve(joints: Sequence[Joint], wanted: Sequence[Requirement]) -> Optimum | None:
+def _solve(joints: Sequence[CostedVariable], wanted: Sequence[Requirement]) -> Optimum | None:
     """Return the optimum of the linear model, None if no tolerances within their bounds keep every target."""
     now = np.array([j.tolerance for j in joints])
     lower = np.array([j.tolerance if j.locked else j.lower for j in joints])
@@ -241,7 +241,7 @@ def _corrected(
 
 
 def _proposal(
-    joints: Sequence[Joint],
+    joints: Sequence[CostedVariable],
     wanted: Sequence[Requirement],
     found: Optimum | None,
     method: str,
@@ -276,7 +276,7 @@ def _proposal(
     return Allocation(tolerances, factors, cost, cost_now, tuple(responses), method, effective, runs, "", notes)
 
 
-def _infeasible(joints: Sequence[Joint], wanted: Sequence[Requirement]) -> str:
+def _infeasible(joints: Sequence[CostedVariable], wanted: Sequence[Requirement]) -> str:
     """Return which response cannot be kept, by how much, and what would help."""
     tightest = {j.variable: 1.0 if j.locked else j.lower / j.tolerance for j in joints}
     worst = min(wanted, key=lambda r: r.allowed - r.variance(tightest))
@@ -289,12 +289,12 @@ def _infeasible(joints: Sequence[Joint], wanted: Sequence[Requirement]) -> str:
     )
 
 
-def _factors(joints: Sequence[Joint], tolerance: Array) -> dict[str, float]:
+def _factors(joints: Sequence[CostedVariable], tolerance: Array) -> dict[str, float]:
     """Return how many times the present tolerance each one is."""
     return {j.variable: float(t / j.tolerance) for j, t in zip(joints, tolerance, strict=True)}
 
 
-def _check(joints: Sequence[Joint], requirements: Sequence[Requirement]) -> None:
+def _check(joints: Sequence[CostedVariable], requirements: Sequence[Requirement]) -> None:
     """Raise ReportError for what no allocation can be made of."""
     if not joints or not requirements:
         raise ReportError("allocation: at least one joint with a cost and one response with limits are needed")

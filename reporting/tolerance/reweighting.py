@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from reporting.arrays import Array
 from reporting.errors import ReportError
-from reporting.sensitivity.polynomials import Array
 
 # Fewer effective samples than this, or one that carries more than this share, and a sigma is a guess.
 LEAST_EFFECTIVE = 100.0

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import betaincinv, ndtr, ndtri
 
+from reporting.arrays import Array
 from reporting.capability.intervals import Interval
 from reporting.errors import ReportError
-from reporting.sensitivity.polynomials import Array
 from reporting.tolerance.reweighting import Change, Weights, pareto_smoothed, weights
 
 PPM = 1e6

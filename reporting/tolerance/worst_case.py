@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from reporting.arrays import Array
 from reporting.errors import ReportError
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

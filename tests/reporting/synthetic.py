@@ -1,9 +1,16 @@
 """Synthetic campaigns, C-60-like: seven clearances, seven responses, some failures."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pyarrow as pa
 
 from reporting import ReportSpec, ResponseSpec, VariableSpec
+from reporting.analysis import Analysis, Widen, analyse
+from reporting.samples import read_samples
+
+if TYPE_CHECKING:
+    from reporting.samples import Rows
 
 ASSUMED = "assumption of this project: no limits are published"
 CLEARANCES = tuple(f"J{i}" for i in range(1, 8))
@@ -77,3 +84,10 @@ def c60_table(n: int, failures: int = 0, seed: int = 7) -> pa.Table:
     table = pa.table(columns)
     at = table.schema.get_field_index("max_penetration")
     return table.set_column(at, table.field(at).with_metadata({"unit": "mm"}), table.column(at))
+
+
+def analysis_of(
+    rows: "Rows", spec: ReportSpec, widen: Widen | None = None, against: "tuple[Rows, ReportSpec] | None" = None
+) -> Analysis:
+    """Return the analysis of a table of samples."""
+    return analyse(read_samples(rows, spec), spec, widen, against)

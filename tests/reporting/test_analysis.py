@@ -7,9 +7,9 @@ import pyarrow as pa
 import pytest
 
 from reporting import ReportError, capability
-from reporting.analysis import analyse
+from reporting.capability.verdict import verdict
 from reporting.failures import STATUSES
-from reporting.verdicts import verdict
+from tests.reporting.synthetic import analysis_of
 
 
 def column(table: pa.Table, name: str, values) -> pa.Table:
@@ -24,7 +24,7 @@ def check(analysis, name: str):
 
 
 def test_counts_add_up(campaign) -> None:
-    a = analyse(*campaign(60, 5, requested=80))
+    a = analysis_of(*campaign(60, 5, requested=80))
     assert (a.finished, a.ok, a.failed) == (60, 55, 5)
     assert [s.status for s in a.statuses] == list(STATUSES)
     assert sum(s.count for s in a.statuses) == 60
@@ -36,7 +36,7 @@ def test_a_failed_run_is_in_no_statistic_but_in_the_yield(campaign) -> None:
     table, spec = campaign(60, 6)
     poisoned = table.column("FC-1").to_pylist()
     poisoned[-1] = 1e6
-    a = analyse(column(table, "FC-1", poisoned), spec)
+    a = analysis_of(column(table, "FC-1", poisoned), spec)
     fc1 = a.responses[0]
     assert fc1.capability.n == 54
     assert fc1.capability.max < 20
@@ -48,13 +48,13 @@ def test_a_failed_run_is_in_no_statistic_but_in_the_yield(campaign) -> None:
 
 
 def test_without_failures_the_yields_cpk_is_cpk(campaign) -> None:
-    a = analyse(*campaign(60))
+    a = analysis_of(*campaign(60))
     assert a.responses[0].yield_.cpk == a.responses[0].capability.cpk
 
 
 def test_yields_cpk_is_the_quantile_of_the_failed_share(campaign) -> None:
     """FC-1 is so capable that only the failures count: Phi^-1(0.9) / 3."""
-    a = analyse(*campaign(60, 6))
+    a = analysis_of(*campaign(60, 6))
     assert a.responses[0].yield_.cpk == pytest.approx(1.2815515655446004 / 3, abs=1e-4)
 
 
@@ -76,7 +76,7 @@ def test_verdict_by_cpk(cpk, word) -> None:
 
 
 def test_certain_only_if_the_interval_keeps_the_verdict(campaign) -> None:
-    a = analyse(*campaign(500))
+    a = analysis_of(*campaign(500))
     for r in a.responses:
         if r.capability.cpk_interval is None:
             assert r.certain is None
@@ -91,7 +91,7 @@ def test_certain_only_if_the_interval_keeps_the_verdict(campaign) -> None:
 
 
 def test_limits_of_an_assumption_are_marked(campaign) -> None:
-    a = analyse(*campaign())
+    a = analysis_of(*campaign())
     assert [r.assumed for r in a.responses] == [False, True, True, True, True, True, False]
 
 
@@ -101,51 +101,51 @@ def test_limits_of_an_assumption_are_marked(campaign) -> None:
 )
 def test_one_bad_certificate_turns_the_card(campaign, name, value, line) -> None:
     table, spec = campaign(60, 4)
-    assert check(analyse(table, spec), line).level == "good"
+    assert check(analysis_of(table, spec), line).level == "good"
     numbers = table.column(name).to_pylist()
     numbers[17] = value
-    found = check(analyse(column(table, name, numbers), spec), line)
+    found = check(analysis_of(column(table, name, numbers), spec), line)
     assert found.level == "bad"
     assert found.value == value
     assert "sample 17" in found.text
     numbers[17] = None
-    assert check(analyse(column(table, name, numbers), spec), line).level == "bad"
+    assert check(analysis_of(column(table, name, numbers), spec), line).level == "bad"
 
 
 def test_penetration_without_unit_has_no_bar(campaign) -> None:
     table, spec = campaign()
     at = table.schema.get_field_index("max_penetration")
     bare = table.set_column(at, "max_penetration", table.column(at))
-    assert check(analyse(bare, spec), "Penetration").level == "info"
+    assert check(analysis_of(bare, spec), "Penetration").level == "info"
 
 
 def test_unsettled_samples_are_told(campaign) -> None:
     table, spec = campaign()
     settled = [True] * 60
     settled[3] = False
-    found = check(analyse(column(table, "settled", settled), spec), "Settled")
+    found = check(analysis_of(column(table, "settled", settled), spec), "Settled")
     assert (found.level, found.value) == ("attention", 1.0)
 
 
 def test_inputs_that_are_not_what_was_asked_are_told(campaign) -> None:
     table, spec = campaign(200)
-    assert check(analyse(table, spec), "Inputs as asked").level == "good"
+    assert check(analysis_of(table, spec), "Inputs as asked").level == "good"
     shifted = table.column("J3").to_numpy() + 0.1
-    found = check(analyse(column(table, "J3", shifted), spec), "Inputs as asked")
+    found = check(analysis_of(column(table, "J3", shifted), spec), "Inputs as asked")
     assert (found.level, "J3" in found.text) == ("bad", False)
     shifted = np.clip(table.column("J3").to_numpy() * 0.9, 0.01, 0.13)
-    found = check(analyse(column(table, "J3", shifted), spec), "Inputs as asked")
+    found = check(analysis_of(column(table, "J3", shifted), spec), "Inputs as asked")
     assert (found.level, "J3" in found.text) == ("attention", True)
 
 
 def test_a_skewed_response_is_told(campaign) -> None:
-    found = check(analyse(*campaign(500)), "Shape")
+    found = check(analysis_of(*campaign(500)), "Shape")
     assert found.level == "attention"
     assert "FC-6" in found.text
 
 
 def test_failures_name_the_most_frequent_status_and_its_message(campaign) -> None:
-    a = analyse(*campaign(60, 4))
+    a = analysis_of(*campaign(60, 4))
     found = check(a, "Failures")
     assert found.level == "attention"
     assert "most often timeout, first in sample 56" in found.text
@@ -154,7 +154,7 @@ def test_failures_name_the_most_frequent_status_and_its_message(campaign) -> Non
 
 def test_failed_samples_come_with_the_command_that_repeats_them(campaign) -> None:
     table, spec = campaign(60, 25)
-    a = analyse(table, spec)
+    a = analysis_of(table, spec)
     assert len(a.failures) == 20
     assert [f.sample for f in a.failures] == list(range(35, 55))
     j1 = table.column("J1").to_pylist()[35]
@@ -168,21 +168,21 @@ def test_command_uses_keys_and_quotes_them(campaign) -> None:
     spec = replace(
         spec, variables=(first, *spec.variables[1:]), simulate="clearcap simulate 'my file.toml' --step 0.005"
     )
-    command = analyse(table, spec).failures[0].command
+    command = analysis_of(table, spec).failures[0].command
     assert command.startswith("clearcap simulate 'my file.toml' --step 0.005 --set 'springs.A 3.preload=0.")
 
 
 def test_rows_may_come_in_any_order(campaign) -> None:
     table, spec = campaign(60, 4)
     shuffled = table.take(np.random.default_rng(1).permutation(60))
-    assert analyse(shuffled, spec) == analyse(table, spec)
+    assert analysis_of(shuffled, spec) == analysis_of(table, spec)
 
 
 def test_nan_in_ok_rows_is_left_out_counted_and_told(campaign) -> None:
     table, spec = campaign(60)
     holed = table.column("FC-1").to_pylist()
     holed[0], holed[1] = float("nan"), None
-    a = analyse(column(table, "FC-1", holed), spec)
+    a = analysis_of(column(table, "FC-1", holed), spec)
     assert a.responses[0].missing == 2
     assert a.responses[0].yield_.conforming == 58
     assert check(a, "Values").level == "bad"
@@ -191,7 +191,7 @@ def test_nan_in_ok_rows_is_left_out_counted_and_told(campaign) -> None:
 
 def test_an_unknown_status_is_counted_too(campaign) -> None:
     table, spec = campaign(10)
-    a = analyse(column(table, "status", ["ok"] * 9 + ["melted"]), spec)
+    a = analysis_of(column(table, "status", ["ok"] * 9 + ["melted"]), spec)
     assert (a.statuses[-1].status, a.statuses[-1].count) == ("melted", 1)
 
 
@@ -226,17 +226,17 @@ def change(table: pa.Table, what: str) -> pa.Table:
 def test_a_table_that_does_not_fit_is_one_clear_error(campaign, what, said) -> None:
     table, spec = campaign(10)
     with pytest.raises(ReportError, match=said):
-        analyse(change(table, what), spec)
+        analysis_of(change(table, what), spec)
 
 
 def test_a_spec_that_makes_no_sense_is_one_clear_error(campaign) -> None:
     table, spec = campaign(10)
     crossed = replace(spec, responses=(replace(spec.responses[0], lsl=16.0, usl=9.0),))
     with pytest.raises(ReportError, match=r"response FC-1: lsl = 16 is not below usl = 9"):
-        analyse(table, crossed)
+        analysis_of(table, crossed)
     with pytest.raises(ReportError, match="'J1' names more than one"):
-        analyse(table, replace(spec, variables=(*spec.variables, spec.variables[0])))
+        analysis_of(table, replace(spec, variables=(*spec.variables, spec.variables[0])))
     with pytest.raises(ReportError, match="has 10 rows, the campaign asked for 9"):
-        analyse(table, replace(spec, requested=9))
+        analysis_of(table, replace(spec, requested=9))
     with pytest.raises(ReportError, match="requested = 0"):
-        analyse(table.slice(0, 0), replace(spec, requested=0))
+        analysis_of(table.slice(0, 0), replace(spec, requested=0))

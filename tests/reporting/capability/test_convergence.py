@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from reporting import capability
-from reporting.capability.convergence import DRIFT_BAR, running
+from reporting.capability.convergence import DRIFT_BAR, convergence
 
 
 @pytest.mark.parametrize("offset", [0.0, 1e6, -3e8])
 def test_each_point_is_the_capability_of_its_samples(offset) -> None:
     x = np.random.default_rng(4).normal(offset, 1.0, 500)
-    found = running(x, offset - 3, offset + 5, 0.95)
+    found = convergence(x, offset - 3, offset + 5, 0.95)
     assert found.n[-1] == 500
     for n, value, low, high in zip(found.n, found.value, found.low, found.high, strict=True):
         c = capability(x[:n], offset - 3, offset + 5)
@@ -20,7 +20,7 @@ def test_each_point_is_the_capability_of_its_samples(offset) -> None:
 
 def test_without_limits_it_is_the_mean() -> None:
     x = np.random.default_rng(5).normal(3.0, 1.0, 200)
-    found = running(x, None, None, 0.95)
+    found = convergence(x, None, None, 0.95)
     assert (found.index, found.value[-1]) == ("mean", pytest.approx(x.mean()))
 
 
@@ -28,7 +28,7 @@ def test_without_limits_it_is_the_mean() -> None:
 def test_the_drift_of_nothing_is_that_of_chance(draw) -> None:
     """Beyond 1.96 standard errors in one of twenty series, whatever the distribution: 600 series, +-4 errors."""
     rng = np.random.default_rng(6)
-    drifts = [running(getattr(rng, draw)(size=1000), -4, 6, 0.95).drift for _ in range(600)]
+    drifts = [convergence(getattr(rng, draw)(size=1000), -4, 6, 0.95).drift for _ in range(600)]
     share = np.mean(np.abs(drifts) > 1.96)
     assert abs(share - 0.05) < 4 * np.sqrt(0.05 * 0.95 / 600)
 
@@ -37,9 +37,9 @@ def test_the_drift_of_nothing_is_that_of_chance(draw) -> None:
 def test_a_change_half_way_is_seen(shift, stretch) -> None:
     x = np.random.default_rng(7).normal(size=4000)
     x[2000:] = stretch * x[2000:] + shift
-    assert abs(running(x, -4, 6, 0.95).drift) > DRIFT_BAR
+    assert abs(convergence(x, -4, 6, 0.95).drift) > DRIFT_BAR
 
 
 @pytest.mark.parametrize("x", [np.zeros(0), np.ones(9), np.full(100, 3.7)])
 def test_nothing_to_run_is_none(x) -> None:
-    assert running(x, 0.0, 1.0, 0.95) is None
+    assert convergence(x, 0.0, 1.0, 0.95) is None

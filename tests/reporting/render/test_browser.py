@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reporting.render.write import write_report
+from reporting.write import write_report
 from tests.reporting.synthetic import c60_spec, c60_table
 
 AXE = Path(__file__).parents[3] / "node_modules" / "axe-core" / "axe.min.js"

@@ -10,13 +10,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from reporting import ReportError, write_report
-from reporting.analysis import analyse
-from reporting.render import write
+from reporting import ReportError, write, write_report
 from reporting.render.html import render_html
 from reporting.render.json import document, report_schema
 from reporting.tolerance.reweighting import Change
-from tests.reporting.synthetic import c60_spec, c60_table
+from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 
 def odd_analyses():
@@ -26,12 +24,12 @@ def odd_analyses():
     def flat(variable, columns, factor):
         return Change(0.0 * columns[variable], 0.0, factor)
 
-    yield analyse(table, spec, flat, (c60_table(300, seed=1), c60_spec(300)))
-    yield analyse(table, replace(spec, batch_column="steps", correlations=(("J1", "J2", 0.1),)))
-    yield analyse(table, replace(spec, sampler="worst_case"))
-    yield analyse(table.slice(0, 1), spec)
-    yield analyse(table.slice(0, 0), replace(spec, responses=(), variables=()))
-    yield analyse(table.slice(395), spec)
+    yield analysis_of(table, spec, flat, (c60_table(300, seed=1), c60_spec(300)))
+    yield analysis_of(table, replace(spec, production_batch_column="steps", correlations=(("J1", "J2", 0.1),)))
+    yield analysis_of(table, replace(spec, sampler="worst_case"))
+    yield analysis_of(table.slice(0, 1), spec)
+    yield analysis_of(table.slice(0, 0), replace(spec, responses=(), variables=()))
+    yield analysis_of(table.slice(395), spec)
 
 
 def test_every_document_keeps_its_schema() -> None:
@@ -52,7 +50,7 @@ def test_a_document_with_another_key_breaks_the_schema() -> None:
 
 def test_parquet_has_a_row_a_response_with_units(campaign, tmp_path: Path) -> None:
     table, spec = campaign(200, 4)
-    a = analyse(table, spec)
+    a = analysis_of(table, spec)
     found = pq.read_table(write_report(table, spec, tmp_path, kinds=("parquet",))["parquet"])
     assert found["response"].to_pylist() == [r.name for r in spec.responses]
     assert found["unit"].to_pylist() == [r.unit for r in spec.responses]
@@ -66,7 +64,7 @@ def test_parquet_has_a_row_a_response_with_units(campaign, tmp_path: Path) -> No
 def test_the_workbook_holds_the_numbers_and_no_formula(campaign, tmp_path: Path) -> None:
     table, spec = campaign(200, 4)
     spec = replace(spec, header={"part": "=1+1"})
-    a = analyse(table, spec)
+    a = analysis_of(table, spec)
     book = openpyxl.load_workbook(write_report(table, spec, tmp_path, kinds=("xlsx",))["xlsx"])
     assert book.sheetnames[:2] == ["Summary", "Trust"]
     rows = list(book["Summary"].values)
@@ -94,25 +92,25 @@ def test_a_file_that_takes_another_package_is_left_out_and_told(campaign, tmp_pa
 def test_rows_in_tables_that_follow_each_other_are_one_table(campaign) -> None:
     table, spec = campaign(90, 5)
     pieces = [table.slice(0, 0), table.slice(0, 40), table.slice(40)]
-    whole, streamed = analyse(table, spec), analyse(iter(pieces), spec)
+    whole, streamed = analysis_of(table, spec), analysis_of(iter(pieces), spec)
     assert streamed.run_seconds == pytest.approx(whole.run_seconds)
     assert replace(streamed, run_seconds=whole.run_seconds) == whole
     with pytest.raises(ReportError, match="sample 0 comes after 89"):
-        analyse([table.slice(40), table.slice(0, 40)], spec)
+        analysis_of([table.slice(40), table.slice(0, 40)], spec)
     with pytest.raises(ReportError, match="sample 39 appears more than once"):
-        analyse([table.slice(0, 40), table.slice(39)], spec)
+        analysis_of([table.slice(0, 40), table.slice(39)], spec)
 
 
 def test_batches_of_production_give_the_sigma_within(campaign) -> None:
     table, spec = campaign(200)
     table = table.append_column("batch", pa.array([i // 20 for i in range(200)]))
-    found = analyse(table, replace(spec, batch_column="batch")).responses[0].capability.within
+    found = analysis_of(table, replace(spec, production_batch_column="batch")).responses[0].capability.within
     assert (found.batches, found.nu) == (10, 190)
 
 
 @pytest.mark.parametrize("sampler", ["grid", "list", "worst_case"])
 def test_samples_that_are_no_production_get_no_verdict(campaign, sampler) -> None:
-    a = analyse(*campaign(200, sampler=sampler))
+    a = analysis_of(*campaign(200, sampler=sampler))
     assert {r.verdict for r in a.responses} == {"no verdict", "no limits"}
     first = a.trust[0]
     assert (first.name, first.level) == ("Sampling", "attention")
@@ -123,8 +121,8 @@ def test_the_worst_case_of_another_campaign_stands_beside_the_statistics(campaig
     """Against corners nothing is tested: their extremes are shown, found over them and not over this campaign."""
     table, spec = campaign(200)
     corners, of_corners = campaign(60, sampler="worst_case")
-    a = analyse(table, spec, against=(corners, of_corners))
+    a = analysis_of(table, spec, against=(corners, of_corners))
     assert a.comparison is None
     assert a.responses[0].verdict == "capable"
-    assert a.responses[0].worst == analyse(corners, of_corners).responses[0].worst
+    assert a.responses[0].worst == analysis_of(corners, of_corners).responses[0].worst
     assert "Mean ± 3σ" in render_html(a)

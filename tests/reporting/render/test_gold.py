@@ -6,9 +6,8 @@ from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 
-from reporting.analysis import analyse
 from reporting.render.html import render_html
-from tests.reporting.synthetic import c60_spec, c60_table
+from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 GOLD = Path(__file__).parent / "gold" / "report.txt"
 BLOCKS = {"p", "h1", "h2", "h3", "tr", "caption", "li", "dt", "dd", "figcaption", "summary", "title", "small", "svg"}
@@ -43,8 +42,10 @@ class Lines(HTMLParser):
 
 def words() -> str:
     """Return the page's words."""
-    spec = replace(c60_spec(300), batch_column="", stop="Asked for: cpk.", replay="clearcap replay c60-0123456789")
-    page = render_html(analyse(c60_table(300, 4), spec, against=(c60_table(200, seed=2), c60_spec(200))))
+    spec = replace(
+        c60_spec(300), production_batch_column="", stop="Asked for: cpk.", replay="clearcap replay c60-0123456789"
+    )
+    page = render_html(analysis_of(c60_table(300, 4), spec, against=(c60_table(200, seed=2), c60_spec(200))))
     lines = (" ".join(line.split()) for line in Lines(page).lines)
     return "\n".join(NUMBER.sub("#", line) for line in lines if line) + "\n"
 

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from reporting.arrays import random_rows
 from reporting.sensitivity.first_order import effects, jackknife_quantile, most_degree
-from reporting.sensitivity.polynomials import basis_of, dealt, group_sums
+from reporting.sensitivity.polynomials import basis_of, group_sums
 from tests.reporting.models import ISHIGAMI_FIRST, LINEAR_FIRST, ishigami, linear
 
 
@@ -43,9 +44,9 @@ def test_a_variable_of_three_values_ends_its_basis():
 
 def test_rows_are_dealt_once_each():
     """And not in the order of a sequence."""
-    assert sorted(dealt(1000)) == list(range(1000))
-    assert np.array_equal(dealt(1000), dealt(1000))
-    assert np.max(np.bincount(dealt(1000)[::20] % 4)) < 25
+    assert sorted(random_rows(1000)) == list(range(1000))
+    assert np.array_equal(random_rows(1000), random_rows(1000))
+    assert np.max(np.bincount(random_rows(1000)[::20] % 4)) < 25
 
 
 @pytest.mark.slow

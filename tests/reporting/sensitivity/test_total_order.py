@@ -15,13 +15,13 @@ from scipy.special import ndtri
 from scipy.stats import qmc, sobol_indices
 
 from reporting import ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
-from reporting.analysis import analyse
 from reporting.render.html import render_html
 from reporting.render.json import document, report_schema
 from reporting.sensitivity.first_order import jackknife_quantile
 from reporting.sensitivity.polynomials import GROUPS
-from reporting.sensitivity.total_order import designed_indices
+from reporting.sensitivity.total_order import total_order_indices
 from tests.reporting.models import ISHIGAMI_FIRST, ISHIGAMI_TOTAL, LINEAR_FIRST, WEIGHTS, ishigami_of
+from tests.reporting.synthetic import analysis_of
 
 NAMES = ("x1", "x2", "x3")
 
@@ -74,7 +74,7 @@ def report_of(x, responses, failed=(), **changes):
 def test_indices_of_ishigami():
     """First-order and total indices of the three variables, far from the origin; intervals hold them."""
     _, y = ishigami_design(2048, np.random.default_rng(1))
-    found = designed_indices(1e6 + y, NAMES)
+    found = total_order_indices(1e6 + y, NAMES)
     assert found.first_order == pytest.approx(ISHIGAMI_FIRST, abs=0.02)
     assert found.total == pytest.approx(ISHIGAMI_TOTAL, abs=0.01)
     assert found.interactions == pytest.approx(ISHIGAMI_TOTAL - ISHIGAMI_FIRST, abs=0.015)
@@ -85,7 +85,7 @@ def test_indices_are_scipys():
     """The same estimates to rounding, from any response; errors are those of its bootstrap to 40 %."""
     rng = np.random.default_rng(2)
     y = ishigami_design(512, rng)[1] ** 2
-    found = designed_indices(y, NAMES)
+    found = total_order_indices(y, NAMES)
     a, b, *mixed = ((y - y.mean()) / y.std()).reshape(512, 5).T
     theirs = sobol_indices(func={"f_A": a[None], "f_B": b[None], "f_AB": np.array(mixed)[:, None]}, n=512)
     assert found.first_order == pytest.approx(theirs.first_order.ravel(), abs=1e-12)
@@ -98,7 +98,7 @@ def test_indices_are_scipys():
 def test_an_additive_response_has_no_interactions():
     """Of a weighted sum total and first-order index are the same, and a variable of weight 0 has exactly none."""
     x = points(1024, 7, np.random.default_rng(3)).reshape(-1, 7)
-    found = designed_indices(x @ WEIGHTS, [f"x{j}" for j in range(7)])
+    found = total_order_indices(x @ WEIGHTS, [f"x{j}" for j in range(7)])
     assert found.total == pytest.approx(LINEAR_FIRST, abs=0.01)
     assert found.interactions == pytest.approx(np.zeros(7), abs=0.02)
     assert found.total[6] == found.total_error[6] == 0.0
@@ -107,7 +107,7 @@ def test_an_additive_response_has_no_interactions():
 def test_a_product_is_nothing_but_interaction():
     """x1 x2 of centred variables: alone neither explains anything, with the other each explains all."""
     x = 2 * points(2048, 3, np.random.default_rng(4)).reshape(-1, 3) - 1
-    found = designed_indices(x[:, 0] * x[:, 1], NAMES)
+    found = total_order_indices(x[:, 0] * x[:, 1], NAMES)
     assert found.first_order == pytest.approx(np.zeros(3), abs=0.02)
     assert found.total == pytest.approx([1.0, 1.0, 0.0], abs=0.02)
 
@@ -118,7 +118,7 @@ def test_intervals_cover_as_often_as_they_say(sobol):
     rng, right = np.random.default_rng(5), np.array([ISHIGAMI_FIRST, ISHIGAMI_TOTAL, ISHIGAMI_TOTAL - ISHIGAMI_FIRST])
     held = np.zeros((3, 3))
     for _ in range(300):
-        f = designed_indices(ishigami_design(256, rng, sobol=sobol)[1], NAMES)
+        f = total_order_indices(ishigami_design(256, rng, sobol=sobol)[1], NAMES)
         off = np.abs(np.array([f.first_order, f.total, f.interactions]) - right)
         held += off <= jackknife_quantile(GROUPS, 0.95) * np.array(
             [f.first_order_error, f.total_error, f.interactions_error]
@@ -131,9 +131,9 @@ def test_intervals_cover_as_often_as_they_say(sobol):
 def test_what_is_no_design_is_refused_or_told():
     """Values that make no rows are an error of the caller; few rows and equal values are told in words."""
     with pytest.raises(ReportError, match=r"98 values for 3 variables; a design has n \(3 \+ 2\)"):
-        designed_indices(np.zeros(98), NAMES)
-    assert "10 rows is too small" in designed_indices(np.arange(50.0), NAMES)
-    assert "all values are equal" in designed_indices(np.full(500, 0.1), NAMES)
+        total_order_indices(np.zeros(98), NAMES)
+    assert "10 rows is too small" in total_order_indices(np.arange(50.0), NAMES)
+    assert "all values are equal" in total_order_indices(np.full(500, 0.1), NAMES)
 
 
 def test_a_report_says_who_acts_through_interactions(tmp_path: Path):
@@ -169,10 +169,10 @@ def test_what_only_interacts_is_not_passed_over():
     """Of a product no variable matters alone: without a design the verdict stays open, with it both are critical."""
     x = 2 * points(1024, 3, np.random.default_rng(7)).reshape(-1, 3) - 1
     table, spec = report_of(x, {"y": x[:, 0] * x[:, 1]})
-    found = analyse(table, spec)
+    found = analysis_of(table, spec)
     assert [i.verdict for i in found.responses[0].sensitivity.influences] == ["critical", "critical", "not critical"]
     assert found.never_critical == ("x3",)
-    blind = analyse(table, replace(spec, sampler="sobol", designed=())).responses[0].sensitivity
+    blind = analysis_of(table, replace(spec, sampler="sobol", designed=())).responses[0].sensitivity
     assert blind.verdict == "open"
     assert "sampler saltelli" in blind.notes[0]
 
@@ -181,10 +181,10 @@ def test_statistics_are_over_the_samples_of_a_and_b():
     """Everything but the total indices is what a report of those samples alone says, and the page says so."""
     x, y = ishigami_design(256, np.random.default_rng(8))
     table, spec = report_of(x, {"y": y}, failed=(4, 10))
-    found = analyse(table, spec)
+    found = analysis_of(table, spec)
     assert (found.finished, found.failed, found.used) == (1280, 2, 511)  # 10 is A's run of row 2, 4 a mixed one
     own = table.filter(pa.array(np.arange(1280) % 5 < 2))
-    alone = analyse(own, replace(spec, sampler="sobol", designed=()))
+    alone = analysis_of(own, replace(spec, sampler="sobol", designed=()))
     for name in ("capability", "yield_", "histogram", "nonconforming", "tails", "fits", "running", "normality"):
         assert getattr(found.responses[0], name) == getattr(alone.responses[0], name), name
     assert (found.variables, found.correlations) == (alone.variables, alone.correlations)
@@ -198,17 +198,17 @@ def test_a_hole_in_the_design_is_told_and_closed_by_a_rerun():
     """Which samples, how many, what to do; shares alone stay, total ones return with the runs."""
     x, y = ishigami_design(256, np.random.default_rng(9))
     failed = (3, 17, 500, 501, 502, 503, 1279)
-    found = analyse(*report_of(x, {"y": y}, failed)).responses[0].sensitivity
+    found = analysis_of(*report_of(x, {"y": y}, failed)).responses[0].sensitivity
     assert all(i.total is None and i.first_order is not None for i in found.influences)
     assert found.notes[-1].startswith(
         "No total indices: 7 of the design's 1\u202f280 samples have no value (sample 3, 17, 500, 501, 502 and 2 more)"
     )
     assert "clearcap rerun" in found.notes[-1]
     table, spec = report_of(x, {"y": y})
-    unfinished = analyse(table.slice(0, 1000), spec).responses[0].sensitivity
+    unfinished = analysis_of(table.slice(0, 1000), spec).responses[0].sensitivity
     assert "280 of the design's 1\u202f280 samples have no value (sample 1000, 1001," in unfinished.notes[-1]
-    assert all(i.total is not None for i in analyse(table, spec).responses[0].sensitivity.influences)
-    content = document(analyse(*report_of(x, {"y": y}, failed)))
+    assert all(i.total is not None for i in analysis_of(table, spec).responses[0].sensitivity.influences)
+    content = document(analysis_of(*report_of(x, {"y": y}, failed)))
     jsonschema.Draft202012Validator(report_schema()).validate(json.loads(json.dumps(content)))
 
 
@@ -217,7 +217,7 @@ def test_a_design_without_its_variables_is_refused(change):
     """Its mixed runs would pass for draws, and intervals would be too narrow; so would total indices of no design."""
     x, y = ishigami_design(32, np.random.default_rng(12))
     with pytest.raises(ReportError, match="give both or neither"):
-        analyse(*report_of(x, {"y": y}, **change))
+        analysis_of(*report_of(x, {"y": y}, **change))
 
 
 def test_sample_numbers_beyond_the_design_are_refused():
@@ -226,7 +226,7 @@ def test_sample_numbers_beyond_the_design_are_refused():
     table, spec = report_of(x, {"y": y})
     moved = table.set_column(0, "sample", pa.array(np.arange(160) + 1))
     with pytest.raises(ReportError, match="sample 160: a design of 160 samples numbers them from 0"):
-        analyse(moved, spec)
+        analysis_of(moved, spec)
 
 
 def test_the_page_of_a_design_of_the_papers_size_has_less_than_three_megabytes(tmp_path: Path):

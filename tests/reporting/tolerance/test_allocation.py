@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy import optimize, stats
 
 from reporting import ReportError
-from reporting.tolerance.allocation import Joint, Requirement, allocate
-from reporting.tolerance.barrier import cheapest
+from reporting.tolerance.allocation import CostedVariable, Requirement, allocate
+from reporting.tolerance.cost_optimum import cheapest
 from reporting.tolerance.reweighting import Change
 
 B = np.array([1.0, 3.0, 0.5, 2.0])
@@ -22,7 +22,7 @@ NOW = np.array([0.02, 0.03, 0.01, 0.02])
 
 def joints(**changes):
     """Return four joints; a change is a tuple of one value a joint."""
-    made = [Joint(f"J{i + 1}", float(NOW[i]), 0.1, float(B[i]), 1e-4, 1.0) for i in range(4)]
+    made = [CostedVariable(f"J{i + 1}", float(NOW[i]), 0.1, float(B[i]), 1e-4, 1.0) for i in range(4)]
     for name, values in changes.items():
         made = [dataclasses.replace(j, **{name: value}) for j, value in zip(made, values, strict=True)]
     return made
@@ -157,7 +157,7 @@ def test_reweighting_corrects_what_is_not_linear():
     y = curved(z)
     mean, std = float(y.mean()), float(y.std())
     wanted = Requirement("y", mean, std, 9.75, 10.25, 1.5, {"J1": 0.0016 / std**2, "J2": 0.0004 / std**2})
-    costs = [Joint("J1", 1.0, 0.0, 1.0, 0.2, 5.0), Joint("J2", 1.0, 0.0, 0.25, 0.2, 5.0)]
+    costs = [CostedVariable("J1", 1.0, 0.0, 1.0, 0.2, 5.0), CostedVariable("J2", 1.0, 0.0, 0.25, 0.2, 5.0)]
 
     def rescale(factors, rows):
         scale = np.array([factors["J1"], factors["J2"]])

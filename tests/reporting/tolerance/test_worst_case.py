@@ -9,10 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reporting import ReportError
-from reporting.analysis import analyse
 from reporting.render.html import headline, render_html
 from reporting.tolerance.worst_case import worst_case
-from tests.reporting.synthetic import c60_spec, c60_table
+from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 CORNERS = np.array(list(itertools.product((0.01, 0.13), repeat=3)))
 INPUTS = {f"J{j + 1}": CORNERS[:, j] for j in range(3)}
@@ -61,7 +60,7 @@ def test_on_the_page(failures):
     from dataclasses import replace
 
     spec = replace(c60_spec(129), sampler="worst_case")
-    analysis = analyse(c60_table(129, failures), spec)
+    analysis = analysis_of(c60_table(129, failures), spec)
     page = render_html(analysis)
     limited = [r for r in analysis.responses if r.worst.within is not None]
     kept = sum(r.worst.within for r in limited)
@@ -69,4 +68,4 @@ def test_on_the_page(failures):
     assert 'id="worst"' in page
     assert "not a production" in page
     assert ("9 of 129 without a value" in page) == (failures > 0)
-    assert 'id="worst"' not in render_html(analyse(c60_table(129), c60_spec(129)))
+    assert 'id="worst"' not in render_html(analysis_of(c60_table(129), c60_spec(129)))

@@ -16,11 +16,10 @@ import pytest
 
 from benchmarks.report import report_of
 from reporting import ReportError, ResponseSpec, write_report
-from reporting.analysis import analyse
 from reporting.render.figures import response_figure
 from reporting.render.html import headline, render_html, weakest
 from reporting.render.json import render_json
-from tests.reporting.synthetic import c60_spec, c60_table
+from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 VOID = {"meta", "link", "br", "input", "img", "hr"}
 
@@ -63,7 +62,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def page() -> Page:
-    return Page(render_html(analyse(c60_table(200, 3), c60_spec(200))))
+    return Page(render_html(analysis_of(c60_table(200, 3), c60_spec(200))))
 
 
 def test_the_page_needs_nothing_from_outside_and_no_script(page: Page) -> None:
@@ -73,7 +72,7 @@ def test_the_page_needs_nothing_from_outside_and_no_script(page: Page) -> None:
             assert not name.startswith("on"), (tag, name)
             if name in ("src", "href", "xlink:href"):
                 assert (value or "").startswith(("#", "data:,")), (tag, name, value)
-    css = render_html(analyse(c60_table(5), c60_spec(5)))
+    css = render_html(analysis_of(c60_table(5), c60_spec(5)))
     assert "@import" not in css
     assert "url(http" not in css
 
@@ -123,7 +122,7 @@ def test_the_page_says_the_words_not_only_the_colours(page: Page) -> None:
 
 
 def test_the_headline_names_the_weakest(campaign) -> None:
-    a = analyse(*campaign(500))
+    a = analysis_of(*campaign(500))
     assert headline(a) == "4 of 6 responses with limits are capable."
     assert weakest(a).spec.name == "FC-4"
 
@@ -153,13 +152,13 @@ def test_hostile_and_foreign_names_are_only_text(campaign) -> None:
             *spec.variables[1:],
         ),
     )
-    hostile = Page(render_html(analyse(table, spec)))
+    hostile = Page(render_html(analysis_of(table, spec)))
     assert hostile.all("script") == []
     assert HOSTILE in hostile.text
-    assert len(hostile.all("svg")) == len(Page(render_html(analyse(*campaign(40, 2)))).all("svg"))
-    axis = response_figure(analyse(table, spec).responses[0]).partition(">")[2]
+    assert len(hostile.all("svg")) == len(Page(render_html(analysis_of(*campaign(40, 2)))).all("svg"))
+    axis = response_figure(analysis_of(table, spec).responses[0]).partition(">")[2]
     assert "&amp;$x^2$ Ω轴" in axis  # the label as written, not as a formula
-    assert "Ω轴" in render_json(analyse(table, spec))
+    assert "Ω轴" in render_json(analysis_of(table, spec))
 
 
 def test_the_same_samples_give_the_same_bytes(campaign, tmp_path: Path) -> None:
@@ -170,7 +169,7 @@ def test_the_same_samples_give_the_same_bytes(campaign, tmp_path: Path) -> None:
 
 
 def test_json_holds_every_number_of_the_analysis(campaign) -> None:
-    a = analyse(*campaign(60, 4))
+    a = analysis_of(*campaign(60, 4))
     found = json.loads(render_json(a))
     assert found["format"] == 2
     assert (found["requested"], found["finished"], found["ok"], found["failed"]) == (60, 60, 56, 4)
@@ -194,7 +193,7 @@ def test_json_holds_every_number_of_the_analysis(campaign) -> None:
 
 def test_every_number_of_the_page_is_in_the_json(campaign) -> None:
     """The summary row of FC-1, digit by digit: what is shown is a rounding of what is stored."""
-    a = analyse(*campaign(200, 3))
+    a = analysis_of(*campaign(200, 3))
     c = json.loads(render_json(a))["responses"][0]["capability"]
     text = Page(render_html(a)).text
     for shown in (
@@ -284,7 +283,7 @@ def test_a_limit_is_in_view_however_far(campaign) -> None:
     far = replace(spec, responses=(replace(spec.responses[0], lsl=-500.0),), variables=())
     svg = re.search(
         r'<svg viewBox="0 0 ([\d.]+) .*?</svg>',
-        render_html(analyse(table, far)).split("response-1")[-1],
+        render_html(analysis_of(table, far)).split("response-1")[-1],
         re.DOTALL,
     )
     x = re.search(r"translate\(([\d.-]+) [\d.-]+\)[^>]*>LSL -500<|x=\"([\d.-]+)\"[^>]*>LSL -500<", svg[0])

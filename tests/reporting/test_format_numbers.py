@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reporting.render.format_numbers import decimals_for, fixed, grouped, index, percent, plain, ppm, significant
+from reporting.format_numbers import decimals_for, fixed, grouped, index, percent, plain, ppm, significant
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reporting.arrays import Array, random_rows
 from reporting.capability.intervals import Interval
 from reporting.errors import ReportError
 from reporting.sensitivity.first_order import Effects, effects, jackknife_quantile, most_degree
@@ -24,10 +25,10 @@ from reporting.sensitivity.influence import (
     ResponseSensitivity,
     Sensitivity,
 )
-from reporting.sensitivity.polynomials import GROUPS, Array, dealt, group_sums
+from reporting.sensitivity.polynomials import GROUPS, group_sums
 from reporting.sensitivity.regression import Linear, Rank, linear, rank
 from reporting.sensitivity.rejects import reject_causes, worst_samples
-from reporting.sensitivity.total_order import Totals
+from reporting.sensitivity.total_order import TotalOrder
 
 _ROUNDING = 8 * float(np.finfo(np.float64).eps)
 
@@ -38,7 +39,7 @@ def sensitivity(
     limits: Mapping[str, tuple[float | None, float | None]] | None = None,
     sample: NDArray[np.int64] | None = None,
     confidence: float = 0.95,
-    designed: Mapping[str, Totals | str] | None = None,
+    designed: Mapping[str, TotalOrder | str] | None = None,
 ) -> Sensitivity:
     """Return what moves every response.
 
@@ -52,7 +53,7 @@ def sensitivity(
         Numbers of the samples; the rows' by default.
     confidence : float
         Of all intervals.
-    designed : mapping of str to Totals or str, optional
+    designed : mapping of str to TotalOrder or str, optional
         Total indices by response, or why there are none.
 
     Raises
@@ -104,7 +105,7 @@ def _measure(columns: dict[str, Array], values: dict[str, Array], confidence: fl
     n = next(iter(values.values())).size
     if n < fewest_rows(len(x_names)):
         return None
-    rows = dealt(n)
+    rows = random_rows(n)
     x = np.column_stack([columns[name][rows] for name in x_names])
     y = np.column_stack([values[name][rows] for name in y_names])
     sums = group_sums(x, y, most_degree(rows.size, len(x_names)))
@@ -136,7 +137,7 @@ def _response(
     sample: NDArray[np.int64],
     limits: tuple[float | None, float | None],
     found: _Measures | None,
-    designed: Totals | str | None,
+    designed: TotalOrder | str | None,
     confidence: float,
 ) -> ResponseSensitivity:
     """Gather what is known of one response."""
@@ -153,7 +154,7 @@ def _response(
     shares = found.effects
     unexplained = float(shares.unexplained[at])
     interaction_interval = _share_interval(unexplained, quantile * float(shares.unexplained_error[at]))
-    totals = designed if isinstance(designed, Totals) else None
+    totals = designed if isinstance(designed, TotalOrder) else None
     influences = tuple(_influence(v, at, found, confidence) for v in columns)
     if totals is not None:
         influences = tuple(_with_total(i, totals, confidence) for i in influences)
@@ -213,7 +214,7 @@ def _influence(variable: str, at: int, found: _Measures, confidence: float) -> I
     )
 
 
-def _with_total(influence: Influence, totals: Totals, confidence: float) -> Influence:
+def _with_total(influence: Influence, totals: TotalOrder, confidence: float) -> Influence:
     """Return a variable's influence with its total index, which then decides."""
     if influence.first_order is None or influence.variable not in totals.variables:
         return influence
@@ -255,7 +256,7 @@ def _verdict(influences: tuple[Influence, ...], interaction: float) -> str:
     return OPEN if OPEN in verdicts or interaction >= CRITICAL_SHARE else NOT_CRITICAL
 
 
-def _notes(found: _Measures, unexplained: float, designed: Totals | str | None) -> tuple[str, ...]:
+def _notes(found: _Measures, unexplained: float, designed: TotalOrder | str | None) -> tuple[str, ...]:
     """Return what to mind in reading the numbers of a response."""
     determined = [v for v, i in found.variables.items() if not np.isfinite(found.linear.inflation[i])]
     notes = (
@@ -269,7 +270,7 @@ def _notes(found: _Measures, unexplained: float, designed: Totals | str | None) 
             f"{100 * unexplained:.0f} % of the variance is no sum of effects of single variables: "
             + (
                 "the shares with interactions say whose."
-                if isinstance(designed, Totals)
+                if isinstance(designed, TotalOrder)
                 else "a variable without effect alone may still matter together with others; a designed sample (sampler"
                 " saltelli) gives total indices."
             ),
@@ -279,7 +280,7 @@ def _notes(found: _Measures, unexplained: float, designed: Totals | str | None) 
     return tuple(text for holds, text in notes if holds)
 
 
-def _interacting(influences: tuple[Influence, ...], totals: Totals | None, confidence: float) -> tuple[str, ...]:
+def _interacting(influences: tuple[Influence, ...], totals: TotalOrder | None, confidence: float) -> tuple[str, ...]:
     """Return which variables act through interactions: a tenth of the variance at least, and no chance."""
     if totals is None:
         return ()

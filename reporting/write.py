@@ -43,7 +43,7 @@ def write_report(
     Parameters
     ----------
     rows : pyarrow.Table or iterable of pyarrow.Table
-        One row per finished sample, see `reporting.analysis.analyse`.
+        One row per finished sample, see `reporting.samples.read_samples`.
     spec : ReportSpec
         What was asked.
     folder : Path
@@ -64,10 +64,10 @@ def write_report(
     ReportError
         The rows do not fit the spec, or the folder cannot be written.
     """
-    from reporting.analysis import analyse_samples
+    from reporting.analysis import analyse
 
     samples = read_samples(rows, spec)
-    analysis = analyse_samples(samples, spec, widen, against)
+    analysis = analyse(samples, spec, widen, against)
     contents = _rendered(analysis, samples, {"html", "json", *kinds})
     folder = Path(folder)
     try:

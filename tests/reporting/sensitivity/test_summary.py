@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reporting import ReportError
-from reporting.sensitivity.sensitivity import sensitivity
+from reporting.sensitivity.summary import sensitivity
 from tests.reporting.models import ISHIGAMI_FIRST, ishigami, linear, named
 
 RNG = np.random.default_rng(2026)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from reporting.sensitivity.polynomials import Array
+from reporting.arrays import Array
 
 _GAP = 1e-11  # of the cost, at which the optimum is found
 _STEEPER = 8.0

@@ -1,6 +1,6 @@
 """The word for a capability."""
 
-from reporting.capability.capability import Capability
+from reporting.capability.summary import Capability
 
 # From this Cpk on a response is capable, from the second on marginal.
 CAPABLE, MARGINAL = 1.33, 1.00

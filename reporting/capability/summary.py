@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reporting.arrays import Array
 from reporting.capability.indices import SIX_SIGMA_SHIFT, centring, overall_intervals, point_indices
 from reporting.capability.intervals import Interval, cpm_interval
 from reporting.capability.moments import ROUNDING, location_and_shape, series
@@ -228,7 +229,7 @@ def _normal_indices(
 
 
 def _cpm(
-    x: NDArray[np.float64],
+    x: Array,
     mean: float | None,
     lsl: float | None,
     usl: float | None,
@@ -248,9 +249,7 @@ def _cpm(
     return {"cpm": cpm, "cpm_interval": cpm_interval(cpm, (mean - target) / std, x.size, confidence)}
 
 
-def _observed(
-    x: NDArray[np.float64], lsl: float | None, usl: float | None, confidence: float
-) -> dict[str, float | int | None]:
+def _observed(x: Array, lsl: float | None, usl: float | None, confidence: float) -> dict[str, float | int | None]:
     """Return counts out of limits, their ppm and upper bounds; the total is over the sides with a limit."""
     found = nonconforming(x, lsl, usl, confidence)
     if found is None:
@@ -266,7 +265,7 @@ def _observed(
 
 
 def _notes(
-    finite: NDArray[np.float64],
+    finite: Array,
     size: int,
     std: float | None,
     lsl: float | None,
