@@ -29,7 +29,7 @@ def seconds_per_run(plan: Plan, simulate: Simulate) -> float | None:
     runs = min(RUNS, plan.spec.samples)
     with tempfile.TemporaryDirectory(prefix="clearcap-probe-") as folder:
         store = open_store(folder)
-        store.create_plan(replace(plan, batches=((0, runs),)))
+        store.create_plan(replace(plan, batches=_tried_first(plan.spec.samples, runs)))
         task = Task(store.url, plan.campaign_id, plan.engine_build, simulate)
         with _patience():
             rows = rows_apart(task, range(runs), 1)
@@ -39,6 +39,11 @@ def seconds_per_run(plan: Plan, simulate: Simulate) -> float | None:
         start = time.perf_counter()
         statuses = [row["status"] for row in rows]
         return None if "crashed" in statuses else (time.perf_counter() - start) / len(statuses)
+
+
+def _tried_first(samples: int, runs: int) -> tuple[tuple[int, int], ...]:
+    """Return batches of a plan whose first one holds the runs that are tried; the others complete the plan."""
+    return ((0, runs),) if samples == runs else ((0, runs), (runs, samples - runs))
 
 
 @contextmanager
