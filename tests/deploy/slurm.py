@@ -1,6 +1,7 @@
 """A SLURM of one node, the real one, on a network of its own."""
 
 import os
+import re
 import shutil
 import subprocess
 import time
@@ -31,6 +32,7 @@ SlurmdParameters=config_overrides
 NodeName=localhost NodeAddr={address} CPUs=32 RealMemory=64000 State=UNKNOWN
 PartitionName=all Nodes=ALL Default=YES MaxTime=INFINITE State=UP
 """
+UNFINISHED = ("PENDING", "CONFIGURING", "RUNNING", "COMPLETING")
 
 
 def is_here():
@@ -77,6 +79,15 @@ def slurm(folder):
                     daemon.wait(20)
                 daemon.kill()
                 daemon.wait()
+
+
+def end_of(run, job, within=400):
+    """Wait until a job has ended, and return the state it ended in; ``sbatch --wait`` looks only every 32 s."""
+    until = time.monotonic() + within
+    while (state := re.search(r"JobState=(\w+)", run("scontrol", "show", "job", job))[1]) in UNFINISHED:
+        assert time.monotonic() < until, f"job {job} is {state} after {within} s"
+        time.sleep(0.3)
+    return state
 
 
 def _wait_until_idle(run):

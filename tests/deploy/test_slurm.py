@@ -12,7 +12,7 @@ import pytest
 from campaign.cluster.tls_certificates import make_certificates
 from engine import jit
 from tests.deploy.campaigns import computed_here, planned, rows
-from tests.deploy.slurm import is_here, slurm
+from tests.deploy.slurm import end_of, is_here, slurm
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"
@@ -64,12 +64,12 @@ def test_a_campaign_in_one_allocation(run, tmp_path):
         f'#!/bin/sh\nexec {sys.executable} -m tests.deploy.on_host run_as_told {plan.campaign_id} "$@"\n'
     )
     stand_in.chmod(stand_in.stat().st_mode | stat.S_IXUSR)
-    said = run(
-        *("sbatch", "--wait", *SMALL, f"--output={tmp_path}/log", DEPLOY / "batch/campaign.slurm"),
+    job = run(
+        *("sbatch", "--parsable", *SMALL, f"--output={tmp_path}/log", DEPLOY / "batch/campaign.slurm"),
         PATH=f"{binaries}:{Path(sys.executable).parent}:{os.environ['PATH']}",
         **{"CAMPAIGN": "demo", "STORE": store.url, "CLEARCAP_DEPLOY": str(DEPLOY)},
     )
-    assert "Submitted" in said
+    assert end_of(run, job.strip()) == "COMPLETED", (tmp_path / "log").read_text()
     assert rows(store, plan).equals(computed_here(tmp_path)), (tmp_path / "log").read_text()
     assert not run("squeue", "--noheader")
 
