@@ -77,10 +77,11 @@ class Supervisor:
     def __exit__(self, *_):
         self._over.set()
         self._thread.join()
-        for process in self._running.values():
-            process.send_signal(signal.SIGTERM)
         until = time.monotonic() + 10.0
-        for process in self._running.values():
+        for name in reversed(self._members):  # a worker whose scheduler ends first waits 8 s for it
+            if (process := self._running.get(name)) is None:
+                continue
+            process.terminate()
             try:
                 process.wait(max(until - time.monotonic(), 0.1))
             except subprocess.TimeoutExpired:
