@@ -2,6 +2,7 @@
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
+FILES  := --numprocesses auto --dist loadfile --no-loadscope-reorder
 export MPLBACKEND := Agg
 
 .DEFAULT_GOAL := help
@@ -23,13 +24,14 @@ run: $(BIN)/clearcap ## install, simulate 500 C-60 circuit breakers on this mach
 	$(BIN)/clearcap run c60 --samples 500 --store runs
 
 test: $(VENV)/.dev ## prove the parts, one process a core
-	$(BIN)/python -m pytest --numprocesses auto --dist loadfile
+	$(BIN)/python -m pytest $(FILES)
 
 prove: $(VENV)/.dev ## the slow proofs: what fails while a campaign runs, scale, several hosts, a browser
-	$(BIN)/python -m pytest -m "slow and not storm"
+	$(BIN)/python -m pytest -m "slow and not storm and not alone" $(FILES)
+	$(BIN)/python -m pytest -m alone
 
-storms: $(VENV)/.dev ## twenty campaigns whose processes are killed at random (about 15 minutes)
-	$(BIN)/python -m pytest -m storm
+storms: $(VENV)/.dev ## twenty campaigns whose processes are killed at random (about 8 minutes on two cores)
+	$(BIN)/python -m pytest -m storm --numprocesses auto
 
 lint: $(VENV)/.dev ## style, types, import contracts
 	$(BIN)/ruff check .

@@ -1,8 +1,33 @@
 """What holds for all tests."""
 
 import os
+from pathlib import Path
 
 import pytest
+
+TESTS = Path(__file__).parent
+# What takes longest begins first, so that all processes end together.
+LONGEST = (
+    "system/test_c60.py",  # compiles the engine for all, while another process is at the reports, which need none
+    "reporting",
+    "campaign/storms/test_failures.py",
+    "engine/profile/test_step_times.py",
+    "campaign/storms/test_same_bits.py",
+    "campaign/store/files/test_s3.py",
+    "campaign/storms/test_service.py",
+    "deploy/test_slurm.py",
+    "deploy/test_hosts.py",
+    "campaign/coordinator/test_coordinator.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the longest files first."""
+    items.sort(key=lambda item: _turn(item.path.relative_to(TESTS).as_posix()))
+
+
+def _turn(path: str) -> int:
+    return next((turn for turn, longest in enumerate(LONGEST) if path.startswith(longest)), len(LONGEST))
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:

@@ -69,7 +69,8 @@ def test_status_of_a_stopped_campaign(store, plan, capsys, monkeypatch):
     assert [document[key] for key in ("samples", "done", "ok", "failed", "left")] == [12, 12, 12, 0, 0]
 
 
-@pytest.mark.slow  # timed: alone on the machine
+@pytest.mark.slow
+@pytest.mark.alone  # timed
 @pytest.mark.parametrize("known", ["with a manifest", "without one"])
 def test_status_of_100000_rows(tmp_path, store, campaign_file, known):
     """The whole process is done within a second, from 1,000 parts of 100 rows; it loads no tables and no engine."""

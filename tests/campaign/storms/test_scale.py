@@ -26,7 +26,7 @@ from campaign.store import open_store
 from tests.campaign.storms.cluster import DASK, drive, start_cluster
 from tests.campaign.storms.supervisor import Supervisor, those_left
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
 SAMPLES = int(os.environ.get("CLEARCAP_SCALE_SAMPLES", "100000"))
 WORKERS = 2
