@@ -77,12 +77,12 @@ def check(mechanism: Which, json: Json = False) -> None:
 
 def _draw(mechanism: Any, picture: Path) -> None:
     """Draw the mechanism at its start with what its responses measure."""
-    from campaign.pictures.conditions import plot_conditions
-    from campaign.pictures.outputs import PLOTS, check_output, replacing
+    from campaign.cli.output_files import PLOTS, check_output, replacing
+    from campaign.pictures.measurements import plot_measurements
 
     check_output("--picture", picture, PLOTS)
     with replacing(picture) as temporary:
-        plot_conditions(mechanism, temporary)
+        plot_measurements(mechanism, temporary)
 
 
 def _description(mechanism: Any) -> dict[str, Any]:

@@ -16,25 +16,25 @@ def polarisation(
     json: Json = False,
 ) -> None:
     """Draw where each journal lies in its bearing at the end of the runs, and which way it presses."""
+    from campaign.cli.output_files import PLOTS, check_output, replacing
     from campaign.cluster.local import cores
     from campaign.errors import CampaignError
-    from campaign.pictures.outputs import PLOTS, check_output, replacing
     from campaign.pictures.polarisation import plot_polarisation
-    from campaign.reports.journal_positions import seats_of_campaign
+    from campaign.reports.journal_positions import campaign_journal_positions
     from campaign.spec.load import load_campaign
 
     check_output("polarisation", picture, PLOTS)
     loaded = load_campaign(campaign, samples=samples)
     say(f"simulating {samples} samples")
-    seats = seats_of_campaign(loaded, workers or cores())
-    if not seats:
+    journals = campaign_journal_positions(loaded, workers or cores())
+    if not journals:
         raise CampaignError(
             f"polarisation: no journal to show: {loaded.mechanism.name} has no round joint with clearance, or not one "
             f"of {samples} runs succeeded; look at one with clearcap simulate"
         )
     with replacing(picture) as temporary:
-        plot_polarisation(seats, f"{loaded.spec.title or loaded.spec.name}, where journals lie", temporary)
-    failed = samples - len(seats[0].ways)
+        plot_polarisation(journals, f"{loaded.spec.title or loaded.spec.name}, where journals lie", temporary)
+    failed = samples - len(journals[0].eccentricities)
     if json:
         print_json({"picture": str(picture), "samples": samples, "failed": failed})
     else:

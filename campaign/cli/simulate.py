@@ -84,8 +84,8 @@ def _print(run: "Run", files: dict[str, str], json: bool) -> None:
 
 def check_outputs(trajectory: Path | None, every: int | None, plot: Path | None, animation: Path | None) -> None:
     """Refuse files that could not be written, before the work begins."""
+    from campaign.cli.output_files import ANIMATIONS, PLOTS, TRAJECTORIES, check_output
     from campaign.errors import SpecError
-    from campaign.pictures.outputs import ANIMATIONS, PLOTS, TRAJECTORIES, check_output
 
     asked = (("--trajectory", trajectory, TRAJECTORIES), ("--plot", plot, PLOTS), ("--animate", animation, ANIMATIONS))
     for option, path, endings in asked:
@@ -104,14 +104,14 @@ def check_outputs(trajectory: Path | None, every: int | None, plot: Path | None,
 
 def draw(motion: Path, plot: Path | None, animation: Path | None) -> None:
     """Draw the pictures of a trajectory."""
+    from campaign.cli.output_files import replacing
     from campaign.pictures.animation import animate
     from campaign.pictures.curves import plot as draw_curves
-    from campaign.pictures.hysteresis import plot_loop
-    from campaign.pictures.outputs import replacing
+    from campaign.pictures.hysteresis import plot_hysteresis
     from engine import read_trajectory
 
     recorded = read_trajectory(motion)
-    draw_plot = plot_loop if recorded.description.get("plot") else draw_curves
+    draw_plot = plot_hysteresis if recorded.description.get("plot") else draw_curves
     for path, draw in ((plot, draw_plot), (animation, animate)):
         if path:
             say(f"drawing {path}")

@@ -1,18 +1,18 @@
-"""The mechanism as it moves: bodies and contact forces on one plane, beside them each joint's play, magnified."""
+"""The mechanism in motion: bodies and contact forces on one plane, beside them each joint's play, magnified."""
 
 import re
 from pathlib import Path
 from typing import Any
 
+from campaign.pictures.animation_figure import DPI, SIZE, AnimationFigure
 from campaign.pictures.curves import heading
 from campaign.pictures.scene import scene_of
-from campaign.pictures.stage import DPI, SIZE, Stage
 from campaign.pictures.style import STYLE
 from engine import Trajectory
 
 FRAMES, PER_SECOND = 90, 15
-HOLD = 20  # frames for which the end stays before a film begins again
-LARGEST_PAGE = 100.0  # MB; matplotlib leaves frames out above
+HOLD = 20  # frames for which the end stays before the animation begins again
+LARGEST_PAGE = 100.0  # MB; matplotlib leaves out the frames beyond
 SYMBOLS = {
     "minus": "slower",
     "fast-backward": "&#9198;",
@@ -31,46 +31,49 @@ def animate(trajectory: Trajectory, path: Path, frames: int | None = None) -> No
 
     Parameters
     ----------
-    trajectory : of the run
-    path : where; its ending says what: ``.gif``, ``.mp4`` (with ffmpeg) or ``.html``
-    frames : at most so many, close together where much moves (`poses.progress`); default 90
+    trajectory : Trajectory
+        The run.
+    path : Path
+        File to write: ``.gif``, ``.html``, or with ffmpeg ``.mp4``.
+    frames : int, optional
+        Most frames; they are dense where much moves, see `poses.progress`. Default 90.
     """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     scene = scene_of(trajectory, frames or FRAMES)
-    with matplotlib.rc_context({**STYLE, "axes.titley": 1.02}):  # else titles are placed anew, by measuring, each frame
+    with matplotlib.rc_context({**STYLE, "axes.titley": 1.02}):  # fixed: else every frame measures the titles
         figure = Figure(figsize=SIZE, dpi=DPI)
         FigureCanvasAgg(figure)
-        stage = Stage(figure, scene, trajectory)
+        drawing = AnimationFigure(figure, scene, trajectory)
         with (writer := _writer(path.suffix)).saving(figure, str(path), DPI):
             for frame in range(len(scene.time)):
-                stage.show(frame)
+                drawing.show(frame)
                 writer.grab_frame()
-            for _ in range(0 if path.suffix == ".html" else HOLD):  # the page has a button to stop it
+            for _ in range(0 if path.suffix == ".html" else HOLD):  # a page has a button to stop it
                 writer.grab_frame()
     if path.suffix == ".html":
         path.write_text(_page(path.read_text("utf-8"), f"{len(scene.time)} frames of {heading(trajectory)}"), "utf-8")
 
 
 def can_write(suffix: str) -> bool:
-    """Say whether this machine can write animations with this ending."""
+    """Return whether this machine can write animations with this ending."""
     return bool(_writer(suffix).isAvailable())
 
 
 def _writer(suffix: str) -> Any:
     from matplotlib.animation import FFMpegWriter, HTMLWriter
 
-    from campaign.pictures.film import Film
+    from campaign.pictures.gif import GifWriter
 
     if suffix == ".html":
         return HTMLWriter(fps=PER_SECOND, embed_frames=True, default_mode="loop", embed_limit=LARGEST_PAGE)
-    return FFMpegWriter(fps=PER_SECOND) if suffix == ".mp4" else Film(fps=PER_SECOND)
+    return FFMpegWriter(fps=PER_SECOND) if suffix == ".mp4" else GifWriter(fps=PER_SECOND)
 
 
 def _page(player: str, label: str) -> str:
-    """Return matplotlib's player as a page that needs no network and has words for those who cannot see it."""
+    """Return matplotlib's player as a page that needs no network and describes itself to a screen reader."""
     from html import escape
 
     player = re.sub(r'<link rel="stylesheet"[^>]*>', "", player)

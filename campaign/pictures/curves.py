@@ -8,21 +8,33 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from campaign.pictures.style import DASHES, GRID, INK, MUTED, PALETTE, STYLE, labelled
+from campaign.pictures.style import DASHES, GRID, INK, MUTED, PALETTE, STYLE, label_with_unit
 from campaign.pictures.view import Array
 from engine import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COMMON, OUTSIDE = 98, 3.0  # a peak more than 3 times the 98th percentile away from the rest is cut
+COMMON, OUTSIDE = 98, 3.0  # percentile; ranges of the common values beyond which a peak is cut
 PANEL = (4.6, 1.75)  # inches
-WIDE = 130  # characters of a line of the heading
+LINE = 130  # characters of a line of the heading
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One graph over time: a title, what is on its axis and the unit, and named curves, (n,) each."""
+    """One graph over time.
+
+    Attributes
+    ----------
+    title : str
+        Above the graph.
+    axis : str
+        What is on the vertical axis.
+    unit : str
+        Its unit.
+    curves : dict of str to ndarray, shape (n,)
+        Values over time, by name.
+    """
 
     title: str
     axis: str
@@ -31,12 +43,20 @@ class Panel:
 
     @property
     def counts(self) -> bool:
-        """Whether it shows whole numbers, drawn as steps."""
+        """Whether the curves are whole numbers, drawn as steps."""
         return self.axis == "number"
 
 
 def plot(trajectory: Trajectory, path: Path) -> None:
-    """Write the figure as ``.png``, ``.svg`` or ``.pdf``; its metadata say in words what it shows."""
+    """Write the figure; its metadata say in words what it shows.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The run.
+    path : Path
+        File to write: ``.png``, ``.svg`` or ``.pdf``.
+    """
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -51,18 +71,18 @@ def plot(trajectory: Trajectory, path: Path) -> None:
         for axes in grid.flat[len(shown) :]:
             axes.set_visible(False)
         for axes in grid.flat[max(len(shown) - 2, 0) : len(shown)]:
-            axes.set_xlabel(labelled("time", trajectory.units["time"]))
+            axes.set_xlabel(label_with_unit("time", trajectory.units["time"]))
             axes.tick_params(labelbottom=True)
-        figure.savefig(path, dpi=130, metadata=file_metadata(path.suffix, described(trajectory, shown)))
+        figure.savefig(path, dpi=130, metadata=file_metadata(path.suffix, describe(trajectory, shown)))
 
 
 def panels(trajectory: Trajectory) -> list[Panel]:
-    """Return what is shown: a panel for each response, then energy, contacts, largest contact force."""
+    """Return the panels: one for each response, then energy, active contacts and the largest contact force."""
     units, contacts = trajectory.units, trajectory.contacts
     shown = []
     for name, values in trajectory.responses.items():
         if np.isnan(values).all():
-            continue  # follows from others, after the run
+            continue  # computed from other responses, after the run
         title = trajectory.description["responses"][name].get("title")
         shown.append(Panel(f"{name}: {title}" if title else name, name, units[f"responses/{name}"], {name: values}))
     energy, stored = {"kinetic": trajectory.kinetic}, trajectory.potential - trajectory.potential[0]
@@ -78,8 +98,8 @@ def panels(trajectory: Trajectory) -> list[Panel]:
     return shown
 
 
-def described(trajectory: Trajectory, shown: list[Panel]) -> str:
-    """Return in words what the figure shows: for each curve, where it ends and between what it moves."""
+def describe(trajectory: Trajectory, shown: list[Panel]) -> str:
+    """Return in words what the figure shows: for each curve its last, smallest and largest value."""
     parts = [
         f"{name} ends at {values[-1]:.5g}, between {values.min():.5g} and {values.max():.5g}"
         f"{'' if panel.unit == '1' else ' ' + panel.unit}"
@@ -90,32 +110,32 @@ def described(trajectory: Trajectory, shown: list[Panel]) -> str:
 
 
 def heading(trajectory: Trajectory) -> str:
-    """Return what ran, how it ended, and why if it failed."""
+    """Return what ran, how it ended, and the message of a run that failed."""
     name = trajectory.description.get("title") or trajectory.description["name"]
     end = f"{trajectory.time[-1]:.4g} {trajectory.units['time']}"
-    said = textwrap.wrap(trajectory.message, WIDE)
-    return "\n".join([f"{name}: {trajectory.status} at t = {end}", *said])
+    message = textwrap.wrap(trajectory.message, LINE)
+    return "\n".join([f"{name}: {trajectory.status} at t = {end}", *message])
 
 
 def cut_range(values: Array) -> tuple[float, float] | None:
-    """Return lowest and highest value to be shown if a few lie far outside the others; None if all fit."""
+    """Return the lowest and highest value to show if a few lie far outside the others; None if all fit."""
     values = values[np.isfinite(values)]  # a run may diverge
     if not values.size:
         return None
     low, high = np.percentile(values, [100 - COMMON, COMMON])
-    room = OUTSIDE * (high - low)
-    if not room or (values.max() <= high + room and values.min() >= low - room):
+    margin = OUTSIDE * (high - low)
+    if not margin or (values.max() <= high + margin and values.min() >= low - margin):
         return None
-    return max(float(values.min()), float(low - 0.3 * room)), min(float(values.max()), float(high + 0.3 * room))
+    return max(float(values.min()), float(low - 0.3 * margin)), min(float(values.max()), float(high + 0.3 * margin))
 
 
 def _draw(axes: "Axes", time: Array, panel: Panel) -> None:
-    """Draw the curves of a panel; each has a dash of its own, not only a colour."""
-    draw: Callable[..., Any] = axes.step if panel.counts else axes.plot  # a count is that of the step that ends there
+    """Draw the curves of a panel, each in its own colour and dash."""
+    draw: Callable[..., Any] = axes.step if panel.counts else axes.plot  # a count is that of the step that ends here
     for i, (name, values) in enumerate(panel.curves.items()):
         draw(time, values, color=PALETTE[i], linestyle=DASHES[i], label=name)
     axes.set_title(panel.title, color=INK)
-    axes.set_ylabel(labelled(panel.axis, panel.unit))
+    axes.set_ylabel(label_with_unit(panel.axis, panel.unit))
     axes.margins(x=0.01)
     axes.grid(color=GRID, linewidth=0.7)
     axes.locator_params(axis="y", nbins=5, integer=panel.counts)
@@ -124,14 +144,14 @@ def _draw(axes: "Axes", time: Array, panel: Panel) -> None:
         axes.legend(loc="best", fontsize=8, frameon=False, ncols=3)
     everything = np.concatenate(list(panel.curves.values()))
     if (cut := cut_range(everything)) is not None:
-        room = 0.05 * (cut[1] - cut[0])
-        axes.set_ylim(cut[0] - room, cut[1] + room)
+        margin = 0.05 * (cut[1] - cut[0])
+        axes.set_ylim(cut[0] - margin, cut[1] + margin)
         text = f"cut: {everything.min():.3g} to {everything.max():.3g}"
         axes.text(0.99, 0.96, text, transform=axes.transAxes, ha="right", va="top", fontsize=8, color=MUTED)
 
 
 def file_metadata(suffix: str, text: str) -> dict[str, Any]:
-    """Return the file's metadata: what it shows, and no date, so that the same run makes the same bytes."""
+    """Return the metadata of a file: what it shows, and no date, so that the same run gives the same bytes."""
     if suffix == ".pdf":
         return {"Title": "clearcap simulate", "Subject": text, "CreationDate": None}
     if suffix == ".svg":

@@ -13,42 +13,61 @@ from engine import Mechanism
 
 @dataclass(frozen=True)
 class Play:
-    """The way of a journal's axis in the rings of its bearing, or of a ball's centre in its socket.
+    """Where a journal's axis is in the rings of its bearing, or a ball's centre in its socket, at ``m`` instants.
 
     Attributes
     ----------
-    joint : name
-    clearance : radius of the circle it moves in [length]
-    way : (m, rings, 2) divided by the clearance, as seen across the joint's axis
-    across : (m, 2, 3) the two directions in the world that are its right and up
+    joint : str
+        Name of the joint.
+    clearance : float
+        Radius of the circle in which the axis can be [length].
+    eccentricity : ndarray, shape (m, rings, 2)
+        From the bearing's axis to the journal's, divided by the clearance, as seen along the joint's axis.
+    across : ndarray, shape (m, 2, 3)
+        Unit vectors across the joint's axis in the world, to the right and up in the picture.
     """
 
     joint: str
     clearance: float
-    way: Array
+    eccentricity: Array
     across: Array
 
 
-def plays(mechanism: Mechanism, at: dict[str, Pose], view: View) -> Iterator[Play]:
-    """Yield the play of every joint that has a circle of clearance; the block of a slot has none."""
+def plays(mechanism: Mechanism, body_poses: dict[str, Pose], view: View) -> Iterator[Play]:
+    """Yield the play of every joint that has a circle of clearance; the block of a slot has none.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Its joints.
+    body_poses : dict of str to Pose
+        Pose of every body at ``m`` instants.
+    view : View
+        The plane of the picture.
+
+    Yields
+    ------
+    Play
+        One a joint.
+    """
     for name, joint in mechanism.joints.items():
         clearance = getattr(joint, joint.CLEARANCE) if joint.CLEARANCE and not joint.ideal else None
         stations = _stations(joint)
         if not clearance or not len(stations):
             continue
         outer, inner = joint.sides
-        centre = at[inner.body].world(np.array([inner.point]))
+        centre = body_poses[inner.body].world(np.array([inner.point]))
         if joint.axes is None:
-            away = centre - at[outer.body].world(np.array([outer.point]))
-            across = np.tile([view.right, view.up], (len(away), 1, 1))
-            yield Play(name, clearance, view.project(away) / clearance, across)
+            offset = centre - body_poses[outer.body].world(np.array([outer.point]))
+            across = np.tile([view.right, view.up], (len(offset), 1, 1))
+            yield Play(name, clearance, view.project(offset) / clearance, across)
             continue
         rings = np.array(outer.point) + np.outer(stations, joint.axes[0])
-        away = centre - at[outer.body].world(rings)
-        axis = at[inner.body].direction(np.array(joint.axes[1]))[:, None]
-        away -= np.sum(away * axis, axis=-1, keepdims=True) * axis
+        offset = centre - body_poses[outer.body].world(rings)
+        axis = body_poses[inner.body].direction(np.array(joint.axes[1]))[:, None]
+        offset -= np.sum(offset * axis, axis=-1, keepdims=True) * axis
         across = _across(axis[:, 0], view)
-        yield Play(name, clearance, np.einsum("mri,mki->mrk", away, across) / clearance, across)
+        yield Play(name, clearance, np.einsum("mri,mki->mrk", offset, across) / clearance, across)
 
 
 def _stations(joint: Any) -> tuple[float, ...]:
@@ -60,7 +79,7 @@ def _stations(joint: Any) -> tuple[float, ...]:
 
 
 def _across(axis: Array, view: View) -> Array:
-    """Return two unit vectors across each axis, shape (m, 2, 3), as near as can be to the view's right and up."""
+    """Return two unit vectors across each axis, shape (m, 2, 3), as close as possible to the view's right and up."""
     candidates = sorted((view.right, view.up, view.normal), key=lambda v: round(abs(float(axis[0] @ v)), 3))[:2]
     ordered = [v for v in (view.right, view.up, view.normal) if any(v is c for c in candidates)]
     first = ordered[0] - (axis @ ordered[0])[:, None] * axis

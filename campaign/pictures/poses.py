@@ -8,13 +8,21 @@ from scipy.spatial.transform import Rotation
 from campaign.pictures.view import Array, Rows, start_rotation
 from engine import Mechanism, Trajectory
 
-TIME_COUNTS = 0.3  # share of an animation that is spent evenly in time; the rest goes evenly with what moves
-FAR = 1e100  # positions beyond are as good as infinite: their squares soon are
+TIME_SHARE = 0.3  # of an animation's frames that are even in time; the others are even in motion
+FAR = 1e100  # positions beyond count as infinite: their squares overflow
 
 
 @dataclass(frozen=True)
 class Pose:
-    """A body's own frame at ``m`` instants: origins (m, 3), rotations to the world (m, 3, 3)."""
+    """A body's own frame at ``m`` instants.
+
+    Attributes
+    ----------
+    origin : ndarray, shape (m, 3)
+        Its origin in the world [length].
+    rotation : ndarray, shape (m, 3, 3)
+        From the body's axes to those of the world.
+    """
 
     origin: Array
     rotation: Array
@@ -32,23 +40,33 @@ class Pose:
         return np.asarray(self.rotation @ vector)
 
 
-def poses(trajectory: Trajectory, mechanism: Mechanism, instants: Rows) -> dict[str, Pose]:
-    """Return the pose of every body of the file at some rows of the trajectory, by name."""
-    found = {}
+def poses(trajectory: Trajectory, mechanism: Mechanism, rows: Rows) -> dict[str, Pose]:
+    """Return the pose of every body of the file, by name.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The run.
+    mechanism : Mechanism
+        What ran.
+    rows : ndarray of int, shape (m,)
+        Rows of the trajectory.
+    """
+    by_name = {}
     for name, body in mechanism.bodies.items():
         if body.fixed:
-            origin = np.tile(body.origin, (len(instants), 1))
-            rotation = np.tile(start_rotation(mechanism, name), (len(instants), 1, 1))
+            origin = np.tile(body.origin, (len(rows), 1))
+            rotation = np.tile(start_rotation(mechanism, name), (len(rows), 1, 1))
         else:
             motion = trajectory.bodies[name]
-            origin = motion.origin[instants]
-            rotation = Rotation.from_quat(motion.quaternion[instants], scalar_first=True).as_matrix()
-        found[name] = Pose(origin, rotation)
-    return found
+            origin = motion.origin[rows]
+            rotation = Rotation.from_quat(motion.quaternion[rows], scalar_first=True).as_matrix()
+        by_name[name] = Pose(origin, rotation)
+    return by_name
 
 
 def finite_rows(trajectory: Trajectory) -> int:
-    """Return how many rows there are before the first whose poses cannot be drawn: a run may diverge."""
+    """Return the number of rows before the first whose poses cannot be drawn: a run may diverge."""
     finite = np.ones(len(trajectory.time), bool)
     for motion in trajectory.bodies.values():
         finite &= (np.abs(motion.position) < FAR).all(axis=1) & np.isfinite(motion.quaternion).all(axis=1)
@@ -56,19 +74,33 @@ def finite_rows(trajectory: Trajectory) -> int:
 
 
 def progress(trajectory: Trajectory, mechanism: Mechanism, usable: int) -> Array:
-    """Return how much of what there is to see has happened at each of the first rows, shape (usable,), 0 to 1.
+    """Return how far the motion has come at each of the first rows, from 0 to 1.
 
-    Time counts for a part, and the way of the body that moves most for the rest: of its centre of mass, and of a point
-    at its radius of gyration.
+    A part of it is time. The rest is the path of the body that moves most: of its centre of mass, and of a point at its
+    radius of gyration.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The run.
+    mechanism : Mechanism
+        What ran.
+    usable : int
+        Number of rows, from the first, whose poses can be drawn.
+
+    Returns
+    -------
+    ndarray, shape (usable,)
+        Increasing.
     """
-    ways = [np.zeros(max(usable - 1, 0))]
+    paths = [np.zeros(max(usable - 1, 0))]
     for name, motion in trajectory.bodies.items():
         body = mechanism.bodies[name]
         arm = np.sqrt(np.trace(np.array(body.inertia, float)) / (2 * (body.mass or 1.0)))
         shift, turn = (_lengths(np.diff(x[:usable], axis=0)) for x in (motion.position, motion.quaternion))
-        ways.append(shift + 2 * arm * turn)  # a small change of a unit quaternion is half the angle
-    time, way = np.diff(trajectory.time[:usable]), np.max(ways, axis=0)
-    parts = [(share, steps) for share, steps in ((TIME_COUNTS, time), (1 - TIME_COUNTS, way)) if steps.sum() > 0]
+        paths.append(shift + 2 * arm * turn)  # a small change of a unit quaternion is half the angle
+    time, path = np.diff(trajectory.time[:usable]), np.max(paths, axis=0)
+    parts = [(share, steps) for share, steps in ((TIME_SHARE, time), (1 - TIME_SHARE, path)) if steps.sum() > 0]
     done = np.sum([share * np.append(0.0, np.cumsum(steps)) / steps.sum() for share, steps in parts], axis=0)
     return np.asarray(done / done[-1] if parts else np.zeros(usable))
 
@@ -78,12 +110,19 @@ def _lengths(vectors: Array) -> Array:
 
 
 def spread_rows(done: Array, count: int) -> Rows:
-    """Return at most ``count`` rows, the first and the last among them, spread as evenly as there are any.
+    """Return at most ``count`` rows, the first and the last among them, spread as evenly as they allow.
 
     Parameters
     ----------
-    done : (n,) what is to be even between rows, increasing: time, or `progress`
-    count : of rows, at most
+    done : ndarray, shape (n,)
+        Quantity that is to be even between rows, increasing: time, or `progress`.
+    count : int
+        Most rows.
+
+    Returns
+    -------
+    ndarray of int
+        Numbers of the rows, increasing.
     """
-    wanted = np.linspace(done[0], done[-1], count)
-    return np.unique(np.searchsorted(0.5 * (done[1:] + done[:-1]), wanted))
+    even = np.linspace(done[0], done[-1], count)
+    return np.unique(np.searchsorted(0.5 * (done[1:] + done[:-1]), even))

@@ -1,10 +1,10 @@
-"""All that an animation shows, as numbers: shapes, contact forces and play, projected, frame by frame."""
+"""The numbers behind an animation: shapes, contact forces and play, projected, frame by frame."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from campaign.pictures.parts import links, part_of
+from campaign.pictures.body_shapes import body_shape, linear_loads
 from campaign.pictures.play import Play, plays
 from campaign.pictures.poses import Pose, finite_rows, poses, progress, spread_rows
 from campaign.pictures.view import Array, Rows, View, choose_view
@@ -14,8 +14,20 @@ NEAR = 0.02  # a contact marks its plane where its gap is smaller than this, in 
 
 
 @dataclass(frozen=True)
-class Drawn:
-    """A body as drawn in ``m`` frames; polylines (m, k, 2)."""
+class BodyFrames:
+    """A body as drawn in ``m`` frames.
+
+    Attributes
+    ----------
+    fixed : bool
+        Whether it is part of the ground.
+    outline : ndarray, shape (m, k, 2)
+        Polygon around it.
+    lines, faces : tuple of ndarray, each of shape (m, k, 2)
+        Polylines of its primitives and pins, and of the patches of planes that are touched.
+    joints : ndarray, shape (m, k, 2)
+        Where its joints are.
+    """
 
     fixed: bool
     outline: Array
@@ -30,17 +42,23 @@ class Scene:
 
     Attributes
     ----------
-    rows, time : (m,) rows of the trajectory, and their time
-    bodies : by name
-    springs : ends of linear springs and dampers, (m, 2, 2) each
-    points, forces : (m, nc, 2) contact points, and mean forces since the frame before
-    plays : of the joints with clearance, at all rows of the trajectory until it diverges
-    box : (2, 2) lower left and upper right corner of all bodies in all frames
+    rows, time : ndarray, shape (m,)
+        Rows of the trajectory, and their time.
+    bodies : dict of str to BodyFrames
+        By name.
+    springs : tuple of ndarray, each of shape (m, 2, 2)
+        Ends of linear springs and dampers.
+    points, forces : ndarray, shape (m, nc, 2)
+        Contact points, and mean forces since the frame before [force].
+    plays : tuple of Play
+        Of the joints with clearance, at all rows of the trajectory until it diverges.
+    box : ndarray, shape (2, 2)
+        Lower left and upper right corner of all bodies in all frames.
     """
 
     rows: Rows
     time: Array
-    bodies: dict[str, Drawn]
+    bodies: dict[str, BodyFrames]
     springs: tuple[Array, ...]
     points: Array
     forces: Array
@@ -49,19 +67,19 @@ class Scene:
 
 
 def scene_of(trajectory: Trajectory, frames: int) -> Scene:
-    """Return what is to be drawn of a trajectory in at most ``frames`` frames."""
-    from engine.trajectory.forces import contact_forces
+    """Return the scene of a trajectory in at most ``frames`` frames."""
+    from engine.trajectory.forces import contact_forces  # compiled code, which other pictures do without
 
     mechanism = trajectory.mechanism()
     view, usable = choose_view(mechanism), finite_rows(trajectory)
     rows = spread_rows(progress(trajectory, mechanism, usable), frames)
-    at = poses(trajectory, mechanism, rows)
+    body_poses = poses(trajectory, mechanism, rows)
     points, forces = contact_forces(trajectory, rows.tolist())
-    size = _size(mechanism, at, points)
+    size = _size(mechanism, body_poses, points)
     touched = _touched(trajectory, rows, points, NEAR * size)
-    bodies = {name: _drawn(mechanism, name, at[name], view, touched, size) for name in mechanism.bodies}
-    ends = [[at[end.body].world(np.array([end.point])) for end in link] for link in links(mechanism)]
-    everywhere = poses(trajectory, mechanism, np.arange(usable))
+    bodies = {name: _body_frames(mechanism, name, body_poses[name], view, touched, size) for name in mechanism.bodies}
+    ends = [[body_poses[end.body].world(np.array([end.point])) for end in link] for link in linear_loads(mechanism)]
+    all_poses = poses(trajectory, mechanism, np.arange(usable))
     return Scene(
         rows=rows,
         time=trajectory.time[rows],
@@ -69,40 +87,47 @@ def scene_of(trajectory: Trajectory, frames: int) -> Scene:
         springs=tuple(view.project(np.concatenate(pair, axis=1)) for pair in ends),
         points=view.project(points),
         forces=view.project(forces),
-        plays=tuple(plays(mechanism, everywhere, view)),
+        plays=tuple(plays(mechanism, all_poses, view)),
         box=_box(bodies),
     )
 
 
-def _size(mechanism: Mechanism, at: dict[str, Pose], points: Array) -> float:
+def _size(mechanism: Mechanism, body_poses: dict[str, Pose], points: Array) -> float:
     """Return the largest extent at the start of the points where bodies meet, and of their centres of mass."""
     moving = [(name, body.center_of_mass) for name, body in mechanism.bodies.items() if not body.fixed]
     joints = [(side.body, side.point) for joint in mechanism.joints.values() for side in joint.sides]
-    there = [at[name].world(np.array([point]))[0] for name, point in moving + joints]
-    return float(np.ptp(np.vstack([points[0], *there]), axis=0).max())
+    meeting = [body_poses[name].world(np.array([point]))[0] for name, point in moving + joints]
+    return float(np.ptp(np.vstack([points[0], *meeting]), axis=0).max())
 
 
 def _touched(trajectory: Trajectory, rows: Rows, points: Array, reach: float) -> dict[str, Array]:
-    """Return by contact its point in the world, (m, 3); NaN in the frames in which it is neither near nor nearest."""
-    found = {}
+    """Return the point of each contact in the world, shape (m, 3); NaN where it is neither near nor at its nearest."""
+    by_contact = {}
     for i, (name, history) in enumerate(trajectory.contacts.items()):
         gap = history.gap[rows]
-        found[name] = np.where((gap <= max(reach, gap.min()))[:, None], points[:, i], np.nan)
-    return found
+        by_contact[name] = np.where((gap <= max(reach, gap.min()))[:, None], points[:, i], np.nan)
+    return by_contact
 
 
-def _drawn(mechanism: Mechanism, name: str, pose: Pose, view: View, touched: dict[str, Array], size: float) -> Drawn:
+def _body_frames(
+    mechanism: Mechanism, name: str, pose: Pose, view: View, touched: dict[str, Array], size: float
+) -> BodyFrames:
     """Return a body in all frames."""
-    part = part_of(mechanism, name, view, {contact: pose.local(where) for contact, where in touched.items()}, size)
+    local = {contact: pose.local(points) for contact, points in touched.items()}
+    shape = body_shape(mechanism, name, view, local, size)
     outline, joints, *more = [
-        view.project(pose.world(points)) for points in (part.outline, part.joints, *part.lines, *part.faces)
+        view.project(pose.world(points)) for points in (shape.outline, shape.joints, *shape.lines, *shape.faces)
     ]
-    lines = len(part.lines)
-    return Drawn(mechanism.bodies[name].fixed, outline, tuple(more[:lines]), tuple(more[lines:]), joints)
+    lines = len(shape.lines)
+    return BodyFrames(mechanism.bodies[name].fixed, outline, tuple(more[:lines]), tuple(more[lines:]), joints)
 
 
-def _box(bodies: dict[str, Drawn]) -> Array:
+def _box(bodies: dict[str, BodyFrames]) -> Array:
     """Return the corners of a box around everything that is drawn of the bodies but the outlines of fixed ones."""
-    drawn = [p for f in bodies.values() for p in (*f.lines, *f.faces, f.joints, *(() if f.fixed else (f.outline,)))]
-    flat = np.vstack([p.reshape(-1, 2) for p in drawn])
+    shown = [
+        points
+        for body in bodies.values()
+        for points in (*body.lines, *body.faces, body.joints, *(() if body.fixed else (body.outline,)))
+    ]
+    flat = np.vstack([points.reshape(-1, 2) for points in shown])
     return np.array([flat.min(axis=0), flat.max(axis=0)])

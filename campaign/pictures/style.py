@@ -31,12 +31,12 @@ STYLE: Any = {
 }
 
 
-def labelled(name: str, unit: str) -> str:
-    """Return a name with its unit for an axis; a pure number has none."""
+def label_with_unit(name: str, unit: str) -> str:
+    """Return a name with its unit, for an axis; a pure number has no unit."""
     return name if unit in ("", "1") else f"{name} [{unit}]"
 
 
-def bare(axes: "Axes") -> None:
-    """Take frame, ticks and background from axes that show a thing and not a graph."""
+def hide_axes(axes: "Axes") -> None:
+    """Remove frame, ticks and background of axes that show a body and not a graph."""
     axes.set_axis_off()
     axes.set_aspect("equal")

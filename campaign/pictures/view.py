@@ -1,4 +1,4 @@
-"""Where to look from: the plane on which a mechanism in space is drawn."""
+"""The plane on which a mechanism in space is drawn."""
 
 from dataclasses import dataclass
 
@@ -11,33 +11,39 @@ from engine import Mechanism
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]
 
-_LEAST = np.diag([2e-3, 1e-3, 0.0])  # decides between directions that are alike: z before y before x
+_TIE_BREAK = np.diag([2e-3, 1e-3, 0.0])  # between equally good directions: z before y before x
 
 
 @dataclass(frozen=True)
 class View:
-    """A plane: unit vectors to the right, upwards, and to the viewer."""
+    """A plane of projection.
+
+    Attributes
+    ----------
+    right, up, normal : ndarray, shape (3,)
+        Unit vectors to the right, upwards, and to the viewer.
+    """
 
     right: Array
     up: Array
     normal: Array
 
     def project(self, points: Array) -> Array:
-        """Return points or vectors of space, shape (..., 3), on the plane, shape (..., 2)."""
+        """Project points or vectors of space, shape (..., 3), onto the plane, shape (..., 2)."""
         return np.asarray(points @ np.stack([self.right, self.up], axis=1))
 
 
 def choose_view(mechanism: Mechanism) -> View:
-    """Return the plane normal to most joint axes; without such joints, that in which gravity and planes' normals lie.
+    """Return the plane normal to most joint axes; without axes, the plane of gravity and the normals of contact planes.
 
     Up is against gravity; without gravity in the plane it is z, or y for a view along z.
     """
     joints, gravity = mechanism.joints.values(), np.array(mechanism.gravity)
     axes = [start_rotation(mechanism, joint.sides[0].body) @ joint.axes[0] for joint in joints if joint.axes]
     if axes:
-        normal = _clean(np.linalg.eigh(_spread(axes) - 1e-3 * _LEAST).eigenvectors[:, -1])
+        normal = _clean(np.linalg.eigh(_spread(axes) - 1e-3 * _TIE_BREAK).eigenvectors[:, -1])
     else:
-        normal = _clean(np.linalg.eigh(_spread([*_plane_normals(mechanism), gravity]) + _LEAST).eigenvectors[:, 0])
+        normal = _clean(np.linalg.eigh(_spread([*_plane_normals(mechanism), gravity]) + _TIE_BREAK).eigenvectors[:, 0])
     up = _upwards(normal, gravity)
     right = np.cross(up, normal)
     if right[np.argmax(np.abs(right))] < 0:  # look from the other side: the larger coordinates are to the right
@@ -47,8 +53,8 @@ def choose_view(mechanism: Mechanism) -> View:
 
 def start_rotation(mechanism: Mechanism, body: str) -> Array:
     """Return the rotation from a body's own axes to the world at the start, shape (3, 3)."""
-    described = mechanism.bodies[body]
-    return np.asarray(Rotation.from_rotvec(described.angle * np.array(described.axis)).as_matrix())
+    start = mechanism.bodies[body]
+    return np.asarray(Rotation.from_rotvec(start.angle * np.array(start.axis)).as_matrix())
 
 
 def _plane_normals(mechanism: Mechanism) -> list[Array]:
@@ -64,17 +70,18 @@ def _spread(directions: list[Array]) -> Array:
 
 def _upwards(normal: Array, gravity: Array) -> Array:
     """Return the unit vector of the plane that points up."""
-    wanted = next(w for w in (-gravity, np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])) if _lies_in(normal, w))
-    up = wanted - (wanted @ normal) * normal
+    candidates = (-gravity, np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]))
+    direction = next(candidate for candidate in candidates if _lies_in(normal, candidate))
+    up = direction - (direction @ normal) * normal
     return _clean(up / np.linalg.norm(up))
 
 
 def _lies_in(normal: Array, vector: Array) -> bool:
-    """Say whether a vector has a direction in the plane, that is, is not nearly along its normal."""
+    """Return whether a vector has a direction in the plane: it is not nearly along the normal."""
     return bool(np.linalg.norm(np.cross(normal, vector)) > 0.3 * np.linalg.norm(vector))
 
 
 def _clean(vector: Array) -> Array:
-    """Return the vector without the rounding of the eigenvectors, so that axes of the world stay exact."""
+    """Return the vector without the rounding errors of the eigenvectors, so that axes of the world stay exact."""
     rounded = np.round(vector, 12) + 0.0
     return np.asarray(rounded / np.linalg.norm(rounded))

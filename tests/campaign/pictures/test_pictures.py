@@ -7,12 +7,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from campaign.errors import CampaignError, SpecError
 from campaign.pictures.animation import animate
+from campaign.pictures.animation_figure import arrow_lengths, common_force, join_lines, limits, zigzag
 from campaign.pictures.curves import cut_range, panels, plot
-from campaign.pictures.film import palette_of
-from campaign.pictures.outputs import PLOTS, check_output, replacing
-from campaign.pictures.stage import arrow_lengths, common_force, joined, limits, zigzag
+from campaign.pictures.gif import palette_of
 from engine import read_trajectory, simulate
 from tests.engine.small import block_on_floor, made
 
@@ -45,7 +43,7 @@ def test_cut_range():
     assert 1 < high < 10
 
 
-@pytest.mark.parametrize("ending", PLOTS)
+@pytest.mark.parametrize("ending", [".png", ".svg", ".pdf"])
 def test_plot_is_a_picture_with_words(pendulum, tmp_path, ending):
     """PNG, SVG and PDF: sound files, with a description in their metadata; the same run makes the same bytes."""
     path = tmp_path / f"curves{ending}"
@@ -149,41 +147,8 @@ def test_springs_and_joined_lines():
     spring = zigzag(np.array([1.0, 1.0]), np.array([3.0, 1.0]))
     np.testing.assert_allclose(spring[[0, -1]], [[1, 1], [3, 1]])
     assert np.ptp(spring[:, 1]) == pytest.approx(0.24)
-    lines = joined([np.zeros((2, 2)), np.ones((3, 2))])
+    lines = join_lines([np.zeros((2, 2)), np.ones((3, 2))])
     np.testing.assert_array_equal(np.isnan(lines[:, 0]), [1, 0, 0, 1, 0, 0, 0, 1])
 
 
 # --- files
-
-
-def test_outputs_are_checked(tmp_path):
-    """Unknown endings, folders that are not there or not folders: one message with option, path and remedy."""
-    check_output("--plot", tmp_path / "a.svg", PLOTS)
-    for path, said in (
-        (tmp_path / "a.jpg", "unknown ending; allowed: .png, .svg, .pdf"),
-        (tmp_path / "a", "unknown ending"),
-        (tmp_path / "none" / "a.png", "no folder"),
-    ):
-        with pytest.raises(SpecError, match=re.escape(said)) as caught:
-            check_output("--plot", path, PLOTS)
-        assert str(caught.value).startswith(f"--plot {path}: ")
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_picture_that_fails_keeps_the_old_one(tmp_path):
-    """An error while drawing: the file that was there as it was, nothing beside it."""
-    path = tmp_path / "a.png"
-    path.write_bytes(b"old")
-
-    def draw():
-        with replacing(path) as temporary:
-            assert temporary.suffix == ".png"
-            temporary.write_bytes(b"half")
-            raise OSError(28, "No space left on device")
-
-    with pytest.raises(CampaignError, match=r"a.png: cannot be written \(No space left"):
-        draw()
-    assert [(item.name, item.read_bytes()) for item in tmp_path.iterdir()] == [("a.png", b"old")]
-    with replacing(path) as temporary:
-        temporary.write_bytes(b"new")
-    assert [(item.name, item.read_bytes()) for item in tmp_path.iterdir()] == [("a.png", b"new")]

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from campaign.pictures.parts import around, part_of
+from campaign.pictures.body_shapes import body_shape, hull
 from campaign.pictures.play import plays
+from campaign.pictures.polylines import circle, patch, square
 from campaign.pictures.poses import poses, progress, spread_rows
 from campaign.pictures.scene import scene_of
-from campaign.pictures.shapes import circle, patch, square
 from campaign.pictures.view import choose_view
 from engine import load_mechanism
 from tests.engine.small import block_on_floor, made, shipped, turned
@@ -99,13 +99,13 @@ def test_play_is_what_the_gap_leaves(pendulum):
     mechanism = pendulum.mechanism()
     at = poses(pendulum, mechanism, np.arange(len(pendulum.time)))
     (play,) = plays(mechanism, at, choose_view(mechanism))
-    assert (play.joint, play.clearance, play.way.shape) == ("J1", 5e-4, (501, 2, 2))
+    assert (play.joint, play.clearance, play.eccentricity.shape) == ("J1", 5e-4, (501, 2, 2))
     for ring in range(2):
         gap = pendulum.contacts[f"J1.ring{ring + 1}"].gap
-        np.testing.assert_allclose(np.linalg.norm(play.way[:, ring], axis=1), 1 - gap / 5e-4, atol=1e-9)
-    np.testing.assert_allclose(play.way[0], 0, atol=1e-12)
+        np.testing.assert_allclose(np.linalg.norm(play.eccentricity[:, ring], axis=1), 1 - gap / 5e-4, atol=1e-9)
+    np.testing.assert_allclose(play.eccentricity[0], 0, atol=1e-12)
     drop = pendulum.responses["drop"]
-    np.testing.assert_allclose(play.way[:, 0, 1], drop / 5e-4, atol=1e-9)  # the bore is low: the bolt is high in it
+    np.testing.assert_allclose(play.eccentricity[:, 0, 1], drop / 5e-4, atol=1e-9)  # low bore: high bolt
 
 
 def test_play_across_an_axis_in_the_picture(pendulum):
@@ -115,7 +115,7 @@ def test_play_across_an_axis_in_the_picture(pendulum):
     at = poses(pendulum, mechanism, np.arange(len(pendulum.time)))
     (play,) = plays(mechanism, at, view)
     gap = pendulum.contacts["J1.ring1"].gap
-    np.testing.assert_allclose(np.linalg.norm(play.way[:, 0], axis=1), 1 - gap / 5e-4, atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(play.eccentricity[:, 0], axis=1), 1 - gap / 5e-4, atol=1e-9)
 
 
 def test_ideal_joints_have_no_play():
@@ -151,26 +151,26 @@ def test_patch_covers_what_is_touched():
 def test_outline():
     """The convex hull in order; two ends of a line; one point; nothing."""
     corners = np.array([[0, 0], [2, 0], [1, 1], [2, 2], [0, 2.0]])
-    assert sorted(around(corners)) == [0, 1, 3, 4]
+    assert sorted(hull(corners)) == [0, 1, 3, 4]
     line = np.linspace(0, 1, 5)[:, None] * [[3, 4]]
-    assert sorted(around(line)) == [0, 4]
-    assert around(np.zeros((1, 2))) == [0]
-    assert around(np.zeros((0, 2))) == []
+    assert sorted(hull(line)) == [0, 4]
+    assert hull(np.zeros((1, 2))) == [0]
+    assert hull(np.zeros((0, 2))) == []
 
 
 def test_outline_of_the_file_comes_first():
     """In place of the hull; then of contact primitives only working faces are drawn: arcs and rectangles."""
     data = shipped("clearance_pendulum")
     corners = [[0.0, 0.0], [0.1, -0.1], [0.0, -0.2, 0.01]]
-    link = part_of(made(data), "link", choose_view(made(data)), {}, 1.0)
+    link = body_shape(made(data), "link", choose_view(made(data)), {}, 1.0)
     assert len(link.outline) > 3
     data["bodies"]["link"]["outline"] = corners
-    drawn = part_of(made(data), "link", choose_view(made(data)), {}, 1.0)
+    drawn = body_shape(made(data), "link", choose_view(made(data)), {}, 1.0)
     np.testing.assert_array_equal(drawn.outline, [[0, 0, 0], [0.1, -0.1, 0], [0, -0.2, 0.01]])
     assert len(drawn.lines) == len(link.lines) == 1  # its bore
     mechanism = load_mechanism("c60")
     touched = {name: np.zeros((1, 3)) for name in mechanism.contacts}
-    contact = part_of(mechanism, "moving_contact", choose_view(mechanism), touched, 1.0)
+    contact = body_shape(mechanism, "moving_contact", choose_view(mechanism), touched, 1.0)
     assert all(np.ptp(line, axis=0).max() < 5 for line in contact.lines)  # not the whole cylinder of C7, 10.4 wide
 
 

@@ -13,13 +13,16 @@ TRAJECTORIES, PLOTS, ANIMATIONS = (".h5", ".hdf5"), (".png", ".svg", ".pdf"), ("
 
 
 def check_output(option: str, path: Path, endings: tuple[str, ...]) -> None:
-    """Make sure that a file can be written, leaving none.
+    """Check that a file can be written; none is left.
 
     Parameters
     ----------
-    option : what names it, for messages
-    path : the file
-    endings : allowed ones
+    option : str
+        Option that names the file, for messages.
+    path : Path
+        The file.
+    endings : tuple of str
+        Allowed endings.
 
     Raises
     ------
@@ -45,10 +48,20 @@ def check_output(option: str, path: Path, endings: tuple[str, ...]) -> None:
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary name beside a file, with its ending; at the end of the block it becomes the file.
 
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Yields
+    ------
+    Path
+        Where to write.
+
     Raises
     ------
     CampaignError
-        If it cannot be written; a file that was there is left as it was.
+        If it cannot be written; an earlier file stays as it was.
     """
     temporary = path.with_name(f"{path.stem}.{os.getpid()}-{secrets.token_hex(4)}.tmp{path.suffix}")
     try:

@@ -9,14 +9,22 @@ from campaign.pictures.view import Array
 CORNERS = 49  # of a full circle
 
 
-def outline_of(kind: str, primitive: Any, facing: Array) -> list[Array]:
-    """Return what is drawn of a primitive of a contact, polylines (k, 3); nothing of a point or an unbounded plane.
+def primitive_polylines(kind: str, primitive: Any, facing: Array) -> list[Array]:
+    """Return the polylines of a primitive of a contact; none for a point or an unbounded plane.
 
     Parameters
     ----------
-    kind : its key in the file, such as "arc"
-    primitive : as the file describes it
-    facing : direction to the viewer: spheres and rings are drawn as circles across it
+    kind : str
+        Its key in the file, such as "arc".
+    primitive : object
+        As the file describes it.
+    facing : ndarray, shape (3,)
+        Direction to the viewer: spheres and rings are drawn as circles across it.
+
+    Returns
+    -------
+    list of ndarray, each of shape (k, 3)
+        In the frame of the body.
     """
     if kind in ("point", "plane"):
         return []
@@ -35,7 +43,24 @@ def outline_of(kind: str, primitive: Any, facing: Array) -> list[Array]:
 
 
 def circle(centre: Any, normal: Any, radius: float, middle: Any = None, half_angle: float = np.pi) -> Array:
-    """Return an arc about ``middle``, or a full circle, shape (49, 3)."""
+    """Return an arc about ``middle``, or a full circle.
+
+    Parameters
+    ----------
+    centre, normal : array_like, shape (3,)
+        Of the circle.
+    radius : float
+        Of the circle [length].
+    middle : array_like, shape (3,), optional
+        Direction from the centre to the middle of the arc.
+    half_angle : float
+        Half the angle of the arc [rad].
+
+    Returns
+    -------
+    ndarray, shape (49, 3)
+        Points of the polyline.
+    """
     n = np.asarray(normal, float)
     e = np.eye(3)[np.argmin(np.abs(n))] if middle is None else np.asarray(middle, float)
     e = e - (e @ n) * n
@@ -50,14 +75,23 @@ def square(centre: Any, a: Array, b: Array) -> Array:
 
 
 def patch(normal: Array, touched: Array, facing: Array, least: float) -> Array:
-    """Return the square of a plane that covers where it is touched, its sides along and across the line of sight.
+    """Return a square of a plane that covers where it is touched, its sides along and across the line of sight.
 
     Parameters
     ----------
-    normal : of the plane
-    touched : points of it, (m, 3); NaN does not count
-    facing : direction to the viewer
-    least : half of its side, at least
+    normal : ndarray, shape (3,)
+        Of the plane.
+    touched : ndarray, shape (m, 3)
+        Points of the plane; NaN does not count.
+    facing : ndarray, shape (3,)
+        Direction to the viewer.
+    least : float
+        Smallest half of a side [length].
+
+    Returns
+    -------
+    ndarray, shape (5, 3)
+        The closed polyline.
     """
     middle = 0.5 * (np.nanmin(touched, axis=0) + np.nanmax(touched, axis=0))
     along = np.cross(facing, normal)

@@ -10,12 +10,12 @@ AREAS, OTHERS = 16, 32  # colours of large areas, and of all else
 CLOSE = 8  # of 256, in each channel
 
 
-class Film(AbstractMovieWriter):
-    """A writer of GIFs for matplotlib, as its own but with one palette for all frames."""
+class GifWriter(AbstractMovieWriter):
+    """A writer of GIFs for matplotlib, like matplotlib's own but with one palette for all frames."""
 
     @classmethod
     def isAvailable(cls) -> bool:  # matplotlib's name
-        """Say that it needs nothing but Pillow, which matplotlib brings."""
+        """Return True: it needs nothing but Pillow, which matplotlib brings."""
         return True
 
     def setup(self, fig: Any, outfile: Any, dpi: Any = None) -> None:
@@ -24,13 +24,13 @@ class Film(AbstractMovieWriter):
         self._frames: list[Image.Image] = []
 
     def grab_frame(self, **_: Any) -> None:
-        """Add the figure as it is."""
+        """Add the figure as it is now."""
         canvas: Any = self.fig.canvas
         canvas.draw()
         self._frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3]))
 
     def finish(self) -> None:
-        """Write the frames in the colours of the one in their middle; equal ones become one that stays longer."""
+        """Write the frames in the colours of the middle one; equal frames become one that is shown longer."""
         palette = palette_of(self._frames[len(self._frames) // 2])
         frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in self._frames]
         duration = round(1000 / self.fps)
@@ -38,14 +38,17 @@ class Film(AbstractMovieWriter):
 
 
 def palette_of(frame: Image.Image) -> Image.Image:
-    """Return an image with a palette for frames like this: exactly the colours of areas, and others far from them."""
+    """Return an image with a palette for frames like this one.
+
+    The palette holds exactly the colours of large areas, and other colours that are far from these.
+    """
     colours, count = np.unique(np.asarray(frame).reshape(-1, 3), axis=0, return_counts=True)
     covering = frame.quantize(OTHERS, method=Image.Quantize.MAXCOVERAGE)  # keeps the hue of a thin arrow
     others = np.reshape(covering.getpalette() or [], (-1, 3))
-    kept = np.empty((0, 3), int)
+    chosen = np.empty((0, 3), int)
     for colour in [*colours[np.argsort(-count)[:AREAS]].astype(int), *others]:
-        if (np.abs(kept - colour).max(axis=1) > CLOSE).all():  # Pillow would confuse it with one that is more frequent
-            kept = np.vstack([kept, colour])
+        if (np.abs(chosen - colour).max(axis=1) > CLOSE).all():  # Pillow would confuse it with a more frequent one
+            chosen = np.vstack([chosen, colour])
     palette = Image.new("P", (1, 1))
-    palette.putpalette(kept.ravel().tolist())
+    palette.putpalette(chosen.ravel().tolist())
     return palette

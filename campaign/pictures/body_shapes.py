@@ -1,4 +1,4 @@
-"""What is drawn of a body: the primitives and joints that the file gives it, and an outline around them."""
+"""The shape of a body as drawn: the primitives and joints that the file gives it, and an outline around them."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -8,27 +8,30 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from campaign.pictures.shapes import circle, outline_of, patch
+from campaign.pictures.polylines import circle, patch, primitive_polylines
 from campaign.pictures.view import Array, View, start_rotation
 from engine import Mechanism
 from engine.mechanism.base import BodyPoint
 
-WORKING = ("arc", "rectangle")  # drawn of a body with an outline: a whole cylinder would hide the piece that is there
-FACE_ON = 0.95  # cosine of a plane's normal to the line of sight from which on the plane is not drawn
-LEAST_PATCH = 0.05  # half side of a plane's patch beyond what is touched, in sizes of the mechanism
+DRAWN_WITH_OUTLINE = ("arc", "rectangle")  # of a body with an outline: a whole cylinder would hide the body
+FACE_ON = 0.95  # cosine between a plane's normal and the line of sight: planes beyond are not drawn
+LEAST_PATCH = 0.05  # half a side of a patch of a plane, in sizes of the mechanism, where one point is touched
 
 
 @dataclass(frozen=True)
-class Part:
+class BodyShape:
     """The shape of a body in its own frame.
 
     Attributes
     ----------
-    lines : outlines of primitives and pins, polylines (k, 3)
-    faces : touched patches of planes, (5, 3) each
-    joints : where its joints are, (k, 3)
-    outline : the file's, or corners around all but the planes, (k, 3): a polygon, or the two ends of a line, or one
-        point or none
+    lines : tuple of ndarray, each of shape (k, 3)
+        Polylines of primitives and pins.
+    faces : tuple of ndarray, each of shape (5, 3)
+        Patches of planes that are touched.
+    joints : ndarray, shape (k, 3)
+        Where its joints are.
+    outline : ndarray, shape (k, 3)
+        That of the file, or corners around all but the planes: a polygon, the two ends of a line, a point, or none.
     """
 
     lines: tuple[Array, ...]
@@ -37,15 +40,21 @@ class Part:
     outline: Array
 
 
-def part_of(mechanism: Mechanism, body: str, view: View, touched: dict[str, Array], size: float) -> Part:
+def body_shape(mechanism: Mechanism, body: str, view: View, touched: dict[str, Array], size: float) -> BodyShape:
     """Return the shape of a body.
 
     Parameters
     ----------
-    mechanism, body : which
-    view : the plane it will be drawn on
-    touched : by contact, where it comes to lie in the run, in the frame of this body, (m, 3); NaN does not count
-    size : of the mechanism [length]
+    mechanism : Mechanism
+        What the body is part of.
+    body : str
+        Name of the body.
+    view : View
+        The plane it will be drawn on.
+    touched : dict of str to ndarray, each of shape (m, 3)
+        Points of each contact during the run, in the frame of this body; NaN does not count.
+    size : float
+        Size of the mechanism [length].
     """
     turn = start_rotation(mechanism, body)
     facing = turn.T @ view.normal
@@ -53,13 +62,13 @@ def part_of(mechanism: Mechanism, body: str, view: View, touched: dict[str, Arra
     outlined = mechanism.bodies[body].outline is not None
     for name, side in _sides(mechanism, body):
         primitive = getattr(side, side.kind)
-        if not outlined or side.kind in WORKING:
-            lines += outline_of(side.kind, primitive, facing)
+        if not outlined or side.kind in DRAWN_WITH_OUTLINE:
+            lines += primitive_polylines(side.kind, primitive, facing)
         if side.kind == "plane" and abs(np.dot(primitive.normal, facing)) < FACE_ON:
             planes[primitive.point, primitive.normal].append(touched[name])  # contacts on one plane share a patch
     lines += _pins(mechanism, body, facing)
     joints = [side.point for joint in mechanism.joints.values() for side in joint.sides if side.body == body]
-    return Part(
+    return BodyShape(
         lines=tuple(lines),
         faces=tuple(patch(np.array(n), np.vstack(t), facing, LEAST_PATCH * size) for (_, n), t in planes.items()),
         joints=np.reshape(joints, (-1, 3)),
@@ -69,15 +78,15 @@ def part_of(mechanism: Mechanism, body: str, view: View, touched: dict[str, Arra
 
 def _outline(mechanism: Mechanism, body: str, lines: list[Array], view: View) -> Array:
     """Return the outline the file gives a body; else the hull around its lines and the points the file names on it."""
-    given = mechanism.bodies[body].outline
-    if given is not None:
-        return np.array(given)
+    outline = mechanism.bodies[body].outline
+    if outline is not None:
+        return np.array(outline)
     corners = np.vstack([np.reshape(list(_points(mechanism, body)), (-1, 3)), *lines])
-    return np.asarray(corners[around(view.project(corners @ start_rotation(mechanism, body).T))])
+    return np.asarray(corners[hull(view.project(corners @ start_rotation(mechanism, body).T))])
 
 
-def around(points: Array) -> list[int]:
-    """Return the indices of the corners of the convex hull of points (k, 2), in order; of the two ends of a line."""
+def hull(points: Array) -> list[int]:
+    """Return the indices of the corners of the convex hull of points (k, 2), in order; the two ends of a line."""
     if len(points) < 2:
         return list(range(len(points)))
     try:
@@ -88,7 +97,7 @@ def around(points: Array) -> list[int]:
         return [int(np.argmin(along)), int(np.argmax(along))]
 
 
-def links(mechanism: Mechanism) -> list[tuple[BodyPoint, BodyPoint]]:
+def linear_loads(mechanism: Mechanism) -> list[tuple[BodyPoint, BodyPoint]]:
     """Return the two ends of each linear spring and damper."""
     loads = (*mechanism.springs.values(), *mechanism.dampers.values())
     return [(load.a, load.b) for load in loads if load.type == "linear"]
@@ -101,7 +110,7 @@ def _sides(mechanism: Mechanism, body: str) -> Iterator[tuple[str, Any]]:
 
 
 def _pins(mechanism: Mechanism, body: str, facing: Array) -> list[Array]:
-    """Return a circle for each pin, bore, ball and socket of the body; the play is too small to be seen."""
+    """Return a circle for each pin, bore, ball and socket of the body; the play is too small to see."""
     return [
         circle(side.point, facing if joint.axes is None else joint.axes[i], _radius(joint))
         for joint in mechanism.joints.values()
@@ -112,8 +121,8 @@ def _pins(mechanism: Mechanism, body: str, facing: Array) -> list[Array]:
 
 def _radius(joint: Any) -> float:
     """Return the radius of a joint's pin, ball or shaft; 0 if it has none."""
-    round_thing = getattr(joint, "ball", None) or getattr(joint, "shaft", None)
-    return float(max(getattr(joint, "radii", ()), default=getattr(round_thing, "radius", None) or 0.0))
+    pin = getattr(joint, "ball", None) or getattr(joint, "shaft", None)
+    return float(max(getattr(joint, "radii", ()), default=getattr(pin, "radius", None) or 0.0))
 
 
 def _points(mechanism: Mechanism, body: str) -> Iterator[tuple[float, float, float]]:
@@ -121,7 +130,7 @@ def _points(mechanism: Mechanism, body: str) -> Iterator[tuple[float, float, flo
     yield mechanism.bodies[body].center_of_mass
     yield from (side.point for _, side in _sides(mechanism, body) if side.kind == "point")
     ends: list[Any] = [side for joint in mechanism.joints.values() for side in joint.sides]
-    ends += [end for pair in links(mechanism) for end in pair]
+    ends += [end for pair in linear_loads(mechanism) for end in pair]
     ends += mechanism.forces.values()
     ends += [end for r in mechanism.responses.values() for key in ("from_", "to") if (end := getattr(r, key, None))]
     yield from (end.point for end in ends if end.body == body and end.point is not None)

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from campaign.pictures.play import Play
-from campaign.pictures.scene import Drawn, Scene
-from campaign.pictures.style import FORCE, GRID, INK, MARKERS, MUTED, PALETTE, bare
+from campaign.pictures.scene import BodyFrames, Scene
+from campaign.pictures.style import FORCE, GRID, INK, MARKERS, MUTED, PALETTE, hide_axes
 from campaign.pictures.view import Array
 from engine import Trajectory
 
@@ -14,15 +14,25 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COMMON = 95  # percentile of the forces that are not zero: an arrow of this size is a common one
-ARROW = 0.1  # its length, in diagonals of the box
-CUT = 2.0  # longer arrows are cut at so many times it
+COMMON = 95  # percentile of the forces that are not zero: the force of a common arrow
+ARROW = 0.1  # length of its arrow, in diagonals of the box
+CUT = 2.0  # longer arrows are cut at this multiple of it
 SIZE, DPI = (10.0, 6.2), 90
-TRAIL = 12  # frames whose way of a journal stays visible
+TRAIL = 12  # frames for which the path of a journal stays visible
 
 
-class Stage:
-    """An animation's figure; `show` moves it to a frame."""
+class AnimationFigure:
+    """The figure of an animation; `show` moves it to a frame.
+
+    Parameters
+    ----------
+    figure : Figure
+        Empty figure to draw in.
+    scene : Scene
+        What to draw.
+    trajectory : Trajectory
+        The run, for its name and units.
+    """
 
     def __init__(self, figure: "Figure", scene: Scene, trajectory: Trajectory) -> None:
         self._scene, self._unit = scene, trajectory.units["time"]
@@ -31,7 +41,7 @@ class Stage:
         self._title = figure.suptitle("", x=0.02, ha="left", fontsize=10)
         wide = 0.62 if scene.plays else 0.96
         axes = figure.add_axes((0.02, 0.1, wide, 0.82))
-        bare(axes)
+        hide_axes(axes)
         common, long = common_force(scene.forces), ARROW * float(np.linalg.norm(np.diff(scene.box, axis=0)))
         arrows = arrow_lengths(scene.forces, common, long)
         low, high = limits(scene.box, scene.points + arrows)
@@ -43,10 +53,10 @@ class Stage:
         self._arrows = _Arrows(axes, scene.points, arrows)
         if common:
             _explain_arrows(axes, low, long, f"{common:g} {mechanism.unit('force')}")
-        places = _grid(figure, len(scene.plays))
-        self._insets = [_Inset(a, p, mechanism.unit("length")) for a, p in zip(places, scene.plays, strict=True)]
+        insets = _grid(figure, len(scene.plays))
+        self._insets = [_Inset(a, p, mechanism.unit("length")) for a, p in zip(insets, scene.plays, strict=True)]
         if scene.plays:
-            _explain_insets(figure, max(play.way.shape[1] for play in scene.plays))
+            _explain_insets(figure, max(play.eccentricity.shape[1] for play in scene.plays))
         self._clock = _clock(figure, wide, float(scene.time[-1]), self._unit)
 
     def show(self, frame: int) -> None:
@@ -66,7 +76,7 @@ class Stage:
 class _Body:
     """The artists of one body."""
 
-    def __init__(self, axes: "Axes", name: str, body: Drawn, colour: str) -> None:
+    def __init__(self, axes: "Axes", name: str, body: BodyFrames, colour: str) -> None:
         self._body = body
         self._outline: Any = None
         if not body.fixed and body.outline.shape[1]:
@@ -86,17 +96,17 @@ class _Body:
             corners = self._body.outline[frame]
             self._outline.set_xy(corners)
             self._name.set_position(tuple(0.5 * (corners.min(axis=0) + corners.max(axis=0))))
-        self._lines.set_data(*joined([line[frame] for line in self._body.lines]).T)
-        self._faces.set_data(*joined([face[frame] for face in self._body.faces]).T)
+        self._lines.set_data(*join_lines([line[frame] for line in self._body.lines]).T)
+        self._faces.set_data(*join_lines([face[frame] for face in self._body.faces]).T)
         self._joints.set_data(*self._body.joints[frame].T)
 
 
 class _Arrows:
-    """Contact forces, and the key that says how long an arrow is."""
+    """The arrows of the contact forces."""
 
     def __init__(self, axes: "Axes", points: Array, arrows: Array) -> None:
         self._points = points
-        self._arrows = np.where(arrows.any(axis=-1, keepdims=True), arrows, np.nan)  # else a dot for no force
+        self._arrows = np.where(arrows.any(axis=-1, keepdims=True), arrows, np.nan)  # NaN: not even a dot
         self._quiver = _quiver(axes, points[0], self._arrows[0])
 
     def show(self, frame: int) -> None:
@@ -106,7 +116,7 @@ class _Arrows:
 
 
 def _clock(figure: "Figure", wide: float, end: float, unit: str) -> Any:
-    """Draw a line from the start of the run to its end, and return one upon it: frames are not even in time."""
+    """Draw a line from the start of the run to its end, and return the line upon it that shows the time."""
     axes = figure.add_axes((0.1, 0.03, wide - 0.16, 0.02))
     axes.set_axis_off()
     axes.set(xlim=(0.0, end or 1.0), ylim=(-1.0, 1.0))
@@ -130,18 +140,18 @@ def _explain_arrows(axes: "Axes", corner: Array, long: float, force: str) -> Non
 
 
 class _Inset:
-    """The circle in which a journal's axis can be, and where it is and has been."""
+    """The circle in which a journal's axis can be, where it is now, and its path."""
 
     def __init__(self, axes: "Axes", play: Play, unit: str) -> None:
         from matplotlib.patches import Circle
 
-        self._way = play.way
-        bare(axes)
+        self._eccentricity = play.eccentricity
+        hide_axes(axes)
         axes.set(xlim=(-1.25, 1.25), ylim=(-1.25, 1.25))
         axes.set_title(f"{play.joint}: play {play.clearance:.3g} {unit}", loc="center", fontsize=8)
         axes.add_patch(Circle((0, 0), 1.0, facecolor="#f4f6f9", edgecolor=INK, linewidth=1.2))
         axes.plot([-0.08, 0.08, np.nan, 0, 0], [0, 0, np.nan, -0.08, 0.08], color=MUTED, linewidth=0.8)
-        rings = range(play.way.shape[1])
+        rings = range(play.eccentricity.shape[1])
         colours = [PALETTE[i % len(PALETTE)] for i in rings]
         self._trails = [axes.plot([], [], color=c, linewidth=0.8, alpha=0.6)[0] for c in colours]
         self._dots = [
@@ -150,10 +160,10 @@ class _Inset:
         ]
 
     def show(self, since: int, row: int) -> None:
-        """Draw where the axis is at a row, and its way from an earlier one."""
+        """Draw where the axis is at a row, and its path since an earlier one."""
         for ring, (trail, dot) in enumerate(zip(self._trails, self._dots, strict=True)):
-            trail.set_data(*self._way[since : row + 1, ring].T)
-            dot.set_data(*self._way[row : row + 1, ring].T)
+            trail.set_data(*self._eccentricity[since : row + 1, ring].T)
+            dot.set_data(*self._eccentricity[row : row + 1, ring].T)
 
 
 def common_force(forces: Array) -> float:
@@ -167,7 +177,7 @@ def common_force(forces: Array) -> float:
 
 
 def arrow_lengths(forces: Array, common: float, long: float) -> Array:
-    """Return the forces as arrows, the common one ``long``; none longer than ``CUT`` times it."""
+    """Return the forces as arrows: the common force has length ``long``, none is longer than ``CUT`` times that."""
     if not common:
         return np.zeros_like(forces)
     sizes = np.linalg.norm(forces, axis=-1, keepdims=True) / common
@@ -176,29 +186,29 @@ def arrow_lengths(forces: Array, common: float, long: float) -> Array:
 
 def zigzag(a: Array, b: Array, teeth: int = 8) -> Array:
     """Return the polyline of a spring from a to b, shape (k, 2)."""
-    way = b - a
-    side = 0.06 * np.array([-way[1], way[0]])
+    span = b - a
+    side = 0.06 * np.array([-span[1], span[0]])
     share = np.array([0.0, 0.15, *np.linspace(0.2, 0.8, teeth), 0.85, 1.0])
     swing = np.array([0.0, 0.0, *np.resize([1.0, -1.0], teeth), 0.0, 0.0])
-    return np.asarray(a + share[:, None] * way + swing[:, None] * side)
+    return np.asarray(a + share[:, None] * span + swing[:, None] * side)
 
 
-def joined(lines: list[Array]) -> Array:
-    """Return polylines (k, 2) as one with gaps."""
+def join_lines(lines: list[Array]) -> Array:
+    """Return polylines, each of shape (k, 2), as one polyline with gaps."""
     gap = np.full((1, 2), np.nan)
     return np.vstack([gap, *(part for line in lines for part in (line, gap))])
 
 
 def limits(box: Array, ends: Array) -> Array:
-    """Return lower left and upper right corner of what is shown: the bodies' box, the arrows' ends, and a margin."""
+    """Return lower left and upper right corner of the bodies' box and the ends of the arrows, with a margin."""
     flat = np.vstack([box, ends.reshape(-1, 2)])
     corners = np.array([flat.min(axis=0), flat.max(axis=0)])
-    room = 0.06 * float(np.ptp(corners, axis=0).max() or 1.0)
-    return np.asarray(corners + np.array([[-room], [room]]))
+    margin = 0.06 * float(np.ptp(corners, axis=0).max() or 1.0)
+    return np.asarray(corners + np.array([[-margin], [margin]]))
 
 
 def _explain_insets(figure: "Figure", rings: int) -> None:
-    """Say below the insets what they show."""
+    """Write below the insets what they show."""
     from matplotlib.lines import Line2D
 
     figure.text(0.65, 0.045, "axis of each journal in its bearing; circle: its clearance", fontsize=8)
@@ -210,7 +220,7 @@ def _explain_insets(figure: "Figure", rings: int) -> None:
 
 
 def _grid(figure: "Figure", count: int) -> list["Axes"]:
-    """Return the places of the joints' circles, at the right of the figure."""
+    """Return axes for the circles of the joints, at the right of the figure."""
     columns = 1 if count <= 3 else 2 if count <= 8 else 3
     rows = max(-(-count // columns), 2)
     wide, high = 0.34 / columns, 0.84 / rows

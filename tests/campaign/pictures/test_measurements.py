@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from campaign.pictures.conditions import contacts_at_start, measures, plot_conditions
+from campaign.pictures.measurements import contacts_at_start, measurements, plot_measurements
 from engine import load_mechanism, read_trajectory, simulate
 from tests.engine.small import block_on_floor, made
 
@@ -15,7 +15,7 @@ from tests.engine.small import block_on_floor, made
 def c60():
     """Return what is drawn of the C-60, by name."""
     mechanism = load_mechanism("c60")
-    return {measure.name: measure for measure in measures(mechanism, contacts_at_start(mechanism))}
+    return {measurement.name: measurement for measurement in measurements(mechanism, contacts_at_start(mechanism))}
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_arrows_are_the_values_of_a_run(tmp_path):
     simulate(mechanism, horizon=0.01, trajectory=tmp_path / "run.h5")
     values = {name: series[0] for name, series in read_trajectory(tmp_path / "run.h5").responses.items()}
     assert values["down"] < 0
-    drawn = {measure.name: measure for measure in measures(mechanism, contacts_at_start(mechanism))}
+    drawn = {measurement.name: measurement for measurement in measurements(mechanism, contacts_at_start(mechanism))}
     for name, sign in (("up", 1), ("down", -1)):
         arrow = drawn[name].end - drawn[name].start
         np.testing.assert_allclose(arrow, [0, 0, sign * abs(values[name])], atol=1e-12)
@@ -85,11 +85,11 @@ def test_arrows_are_the_values_of_a_run(tmp_path):
 
 def test_picture_has_words(tmp_path):
     """The file is an image and says what it shows; a mechanism without such responses is drawn all the same."""
-    plot_conditions(load_mechanism("c60"), tmp_path / "c60.png")
+    plot_measurements(load_mechanism("c60"), tmp_path / "c60.png")
     with Image.open(tmp_path / "c60.png") as image:
         image.load()
         assert re.search(r"FC-2: needle to pin, X, 10\.6 mm here", image.text["Description"])
     data = block_on_floor(origin=[0, 0, 0.7])
     data["responses"] = {}
-    plot_conditions(made(data), tmp_path / "block.svg")
+    plot_measurements(made(data), tmp_path / "block.svg")
     assert "FC" not in (tmp_path / "block.svg").read_text()

@@ -1,0 +1,73 @@
+"""Where journals lie in their bearings at the end of runs, and with what force they press."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from campaign.pictures.play import plays
+from campaign.pictures.poses import poses
+from campaign.pictures.view import Array, choose_view
+from engine import Trajectory
+
+
+@dataclass(frozen=True)
+class JournalPositions:
+    """A journal in one ring of its bearing, or a ball in its socket, at the ends of ``n`` runs.
+
+    Attributes
+    ----------
+    joint : str
+        Name of the joint.
+    ring : int
+        Number of the ring along the axis, from 1.
+    eccentricities : ndarray, shape (n, 2)
+        From the bearing's axis to the journal's, divided by the clearance: of length 1 where they touch.
+    forces : ndarray, shape (n, 2)
+        Force of the journal on the bearing [force].
+    """
+
+    joint: str
+    ring: int
+    eccentricities: Array
+    forces: Array
+
+
+def journal_positions(trajectory: Trajectory) -> list[JournalPositions]:
+    """Return where the journals lie at the end of one run, one entry a ring.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The run; only its last row counts.
+
+    Returns
+    -------
+    list of JournalPositions
+        Each of one run.
+    """
+    from engine.trajectory.forces import contact_forces  # compiled code, which other pictures do without
+
+    mechanism, last_row = trajectory.mechanism(), np.array([len(trajectory.time) - 1])
+    _, forces = contact_forces(trajectory, last_row.tolist())
+    force_at = dict(zip(trajectory.contacts, forces[0], strict=True))
+    positions = []
+    for play in plays(mechanism, poses(trajectory, mechanism, last_row), choose_view(mechanism)):
+        on_bearing = -1.0 if mechanism.bodies[mechanism.joints[play.joint].sides[0].body].fixed else 1.0
+        contacts = [name for name in force_at if name.startswith((f"{play.joint}.ring", f"{play.joint}.ball"))]
+        for ring, contact in enumerate(contacts):
+            force = on_bearing * (play.across[0] @ force_at[contact])
+            positions.append(JournalPositions(play.joint, ring + 1, play.eccentricity[:, ring], force[None]))
+    return positions
+
+
+def merge_runs(runs: list[list[JournalPositions]]) -> list[JournalPositions]:
+    """Return the positions of several runs of one mechanism, ring by ring, as those of all runs."""
+    return [
+        JournalPositions(
+            of_ring[0].joint,
+            of_ring[0].ring,
+            np.vstack([each.eccentricities for each in of_ring]),
+            np.vstack([each.forces for each in of_ring]),
+        )
+        for of_ring in zip(*runs, strict=True)
+    ]
