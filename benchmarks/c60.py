@@ -6,8 +6,7 @@ from typing import Any
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.worker.row import sample_values
-from engine import load_mechanism, simulate
-from engine.simulate import Certificate
+from engine import Certificate, load_mechanism, simulate
 
 SAMPLES = 12
 

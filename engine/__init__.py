@@ -3,7 +3,8 @@
 from engine.build import build_id
 from engine.errors import EngineError, MechanismError, TrajectoryError
 from engine.mechanism import Mechanism, library_names, load_mechanism, set_values
-from engine.simulate import Certificate, Run, check, simulate, warm_up
+from engine.run import Certificate, Run
+from engine.simulate import check, simulate, warm_up
 from engine.trajectory import Trajectory, read_trajectory
 
 __all__ = [

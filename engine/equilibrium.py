@@ -6,24 +6,21 @@ forces inside Coulomb's cones with the least sum of squares. They follow from th
 Ideal joints and prescribed motions hold whatever they are asked to.
 """
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from engine.arrays import Array, Integers
+from engine.assembly import Assembly
 from engine.friction.arrays import CONVERGED, FrictionArrays, friction_arrays
 from engine.friction.bilateral import hold_ties, tie_down
+from engine.friction.indeterminacy import normal_force_range
 from engine.friction.solver import solve_friction
 from engine.kernels.bilateral import tie_targets, tie_velocity, tie_violations, whitened_ties
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.gaps import find_contacts
 from engine.kernels.loads import apply_loads
+from engine.kernels.model import Bodies
 from engine.kernels.motion import free_twist
 from engine.kernels.rest import LOADED
-
-if TYPE_CHECKING:
-    from engine.assembly import Array, Assembly
-    from engine.assembly.bilateral import Places
-    from engine.kernels.model import Bodies
 
 # compliance, as a share of the mean diagonal of the Delassus operator, and the residual to reach with it: the limit is
 # good to 1e-3 N with the first; the others are for poses at the very edge of sliding, where the first is not solved
@@ -32,7 +29,7 @@ ATTEMPTS = ((1e-6, 1e-9), (1e-7, 1e-9), (1e-6, 1e-7))
 REFINEMENTS = 2  # each leaves of the unbalance a share of the order of the compliance times what amplifies it
 
 
-def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: float, t: float = 0.0) -> "Array | None":
+def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float, t: float = 0.0) -> Array | None:
     """Return the contact forces that hold the loads of ``phase`` and time ``t`` at the present pose.
 
     Parameters
@@ -90,7 +87,7 @@ def forces_at_rest(assembly: "Assembly", phase: int, h: float, touching_gap: flo
     return None
 
 
-def normal_force_ranges(assembly: "Assembly", forces: "Array", wanted: list[int]) -> list[tuple[float, float]]:
+def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) -> list[tuple[float, float]]:
     """Return the least and the largest normal force of each wanted contact among all that keep the same balance.
 
     Parameters
@@ -104,8 +101,6 @@ def normal_force_ranges(assembly: "Assembly", forces: "Array", wanted: list[int]
     list of (least, largest)
         The largest is inf where friction wedges: see `engine.friction.indeterminacy`.
     """
-    from engine.friction.indeterminacy import normal_force_range
-
     work = assembly.work
     touching = np.flatnonzero(forces[:, 0] > 0)
     problem = _problem(assembly, touching)
@@ -122,7 +117,7 @@ def normal_force_ranges(assembly: "Assembly", forces: "Array", wanted: list[int]
     return [normal_force_range(H, mu, r, place[i]) if i in place else (0.0, 0.0) for i in wanted]
 
 
-def _spread(start: "Places", width: "Places", rows: "Array", n: int) -> "Array":
+def _spread(start: Integers, width: Integers, rows: Array, n: int) -> Array:
     """Return rows whose columns stand one run after the other as full ones."""
     full, at = np.zeros((len(rows), n)), 0
     for first, count in zip(start, width, strict=True):
@@ -131,7 +126,7 @@ def _spread(start: "Places", width: "Places", rows: "Array", n: int) -> "Array":
     return full
 
 
-def _hold(assembly: "Assembly", t: float) -> None:
+def _hold(assembly: Assembly, t: float) -> None:
     """Take out of the free twists what ideal joints and prescribed motions hold."""
     model, state, work, held = assembly.model, assembly.state, assembly.work, assembly.work.held
     tied, w = assembly.problem.ties, assembly.problem.w
@@ -147,7 +142,7 @@ def _hold(assembly: "Assembly", t: float) -> None:
     add_whitened(model.bodies, w, work.free)
 
 
-def _problem(assembly: "Assembly", touching: "Places") -> FrictionArrays:
+def _problem(assembly: Assembly, touching: Integers) -> FrictionArrays:
     """Return the friction problem of the contacts that touch, each with three velocities of its own behind the others.
 
     They are the contact's compliance: a spring that only this contact touches; they are of width 0 at first.
@@ -167,7 +162,7 @@ def _problem(assembly: "Assembly", touching: "Places") -> FrictionArrays:
     return problem
 
 
-def _energy_norm(bodies: "Bodies", twist: "Array") -> float:
+def _energy_norm(bodies: Bodies, twist: Array) -> float:
     """Return the square root of twice the kinetic energy."""
     v, spin = twist[:-1, :3], twist[:-1, 3:]
     turning = np.einsum("bi,bij,bj", spin, bodies.inertia, spin)

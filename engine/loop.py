@@ -2,15 +2,14 @@
 
 import threading
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from engine.arrays import Array
+from engine.assembly import Assembly
+from engine.kernels.record import record, row_length
 from engine.kernels.run import FULL, Control, Course, new_course, run
-
-if TYPE_CHECKING:
-    from engine.assembly import Array, Assembly
-    from engine.mechanism import Mechanism
+from engine.mechanism import Mechanism
 
 TIMEOUT, CANCELLED = 1, 2  # what a stop flag says
 SLOW = 100  # times the drift allowed in the window of rest: a speed that is next to none
@@ -31,7 +30,7 @@ class Cancel:
         self.flag[0] = CANCELLED
 
 
-def control_of(mechanism: "Mechanism", full_horizon: bool) -> Control:
+def control_of(mechanism: Mechanism, full_horizon: bool) -> Control:
     """Return a mechanism's settings for the time loop."""
     sim = mechanism.simulation
     adaptive, plain = sim.adaptive, sim.scheme == "moreau_jean"
@@ -52,7 +51,7 @@ def control_of(mechanism: "Mechanism", full_horizon: bool) -> Control:
     )
 
 
-def prepare(assembly: "Assembly", control: Control) -> None:
+def prepare(assembly: Assembly, control: Control) -> None:
     """Compile the time loop, or load it from the cache: a run to the horizon 0, which changes nothing."""
     if not getattr(run, "signatures", True):
         nowhere = control._replace(horizon=0.0)
@@ -61,11 +60,11 @@ def prepare(assembly: "Assembly", control: Control) -> None:
 
 
 def drive(
-    assembly: "Assembly",
+    assembly: Assembly,
     control: Control,
     wall_limit: float,
     cancel: Cancel | None = None,
-    sink: "Callable[[Array], None] | None" = None,
+    sink: Callable[[Array], None] | None = None,
     every: int = 1,
 ) -> Course:
     """Run the time loop to its end.
@@ -79,8 +78,6 @@ def drive(
     sink : called with blocks of rows (see `kernels.record`), every ``every``-th step and the last one
     every : see ``sink``
     """
-    from engine.kernels.record import record, row_length
-
     model, state, work, problem = assembly.model, assembly.state, assembly.work, assembly.problem
     prepare(assembly, control)
     stop = (cancel or Cancel()).flag
@@ -108,7 +105,7 @@ def drive(
     return course
 
 
-def _hand_on(rows: "Array", sink: "Callable[[Array], None]") -> None:
+def _hand_on(rows: Array, sink: Callable[[Array], None]) -> None:
     """Give the rows written so far to the sink and make room."""
     sink(rows[1 : 1 + int(rows[0, 0])])
     rows[0, 0] = 0

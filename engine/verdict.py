@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from typing import Literal
 
 from engine.assembly import Assembly
 from engine.kernels import run
@@ -10,8 +9,7 @@ from engine.kernels.run import Course
 from engine.loop import CANCELLED
 from engine.mechanism import Mechanism
 from engine.mechanism.readout import Event
-
-Status = Literal["ok", "not_converged", "diverged", "timeout", "cancelled", "invalid"]
+from engine.run import Status
 
 
 def judge(mechanism: Mechanism, measured: Mapping[str, float], completed: bool, phase: int) -> tuple[Status, str]:

@@ -18,7 +18,7 @@ import numpy as np
 from campaign import load_campaign
 from campaign.inputs.sampling import draw
 from engine import load_mechanism, simulate, warm_up
-from engine.mechanism import Mechanism
+from engine.mechanism import Mechanism, get_value
 from engine.mechanism.benches import Bench, with_bench
 from engine.mechanism.models import mechanism_from
 
@@ -108,7 +108,7 @@ def run(variant: Variant, sample: int) -> tuple[float, float]:
     mechanism = mechanism_of(variant)
     rng = np.random.default_rng([spec.seed, sample])
     for key, share in variant.varied.items():
-        values[key] = mechanism.value(key) * (1 + share * float(np.clip(rng.standard_normal(), -4, 4)))
+        values[key] = get_value(mechanism, key) * (1 + share * float(np.clip(rng.standard_normal(), -4, 4)))
     found = simulate(mechanism, values, step=variant.step)
     ok = found.status == "ok"
     return (found.responses[variant.response], found.responses["FC-6"]) if ok else (np.nan, np.nan)

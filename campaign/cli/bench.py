@@ -8,7 +8,7 @@ import typer
 from campaign.cli.output import Json, print_json, say
 
 if TYPE_CHECKING:
-    from engine.profile.step_times import Bench
+    from engine.profile.step_times import StepTimes
 
 
 def bench(
@@ -22,13 +22,13 @@ def bench(
 ) -> None:
     """Measure the time of a step, what it is spent on, and what the solver leaves: all shipped mechanisms, or these."""
     from engine import library_names, load_mechanism
-    from engine.profile.step_times import bench as measure
+    from engine.profile.step_times import measure_step_times
 
     loaded = [load_mechanism(name) for name in mechanisms or library_names()]
     say("the first mechanism waits for the loop with clocks to be compiled, about a minute")
     measured = []
     for mechanism in loaded:
-        measured.append(measure(mechanism, steps))
+        measured.append(measure_step_times(mechanism, steps))
         say(f"{mechanism.name}: {measured[-1].step_us:.3g} us a step")
     if json:
         print_json([asdict(entry) for entry in measured])
@@ -38,7 +38,7 @@ def bench(
         raise typer.Exit(1)
 
 
-def _print(measured: "list[Bench]") -> None:
+def _print(measured: "list[StepTimes]") -> None:
     """Print three tables, one mechanism a row."""
     for title, columns in TABLES.items():
         _table(title, [[entry.mechanism, *(_text(getattr(entry, c)) for c in columns)] for entry in measured], columns)

@@ -87,6 +87,8 @@ def _draw(mechanism: Any, picture: Path) -> None:
 
 def _description(mechanism: Any) -> dict[str, Any]:
     """Return what a mechanism is made of, as plain data."""
+    from engine.mechanism import get_value, unit_of
+
     units = mechanism.response_units()
     return {
         "name": mechanism.name,
@@ -97,7 +99,8 @@ def _description(mechanism: Any) -> dict[str, Any]:
         "bodies": len(mechanism.bodies),
         "contacts": len(mechanism.contacts),
         "clearances": {
-            name: {"value": mechanism.value(name), "unit": mechanism.unit_of(name)} for name in mechanism.loose_joints()
+            name: {"value": get_value(mechanism, name), "unit": unit_of(mechanism, name)}
+            for name in mechanism.loose_joints()
         },
         "responses": {
             name: {"title": response.title, "unit": units[name]} for name, response in mechanism.responses.items()

@@ -20,6 +20,7 @@ from campaign.spec.campaign_file import Response
 from campaign.store import Store
 from campaign.store.layout import REPORT, STOPPED
 from campaign.version import clearcap_version
+from engine.mechanism import unit_of
 from reporting import ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
 from reporting.tolerance.reweighting import Change
 from reporting.write import USUAL
@@ -134,7 +135,7 @@ def provenance(plan: Plan, place: Iterable[str] = ()) -> dict[str, str]:
     """Return what is needed to get the same rows again; ``place`` are options that say where the store is."""
     spec = plan.spec
     simulation = plan.mechanism.simulation
-    unit = plan.mechanism.unit_of("simulation.step")
+    unit = unit_of(plan.mechanism, "simulation.step")
     return {
         "campaign": plan.campaign_id,
         "mechanism": spec.mechanism,
@@ -186,7 +187,7 @@ def _response(plan: Plan, name: str) -> ResponseSpec:
 
 def _variable(plan: Plan, name: str) -> VariableSpec:
     variable, key = plan.spec.variables[name], plan.spec.targets()[name]
-    unit = plan.mechanism.unit_of(key)
+    unit = unit_of(plan.mechanism, key)
     low, high = (None if abs(end) == float("inf") else end for end in variable.support())
     mean, std = variable.moments()
     x = np.linspace(*variable.ends(), _CDF_POINTS)

@@ -17,7 +17,7 @@ from campaign.spec.data_files import with_values
 from campaign.spec.messages import fault, structure_faults
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from engine import EngineError, MechanismError, check, load_mechanism
-from engine.mechanism import Mechanism
+from engine.mechanism import Mechanism, full_key, get_value
 from engine.mechanism.faults import did_you_mean
 
 LARGEST_FILE = 1_000_000  # bytes
@@ -105,7 +105,7 @@ def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> list[str]:
     by_target = defaultdict(list)
     for name, variable in variables.items():
         target = variable.target or name
-        by_target[mechanism.full_key(target)].append(name)
+        by_target[full_key(mechanism, target)].append(name)
         faults += _target_faults(name, target, {*variable.ends(), *_extremes(raw, name)}, mechanism)
     for target, names in by_target.items():
         if len(names) > 1:
@@ -210,7 +210,7 @@ def _target_faults(name: str, target: str, values: set[float], mechanism: Mechan
     """Yield what the mechanism says to a variable's target, or to some of its values."""
     keys = ["variables", name]
     try:
-        mechanism.value(target)
+        get_value(mechanism, target)
     except MechanismError as error:
         yield fault(keys, None, f"sets no number of {mechanism.name}: {_reason(error)}")
         return

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import pyarrow as pa
 
-from engine.mechanism import Mechanism
+from engine.mechanism import Mechanism, unit_of
 from engine.mechanism.quantities import Quantity
 
 CERTIFICATE_COLUMNS = (
@@ -36,7 +36,7 @@ def results_schema(mechanism: Mechanism, targets: Mapping[str, str], campaign_id
     length = Quantity("length").unit(mechanism.units)
     fields = [
         pa.field("sample", pa.int64(), nullable=False),
-        *(_number(name, mechanism.unit_of(target), nullable=False) for name, target in targets.items()),
+        *(_number(name, unit_of(mechanism, target), nullable=False) for name, target in targets.items()),
         *(_number(name, unit) for name, unit in mechanism.response_units().items()),
         pa.field("status", pa.string(), nullable=False),
         pa.field("message", pa.string(), nullable=False),

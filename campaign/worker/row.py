@@ -11,8 +11,8 @@ from campaign.inputs.sampling import draw
 from campaign.plan import Plan
 from campaign.spec.policy import RETRIED, Simulation
 from campaign.worker.limits import time_limit
+from engine import Run
 from engine.mechanism import Mechanism
-from engine.simulate import Run
 
 if TYPE_CHECKING:
     from engine.loop import Cancel

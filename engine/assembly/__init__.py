@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.assembly.bilateral import Places, layout, tie_arrays, tie_runs
+from engine.arrays import Array, Integers
+from engine.assembly.bilateral import layout, tie_arrays, tie_runs
 from engine.assembly.contacts import contact_arrays, contact_pairs
-from engine.assembly.frames import Array, order_bodies, place_bodies
+from engine.assembly.frames import order_bodies, place_bodies
 from engine.assembly.ideal_joints import joint_ties
 from engine.assembly.joints import joint_pairs
 from engine.assembly.loads import load_arrays
@@ -19,7 +20,7 @@ from engine.friction.arrays import FrictionArrays, friction_arrays
 from engine.kernels.model import Bodies, Held, Kept, Model, Scratch, State, Watch
 from engine.mechanism.models import Mechanism
 
-__all__ = ["Array", "Assembly", "assemble"]
+__all__ = ["Assembly", "assemble"]
 
 
 @dataclass(frozen=True)
@@ -78,7 +79,7 @@ def assemble(mechanism: Mechanism) -> Assembly:
     return assembly
 
 
-def _problem(model: Model, multiplier: Places) -> FrictionArrays:
+def _problem(model: Model, multiplier: Integers) -> FrictionArrays:
     """Allocate the friction problem of a step; the places of its bilateral rows never change."""
     contacts, ties, at = model.contacts, model.ties, model.bodies.at
     nb, nt = at.size, multiplier.size

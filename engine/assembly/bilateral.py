@@ -3,13 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from engine.assembly.frames import Array
+from engine.arrays import Array, Integers
 from engine.kernels.model import Ties
 from engine.mechanism.models import Mechanism
-
-Places = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,7 @@ def tie_arrays(ties: list[Tie], phases: int = 1) -> Ties:
     )
 
 
-def layout(bodies: int, ties: list[Tie]) -> tuple[Places, Places]:
+def layout(bodies: int, ties: list[Tie]) -> tuple[Integers, Integers]:
     """Return where each body's velocities start, shape (nb,), and where each row's multiplier is, shape (nt,).
 
     A multiplier comes right after the last body it touches: then the matrix of a step is banded, and elimination in
@@ -82,7 +79,7 @@ def layout(bodies: int, ties: list[Tie]) -> tuple[Places, Places]:
     return at, row
 
 
-def tie_runs(ties: Ties, at: Places) -> tuple[Places, Places]:
+def tie_runs(ties: Ties, at: Integers) -> tuple[Integers, Integers]:
     """Return where the velocities of each row's two bodies start and how many they are (0: the ground), (nt, 2)."""
     bodies = np.stack([ties.a, ties.b], axis=1).reshape(-1, 2)
     moving = bodies < at.size

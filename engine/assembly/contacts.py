@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.assembly.frames import Array, Frame
+from engine.arrays import Array
+from engine.assembly.frames import Frame
 from engine.assembly.primitives import rows
 from engine.kernels.model import (
     ARC_PLANE,

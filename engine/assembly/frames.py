@@ -5,13 +5,11 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from engine.arrays import Array
 from engine.kernels.model import State
 from engine.kernels.rotations import rotation_matrix
 from engine.mechanism.models import Mechanism
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

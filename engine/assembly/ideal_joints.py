@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from engine.arrays import Array
 from engine.assembly.bilateral import Tie, turning_arm
-from engine.assembly.frames import Array, Frame, tangent
+from engine.assembly.frames import Frame, tangent
 from engine.assembly.joints import Mate, mate
 from engine.kernels.model import SLIDE, TURN
 from engine.mechanism.joints import Prismatic

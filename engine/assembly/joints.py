@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from engine.arrays import Array
 from engine.assembly.contacts import KINDS, Pair
-from engine.assembly.frames import Array, Frame, tangent
+from engine.assembly.frames import Frame, tangent
 from engine.assembly.primitives import row_b
 from engine.kernels.model import GEOMETRY, POINT_PLANE, RING_BORE
 from engine.mechanism.contacts import Side

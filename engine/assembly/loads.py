@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from engine.assembly.frames import Array, Frame, quaternion
+from engine.arrays import Array
+from engine.assembly.frames import Frame, quaternion
 from engine.assembly.phases import active_phases
 from engine.kernels.model import Loads
 from engine.mechanism.loads import Force, ForceAction, LinearSpring, Torque, TorqueAction, TorsionDamper, TorsionSpring

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engine.assembly.frames import Array
+from engine.arrays import Array
 from engine.kernels.model import Phases
 from engine.mechanism.models import Mechanism
 from engine.mechanism.readout import Event

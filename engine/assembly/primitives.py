@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from engine.assembly.frames import Array, Frame, tangent
+from engine.arrays import Array
+from engine.assembly.frames import Frame, tangent
 from engine.kernels.model import GEOMETRY
 from engine.mechanism.contacts import Contact, Side
 

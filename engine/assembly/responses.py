@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from engine.arrays import Array
 from engine.assembly.contacts import Pair
-from engine.assembly.frames import Array, Frame
+from engine.assembly.frames import Frame
 from engine.assembly.phases import event_limit
 from engine.errors import MechanismError
 from engine.kernels import model

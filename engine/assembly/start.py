@@ -11,6 +11,7 @@ from engine.kernels.bilateral import tie_violations
 from engine.kernels.gaps import find_contacts
 from engine.kernels.model import SLIDE, TURN, Contacts, Scratch, State
 from engine.mechanism.models import Mechanism
+from engine.mechanism.values import get_value
 
 JOINT_TOLERANCE = 1e-5  # how far off an ideal joint may be at the start, in arms of its bodies (hence also in rad)
 
@@ -46,7 +47,7 @@ def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
     unit = mechanism.unit("length")
     if key == f"contacts.{name}":
         return f"{key}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"
-    clearance = mechanism.value(key)
+    clearance = get_value(mechanism, key)
     return (
         f"{key} = {clearance:.6g} {unit}: {name.partition('.')[2]} is {clearance - gap:.6g} {unit} off its centred "
         f"place at the start; allowed: at least {clearance - gap:.6g} {unit}, or move the bodies"

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from engine.assembly.frames import Array
+from engine.arrays import Array
 from engine.kernels.model import TimeLaws
 from engine.mechanism.models import Mechanism
 from engine.mechanism.motions import Led

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from engine.arrays import Array
 from engine.friction.problem import FrictionError, FrictionProblem, FrictionSolution
 
-Array = NDArray[np.float64]
 MOST_ENTRIES = 10**8  # of a matrix made dense (0.8 GB): what a file claims is not trusted
 ROUNDING = 1e-9  # how far from symmetric, relative to the largest entry, a matrix may be
 

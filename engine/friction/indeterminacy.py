@@ -10,12 +10,12 @@ ever closer to their boundary (Nesterov, Nemirovskii: a path-following method).
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from engine.arrays import Array
 from engine.friction.barrier import ROOM, centre
 from engine.friction.problem import FrictionError
 
-Array = NDArray[np.float64]
 SLACK = 1e-8  # of the largest force: how exactly the known forces lie in their cones, and how far each is opened
 FRICTIONLESS = 1e-12  # a smaller mu is none
 GAP = 1e-8  # of the largest force: how exactly an end is found

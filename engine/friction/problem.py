@@ -1,15 +1,15 @@
 """The public face of the friction solver: a problem in the form of the field's collections, and its solution."""
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from engine.arrays import Array
 from engine.errors import EngineError
-
-Array = NDArray[np.float64]
+from engine.friction.arrays import CONVERGED, FrictionArrays, friction_arrays
+from engine.friction.banded import BODY, PAIR
+from engine.friction.solver import solve_friction
 
 
 class FrictionError(EngineError):
@@ -45,21 +45,6 @@ class FrictionProblem:
                 raise FrictionError(f"friction problem: {name} holds a number that is not finite")
         if (self.mu < 0).any():
             raise FrictionError(f"friction problem: mu[{int(self.mu.argmin())}] = {self.mu.min():g}; allowed: >= 0")
-
-    @classmethod
-    def read(cls, path: str | Path) -> "FrictionProblem":
-        """Read a problem from an FCLIB file; see `engine.friction.fclib.read_fclib`."""
-        from engine.friction.fclib import read_fclib
-
-        return read_fclib(path)
-
-    def write(
-        self, path: str | Path, solution: "FrictionSolution | None" = None, form: Literal["global", "local"] = "global"
-    ) -> None:
-        """Write the problem, and its solution if given, to an FCLIB file; see `engine.friction.fclib.write_fclib`."""
-        from engine.friction.fclib import write_fclib
-
-        write_fclib(path, self, solution, form)
 
 
 @dataclass(frozen=True)
@@ -97,9 +82,6 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
     FrictionError
         If the mass matrix is not positive definite.
     """
-    from engine.friction.arrays import CONVERGED
-    from engine.friction.solver import solve_friction
-
     nc, n = problem.mu.size, problem.M.shape[0]
     try:
         root = np.linalg.cholesky(problem.M)
@@ -122,11 +104,8 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
     )
 
 
-def sparse_rows(G: Array, n: int) -> Any:
+def sparse_rows(G: Array, n: int) -> FrictionArrays:
     """Store of each contact's rows only the columns that are not zero, body by body."""
-    from engine.friction.arrays import friction_arrays
-    from engine.friction.banded import BODY, PAIR
-
     nc, bodies = len(G), -(-n // BODY)
     touched = np.zeros((nc, bodies * BODY), bool)
     touched[:, :n] = np.abs(G).max(axis=1) > 0

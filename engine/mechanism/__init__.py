@@ -2,14 +2,17 @@
 
 from engine.mechanism.load import library_names, load_mechanism
 from engine.mechanism.models import Mechanism, mechanism_from, mechanism_schema
-from engine.mechanism.values import set_values, settable_keys
+from engine.mechanism.values import full_key, get_value, set_values, settable_keys, unit_of
 
 __all__ = [
     "Mechanism",
+    "full_key",
+    "get_value",
     "library_names",
     "load_mechanism",
     "mechanism_from",
     "mechanism_schema",
     "set_values",
     "settable_keys",
+    "unit_of",
 ]

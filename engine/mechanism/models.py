@@ -9,7 +9,6 @@ from pydantic import Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from engine.errors import MechanismError
-from engine.mechanism import values
 from engine.mechanism.base import Friction, Name, Number, Restitution, TableModel, Vector, is_number, refuse
 from engine.mechanism.benches import Bench, Plot, Preset, with_bench
 from engine.mechanism.bodies import Body
@@ -225,30 +224,6 @@ class Mechanism(TableModel):
             for name, joint in self.joints.items()
             if not joint.ideal and getattr(joint, joint.CLEARANCE) is not None
         ]
-
-    def full_key(self, key: str) -> str:
-        """Return the dotted path a key stands for: a joint's name stands for its clearance."""
-        return values.full_key(self, key)
-
-    def value(self, key: str) -> float:
-        """Return the number a key stands for: a joint's name (its clearance) or a dotted path.
-
-        Raises
-        ------
-        MechanismError
-            When no number has this key; the message suggests the closest.
-        """
-        return values.value(self, key)
-
-    def unit_of(self, key: str) -> str:
-        """Return the unit of the number a key stands for; ``"1"`` for a pure number.
-
-        Raises
-        ------
-        MechanismError
-            When no number has this key.
-        """
-        return values.unit_of(self, key)
 
     def digest(self) -> str:
         """Return the sha256 of the description in canonical form, 64 hexadecimal digits.

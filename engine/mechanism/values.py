@@ -9,7 +9,7 @@ mechanism.
 import math
 from collections.abc import Iterator, Mapping
 from numbers import Real
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -17,19 +17,40 @@ from engine.errors import MechanismError
 from engine.mechanism.base import TableModel
 from engine.mechanism.faults import Fault, did_you_mean, faults_of, field_of, field_quantity
 from engine.mechanism.joints import Joint
+from engine.mechanism.models import Mechanism
 from engine.mechanism.readout import Event
 
-if TYPE_CHECKING:
-    from engine.mechanism.models import Mechanism
 
+def get_value(mechanism: Mechanism, key: str) -> float:
+    """Return the number that a key stands for.
 
-def value(mechanism: "Mechanism", key: str) -> float:
-    """Return the number a key stands for; see `Mechanism.value`."""
+    Parameters
+    ----------
+    mechanism : Mechanism
+    key : str
+        A joint's name, which stands for its clearance, or a dotted path.
+
+    Returns
+    -------
+    float
+        In the unit of the key, see `unit_of`.
+
+    Raises
+    ------
+    MechanismError
+        If no number has this key; the message suggests the closest one.
+    """
     return float(_nodes(mechanism, key)[-1])
 
 
-def unit_of(mechanism: "Mechanism", key: str) -> str:
-    """Return the unit of the number a key stands for; see `Mechanism.unit_of`."""
+def unit_of(mechanism: Mechanism, key: str) -> str:
+    """Return the unit of the number that a key stands for; ``"1"`` for a pure number.
+
+    Raises
+    ------
+    MechanismError
+        If no number has this key.
+    """
     owner = _nodes(mechanism, key)[-2]
     if isinstance(owner, Event):
         return mechanism.response_units()[owner.response]
@@ -38,17 +59,17 @@ def unit_of(mechanism: "Mechanism", key: str) -> str:
     return quantity.unit(mechanism.units) if quantity else "1"
 
 
-def full_key(mechanism: "Mechanism", key: str) -> str:
-    """Return the dotted path a key stands for; see `Mechanism.full_key`."""
+def full_key(mechanism: Mechanism, key: str) -> str:
+    """Return the dotted path that a key stands for: a joint's name stands for its clearance."""
     return f"joints.{key}.{mechanism.joints[key].CLEARANCE}" if key in mechanism.joints else key
 
 
-def settable_keys(mechanism: "Mechanism") -> list[str]:
+def settable_keys(mechanism: Mechanism) -> list[str]:
     """Return every key that may be set: the names of the joints with play first, then all dotted paths."""
     return [*mechanism.loose_joints(), *_leaves(mechanism, "")]
 
 
-def set_values(mechanism: "Mechanism", changes: Mapping[str, float]) -> "Mechanism":
+def set_values(mechanism: Mechanism, changes: Mapping[str, float]) -> Mechanism:
     """Return the mechanism with some of its numbers replaced.
 
     Parameters
@@ -91,7 +112,7 @@ def _finite(key: str, number: Any, unit: str) -> float:
     raise MechanismError(str(Fault(key, f"not a finite number; allowed: a number in {unit}; give one", number)))
 
 
-def _replaced(mechanism: "Mechanism", key: str, number: float, unit: str) -> "Mechanism":
+def _replaced(mechanism: Mechanism, key: str, number: float, unit: str) -> Mechanism:
     """Return the mechanism with one number replaced, every table on the way to it checked again."""
     path, nodes = _path(mechanism, key), _nodes(mechanism, key)
     new: Any = number
@@ -117,12 +138,12 @@ def _with_item(items: Any, token: str, new: Any) -> Any:
     return tuple(new if str(i) == token else item for i, item in enumerate(items))
 
 
-def _path(mechanism: "Mechanism", key: str) -> list[str]:
+def _path(mechanism: Mechanism, key: str) -> list[str]:
     """Return the path of a key, token by token."""
     return full_key(mechanism, key).split(".")
 
 
-def _nodes(mechanism: "Mechanism", key: str) -> list[Any]:
+def _nodes(mechanism: Mechanism, key: str) -> list[Any]:
     """Return what lies on the way to a number: the mechanism first, the number last."""
     nodes: list[Any] = [mechanism]
     for token in _path(mechanism, key):
@@ -147,7 +168,7 @@ def _without_play(key: str, joint: Joint) -> str:
     return f"{key}: a {joint.type} joint is ideal and has no play to set; {remedy}"
 
 
-def _unknown(mechanism: "Mechanism", key: str) -> str:
+def _unknown(mechanism: Mechanism, key: str) -> str:
     """Say that no number has this key, and which keys there are."""
     joints = ", ".join(mechanism.joints) or "there is none"
     return (

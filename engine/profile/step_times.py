@@ -16,7 +16,7 @@ WALL_LIMIT = 600.0
 
 
 @dataclasses.dataclass(frozen=True)
-class Bench:
+class StepTimes:
     """One mechanism, simulated with one fixed step to the end of its horizon, at rest or not.
 
     Attributes
@@ -48,7 +48,7 @@ class Bench:
     max_violation: float
 
 
-def bench(mechanism: "Mechanism", steps: int | None = None) -> Bench:
+def measure_step_times(mechanism: "Mechanism", steps: int | None = None) -> StepTimes:
     """Simulate and measure.
 
     The time of a step is that of the kernels every run uses. The shares come from a second simulation, by the same
@@ -82,7 +82,7 @@ def bench(mechanism: "Mechanism", steps: int | None = None) -> Bench:
     counts, reals = course.counts, course.reals
     good = counts[run.STATUS] == run.OK
     made = int(counts[run.STEPS])
-    return Bench(
+    return StepTimes(
         mechanism.name,
         *(("ok", "") if good else failure(mechanism, assembly, course)),
         step=h,

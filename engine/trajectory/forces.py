@@ -4,7 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from engine.assembly import Array, Assembly, assemble
+from engine.arrays import Array
+from engine.assembly import Assembly, assemble
 from engine.assembly.frames import order_bodies
 from engine.kernels.gaps import find_contacts
 from engine.kernels.motion import move

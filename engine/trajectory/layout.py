@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from engine.arrays import Array
 from engine.assembly import Assembly
 from engine.assembly.frames import order_bodies
 from engine.kernels.record import BODY, CONTACT, HEAD
 from engine.mechanism import Mechanism
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from engine.arrays import Array
 from engine.errors import TrajectoryError
 from engine.mechanism import Mechanism, mechanism_from
 
 FORMAT, VERSION = "clearcap trajectory", 1
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

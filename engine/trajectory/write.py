@@ -7,19 +7,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import h5py
 
+from engine.arrays import Array
 from engine.assembly import Assembly
 from engine.build import build_id
 from engine.errors import TrajectoryError
 from engine.mechanism import Mechanism
-from engine.trajectory.layout import Array, Series, series_of
+from engine.run import Run
+from engine.trajectory.layout import Series, series_of
 from engine.trajectory.read import FORMAT, VERSION
-
-if TYPE_CHECKING:
-    from engine.simulate import Run
 
 CHUNK = 1024  # rows that are compressed together
 
@@ -40,7 +39,7 @@ class Recording:
             dataset.resize(n + len(rows), axis=0)
             dataset[n:] = series.take(rows)
 
-    def finish(self, run: "Run") -> None:
+    def finish(self, run: Run) -> None:
         """Write how the run ended; a file without it is incomplete."""
         self._file.create_group("certificate").attrs.update(asdict(run.certificate))
         self._file.attrs["message"] = run.message

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.assembly import Array, Assembly, assemble
+from engine.arrays import Array
+from engine.assembly import Assembly, assemble
 from engine.kernels.record import BODY, CONTACT, HEAD
 from engine.kernels.run import OFF, OK, STATUS, WORST
 from engine.loop import control_of, drive

@@ -6,16 +6,16 @@ import pytest
 from engine import load_mechanism, simulate
 from engine.assembly import Assembly, assemble
 from engine.equilibrium import forces_at_rest
+from engine.execution import execute
 from engine.kernels.loads import apply_loads
 from engine.mechanism import Mechanism
-from engine.simulate import _execute
 from tests.engine.small import FLOOR, GRAVITY, made, small
 
 
 def settled(mechanism: Mechanism) -> Assembly:
     """Run a mechanism to rest and return its arrays."""
     assembly = assemble(mechanism)
-    assert _execute(mechanism, assembly, False, None).status == "ok"
+    assert execute(mechanism, assembly, False, None).status == "ok"
     return assembly
 
 

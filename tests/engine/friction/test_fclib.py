@@ -18,8 +18,8 @@ def test_round_trip(tmp_path, form):
     """W, q, mu and the impulses come back to the last digits."""
     problem = random_problem(1, 12)
     solution = solve(problem)
-    problem.write(tmp_path / "p.hdf5", solution, form)
-    again = FrictionProblem.read(tmp_path / "p.hdf5")
+    write_fclib(tmp_path / "p.hdf5", problem, solution, form)
+    again = read_fclib(tmp_path / "p.hdf5")
     np.testing.assert_allclose(delassus(again), delassus(problem), atol=1e-12)
     np.testing.assert_allclose(again.q, problem.q, atol=1e-14)
     np.testing.assert_array_equal(again.mu, problem.mu)

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from engine.errors import MechanismError
-from engine.mechanism import Mechanism, load_mechanism, mechanism_from, set_values, settable_keys
+from engine.mechanism import Mechanism, get_value, load_mechanism, mechanism_from, set_values, settable_keys
 from tests.engine.mechanism.plain import pendulum
 
 BENCH: dict[str, Any] = {
@@ -53,14 +53,14 @@ def test_a_bench_adds_replaces_and_takes_away():
 def test_values_set_before_go_with_it():
     """A clearance or stiffness that was changed is changed on the bench, too."""
     tested = set_values(mechanism(), {"J1": 0.2, "springs.pull.stiffness": 7.0}).on_bench("test")
-    assert (tested.value("J1"), tested.value("springs.pull.stiffness")) == (0.2, 7.0)
+    assert (get_value(tested, "J1"), get_value(tested, "springs.pull.stiffness")) == (0.2, 7.0)
     assert tested.bodies["link"].angle == 0.25
 
 
 def test_the_numbers_of_benches_and_presets_are_no_keys_of_the_mechanism():
     """They are set on the bench, under the keys that they have there."""
     assert not [key for key in settable_keys(mechanism()) if key.startswith(("benches", "presets"))]
-    assert mechanism().on_bench("test").value("simulation.step") == 2e-3
+    assert get_value(mechanism().on_bench("test"), "simulation.step") == 2e-3
 
 
 def test_a_preset_is_a_named_set_of_values():

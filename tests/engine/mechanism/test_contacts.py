@@ -9,7 +9,7 @@ import pytest
 
 from engine.assembly import assemble
 from engine.errors import MechanismError
-from engine.mechanism import Mechanism, mechanism_from, set_values
+from engine.mechanism import Mechanism, mechanism_from, set_values, unit_of
 from engine.mechanism.contacts import FLATS, PAIRS, PRIMITIVES
 from tests.engine.mechanism.plain import pendulum, put
 
@@ -140,7 +140,7 @@ def test_single_numbers_of_primitives_can_be_set():
     mechanism = mechanism_from(touching(("sphere", {}), ("disc", {"depth": 0.5})), "FILE")
     changed = set_values(mechanism, {"contacts.stop.b.disc.radius": 3, "contacts.stop.a.sphere.radius": 0.25})
     assert row(changed)[10] == 3
-    assert mechanism.unit_of("contacts.stop.b.disc.depth") == "mm"
+    assert unit_of(mechanism, "contacts.stop.b.disc.depth") == "mm"
     with pytest.raises(MechanismError, match=r"contacts.stop.b.disc.depth = 0.0 mm"):
         set_values(mechanism, {"contacts.stop.b.disc.depth": 0})
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from engine.mechanism import load_mechanism, mechanism_from, mechanism_schema, set_values
+from engine.mechanism import get_value, load_mechanism, mechanism_from, mechanism_schema, set_values
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE = (DOCS / "mechanism.md").read_text(encoding="utf-8")
@@ -17,7 +17,7 @@ def test_the_example_loads():
     mechanism = mechanism_from(tomllib.loads(EXAMPLE), "example")
     assert mechanism.response_units() == {"force": "N", "lift": "mm"}
     keys = {"J1": 0.1, "springs.return.free_angle": 0.4, "materials.steel_plastic.friction": 0.2}
-    assert all(set_values(mechanism, keys).value(key) == value for key, value in keys.items())
+    assert all(get_value(set_values(mechanism, keys), key) == value for key, value in keys.items())
 
 
 def test_every_key_of_the_format_is_described():

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from engine.errors import MechanismError
-from engine.mechanism import Mechanism, mechanism_from, mechanism_schema, set_values, settable_keys
+from engine.mechanism import Mechanism, get_value, mechanism_from, mechanism_schema, set_values, settable_keys, unit_of
 from tests.engine.mechanism.plain import pendulum, put
 from tests.engine.mechanism.test_docs import EXAMPLE, PAGE
 from tests.engine.mechanism.test_models import JSON, faults
@@ -107,9 +107,9 @@ def test_every_single_number_can_be_set_in_its_unit(key):
     """Read, set and read back; a translation's amplitude is a length, a rotation's speed an angular speed."""
     data = put(pendulum(), "motions.lift.law", {"amplitude": 2.0, "frequency": 3.0})
     mechanism, si = (mechanism_from(put(data, "units", units), "FILE") for units in ("mm-g-ms", "SI"))
-    assert (mechanism.unit_of(key), si.unit_of(key)) == UNITS[key]
+    assert (unit_of(mechanism, key), unit_of(si, key)) == UNITS[key]
     assert key in settable_keys(mechanism)
-    assert set_values(mechanism, {key: 0.7}).value(key) == 0.7
+    assert get_value(set_values(mechanism, {key: 0.7}), key) == 0.7
 
 
 def test_a_value_is_checked_when_it_is_set():
@@ -135,7 +135,7 @@ def test_a_spring_with_actions_is_set_and_told_apart():
     mechanism = mechanism_from(data, "FILE")
     assert settable_keys(mechanism) == settable_keys(plain)
     changed = set_values(mechanism, {"springs.pull.stiffness": 3.0, "springs.turn.preload": 0.2})
-    assert changed.value("springs.pull.stiffness") == 3.0
+    assert get_value(changed, "springs.pull.stiffness") == 3.0
     assert changed.springs["pull"].actions == mechanism.springs["pull"].actions
     other = mechanism_from(put(data, "springs.turn.actions", [TWIST | {"torque": [0.0, 0.0, 1.5]}]), "FILE")
     assert len({plain.digest(), mechanism.digest(), changed.digest(), other.digest()}) == 4
@@ -174,7 +174,7 @@ def test_the_motions_of_the_page_load():
     motions = next(block.split("```")[0] for block in PAGE.split("```toml\n") if block.startswith("[motions."))
     mechanism = mechanism_from(tomllib.loads(EXAMPLE + motions), "example")
     assert list(mechanism.motions) == ["pull", "spin"]
-    assert mechanism.unit_of("motions.spin.law.speed") == "rad/ms"
+    assert unit_of(mechanism, "motions.spin.law.speed") == "rad/ms"
 
 
 def test_the_actions_of_the_page_load():

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from engine.errors import MechanismError
-from engine.mechanism import Mechanism, mechanism_from, set_values, settable_keys
+from engine.mechanism import Mechanism, full_key, get_value, mechanism_from, set_values, settable_keys, unit_of
 from tests.engine.mechanism.plain import pendulum, put
 from tests.engine.mechanism.test_models import faults
 
@@ -88,10 +88,10 @@ def test_joints_without_a_loose_form(kind):
 def test_a_joints_name_is_its_clearance(kind, key):
     """The name reads and sets the clearance of the loose form, in its unit."""
     mechanism = loaded(f"clearance_{kind}")
-    assert mechanism.value("J1") == mechanism.value(f"joints.J1.{key}") == 0.05
-    assert mechanism.full_key("J1") == f"joints.J1.{key}"
-    assert set_values(mechanism, {"J1": 0.06}).value("J1") == 0.06
-    assert mechanism.unit_of("J1") == "mm"
+    assert get_value(mechanism, "J1") == get_value(mechanism, f"joints.J1.{key}") == 0.05
+    assert full_key(mechanism, "J1") == f"joints.J1.{key}"
+    assert get_value(set_values(mechanism, {"J1": 0.06}), "J1") == 0.06
+    assert unit_of(mechanism, "J1") == "mm"
     assert settable_keys(mechanism)[0] == "J1"
 
 
@@ -101,9 +101,9 @@ def test_further_clearances_have_keys_of_their_own():
         set_values(loaded("clearance_revolute"), {"joints.J1.axial_clearance": 0.2}).joints["J1"].axial_clearance == 0.2
     )
     mechanism = loaded("clearance_revolute")
-    assert mechanism.unit_of("joints.J1.flanges.phase") == "rad"
-    assert mechanism.unit_of("joints.J1.axial_clearance") == "mm"
-    assert loaded("clearance_prismatic").value("joints.J1.width_clearance") == 0.1
+    assert unit_of(mechanism, "joints.J1.flanges.phase") == "rad"
+    assert unit_of(mechanism, "joints.J1.axial_clearance") == "mm"
+    assert get_value(loaded("clearance_prismatic"), "joints.J1.width_clearance") == 0.1
 
 
 @pytest.mark.parametrize("kind", [*JOINTS, *IDEAL])
@@ -115,7 +115,7 @@ def test_an_ideal_joint_has_nothing_to_set(kind):
         with pytest.raises(MechanismError, match=f"{key}: a {kind} joint is ideal and has no play to set; ") as caught:
             set_values(mechanism, {key: 0.1})
         with pytest.raises(MechanismError, match="is ideal"):
-            mechanism.value(key)
+            get_value(mechanism, key)
         if kind in JOINTS:
             assert f'write type = "clearance_{kind}" into the file first' in str(caught.value)
 

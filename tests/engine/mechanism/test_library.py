@@ -4,14 +4,14 @@ import math
 
 import pytest
 
-from engine.mechanism import load_mechanism
+from engine.mechanism import get_value, load_mechanism
 
 
 def test_the_block_on_the_slope_is_held_by_its_friction():
     mechanism = load_mechanism("incline")
     slope = mechanism.bodies["slope"].angle
     assert slope == pytest.approx(math.radians(30))
-    assert mechanism.value("materials.block_slope.friction") > math.tan(slope)
+    assert get_value(mechanism, "materials.block_slope.friction") > math.tan(slope)
     assert mechanism.bodies["block"].angle == slope
     assert {c.kind for c in mechanism.contacts.values()} == {"point-plane"}
 

@@ -7,7 +7,7 @@ import pytest
 
 from engine.assembly import assemble
 from engine.errors import MechanismError
-from engine.mechanism import load_mechanism, mechanism_from, mechanism_schema, set_values
+from engine.mechanism import load_mechanism, mechanism_from, mechanism_schema, set_values, unit_of
 from tests.engine.mechanism.plain import pendulum, put
 
 POINT = {"body": "link", "point": [0, -8, 0]}
@@ -79,7 +79,7 @@ def test_written_and_read_again_it_is_the_same():
 def test_the_limit_of_an_event_is_set_in_the_unit_of_what_is_watched():
     """Also of one that measures something else itself."""
     mechanism = mechanism_from(described(), "FILE")
-    assert mechanism.unit_of("responses.when.at.above") == "rad"
+    assert unit_of(mechanism, "responses.when.at.above") == "rad"
     changed = set_values(mechanism, {"responses.when.at.above": 1.25})
     limits = dict(zip(changed.responses, assemble(changed).model.responses.limit.tolist(), strict=True))
     assert limits["when"] == [1.25, 1.0]

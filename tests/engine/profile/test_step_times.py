@@ -7,14 +7,14 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 from typer.testing import CliRunner
 
-import engine.profile.step_times
 from campaign.cli import app
 from engine import load_mechanism
 from engine.kernels import run, step
+from engine.profile import step_times
 from engine.profile import timed_loop as clocked
-from engine.profile.step_times import Bench, bench
+from engine.profile.step_times import StepTimes, measure_step_times
 
-MEASURED = Bench(
+MEASURED = StepTimes(
     mechanism="incline",
     status="ok",
     message="",
@@ -49,7 +49,7 @@ def test_every_stage_of_a_step_has_a_clock():
 @pytest.mark.slow  # compiles the loop once more
 def test_shares_and_numbers_of_a_run():
     """Shares are positive and make 1; the numbers are those of as many steps as were asked for."""
-    measured = bench(load_mechanism("clearance_pendulum"), steps=200)
+    measured = measure_step_times(load_mechanism("clearance_pendulum"), steps=200)
     assert measured.status == "ok"
     assert measured.steps - measured.repeated == 200
     assert (measured.bodies, measured.contacts, measured.ties) == (1, 2, 0)
@@ -62,7 +62,7 @@ def test_shares_and_numbers_of_a_run():
 
 def test_command(monkeypatch):
     """A table, or the same numbers as JSON; exit status 1 when a run failed, with its reason."""
-    monkeypatch.setattr(engine.profile.step_times, "bench", lambda mechanism, steps: replace(MEASURED, steps=steps))
+    monkeypatch.setattr(step_times, "measure_step_times", lambda mechanism, steps: replace(MEASURED, steps=steps))
     done = CliRunner().invoke(app, ["bench", "incline", "--steps", "30", "--json"])
     assert done.exit_code == 0
     (entry,) = json.loads(done.stdout)
@@ -71,7 +71,7 @@ def test_command(monkeypatch):
     assert "12.3" in table
     assert "25.0" in table
     failed = replace(MEASURED, status="not_converged", message="friction problem: residual 0.1")
-    monkeypatch.setattr(engine.profile.step_times, "bench", lambda mechanism, steps: failed)
+    monkeypatch.setattr(step_times, "measure_step_times", lambda mechanism, steps: failed)
     done = CliRunner().invoke(app, ["bench", "incline"])
     assert done.exit_code == 1
     assert "incline: friction problem: residual 0.1" in done.stdout

@@ -1,0 +1,7 @@
+"""The types of the engine's arrays."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]

@@ -1,0 +1,90 @@
+"""Execute one run of an assembled mechanism: the time loop, the forces at rest, the verdict."""
+
+import math
+import time
+from collections.abc import Callable
+
+from engine.arrays import Array
+from engine.assembly import Assembly
+from engine.derived import bounded_contacts, read_contacts, with_derived
+from engine.equilibrium import forces_at_rest, normal_force_ranges
+from engine.kernels import run
+from engine.kernels.model import CONTACT_FORCE, END
+from engine.kernels.responses import measure
+from engine.loop import Cancel, control_of, drive, prepare
+from engine.mechanism import Mechanism
+from engine.run import Certificate, Run
+from engine.verdict import failure, judge
+
+
+def execute(
+    mechanism: Mechanism,
+    assembly: Assembly,
+    full_horizon: bool,
+    cancel: Cancel | None,
+    indeterminacy: bool = False,
+    sink: Callable[[Array], None] | None = None,
+    every: int = 1,
+) -> Run:
+    """Run the time loop and translate its outcome."""
+    control = control_of(mechanism, full_horizon)
+    prepare(assembly, control)
+    start = time.perf_counter()
+    course = drive(assembly, control, mechanism.simulation.wall_limit, cancel, sink, every)
+    counts, reals = course.counts, course.reals
+    certificate = Certificate(
+        steps=int(counts[run.STEPS]),
+        time=float(reals[run.TIME]),
+        wall_s=time.perf_counter() - start,
+        max_residual=float(reals[run.RESIDUAL]),
+        max_penetration=float(reals[run.WORST]),
+        max_violation=float(reals[run.OFF]),
+        settled=bool(counts[run.SETTLED]),
+        iterations=int(counts[run.ITERATIONS]),
+        repeated=int(counts[run.REPEATED]),
+    )
+    ranges: dict[str, tuple[float, float]] = {}  # of contacts
+    read = read_contacts(mechanism)
+    if counts[run.STATUS] == run.OK and certificate.settled:
+        forces = _measure_at_rest(mechanism, assembly, int(counts[run.PHASE]), certificate.time)
+        asked = [*bounded_contacts(mechanism), *(read.values() if indeterminacy else ())]
+        if forces is not None and asked:
+            ranges = _force_ranges(assembly, forces, list(dict.fromkeys(asked)))
+    measured = dict(zip(mechanism.responses, map(float, assembly.work.reported), strict=True))
+    measured = with_derived(mechanism, measured, ranges)
+    if counts[run.STATUS] == run.OK:
+        completed = bool(counts[run.COMPLETED]) or full_horizon
+        status, message = judge(mechanism, measured, completed, int(counts[run.PHASE]))
+    else:
+        status, message = failure(mechanism, assembly, course)
+    responses = measured if status == "ok" else {}
+    left_open = {name: ranges[contact] for name, contact in read.items() if contact in ranges}
+    return Run(status, message, responses, mechanism.response_units(), certificate, measured, left_open)
+
+
+def _measure_at_rest(mechanism: Mechanism, assembly: Assembly, phase: int, t: float) -> Array | None:
+    """Measure the contact forces of the end once more, as the pose at rest determines them.
+
+    They are NaN where no forces in the friction cones balance the loads. Returns the forces, shape (nc, 3).
+    """
+    model, state, work = assembly.model, assembly.state, assembly.work
+    if not (model.responses.kind >= CONTACT_FORCE).any():
+        return None
+    sim = mechanism.simulation
+    touching_gap = max(sim.penetration, sim.rest.drift)  # a gap that is no larger than what counts as unmoved is closed
+    forces = forces_at_rest(assembly, phase, sim.step, touching_gap, t)
+    state.r[:] = math.nan if forces is None else forces
+    measure(
+        model.responses, model.contacts, model.loads, state, work.point, work.frame, t, 1.0, work.values, work.a, work.b
+    )
+    responses, last = model.responses, len(mechanism.phases) - 1
+    # a speed stays what it was, and so does what was read at the end of an earlier phase
+    forces_at_end = (responses.at == END) & (responses.kind >= CONTACT_FORCE) & (responses.to_phase == last)
+    work.reported[forces_at_end] = work.values[forces_at_end]
+    return forces
+
+
+def _force_ranges(assembly: Assembly, forces: Array, contacts: list[str]) -> dict[str, tuple[float, float]]:
+    """Return what friction leaves open of the normal forces of some contacts at rest."""
+    numbers = [assembly.contact_names.index(contact) for contact in contacts]
+    return dict(zip(contacts, normal_force_ranges(assembly, forces, numbers), strict=True))
