@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from campaign.errors import StoreError
+from campaign.inputs.sampling import sampler_named
 from campaign.plan_header import FORMAT, PlanHeader, parse_plan, unreadable_plan
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.load import Campaign
@@ -143,7 +144,7 @@ def dump(spec: CampaignSpec) -> dict[str, Any]:
 
 def _identity(spec: CampaignSpec, mechanism: Mechanism, build: str) -> str:
     content: dict[str, Any] = {"spec": dump(spec), "mechanism": mechanism.digest(), "engine": build}
-    if spec.sampler != "random":
-        content["order"] = list(spec.variables)  # other samplers number their dimensions
+    if sampler_named(spec.sampler).ordered:
+        content["order"] = list(spec.variables)
     canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return f"{spec.name}-{hashlib.sha256(canonical.encode()).hexdigest()[:10]}"

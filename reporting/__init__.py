@@ -4,12 +4,14 @@ One analysis model (`reporting.analysis`), many renderings of it (`reporting.ren
 """
 
 from reporting.capability.summary import Capability, capability
+from reporting.designs import Design
 from reporting.errors import ReportError
 from reporting.spec import ReportSpec, ResponseSpec, VariableSpec
 from reporting.write import write_report
 
 __all__ = [
     "Capability",
+    "Design",
     "ReportError",
     "ReportSpec",
     "ResponseSpec",

@@ -9,7 +9,7 @@ import numpy as np
 from reporting.arrays import Array, random_rows
 from reporting.capability.verdict import CAPABLE
 from reporting.comparison import Comparison, compare
-from reporting.designs import CORNERS, Design, design
+from reporting.designs import Design
 from reporting.failures import FailedSample, StatusCount, count_statuses, list_failures
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_correlations, analyse_variable
 from reporting.response import ResponseAnalysis, analyse_response
@@ -116,7 +116,7 @@ def analyse(
         The rows of the other campaign do not fit its spec, or the limits of a response are crossed.
     """
     other = None if against is None else (independent_draws(read_samples(*against), against[1]), against[1])
-    corners = next((pair for pair in ((samples, spec), other) if pair and pair[1].sampler == CORNERS), None)
+    corners = next((pair for pair in ((samples, spec), other) if pair and pair[1].corners), None)
     if other is corners:  # corners are no production to compare with: their worst case stands beside the statistics
         other = None
     drawn = independent_draws(samples, spec)
@@ -132,7 +132,7 @@ def analyse(
     advice, note = _advice(drawn, spec, responses, widen)
     return Analysis(
         spec=spec,
-        design=design(spec.sampler),
+        design=spec.design,
         finished=samples.sample.size,
         ok=ok,
         failed=samples.sample.size - ok,
@@ -171,7 +171,7 @@ def _advice(
     samples: Samples, spec: ReportSpec, responses: tuple[ResponseAnalysis, ...], widen: Widen | None
 ) -> tuple[tuple[Advice, ...], str]:
     """Return how far each variable's spread may grow with every index at 1.33, or why nobody can say."""
-    if not design(spec.sampler).production:
+    if not spec.design.production:
         return (), "The samples are no production: they say nothing about wider tolerances."
     limited = {r.spec.name: r for r in responses if r.capability.cpk is not None and r.sensitivity is not None}
     judged = {name: r for name, r in limited.items() if (r.capability.cpk or 0.0) >= CAPABLE}

@@ -12,7 +12,6 @@ from reporting.capability.intervals import share_lower_bound
 from reporting.capability.shares import Nonconforming, nonconforming, runs_to_claim
 from reporting.capability.summary import Capability, capability
 from reporting.capability.verdict import class_of, verdict
-from reporting.designs import design
 from reporting.errors import ReportError
 from reporting.samples import Samples
 from reporting.sensitivity.influence import ResponseSensitivity
@@ -140,7 +139,7 @@ def analyse_response(
     certain = None
     if numbers.cpk_interval is not None:
         certain = all(class_of(end) == word for end in numbers.cpk_interval)
-    if word != "no limits" and not design(asked.sampler).production:
+    if word != "no limits" and not asked.design.production:
         word, certain = "no verdict", None
     counted = nonconforming(x, spec.lsl, spec.usl, confidence, samples.sample.size - x.size)
     shape = normality(x, confidence)

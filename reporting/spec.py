@@ -6,6 +6,8 @@ header, provenance. Whoever calls fills them in; reporting never reads a campaig
 
 from dataclasses import dataclass
 
+from reporting.designs import INDEPENDENT, Design
+
 
 @dataclass(frozen=True)
 class ResponseSpec:
@@ -97,7 +99,11 @@ class ReportSpec:
         The command that repeats a sample, without its `--set` options; empty: `clearcap simulate` with the
         provenance's "mechanism", or with the campaign's id where there is none.
     sampler : str
-        How the samples were drawn, a key of `reporting.designs.DESIGNS`; some are no production.
+        Name of the way in which the samples were drawn.
+    design : Design
+        What the samples are, and how far the intervals of this report hold for them.
+    corners : bool
+        Whether the samples are the corners of the variables' ranges, over which the worst case is taken.
     replay : str
         The command that repeats a sample of the campaign, without the sample's number; empty: there is none.
     correlations : tuple of (str, str, float)
@@ -106,10 +112,10 @@ class ReportSpec:
         Column with the number of the production batch each sample is in; empty without batches.
     stop : str
         What the campaign's stopping rule said, in words; empty without a rule.
-    designed : tuple of str
+    designed : tuple of str, or None
         The k variables of Saltelli's design, in its order, where samples are one: sample s belongs to row s // (k + 2),
-        and s % (k + 2) says which of its runs it is, 0 A's, 1 B's, 2 + j A's with variable j of B. Otherwise empty:
-        goes with sampler "saltelli" and with no other.
+        and s % (k + 2) says which of its runs it is, 0 A's, 1 B's, 2 + j A's with variable j of B. None where the
+        samples are no such design.
     """
 
     title: str
@@ -121,8 +127,10 @@ class ReportSpec:
     requested: int
     simulate: str = ""
     sampler: str = "random"
+    design: Design = INDEPENDENT
+    corners: bool = False
     replay: str = ""
     correlations: tuple[tuple[str, str, float], ...] = ()
     production_batch_column: str = ""
     stop: str = ""
-    designed: tuple[str, ...] = ()
+    designed: tuple[str, ...] | None = None

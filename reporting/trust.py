@@ -12,7 +12,6 @@ from reporting import format_numbers as numbers
 from reporting.arrays import Array
 from reporting.capability.convergence import DRIFT_BAR
 from reporting.capability.intervals import cpk_half_width
-from reporting.designs import design
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis
 from reporting.response import ResponseAnalysis
 from reporting.samples import OK, Samples
@@ -48,12 +47,12 @@ def trust_checks(
     correlations: tuple[CorrelationAnalysis, ...],
 ) -> tuple[Check, ...]:
     """Return the lines of the trust card, in reading order."""
-    unit, found = samples.penetration_unit, design(spec.sampler)
+    unit, design = samples.penetration_unit, spec.design
     return (
-        Check("Sampling", "info" if found.production else "attention", found.text),
+        Check("Sampling", "info" if design.production else "attention", design.text),
         _complete(spec.requested, samples),
-        _enough(responses, production=found.production),
-        _converged(responses, production=found.production),
+        _enough(responses, production=design.production),
+        _converged(responses, production=design.production),
         *([Check("Stopping rule", "info", spec.stop)] if spec.stop else []),
         _failed(samples),
         _rejects(responses, samples),
@@ -62,7 +61,7 @@ def trust_checks(
         _largest("Friction residual", samples, samples.max_residual, "", RESIDUAL_BAR),
         _largest("Penetration", samples, samples.max_penetration, unit, PENETRATION_BAR.get(unit)),
         _settled(samples),
-        _inputs(variables, correlations, production=found.production),
+        _inputs(variables, correlations, production=design.production),
     )
 
 

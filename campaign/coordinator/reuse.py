@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from campaign.errors import StoreError
-from campaign.inputs.sampling import keeps_first
+from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan
 from campaign.store import Store
 from campaign.store.layout import PLAN
@@ -31,7 +31,7 @@ def take_over(store: Store, plan: Plan) -> int:
     """
     taken = 0
     for other in _akin(store, plan):
-        if reason := keeps_first(plan.spec):
+        if reason := sampler_named(plan.spec.sampler).not_extendable:
             logger.info("the rows of %s cannot be taken over: %s", other.campaign_id, reason)
             return 0
         taken += _copy(store, other, plan)

@@ -12,8 +12,8 @@ from pydantic import ValidationError
 
 from campaign.errors import SpecError
 from campaign.inputs.distributions import Array, Distribution
+from campaign.inputs.sampling import SAMPLERS, sampler_named
 from campaign.inputs.sampling.correlation import matrix
-from campaign.inputs.sampling.rules import ENUMERATING
 from campaign.plan import dump
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.messages import structure_faults
@@ -75,10 +75,11 @@ def _apply(variables: dict[str, dict[str, Any]], setting: str) -> None:
 
 def check_drawn(spec: CampaignSpec) -> None:
     """Raise SpecError if the samples are drawn from no distributions."""
-    if spec.sampler in ENUMERATING:
+    if not sampler_named(spec.sampler).weighted:
+        *names, last = (name for name, sampler in SAMPLERS.items() if sampler.weighted)
         raise SpecError(
             f"sampler {spec.sampler}: its samples are drawn from no distribution and cannot be weighted to another;"
-            " run a campaign with sampler random, lhs, sobol, halton or saltelli"
+            f" run a campaign with sampler {', '.join(names)} or {last}"
         )
 
 

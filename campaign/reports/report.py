@@ -13,7 +13,7 @@ import pyarrow as pa
 
 from campaign.errors import CampaignError
 from campaign.inputs.distributions import Array, Continuous
-from campaign.inputs.sampling import production_batch, varied
+from campaign.inputs.sampling import production_batch, sampler_named
 from campaign.plan import Plan
 from campaign.reports.changed_distributions import widened
 from campaign.spec.campaign_file import Response
@@ -21,7 +21,7 @@ from campaign.store import Store
 from campaign.store.layout import REPORT, STOPPED
 from campaign.version import clearcap_version
 from engine.mechanism import unit_of
-from reporting import ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
+from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
 from reporting.tolerance.reweighting import Change
 from reporting.write import USUAL
 
@@ -111,7 +111,7 @@ def _write(store: Store, plan: Plan, rows: "pa.Table | Iterable[pa.Table]", told
 
 def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
     """Return what reporting must know of a plan, and of the store it is in."""
-    spec = plan.spec
+    spec, sampler = plan.spec, sampler_named(plan.spec.sampler)
     place = [] if store is None or store.url == "runs" else ["--store", store.url]
     return ReportSpec(
         title=spec.title or spec.name,
@@ -127,7 +127,9 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         correlations=spec.correlations or (),
         production_batch_column=BATCH if _batched(plan) else "",
         stop=_stop(plan, store),
-        designed=tuple(varied(spec)) if spec.sampler == "saltelli" else (),
+        design=Design(sampler.production, sampler.report),
+        corners=sampler.corners,
+        designed=sampler.designed(spec),
     )
 
 

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError
 from campaign.errors import CampaignError, SpecError
 from campaign.inputs.distributions import Array, Number, Spread
 from campaign.inputs.distributions.base import Table
-from campaign.inputs.sampling import draws_by_themselves
+from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan
 from campaign.reports.changed_distributions import change, changed, check_drawn, widened
 from campaign.spec.campaign_file import Response
@@ -200,7 +200,7 @@ def _columns(store: Store, plan: Plan) -> dict[str, Array]:
     names = [*plan.spec.variables, *plan.mechanism.responses]
     pieces: dict[str, list[Array]] = {name: [] for name in names}
     for table in store.stream(plan, ["sample", *names]):
-        rows = draws_by_themselves(plan.spec, table["sample"].to_numpy())
+        rows = sampler_named(plan.spec.sampler).independent(plan.spec, table["sample"].to_numpy())
         for name in names:
             pieces[name].append(table[name].to_numpy()[rows])
     if not pieces[names[0]]:

@@ -3,12 +3,12 @@
 from decimal import Decimal
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
+from pydantic_core import PydanticKnownError
 
 from campaign.inputs.distributions import Number, Spread, Variable
 from campaign.inputs.distributions.base import Table
-from campaign.inputs.sampling import keeps_first
-from campaign.inputs.sampling.rules import check_correlations, check_sampler
+from campaign.inputs.sampling import SAMPLERS, check_sampling
 from campaign.spec.policy import Execution, Failures, Simulation, Stop
 
 LARGEST_LIST = 1_000_000  # rows of a user's table
@@ -20,6 +20,21 @@ Correlation = Annotated[
 Levels = (
     Annotated[int, Field(ge=2)] | Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_length=100_000)]
 )
+
+
+def _known_sampler(name: str) -> str:
+    """Return the name of a sampler; refuse any other, in pydantic's words for a choice."""
+    if name not in SAMPLERS:
+        *first, last = (f"'{sampler}'" for sampler in SAMPLERS)
+        raise PydanticKnownError("literal_error", {"expected": f"{', '.join(first)} or {last}"})
+    return name
+
+
+SamplerName = Annotated[
+    str,
+    AfterValidator(_known_sampler),
+    Field(json_schema_extra=lambda schema: schema.update(enum=list(SAMPLERS))),
+]
 Column = Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_length=LARGEST_LIST)]
 
 
@@ -146,7 +161,7 @@ class CampaignSpec(Table):
     bench: Name | None = None
     samples: Annotated[int, Field(ge=1, le=100_000_000)]
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    sampler: Literal["random", "lhs", "sobol", "halton", "saltelli", "worst_case", "grid", "list"] = "random"
+    sampler: SamplerName = "random"
     simulation: Simulation = Simulation()
     failures: Failures = Failures()
     execution: Execution = Execution()
@@ -169,23 +184,8 @@ class CampaignSpec(Table):
 
     @model_validator(mode="after")
     def _samples_can_be_drawn(self) -> Self:
-        check_correlations(self)
-        check_sampler(self)
-        if self.stop and (reason := keeps_first(self)):
-            raise ValueError(f"stop: the first samples must be a sample by themselves, but {reason}; remove stop")
+        check_sampling(self)
         return self
-
-    def rows(self) -> dict[str, tuple[float, ...]]:
-        """Return the columns of the user's table by name.
-
-        Raises
-        ------
-        ValueError
-            If its file has not been read.
-        """
-        if self.table is None or self.table.columns is None:
-            raise ValueError("the user's table has not been read; load the campaign from its file")
-        return self.table.columns
 
     def targets(self) -> dict[str, str]:
         """Return which key of the mechanism each variable sets, by variable name."""

@@ -8,7 +8,6 @@ from reporting.analysis import Analysis
 from reporting.capability.indices import NAMES, SIX_SIGMA_SHIFT, WHICH_SIGMA
 from reporting.capability.shares import runs_to_claim
 from reporting.capability.verdict import CAPABLE, MARGINAL
-from reporting.designs import CORNERS
 from reporting.render import figures, overview
 from reporting.response import CLAIM_PPM, ResponseAnalysis
 from reporting.sensitivity.influence import CRITICAL_SHARE
@@ -75,7 +74,7 @@ def headline(analysis: Analysis) -> str:
     corners = [r.worst for r in limited if r.worst is not None]
     if analysis.ok == 0:
         return "No sample ended ok: there is nothing to judge."
-    if analysis.spec.sampler == CORNERS and corners:
+    if analysis.spec.corners and corners:
         kept = sum(bool(worst.within) for worst in corners)
         return f"Worst case: {kept} of {len(corners)} responses with limits keep them at every corner."
     if not limited:

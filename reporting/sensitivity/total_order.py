@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from reporting import format_numbers as numbers
 from reporting.arrays import Array, random_rows
 from reporting.capability.moments import ROUNDING
-from reporting.designs import SALTELLI
 from reporting.errors import ReportError
 from reporting.samples import Samples
 from reporting.sensitivity.first_order import jackknife_error
@@ -59,15 +58,16 @@ def independent_draws(samples: Samples, spec: ReportSpec) -> Samples:
     Raises
     ------
     ReportError
-        Nothing says what the variables of a design are, or samples that are no design are said to have some.
+        The samples are a design without variables, or of a variable that the campaign does not have.
     """
-    if (spec.sampler == SALTELLI) != bool(spec.designed):
-        raise ReportError(
-            f"sampler {spec.sampler} with designed = {spec.designed}: variables of a design belong to sampler"
-            f" {SALTELLI} and to no other; give both or neither"
-        )
-    if not spec.designed:
+    if spec.designed is None:
         return samples
+    unknown = set(spec.designed) - {variable.name for variable in spec.variables}
+    if not spec.designed or unknown:
+        raise ReportError(
+            f"designed = {spec.designed}: a design has one variable or more, each of the campaign's; give the variables"
+            " of the design, or None where the samples are no design"
+        )
     kept = samples.sample % (len(spec.designed) + 2) < 2
     columns = ("sample", "status", "ok", "max_residual", "max_penetration", "settled")
     return replace(

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pyarrow as pa
 
-from reporting import ReportSpec, ResponseSpec, VariableSpec
+from campaign.inputs.sampling import sampler_named
+from reporting import Design, ReportSpec, ResponseSpec, VariableSpec
 from reporting.analysis import Analysis, Widen, analyse
 from reporting.samples import read_samples
 
@@ -91,3 +92,9 @@ def analysis_of(
 ) -> Analysis:
     """Return the analysis of a table of samples."""
     return analyse(read_samples(rows, spec), spec, widen, against)
+
+
+def drawn_by(sampler: str) -> dict[str, object]:
+    """Return what a campaign tells a report of the samples of one of its samplers, as fields of `ReportSpec`."""
+    known = sampler_named(sampler)
+    return {"sampler": sampler, "design": Design(known.production, known.report), "corners": known.corners}

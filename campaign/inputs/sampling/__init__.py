@@ -1,37 +1,62 @@
-"""Sampling: the inputs of a sample are a function of the spec and the sample number alone.
+"""Sampling: the inputs of a sample are a function of the campaign file and the sample number alone.
 
-A sampler gives every variable a uniform number for each sample; correlated variables exchange theirs; the variable's
-distribution turns it into a value, moved by the shift of the sample's production batch. Samplers that enumerate
-(corners, grid, list) give the values themselves.
+A sampler is one object in one module; `SAMPLERS` is the only place that lists them. Most of them draw from the
+variables' distributions (`inverse_transform`), the others enumerate values (`enumerating`).
 """
 
-from typing import TYPE_CHECKING
+from campaign.inputs.distributions import Array
+from campaign.inputs.sampling.correlation import check_correlations
+from campaign.inputs.sampling.grid import Grid
+from campaign.inputs.sampling.halton import Halton
+from campaign.inputs.sampling.lhs import LatinHypercube
+from campaign.inputs.sampling.list import UserTable
+from campaign.inputs.sampling.production_batches import production_batch
+from campaign.inputs.sampling.random import RandomSampler
+from campaign.inputs.sampling.saltelli import Saltelli
+from campaign.inputs.sampling.sampler import SampledInputs, Sampler
+from campaign.inputs.sampling.sobol import Sobol
+from campaign.inputs.sampling.worst_case import Corners
+from engine.mechanism.faults import did_you_mean
 
-import numpy as np
-from numpy.typing import NDArray
+__all__ = ["SAMPLERS", "SampledInputs", "Sampler", "check_sampling", "draw", "production_batch", "sampler_named"]
 
-from campaign.inputs.distributions import Array, Constant, Continuous, Distribution
-from campaign.inputs.sampling.correlation import correlated
-from campaign.inputs.sampling.enumerated import corners, grid, listed
-from campaign.inputs.sampling.halton import halton
-from campaign.inputs.sampling.lhs import stratified
-from campaign.inputs.sampling.random import BATCH, uniforms
-from campaign.inputs.sampling.saltelli import saltelli
-from campaign.inputs.sampling.sobol import sobol
+SAMPLERS: dict[str, Sampler] = {
+    sampler.name: sampler
+    for sampler in (
+        RandomSampler(),
+        LatinHypercube(),
+        Sobol(),
+        Halton(),
+        Saltelli(),
+        Corners(),
+        Grid(),
+        UserTable(),
+    )
+}
 
-if TYPE_CHECKING:
-    from campaign.spec.campaign_file import CampaignSpec
 
-__all__ = ["draw", "draws_by_themselves", "keeps_first", "production_batch", "uniforms", "varied"]
+def sampler_named(name: str) -> Sampler:
+    """Return a sampler by its name.
+
+    Raises
+    ------
+    ValueError
+        If there is no such sampler.
+    """
+    if name not in SAMPLERS:
+        raise ValueError(
+            f'sampler = "{name}": no such sampler; allowed: {", ".join(SAMPLERS)}{did_you_mean(name, SAMPLERS)}'
+        )
+    return SAMPLERS[name]
 
 
-def draw(spec: "CampaignSpec", first: int, count: int) -> dict[str, Array]:
+def draw(inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
     """Draw samples ``first .. first + count - 1`` of all variables.
 
     Parameters
     ----------
-    spec : CampaignSpec
-        The campaign.
+    inputs : SampledInputs
+        What is sampled; a campaign's spec is one.
     first, count : int
         First sample number and number of samples.
 
@@ -39,93 +64,33 @@ def draw(spec: "CampaignSpec", first: int, count: int) -> dict[str, Array]:
     -------
     dict of str to ndarray, each of shape (count,)
         Values by variable, each in its target's unit; the same bits whatever piece is drawn.
+
+    Raises
+    ------
+    ValueError
+        If there is no such sampler.
     """
-    match spec.sampler:
-        case "worst_case":
-            return corners(spec.variables, first, count)
-        case "grid":
-            return grid(spec.variables, spec.grid or {}, first, count)
-        case "list":
-            return listed(spec.rows(), list(spec.variables), first, count)
-    u = _uniforms(spec, first, count)
-    if spec.correlations:
-        u |= correlated(u, spec.correlations)
-    return {name: _values(v, spec.seed, name, u.get(name), first, count) for name, v in spec.variables.items()}
+    return sampler_named(inputs.sampler).draw(inputs, first, count)
 
 
-def keeps_first(spec: "CampaignSpec") -> str | None:
-    """Return None if the first samples stay when more are asked for, otherwise why they do not, in words."""
-    match spec.sampler:
-        case "lhs":
-            return "lhs divides each range into as many strata as there are samples: more samples are others"
-        case "worst_case":
-            return "worst_case has all corners and the middle, and no more"
-        case "grid":
-            return "a grid has all combinations of its levels, and no more"
-    return None
+def check_sampling(inputs: SampledInputs) -> None:
+    """Check that the samples of a campaign can be drawn, and that no key is given that would have no effect.
 
-
-def draws_by_themselves(spec: "CampaignSpec", sample: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return which samples are draws of their own: of sampler saltelli those of A and B; the others repeat values."""
-    if spec.sampler != "saltelli":
-        return np.ones(sample.shape, np.bool_)
-    return np.asarray(sample % (len(varied(spec)) + 2) < 2)
-
-
-def production_batch(spec: "CampaignSpec", sample: NDArray[np.int64]) -> NDArray[np.int64] | None:
-    """Return the number of the production batch that each sample is in; None if no variable varies by batch.
-
-    Samples of one number share all their shifts. Where variables have batches of different sizes, a new number begins
-    with every new batch of any of them.
-
-    Parameters
-    ----------
-    spec : CampaignSpec
-        The campaign.
-    sample : array of int64
-        Sample numbers.
-
-    Returns
-    -------
-    array of int64 or None
-        Numbers from 0, in the shape of ``sample``.
+    Raises
+    ------
+    ValueError
+        With the key at fault, its value and the remedy.
     """
-    sizes = {v.batch.size for v in spec.variables.values() if isinstance(v, Continuous) and v.batch}
-    if not sizes:
-        return None
-    sample = np.asarray(sample, dtype=np.int64)
-    last = int(sample.max(initial=0))
-    begins = np.unique(np.concatenate([np.arange(size, last + 1, size) for size in sorted(sizes)]))
-    return np.asarray(np.searchsorted(begins, sample, side="right"), dtype=np.int64)
-
-
-def varied(spec: "CampaignSpec") -> list[str]:
-    """Return the names of the variables that vary, in their order: the dimensions of a sampler."""
-    return [name for name, variable in spec.variables.items() if not isinstance(variable, Constant)]
-
-
-def _uniforms(spec: "CampaignSpec", first: int, count: int) -> dict[str, Array]:
-    """Return the uniform numbers of all variables that vary, each of shape (count,), strictly inside (0, 1)."""
-    names = varied(spec)
-    match spec.sampler:
-        case "lhs":
-            return {name: stratified(spec.seed, name, spec.samples, first, count) for name in names}
-        case "sobol":
-            return sobol(spec.seed, names, first, count)
-        case "halton":
-            return halton(spec.seed, names, first, count)
-        case "saltelli":
-            return saltelli(spec.seed, names, first, count)
-    return {name: uniforms(spec.seed, name, first, count) for name in names}
-
-
-def _values(variable: Distribution, seed: int, name: str, u: Array | None, first: int, count: int) -> Array:
-    """Return the values of one variable, shape (count,)."""
-    if u is None:
-        return variable.ppf(np.full(count, 0.5))
-    if not isinstance(variable, Continuous) or variable.batch is None:
-        return variable.ppf(u)
-    begin, end = first // variable.batch.size, (first + max(count, 1) - 1) // variable.batch.size
-    number = np.arange(first, first + count) // variable.batch.size - begin
-    shifts = variable.batch.shifts(uniforms(seed, name, begin, end - begin + 1, BATCH))
-    return variable.ppf(u, shifts[number])
+    check_correlations(inputs)
+    sampler = sampler_named(inputs.sampler)
+    for other in SAMPLERS.values():
+        key = other.own_key
+        if key and other is not sampler and getattr(inputs, key) is not None:
+            raise ValueError(
+                f'{key} is only read by sampler "{other.name}"; write sampler = "{other.name}" or remove it'
+            )
+    sampler.check(inputs)
+    if inputs.stop and sampler.not_extendable:
+        raise ValueError(
+            f"stop: the first samples must be a sample by themselves, but {sampler.not_extendable}; remove stop"
+        )

@@ -5,18 +5,48 @@ numbers again: every variable keeps its distribution. A rank correlation r does 
 own correlation is 2 sin(pi r / 6) (K. Pearson, "On further methods of determining correlation", 1907).
 """
 
+from collections import Counter
 from collections.abc import Mapping
 from functools import lru_cache
 from math import pi, sin, sqrt
 
 import numpy as np
 
-from campaign.inputs.distributions import Array
-
-Correlations = tuple[tuple[str, str, float], ...]
+from campaign.inputs.distributions import Array, Constant
+from campaign.inputs.sampling.sampler import Correlations, SampledInputs
+from engine.mechanism.faults import did_you_mean
 
 LEAST_EIGENVALUE = 1e-9  # of the scores' correlation matrix: below, one variable is a function of the others
 NEAREST = 1.0 - 2.0**-53  # to 1 of a uniform number
+
+
+def check_correlations(inputs: SampledInputs) -> None:
+    """Check the correlations between variables.
+
+    Raises
+    ------
+    ValueError
+        If one is of an unknown variable, a constant, or a variable with itself, is given twice, or they cannot hold
+        together.
+    """
+    pairs = Counter(frozenset((a, b)) for a, b, _ in inputs.correlations or ())
+    for a, b, rank in inputs.correlations or ():
+        entry = f'correlations, ["{a}", "{b}", {rank:g}]'
+        for name in (a, b):
+            if name not in inputs.variables:
+                names = list(inputs.variables)
+                raise ValueError(f"{entry}: no variable {name}; allowed: {', '.join(names)}{did_you_mean(name, names)}")
+            if isinstance(inputs.variables[name], Constant):
+                raise ValueError(f"{entry}: {name} is a constant, which varies with nothing; remove the entry")
+        if a == b:
+            raise ValueError(f"{entry}: a variable with itself; name two variables")
+        if pairs[frozenset((a, b))] > 1:
+            raise ValueError(f"{entry}: this pair is given more than once; keep one entry")
+    if inputs.correlations and (smallest := smallest_eigenvalue(inputs.correlations)) < LEAST_EIGENVALUE:
+        raise ValueError(
+            f"correlations: they cannot hold together, the matrix is not positive definite (smallest eigenvalue"
+            f" {smallest:.3g}); all of them multiplied by {largest_scale(inputs.correlations):g} can"
+        )
 
 
 def correlated(u: Mapping[str, Array], correlations: Correlations) -> dict[str, Array]:
@@ -55,7 +85,7 @@ def smallest_eigenvalue(correlations: Correlations, scale: float = 1.0) -> float
 
 
 def largest_scale(correlations: Correlations) -> float:
-    """Return by what number from 0 to 1 all correlations must be multiplied at most, to be possible."""
+    """Return the largest factor from 0 to 1, in steps of 0.01, with which all correlations together are possible."""
     return next(
         (n / 100 for n in range(100, 0, -1) if smallest_eigenvalue(correlations, n / 100) >= LEAST_EIGENVALUE), 0.0
     )
@@ -64,13 +94,12 @@ def largest_scale(correlations: Correlations) -> float:
 @lru_cache(maxsize=8)
 def _factor(names: tuple[str, ...], correlations: Correlations) -> tuple[tuple[float, ...], ...]:
     """Return the rows of the lower Cholesky factor; in plain arithmetic, so that no library's blocking changes bits."""
-    wanted = matrix(names, correlations).tolist()
     rows: list[tuple[float, ...]] = []
-    for i, target in enumerate(wanted):
+    for i, target in enumerate(matrix(names, correlations).tolist()):
         row: list[float] = []
         for j in range(i):
-            done = sum(a * b for a, b in zip(row, rows[j], strict=False))
-            row.append((target[j] - done) / rows[j][j])
+            product = sum(a * b for a, b in zip(row, rows[j], strict=False))
+            row.append((target[j] - product) / rows[j][j])
         row.append(sqrt(1.0 - sum(a * a for a in row)))
         rows.append(tuple(row))
     return tuple(rows)

@@ -11,9 +11,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from campaign.inputs.distributions import Array
-from campaign.inputs.sampling.random import SCRAMBLE, permutation
+from campaign.inputs.sampling.inverse_transform import EVENLY_SPREAD, InverseTransformSampler
+from campaign.inputs.sampling.sampler import SampledInputs
+from campaign.inputs.sampling.streams import SCRAMBLE, permutation
 
 BITS = 52  # a point keeps as many digits as fit
+
+
+class Halton(InverseTransformSampler):
+    """Samples are spread evenly in all variables at once."""
+
+    name = "halton"
+    summary = "scrambled Halton sequence: spread evenly in all variables at once"
+    report = f"Scrambled Halton sequence: evenly spread in all variables at once, so {EVENLY_SPREAD}"
+
+    def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
+        """Return the points of the sequence, one dimension a variable."""
+        return halton(inputs.seed, names, first, count)
 
 
 def halton(seed: int, names: list[str], first: int, count: int) -> dict[str, Array]:
@@ -53,10 +67,10 @@ def _digits(seed: int, name: str, base: int) -> tuple[NDArray[np.int64], list[in
 @lru_cache(maxsize=8)
 def primes(count: int) -> tuple[int, ...]:
     """Return the first primes."""
-    found: list[int] = []
+    first: list[int] = []
     candidate = 2
-    while len(found) < count:
-        if all(candidate % p for p in found):
-            found.append(candidate)
+    while len(first) < count:
+        if all(candidate % prime for prime in first):
+            first.append(candidate)
         candidate += 1
-    return tuple(found)
+    return tuple(first)

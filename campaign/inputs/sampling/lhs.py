@@ -10,9 +10,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from campaign.inputs.distributions import Array
-from campaign.inputs.sampling.random import PLACE, STRATA, permutation, words
+from campaign.inputs.sampling.inverse_transform import EVENLY_SPREAD, InverseTransformSampler
+from campaign.inputs.sampling.sampler import SampledInputs
+from campaign.inputs.sampling.streams import PLACE, STRATA, permutation, words
 
 LARGEST = 10_000_000  # samples: the permutation of a variable is kept in memory
+
+
+class LatinHypercube(InverseTransformSampler):
+    """Every variable is spread evenly over its distribution."""
+
+    name = "lhs"
+    summary = "Latin hypercube: each variable spread evenly over its distribution"
+    report = f"Latin hypercube: every variable is spread evenly over its distribution, so {EVENLY_SPREAD}"
+    not_extendable = "lhs divides each range into as many strata as there are samples: more samples are others"
+
+    def check(self, inputs: SampledInputs) -> None:
+        """Raise ValueError if there are too many samples."""
+        if inputs.samples > LARGEST:
+            raise ValueError(
+                f"samples = {inputs.samples}: sampler lhs allows up to {LARGEST}, kept in memory; write sampler ="
+                ' "sobol", which has no such limit'
+            )
+
+    def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
+        """Return a number of each sample's own stratum for each variable."""
+        return {name: stratified(inputs.seed, name, inputs.samples, first, count) for name in names}
 
 
 def stratified(seed: int, name: str, samples: int, first: int, count: int) -> Array:

@@ -8,11 +8,64 @@ variable j of B. So more samples keep the first ones, and a row of A is that of 
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from campaign.inputs.distributions import Array
+from campaign.inputs.sampling.inverse_transform import EVENLY_SPREAD, InverseTransformSampler
+from campaign.inputs.sampling.sampler import SampledInputs, dependence, varied
 from campaign.inputs.sampling.sobol import sobol
 
 MOST_VARIABLES = 10_600  # two dimensions each, and 21,201 have direction numbers
+
+
+class Saltelli(InverseTransformSampler):
+    """Two samples, and combinations of them that show the variables' total indices."""
+
+    name = "saltelli"
+    summary = "Saltelli's design, for total Sobol' indices"
+    report = (
+        "Saltelli's design: two scrambled Sobol' samples A and B, and A with one variable at a time of B's. Runs that "
+        "repeat values of others are no further draws: every statistic, interval, share and tail here is over A and B "
+        "alone, 2 of k + 2 runs with k variables; the others serve the total indices. For A and B, evenly spread, "
+        f"{EVENLY_SPREAD}"
+    )
+
+    def check(self, inputs: SampledInputs) -> None:
+        """Raise ValueError unless the variables are independent and the samples a complete design."""
+        if key := dependence(inputs):
+            raise ValueError(
+                f"{key}: sampler saltelli changes one variable and leaves the others, so they must be independent;"
+                ' remove it, or write sampler = "sobol"'
+            )
+        if inputs.stop:
+            raise ValueError(
+                "stop: samples of sampler saltelli repeat each other's values, so the first so many are no sample that"
+                ' an interval could be judged by; remove stop, or write sampler = "sobol"'
+            )
+        k = len(varied(inputs))
+        if not 0 < k <= MOST_VARIABLES:
+            raise ValueError(
+                f"variables: {k} of them vary; sampler saltelli allows 1 to {MOST_VARIABLES}, each two dimensions of a"
+                ' Sobol sequence; change their number, or write sampler = "random"'
+            )
+        sizes = nearest_sizes(k, inputs.samples)
+        if inputs.samples not in sizes:
+            raise ValueError(
+                f"samples = {inputs.samples}: sampler saltelli has n ({k} + 2) samples for {k} variables, n a power of"
+                f" 2; write samples = {' or '.join(map(str, sizes))}"
+            )
+
+    def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
+        """Return the points of A, of B, and of A with a variable of B."""
+        return saltelli(inputs.seed, names, first, count)
+
+    def independent(self, inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return which samples belong to A or B."""
+        return np.asarray(sample % (len(varied(inputs)) + 2) < 2)
+
+    def designed(self, inputs: SampledInputs) -> tuple[str, ...]:
+        """Return the variables that vary."""
+        return tuple(varied(inputs))
 
 
 def saltelli(seed: int, names: list[str], first: int, count: int) -> dict[str, Array]:

@@ -15,13 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from campaign.inputs.distributions import Array
-from campaign.inputs.sampling.random import SCRAMBLE, words
+from campaign.inputs.sampling.inverse_transform import EVENLY_SPREAD, InverseTransformSampler
+from campaign.inputs.sampling.sampler import SampledInputs
+from campaign.inputs.sampling.streams import SCRAMBLE, words
 
 DIGITS = 52  # of a point, binary
 OWN_DIGITS = 30  # of an unscrambled point: as many as its number may have; scipy cannot go forward with more than 32
 DEPTHS = 4  # columns are made by so many: a process that draws many batches makes them a few times only
 
 Integers = NDArray[np.uint64]
+
+
+class Sobol(InverseTransformSampler):
+    """Samples are spread evenly in all variables at once."""
+
+    name = "sobol"
+    summary = "scrambled Sobol' sequence: spread evenly in all variables at once"
+    report = f"Scrambled Sobol' sequence: evenly spread in all variables at once, so {EVENLY_SPREAD}"
+
+    def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
+        """Return the points of the sequence, one dimension a variable."""
+        return sobol(inputs.seed, names, first, count)
 
 
 def sobol(seed: int, names: list[str], first: int, count: int) -> dict[str, Array]:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from campaign.coordinator.rerun import rerun_batch
-from campaign.inputs.sampling import draws_by_themselves
+from campaign.inputs.sampling import sampler_named
 from campaign.reports.report import report, report_spec
 from campaign.reports.whatif import what_if
 from campaign.spec.load import load_campaign
@@ -92,7 +92,7 @@ def test_questions_go_to_the_draws_alone(tmp_path):
     """Weights are for draws by themselves: mean and count are those of A and B, the mixed runs are left out."""
     store, plan = computed(tmp_path / "runs", designed(tmp_path, 256), 500, partial(ishigami, 1.0))
     table = store.table()
-    own = draws_by_themselves(plan.spec, table["sample"].to_numpy())
+    own = sampler_named("saltelli").independent(plan.spec, table["sample"].to_numpy())
     found = what_if(store, plan, ["J1.upper=0.12"])["FC-1"]
     assert own.sum() == 512
     assert found.effective == pytest.approx(512)

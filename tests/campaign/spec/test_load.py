@@ -317,7 +317,7 @@ def test_list_reads_a_column_for_each_variable(campaign_file, tmp_path):
     """The user's table becomes part of the campaign; columns that are no variable are left out."""
     (tmp_path / "rows.csv").write_text("preload,id,J1\n0.91,1,0.05\n0.92,2,0.06\n")
     spec = load_campaign(replaced(campaign_file, "samples = 25", LIST)).spec
-    assert spec.rows() == {"J1": (0.05, 0.06), "preload": (0.91, 0.92)}
+    assert spec.table.columns == {"J1": (0.05, 0.06), "preload": (0.91, 0.92)}
     assert spec.table.source == "rows.csv"
     with pytest.raises(SpecError, match="samples = 3: the table has 2 rows; write samples = 2 or fewer"):
         load_campaign(str(campaign_file), samples=3)

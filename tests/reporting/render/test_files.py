@@ -14,7 +14,7 @@ from reporting import ReportError, write, write_report
 from reporting.render.html import render_html
 from reporting.render.json import document, report_schema
 from reporting.tolerance.reweighting import Change
-from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
+from tests.reporting.synthetic import analysis_of, c60_spec, c60_table, drawn_by
 
 
 def odd_analyses():
@@ -26,7 +26,7 @@ def odd_analyses():
 
     yield analysis_of(table, spec, flat, (c60_table(300, seed=1), c60_spec(300)))
     yield analysis_of(table, replace(spec, production_batch_column="steps", correlations=(("J1", "J2", 0.1),)))
-    yield analysis_of(table, replace(spec, sampler="worst_case"))
+    yield analysis_of(table, replace(spec, **drawn_by("worst_case")))
     yield analysis_of(table.slice(0, 1), spec)
     yield analysis_of(table.slice(0, 0), replace(spec, responses=(), variables=()))
     yield analysis_of(table.slice(395), spec)
@@ -110,7 +110,7 @@ def test_batches_of_production_give_the_sigma_within(campaign) -> None:
 
 @pytest.mark.parametrize("sampler", ["grid", "list", "worst_case"])
 def test_samples_that_are_no_production_get_no_verdict(campaign, sampler) -> None:
-    a = analysis_of(*campaign(200, sampler=sampler))
+    a = analysis_of(*campaign(200, **drawn_by(sampler)))
     assert {r.verdict for r in a.responses} == {"no verdict", "no limits"}
     first = a.trust[0]
     assert (first.name, first.level) == ("Sampling", "attention")
@@ -120,7 +120,7 @@ def test_samples_that_are_no_production_get_no_verdict(campaign, sampler) -> Non
 def test_the_worst_case_of_another_campaign_stands_beside_the_statistics(campaign) -> None:
     """Against corners nothing is tested: their extremes are shown, found over them and not over this campaign."""
     table, spec = campaign(200)
-    corners, of_corners = campaign(60, sampler="worst_case")
+    corners, of_corners = campaign(60, **drawn_by("worst_case"))
     a = analysis_of(table, spec, against=(corners, of_corners))
     assert a.comparison is None
     assert a.responses[0].verdict == "capable"

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from reporting import ReportError
 from reporting.render.html import headline, render_html
 from reporting.tolerance.worst_case import worst_case
-from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
+from tests.reporting.synthetic import analysis_of, c60_spec, c60_table, drawn_by
 
 CORNERS = np.array(list(itertools.product((0.01, 0.13), repeat=3)))
 INPUTS = {f"J{j + 1}": CORNERS[:, j] for j in range(3)}
@@ -59,7 +59,7 @@ def test_on_the_page(failures):
     """Headline, table, and the warning that indices of corners mean nothing."""
     from dataclasses import replace
 
-    spec = replace(c60_spec(129), sampler="worst_case")
+    spec = replace(c60_spec(129), **drawn_by("worst_case"))
     analysis = analysis_of(c60_table(129, failures), spec)
     page = render_html(analysis)
     limited = [r for r in analysis.responses if r.worst.within is not None]

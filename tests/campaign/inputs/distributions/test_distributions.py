@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from scipy import integrate, stats
 
 from campaign.inputs.distributions import DISTRIBUTIONS, Variable
-from campaign.inputs.sampling.random import uniforms
+from campaign.inputs.sampling.streams import uniforms
 from tests.campaign.statistics import check_sample
 
 C60 = {"distribution": "truncated_normal", "mean": 0.07, "std": 0.0175, "lower": 0.01, "upper": 0.13}

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from scipy.stats import qmc
 
-from campaign.inputs.sampling import draw, draws_by_themselves, keeps_first, varied
+from campaign.inputs.sampling import draw, sampler_named
 from campaign.inputs.sampling.saltelli import MOST_VARIABLES, nearest_sizes
+from campaign.inputs.sampling.sampler import varied
 from tests.campaign.inputs.sampling.test_sampling import BOLT, INDEPENDENT, UNIT, seven, spec
 from tests.campaign.statistics import check_rank_correlation, check_sample, strata
 
@@ -46,7 +47,7 @@ def test_any_slice_of_a_design_is_the_same_bits(first, count):
 def test_a_longer_design_keeps_the_first_rows():
     """Twice the rows begin with the same bits: an extension computes the other half only."""
     few, many = (design(INDEPENDENT, rows) for rows in (64, 128))
-    assert keeps_first(few) is None
+    assert not sampler_named("saltelli").not_extendable
     longer = draw(many, 0, many.samples)
     assert all(x.tobytes() == longer[name][: few.samples].tobytes() for name, x in draw(few, 0, few.samples).items())
 
@@ -92,8 +93,8 @@ def test_a_design_never_changes():
 def test_which_samples_of_a_design_are_draws():
     """The first two of each row; of any other sampler all."""
     campaign, sample = design(INDEPENDENT, 4), np.arange(3, 15)
-    assert sample[draws_by_themselves(campaign, sample)].tolist() == [6, 7, 12, 13]
-    assert draws_by_themselves(seven(), sample).all()
+    assert sample[sampler_named("saltelli").independent(campaign, sample)].tolist() == [6, 7, 12, 13]
+    assert sampler_named("random").independent(seven(), sample).all()
 
 
 @given(st.integers(1, 20), st.integers(1, 10_000))

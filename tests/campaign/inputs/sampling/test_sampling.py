@@ -11,10 +11,11 @@ from pydantic import ValidationError
 from scipy.stats import chi2, norm, qmc, spearmanr
 
 from campaign.inputs.distributions import Batch, Continuous
-from campaign.inputs.sampling import draw, keeps_first, production_batch, uniforms
+from campaign.inputs.sampling import draw, production_batch, sampler_named
 from campaign.inputs.sampling.correlation import correlated
 from campaign.inputs.sampling.halton import halton, primes
 from campaign.inputs.sampling.sobol import DIGITS, generators
+from campaign.inputs.sampling.streams import uniforms
 from campaign.spec.campaign_file import CampaignSpec
 from tests.campaign.statistics import SURE, check_moments, check_rank_correlation, check_sample, strata
 
@@ -61,18 +62,17 @@ def test_any_slice_is_the_same_bits(sampler, first, count):
 
 @pytest.mark.parametrize("sampler", [*DRAWING, "list"])
 def test_more_samples_keep_the_first(sampler):
-    """What `keeps_first` says is so: more samples begin with the same bits, or there is a reason."""
+    """What a sampler says of itself is so: more samples begin with the same bits, or there is a reason."""
     rows = {"table": {"columns": {"a": [0.1, 0.2, 0.3]}}} if sampler == "list" else {}
     few, many = (spec({"a": UNIT}, samples=n, sampler=sampler, **rows) for n in (2, 3))
     kept = draw(few, 0, 2)["a"].tobytes() == draw(many, 0, 3)["a"][:2].tobytes()
-    assert kept == (keeps_first(few) is None) == (sampler != "lhs")
+    assert kept == (not sampler_named(sampler).not_extendable) == (sampler != "lhs")
 
 
 def test_why_samples_cannot_be_added():
     """The samplers with a fixed number say so in words."""
-    assert "strata" in keeps_first(spec({"a": UNIT}, sampler="lhs"))
-    assert "corners" in keeps_first(spec({"a": UNIT}, samples=3, sampler="worst_case"))
-    assert "combinations" in keeps_first(spec({"a": UNIT}, samples=4, sampler="grid", grid={"a": 4}))
+    for sampler, reason in (("lhs", "strata"), ("worst_case", "corners"), ("grid", "combinations")):
+        assert reason in sampler_named(sampler).not_extendable
 
 
 @pytest.mark.parametrize("sampler", ["random", "lhs"])

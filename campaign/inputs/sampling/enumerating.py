@@ -1,0 +1,52 @@
+"""Samplers that enumerate values and draw nothing at random, and what they check in common."""
+
+from collections.abc import Mapping
+from math import isfinite
+
+from campaign.inputs.sampling.sampler import SampledInputs, Sampler, dependence
+from engine.mechanism.faults import did_you_mean
+
+
+class EnumeratingSampler(Sampler):
+    """A sampler whose samples are enumerated, so that they stand for no production."""
+
+    production = False
+    weighted = False
+
+    def check(self, inputs: SampledInputs) -> None:
+        """Raise ValueError if a key asks for something random, which would have no effect."""
+        if key := dependence(inputs):
+            raise ValueError(f"{key}: sampler {self.name} draws nothing at random and would pass it over; remove it")
+
+    def check_ends(self, inputs: SampledInputs, names: list[str], remedy: str = "") -> None:
+        """Raise ValueError if a variable has no lower or no upper end; ``remedy`` is another way than to give both."""
+        endless = [name for name in names if not all(map(isfinite, inputs.variables[name].support()))]
+        if endless:
+            raise ValueError(
+                f"sampler {self.name} needs both ends of every variable; {', '.join(endless)} has none; give lower and"
+                f" upper{remedy}"
+            )
+
+
+def check_names(inputs: SampledInputs, key: str, given: list[str], needed: list[str], remedy: str) -> None:
+    """Raise ValueError for an entry of a table ``key`` that is no variable, or a variable without an entry."""
+    for name in given:
+        if name not in inputs.variables:
+            raise ValueError(
+                f"{key}.{name}: no variable of that name; allowed: {', '.join(needed)}{did_you_mean(name, needed)}"
+            )
+    for name in needed:
+        if name not in given:
+            raise ValueError(f"{key}.{name}: missing; {remedy}")
+
+
+def check_bounds(inputs: SampledInputs, key: str, given: Mapping[str, tuple[float, ...]]) -> None:
+    """Raise ValueError for a value of a table ``key`` that the variable's distribution excludes."""
+    for name, values in given.items():
+        low, high = inputs.variables[name].support()
+        for row, value in enumerate(values):
+            if not low <= value <= high:
+                raise ValueError(
+                    f"{key}.{name}: value {value:g} (number {row}) lies outside of the variable's ends, [{low:g},"
+                    f" {high:g}]; correct it, or widen the variable"
+                )

@@ -1,0 +1,61 @@
+"""Production batches: consecutive samples whose variables share a shift."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from campaign.inputs.distributions import Array, Continuous, Distribution
+from campaign.inputs.sampling.sampler import SampledInputs
+from campaign.inputs.sampling.streams import BATCH, uniforms
+
+
+def production_batch(inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArray[np.int64] | None:
+    """Return the number of the production batch that each sample is in.
+
+    Samples of one number share all their shifts. Where variables have batches of different sizes, a new number begins
+    with every new batch of any of them.
+
+    Parameters
+    ----------
+    inputs : SampledInputs
+        What is sampled.
+    sample : array of int64
+        Sample numbers.
+
+    Returns
+    -------
+    array of int64 or None
+        Numbers from 0, in the shape of ``sample``; None if no variable varies by production batch.
+    """
+    sizes = {v.batch.size for v in inputs.variables.values() if isinstance(v, Continuous) and v.batch}
+    if not sizes:
+        return None
+    sample = np.asarray(sample, dtype=np.int64)
+    last = int(sample.max(initial=0))
+    begins = np.unique(np.concatenate([np.arange(size, last + 1, size) for size in sorted(sizes)]))
+    return np.asarray(np.searchsorted(begins, sample, side="right"), dtype=np.int64)
+
+
+def quantiles(variable: Distribution, seed: int, name: str, u: Array | None, first: int, count: int) -> Array:
+    """Return the values of one variable at samples ``first .. first + count - 1``, shape (count,).
+
+    Parameters
+    ----------
+    variable : Distribution
+        What it is drawn from.
+    seed : int
+        Seed of the campaign.
+    name : str
+        Name of the variable.
+    u : array, shape (count,), or None
+        Its uniform numbers, inside (0, 1); None for a constant.
+    first, count : int
+        First sample number and number of samples.
+    """
+    if u is None:
+        return variable.ppf(np.full(count, 0.5))
+    if not isinstance(variable, Continuous) or variable.batch is None:
+        return variable.ppf(u)
+    size = variable.batch.size
+    begin, end = first // size, (first + max(count, 1) - 1) // size
+    shifts = variable.batch.shifts(uniforms(seed, name, begin, end - begin + 1, BATCH))
+    return variable.ppf(u, shifts[np.arange(first, first + count) // size - begin])

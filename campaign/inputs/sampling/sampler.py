@@ -1,0 +1,122 @@
+"""What a sampler is: it says how the variables of a campaign's samples get their values."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from campaign.inputs.distributions import Array, Constant, Continuous, Distribution
+
+Correlations = tuple[tuple[str, str, float], ...]
+Levels = Mapping[str, int | tuple[float, ...]]
+
+
+class SampleRows(Protocol):
+    """A user's table of samples."""
+
+    @property
+    def columns(self) -> Mapping[str, tuple[float, ...]] | None:
+        """Values of each variable by its name, one a sample; None until their file is read."""
+
+
+class SampledInputs(Protocol):
+    """What samplers must know of a campaign, under the keys of the campaign file."""
+
+    @property
+    def sampler(self) -> str:
+        """Name of the sampler."""
+
+    @property
+    def variables(self) -> Mapping[str, Distribution]:
+        """Distribution of each variable by its name, in the user's order."""
+
+    @property
+    def samples(self) -> int:
+        """Number of samples of the whole campaign."""
+
+    @property
+    def seed(self) -> int:
+        """Seed of all that is drawn at random."""
+
+    @property
+    def correlations(self) -> Correlations | None:
+        """Pairs of variables with Spearman's rank correlation."""
+
+    @property
+    def grid(self) -> Levels | None:
+        """Number of levels of each variable, or the levels; only sampler ``grid`` reads it."""
+
+    @property
+    def table(self) -> SampleRows | None:
+        """The user's samples; only sampler ``list`` reads it."""
+
+    @property
+    def stop(self) -> object | None:
+        """A stopping rule, which may end the campaign before its last sample."""
+
+
+class Sampler(ABC):
+    """One way to draw samples; `campaign.inputs.sampling.SAMPLERS` holds one object of each.
+
+    Attributes
+    ----------
+    name : str
+        The value of the key ``sampler`` of a campaign file.
+    summary : str
+        What the samples are, in a few words.
+    report : str
+        What the report says of the samples: what they are, and how far its intervals hold for them.
+    production : bool
+        Whether the samples stand for what would be produced, so that their sigma and capability mean something.
+    corners : bool
+        Whether the samples are the corners of the variables' ranges, so that the report has a worst case.
+    weighted : bool
+        Whether the samples are drawn from the variables' distributions, so that weights can stand for other ones.
+    ordered : bool
+        Whether the order of the variables is part of the campaign's identity.
+    own_key : str
+        The key of a campaign file that this sampler alone reads; empty if there is none.
+    not_extendable : str
+        Why a campaign with more samples does not begin with the same samples; empty if it does.
+    """
+
+    name: ClassVar[str]
+    summary: ClassVar[str]
+    report: ClassVar[str]
+    production: ClassVar[bool] = True
+    corners: ClassVar[bool] = False
+    weighted: ClassVar[bool] = True
+    ordered: ClassVar[bool] = True
+    own_key: ClassVar[str] = ""
+    not_extendable: ClassVar[str] = ""
+
+    def check(self, inputs: SampledInputs) -> None:  # noqa: B027
+        """Raise ValueError, with key, value and remedy, if the sampler cannot draw what the campaign file says."""
+
+    @abstractmethod
+    def draw(self, inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
+        """Return the values of all variables at samples ``first .. first + count - 1``, see `draw` of the package."""
+
+    def independent(self, inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Return which samples are draws of their own and repeat no values, in the shape of ``sample``."""
+        return np.ones(sample.shape, np.bool_)
+
+    def designed(self, inputs: SampledInputs) -> tuple[str, ...] | None:
+        """Return the variables of Saltelli's design, in its order; None if the samples are no such design."""
+        return None
+
+
+def varied(inputs: SampledInputs) -> list[str]:
+    """Return the names of the variables that vary, in their order: they are the dimensions of a sampler."""
+    return [name for name, variable in inputs.variables.items() if not isinstance(variable, Constant)]
+
+
+def dependence(inputs: SampledInputs) -> str:
+    """Return the key that makes variables, or samples, depend on each other; empty if there is none."""
+    if inputs.correlations:
+        return "correlations"
+    shifted = (name for name, v in inputs.variables.items() if isinstance(v, Continuous) and v.batch)
+    name = next(shifted, "")
+    return name and f"variables.{name}.batch"
