@@ -65,7 +65,8 @@ def advise(
     """Say how far each tolerance may grow, or with --cost which set of them is cheapest."""
     from dataclasses import asdict
 
-    from campaign.reports.whatif import read_costs, tolerance_advice, tolerances
+    from campaign.reports.cost_file import read_costs
+    from campaign.reports.tolerances import cheapest_tolerances, tolerance_advice
     from campaign.store import open_store
 
     opened = open_store(store)
@@ -79,7 +80,7 @@ def advise(
         else:
             _print_advice(advice, below)
         return
-    proposal = tolerances(opened, plan, read_costs(cost, plan))
+    proposal = cheapest_tolerances(opened, plan, read_costs(cost, plan))
     if json:
         print_json({**about, "allocation": asdict(proposal)})
     else:

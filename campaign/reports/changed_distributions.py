@@ -1,4 +1,4 @@
-"""Changed distributions of a campaign, and what they make of its samples: ratios of densities at each."""
+"""Changed distributions of a campaign, and what they make of its samples: a ratio of densities at each."""
 
 import tomllib
 from collections.abc import Mapping, Sequence
@@ -20,10 +20,10 @@ from campaign.spec.messages import structure_faults
 from engine.mechanism.faults import did_you_mean
 from reporting.tolerance.reweighting import Change
 
-_NEAREST = 1e-16  # to 0 and 1 of a probability whose normal score is asked for
+_NEAREST = 1e-16  # distance from 0 and 1 of a probability that becomes a normal score
 
 
-def changed(spec: CampaignSpec, settings: Sequence[str]) -> dict[str, Distribution]:
+def changed_variables(spec: CampaignSpec, settings: Sequence[str]) -> dict[str, Distribution]:
     """Return the variables whose distribution settings change, with their new ones.
 
     Parameters
@@ -31,13 +31,17 @@ def changed(spec: CampaignSpec, settings: Sequence[str]) -> dict[str, Distributi
     spec : CampaignSpec
         The campaign.
     settings : sequence of str
-        Each ``VARIABLE.KEY=VALUE``, a key of the variable's table and a TOML value; with an empty value the key is
-        taken out.
+        Each ``VARIABLE.KEY=VALUE``: a key of the variable's table and a TOML value. An empty value removes the key.
+
+    Returns
+    -------
+    dict of str to Distribution
+        New distributions by variable.
 
     Raises
     ------
     SpecError
-        If a setting names no variable or no key of it, or a variable cannot be so.
+        If a setting names no variable or no key of it, or a distribution is not possible.
     """
     tables = dump(spec)
     for setting in settings:
@@ -50,7 +54,7 @@ def changed(spec: CampaignSpec, settings: Sequence[str]) -> dict[str, Distributi
 
 
 def _apply(variables: dict[str, dict[str, Any]], setting: str) -> None:
-    """Carry out one setting."""
+    """Apply one setting to the tables of the variables."""
     name = next((n for n in sorted(variables, key=len, reverse=True) if setting.startswith(f"{n}.")), None)
     key, sign, text = setting[len(name or "") + 1 :].partition("=")
     if name is None or not sign or not key:
@@ -65,7 +69,7 @@ def _apply(variables: dict[str, dict[str, Any]], setting: str) -> None:
     try:
         value = tomllib.loads(f"x = {text}")["x"]
     except tomllib.TOMLDecodeError:
-        value = text  # a name need not be quoted here
+        value = text  # a name without quotes, as a shell leaves it
     table = variables[name]
     *tables, last = key.split(".")
     for part in tables:
@@ -74,7 +78,7 @@ def _apply(variables: dict[str, dict[str, Any]], setting: str) -> None:
 
 
 def check_drawn(spec: CampaignSpec) -> None:
-    """Raise SpecError if the samples are drawn from no distributions."""
+    """Raise SpecError if the samples are not drawn from distributions."""
     if not sampler_named(spec.sampler).weighted:
         *names, last = (name for name, sampler in SAMPLERS.items() if sampler.weighted)
         raise SpecError(
@@ -83,10 +87,10 @@ def check_drawn(spec: CampaignSpec) -> None:
         )
 
 
-def change(spec: CampaignSpec, new: "Mapping[str, Distribution | _Stretched]", columns: Mapping[str, Array]) -> Change:
-    """Return what new distributions of some variables make of samples.
-
-    Rank correlations stay as they are.
+def change_distributions(
+    spec: CampaignSpec, new: "Mapping[str, Distribution | _Stretched]", columns: Mapping[str, Array]
+) -> Change:
+    """Return what new distributions of some variables make of samples; rank correlations stay.
 
     Parameters
     ----------
@@ -97,10 +101,15 @@ def change(spec: CampaignSpec, new: "Mapping[str, Distribution | _Stretched]", c
     columns : mapping of str to ndarray, each of shape (n,)
         The variables at the samples.
 
+    Returns
+    -------
+    Change
+        Logarithm of the ratio of densities at each sample, and the probability outside the old distributions.
+
     Raises
     ------
     SpecError
-        If the samples are drawn from no distributions.
+        If the samples are not drawn from distributions.
     """
     check_drawn(spec)
     n = next(iter(columns.values())).size
@@ -114,27 +123,33 @@ def change(spec: CampaignSpec, new: "Mapping[str, Distribution | _Stretched]", c
     return Change(np.where(np.isnan(ratio), -np.inf, ratio), max(1.0 - inside, 0.0))
 
 
-def widened(spec: CampaignSpec, factors: Mapping[str, float], columns: Mapping[str, Array]) -> Change:
-    """Return what variables' standard deviations, each so many times what it is, make of samples.
+def scale_spread(spec: CampaignSpec, factors: Mapping[str, float], columns: Mapping[str, Array]) -> Change:
+    """Return what the standard deviations of some variables, each times a factor, make of samples.
 
-    A distribution with the key `std` gets another one, its bounds stay; any other is stretched around its mean.
+    A distribution with the key ``std`` gets another ``std`` and keeps its bounds. Any other is stretched around its
+    mean.
 
     Parameters
     ----------
     spec : CampaignSpec
         The campaign.
     factors : mapping of str to float
-        How many times, by variable.
+        By variable.
     columns : mapping of str to ndarray, each of shape (n,)
         The variables at the samples.
+
+    Returns
+    -------
+    Change
+        As of `change_distributions`; for one variable with the factor that its bounds leave of the one asked for.
     """
-    new = {name: _wider(spec.variables[name], factor) for name, factor in factors.items()}
-    found = change(spec, new, columns)
+    new = {name: _scaled(spec.variables[name], factor) for name, factor in factors.items()}
+    change = change_distributions(spec, new, columns)
     if len(new) > 1:
-        return found
-    (name, wider), *_ = new.items()
-    spread = wider.moments()[1] / spec.variables[name].moments()[1]
-    return Change(found.log_ratio, found.outside, spread)
+        return change
+    (name, scaled), *_ = new.items()
+    spread = scaled.moments()[1] / spec.variables[name].moments()[1]
+    return Change(change.log_ratio, change.outside, spread)
 
 
 @dataclass(frozen=True)
@@ -159,20 +174,20 @@ class _Stretched:
         return np.asarray(mean + (x - mean) / self.factor, dtype=np.float64)
 
 
-def _wider(old: Distribution, factor: float) -> "Distribution | _Stretched":
-    """Return a distribution whose standard deviation is about so many times another's."""
+def _scaled(old: Distribution, factor: float) -> "Distribution | _Stretched":
+    """Return a distribution whose standard deviation is about ``factor`` times that of ``old``."""
     table = old.model_dump(exclude_none=True)
     if "std" in table:
         table["std"] *= factor
         if table.get("batch"):
             table["batch"] = {**table["batch"], "std": table["batch"]["std"] * factor}
-        with suppress(ValidationError):  # where bounds leave no room for it
+        with suppress(ValidationError):  # the bounds may not allow it
             return type(old).model_validate(table)
     return _Stretched(old, factor)
 
 
 def _outside(new: "Distribution | _Stretched", low: float, high: float) -> float:
-    """Return the probability of values beyond the ends."""
+    """Return the probability of values below ``low`` or above ``high``."""
     below = float(new.cdf(np.array([np.nextafter(low, -np.inf)]))[0]) if isfinite(low) else 0.0
     above = 1.0 - float(new.cdf(np.array([high]))[0]) if isfinite(high) else 0.0
     return min(max(below + above, 0.0), 1.0)
@@ -181,7 +196,7 @@ def _outside(new: "Distribution | _Stretched", low: float, high: float) -> float
 def _copula(
     variables: "Mapping[str, Distribution | _Stretched]", spec: CampaignSpec, columns: Mapping[str, Array]
 ) -> Array:
-    """Return the logarithm of the Gaussian copula's density at samples, a constant left out."""
+    """Return the logarithm of the density of the Gaussian copula at samples, without its constant."""
     from scipy.special import ndtri
 
     correlations = spec.correlations or ()

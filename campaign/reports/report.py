@@ -1,4 +1,4 @@
-"""From a plan and its rows to the report: says to reporting, in plain data, what the columns mean."""
+"""From a plan and its rows to the report: tells `reporting`, in plain data, what the columns mean."""
 
 import platform
 import shlex
@@ -15,7 +15,7 @@ from campaign.errors import CampaignError
 from campaign.inputs.distributions import Array, Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
 from campaign.plan import Plan
-from campaign.reports.changed_distributions import widened
+from campaign.reports.changed_distributions import scale_spread
 from campaign.spec.campaign_file import Response
 from campaign.store import Store
 from campaign.store.layout import REPORT, STOPPED
@@ -47,11 +47,11 @@ def report(
     plan : Plan
         The campaign.
     rows : pyarrow.Table or iterable of pyarrow.Table, optional
-        Its rows; read from the store, a file at a time, if not given.
+        Its rows; by default those of the store, read a file at a time.
     kinds : collection of str
         Files to write, see `reporting.write.NAMES`.
     against : str, optional
-        Id of another campaign of the store to compare with.
+        Id of another campaign of the store, to compare with.
 
     Returns
     -------
@@ -64,45 +64,46 @@ def report(
         If there is nothing to report on.
     """
     other = None if against is None else store.plan(store.find(against))
-    compared = None if other is None else (_rows(store, other), report_spec(other, store))
-    told = {"kinds": kinds, "widen": partial(_widened, plan), "against": compared}
+    comparison = None if other is None else (_rows(store, other), report_spec(other, store))
+    options = {"kinds": kinds, "widen": partial(_scaled, plan), "against": comparison}
     try:
-        return _write(store, plan, _with_batches(plan, _rows(store, plan) if rows is None else rows), told)
+        return _write(store, plan, _with_production_batch(plan, _rows(store, plan) if rows is None else rows), options)
     except ReportError as error:
         raise CampaignError(f"report of {plan.campaign_id}: {error}") from error
 
 
-def _widened(plan: Plan, variable: str, columns: Mapping[str, Array], factor: float) -> Change:
-    return widened(plan.spec, {variable: factor}, columns)
+def _scaled(plan: Plan, variable: str, columns: Mapping[str, Array], factor: float) -> Change:
+    """Return what ``factor`` times the standard deviation of one variable makes of samples."""
+    return scale_spread(plan.spec, {variable: factor}, columns)
 
 
 def _rows(store: Store, plan: Plan) -> "Iterator[pa.Table]":
-    """Yield the columns of a campaign that a report reads, a file at a time; at least an empty table."""
+    """Yield an empty table, then the columns of a campaign that a report reads, a file at a time."""
     columns = [*_CERTIFICATE, *plan.spec.variables, *plan.mechanism.responses]
     yield plan.schema.empty_table().select(columns)
     yield from store.stream(plan, columns)
 
 
-def _with_batches(plan: Plan, rows: "pa.Table | Iterable[pa.Table]") -> "pa.Table | Iterable[pa.Table]":
-    """Return the rows with the number of their production batch, if there are any."""
-    if not _batched(plan):
+def _with_production_batch(plan: Plan, rows: "pa.Table | Iterable[pa.Table]") -> "pa.Table | Iterable[pa.Table]":
+    """Return the rows with the number of their production batch, if the campaign has production batches."""
+    if not _has_production_batches(plan):
         return rows
     tables = [rows] if isinstance(rows, pa.Table) else rows
     return (t.append_column(BATCH, pa.array(production_batch(plan.spec, t["sample"].to_numpy()))) for t in tables)
 
 
-def _batched(plan: Plan) -> bool:
+def _has_production_batches(plan: Plan) -> bool:
     return production_batch(plan.spec, np.zeros(1, np.int64)) is not None
 
 
-def _write(store: Store, plan: Plan, rows: "pa.Table | Iterable[pa.Table]", told: dict[str, Any]) -> dict[str, str]:
-    """Write the report next to the parts; behind a URL, upload it."""
+def _write(store: Store, plan: Plan, rows: "pa.Table | Iterable[pa.Table]", options: dict[str, Any]) -> dict[str, str]:
+    """Write the report into the campaign's folder; behind a URL, upload it."""
     folder = f"{plan.campaign_id}/{REPORT}"
     spec = report_spec(plan, store)
     if store.files.local:
-        return write_report(rows, spec, Path(store.files.path(folder)), **told)
+        return write_report(rows, spec, Path(store.files.path(folder)), **options)
     with tempfile.TemporaryDirectory(prefix="clearcap-report-") as temporary:
-        written = write_report(rows, spec, Path(temporary), **told)
+        written = write_report(rows, spec, Path(temporary), **options)
         names = {kind: f"{folder}/{Path(path).name}" for kind, path in written.items()}
         for kind, path in written.items():
             store.files.write(names[kind], Path(path).read_bytes())
@@ -110,31 +111,47 @@ def _write(store: Store, plan: Plan, rows: "pa.Table | Iterable[pa.Table]", told
 
 
 def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
-    """Return what reporting must know of a plan, and of the store it is in."""
+    """Return what `reporting` must know of a campaign.
+
+    Parameters
+    ----------
+    plan : Plan
+        The campaign.
+    store : Store, optional
+        Where its rows are; by default all its samples count as computed.
+    """
     spec, sampler = plan.spec, sampler_named(plan.spec.sampler)
-    place = [] if store is None or store.url == "runs" else ["--store", store.url]
+    store_option = [] if store is None or store.url == "runs" else ["--store", store.url]
     return ReportSpec(
         title=spec.title or spec.name,
         campaign=plan.campaign_id,
         header=dict(spec.header),
         responses=tuple(_response(plan, name) for name in plan.mechanism.responses),
         variables=tuple(_variable(plan, name) for name in spec.variables),
-        provenance=provenance(plan, place),
+        provenance=provenance(plan, store_option),
         requested=spec.samples if store is None else store.end(plan),
-        simulate=_simulate(plan),
+        simulate=_simulate_command(plan),
         sampler=spec.sampler,
-        replay=shlex.join(["clearcap", "replay", *place, plan.campaign_id]),
+        replay=shlex.join(["clearcap", "replay", *store_option, plan.campaign_id]),
         correlations=spec.correlations or (),
-        production_batch_column=BATCH if _batched(plan) else "",
-        stop=_stop(plan, store),
+        production_batch_column=BATCH if _has_production_batches(plan) else "",
+        stop=_stopping_rule(plan, store),
         design=Design(sampler.production, sampler.report),
         corners=sampler.corners,
         designed=sampler.designed(spec),
     )
 
 
-def provenance(plan: Plan, place: Iterable[str] = ()) -> dict[str, str]:
-    """Return what is needed to get the same rows again; ``place`` are options that say where the store is."""
+def provenance(plan: Plan, store_option: Iterable[str] = ()) -> dict[str, str]:
+    """Return what is needed to get the same rows again.
+
+    Parameters
+    ----------
+    plan : Plan
+        The campaign.
+    store_option : iterable of str
+        Words of the command that name the store; none for the default store.
+    """
     spec = plan.spec
     simulation = plan.mechanism.simulation
     unit = unit_of(plan.mechanism, "simulation.step")
@@ -151,28 +168,28 @@ def provenance(plan: Plan, place: Iterable[str] = ()) -> dict[str, str]:
         "clearcap": clearcap_version(),
         "python": platform.python_version(),
         "report written on": f"{platform.node()}, {platform.machine()}, {platform.system()}",
-        "command of this report": shlex.join(["clearcap", "report", plan.campaign_id, *place]),
+        "command of this report": shlex.join(["clearcap", "report", plan.campaign_id, *store_option]),
     }
 
 
-def _stop(plan: Plan, store: Store | None) -> str:
-    """Return what the stopping rule says, in words."""
+def _stopping_rule(plan: Plan, store: Store | None) -> str:
+    """Return the stopping rule and what came of it, in words."""
     rule = plan.spec.stop
     if rule is None:
         return ""
-    asked = f"Asked for: {rule.statistic} of {rule.response} to ±{rule.half_width:g} at {100 * rule.confidence:g} %."
-    found = None if store is None else store.read_json(plan.campaign_id, STOPPED)
-    if found is None:
-        return f"{asked} Not reached: all samples are computed."
-    words = "".join(
-        f" {found[key]:.5g}" if isinstance(found.get(key), float) else "" for key in ("value", "low", "high")
+    request = f"Asked for: {rule.statistic} of {rule.response} to ±{rule.half_width:g} at {100 * rule.confidence:g} %."
+    verdict = None if store is None else store.read_json(plan.campaign_id, STOPPED)
+    if verdict is None:
+        return f"{request} Not reached: all samples are computed."
+    value, *interval = (
+        f"{verdict[key]:.5g}" if isinstance(verdict.get(key), float) else "" for key in ("value", "low", "high")
     )
-    told = " to ".join(words.split()[1:])
-    return f"{asked} Reached after {found['samples']} samples" + (f": {words.split()[0]} ({told})." if told else ".")
+    result = f": {value} ({' to '.join(interval)})." if all(interval) else "."
+    return f"{request} Reached after {verdict['samples']} samples{result}"
 
 
-def _simulate(plan: Plan) -> str:
-    """Return the command of a single run with the campaign's settings; the inputs are still to be set."""
+def _simulate_command(plan: Plan) -> str:
+    """Return the command of a single run with the campaign's settings; its inputs are still to be set."""
     simulation = plan.spec.simulation
     words = ["clearcap", "simulate", plan.spec.mechanism]
     for option, value in (("--bench", plan.spec.bench), ("--step", simulation.step), ("--horizon", simulation.horizon)):
@@ -181,13 +198,15 @@ def _simulate(plan: Plan) -> str:
 
 
 def _response(plan: Plan, name: str) -> ResponseSpec:
-    asked = plan.spec.responses.get(name, Response())
-    lsl, usl, target = asked.limits()
+    """Return what `reporting` must know of a response."""
+    response = plan.spec.responses.get(name, Response())
+    lsl, usl, target = response.limits()
     title, unit = plan.mechanism.responses[name].title, plan.mechanism.response_units()[name]
-    return ResponseSpec(name, title, unit, lsl, usl, target, asked.source)
+    return ResponseSpec(name, title, unit, lsl, usl, target, response.source)
 
 
 def _variable(plan: Plan, name: str) -> VariableSpec:
+    """Return what `reporting` must know of a variable."""
     variable, key = plan.spec.variables[name], plan.spec.targets()[name]
     unit = unit_of(plan.mechanism, key)
     low, high = (None if abs(end) == float("inf") else end for end in variable.support())

@@ -14,8 +14,10 @@ from campaign.cli import app
 from campaign.errors import CampaignError, SpecError
 from campaign.inputs.sampling import draw
 from campaign.plan import make_plan
-from campaign.reports.changed_distributions import change, changed, widened
-from campaign.reports.whatif import read_costs, tolerance_advice, tolerances, what_if
+from campaign.reports.changed_distributions import change_distributions, changed_variables, scale_spread
+from campaign.reports.cost_file import read_costs
+from campaign.reports.tolerances import cheapest_tolerances, tolerance_advice
+from campaign.reports.whatif import what_if
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.worker.batch import Order, Task, run_batch
@@ -43,24 +45,26 @@ def filled(campaign, tmp_path):
 def test_the_ratio_is_that_of_the_densities(campaign):
     """Against scipy's truncated normal, and a uniform variable cut to half its width."""
     spec, columns = campaign.spec, draw(campaign.spec, 0, 25)
-    new = changed(spec, ["J1.std=0.01", "J1.mean=0.072", "preload.upper=0.95"])
-    found = change(spec, new, columns)
+    new = changed_variables(spec, ["J1.std=0.01", "J1.mean=0.072", "preload.upper=0.95"])
+    found = change_distributions(spec, new, columns)
     of_j1 = cut(0.072, 0.01).logpdf(columns["J1"]) - cut(0.07, 0.0175).logpdf(columns["J1"])
     of_preload = np.where(columns["preload"] <= 0.95, np.log(2.0), -inf)
     np.testing.assert_allclose(found.log_ratio, of_j1 + of_preload, rtol=1e-9)
     assert found.outside == 0.0
-    assert change(spec, changed(spec, ["preload.lower=0.8"]), columns).outside == pytest.approx(0.5)
+    assert change_distributions(spec, changed_variables(spec, ["preload.lower=0.8"]), columns).outside == pytest.approx(
+        0.5
+    )
 
 
 def test_widening_follows_the_law_and_says_how_far_it_came(campaign):
     """A truncated normal keeps its bounds, so twice its std is less than twice its spread; a uniform one stretches."""
     columns = draw(campaign.spec, 0, 25)
-    found = widened(campaign.spec, {"J1": 2.0}, columns)
+    found = scale_spread(campaign.spec, {"J1": 2.0}, columns)
     assert found.spread == pytest.approx(cut(0.07, 0.035).std() / cut(0.07, 0.0175).std(), rel=1e-6)
-    stretched = widened(campaign.spec, {"preload": 1.25}, columns)
+    stretched = scale_spread(campaign.spec, {"preload": 1.25}, columns)
     np.testing.assert_allclose(stretched.log_ratio, np.log(0.8), rtol=1e-9)
     assert stretched.outside == pytest.approx(0.2)
-    both = widened(campaign.spec, {"J1": 2.0, "preload": 0.5}, columns)
+    both = scale_spread(campaign.spec, {"J1": 2.0, "preload": 0.5}, columns)
     inside = np.abs(columns["preload"] - 0.95) <= 0.025
     np.testing.assert_allclose(both.log_ratio[inside], found.log_ratio[inside] + np.log(2), rtol=1e-9)
     assert np.all(both.log_ratio[~inside] == -inf)
@@ -71,9 +75,9 @@ def test_correlated_variables_keep_their_copula(campaign):
     variables = {**campaign.spec.variables, "J2": campaign.spec.variables["J1"]}
     asked = {"variables": variables, "correlations": (("J1", "J2", 0.7),), "samples": 40_000}
     spec = campaign.spec.model_copy(update=asked)
-    new = changed(spec, ["J1.std=0.013", "J2.mean=0.073"])
+    new = changed_variables(spec, ["J1.std=0.013", "J2.mean=0.073"])
     old, fresh = draw(spec, 0, 40_000), draw(spec.model_copy(update={"variables": {**variables, **new}}), 0, 40_000)
-    weight = np.exp(change(spec, new, old).log_ratio)
+    weight = np.exp(change_distributions(spec, new, old).log_ratio)
     for of in (lambda x: x["J1"], lambda x: x["J2"], lambda x: (x["J1"] - 0.07) * (x["J2"] - 0.07)):
         a, b = of(old), of(fresh)
         mean = np.sum(weight * a) / weight.sum()
@@ -96,7 +100,7 @@ def test_correlated_variables_keep_their_copula(campaign):
 def test_a_setting_that_cannot_be_is_one_message(campaign, setting, said):
     """It names the key, and what is allowed."""
     with pytest.raises(SpecError, match="--set") as error:
-        changed(campaign.spec, [setting])
+        changed_variables(campaign.spec, [setting])
     assert said in str(error.value)
 
 
@@ -141,7 +145,7 @@ def test_the_cheapest_set_keeps_what_is_locked(filled, tmp_path):
     store, plan = filled
     path = tmp_path / "costs.toml"
     path.write_text("[variables.J1]\ncost = 0.05\n[variables.preload]\ncost = 1.0\nlocked = true\n")
-    found = tolerances(store, plan, read_costs(path, plan))
+    found = cheapest_tolerances(store, plan, read_costs(path, plan))
     assert found.runs > 500
     if not found.refusal:
         assert found.factors["preload"] == pytest.approx(1.0)

@@ -1,0 +1,141 @@
+"""How far may each tolerance grow, and which set of tolerances is cheapest? Answered without new runs."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import numpy as np
+from numpy.typing import NDArray
+
+from campaign.errors import CampaignError
+from campaign.inputs.distributions import Array
+from campaign.plan import Plan
+from campaign.reports.changed_distributions import check_drawn, scale_spread
+from campaign.reports.cost_file import Cost, Costs
+from campaign.reports.samples import Limits, independent_samples, limits_of
+from campaign.store import Store
+from reporting import ReportError, capability
+from reporting.capability.verdict import CAPABLE
+from reporting.sensitivity.summary import sensitivity
+from reporting.tolerance.advice import Advice, advise
+from reporting.tolerance.allocation import Allocation, CostedVariable, Requirement, allocate
+from reporting.tolerance.reweighting import Change
+
+
+def tolerance_advice(store: Store, plan: Plan) -> tuple[tuple[Advice, ...], dict[str, tuple[Advice, ...]]]:
+    """Return how far the spread of each variable may go, alone, for every Cpk to be 1.33.
+
+    Parameters
+    ----------
+    store : Store
+        Where the campaign is.
+    plan : Plan
+        The campaign.
+
+    Returns
+    -------
+    tuple of Advice
+        How far each may grow while every response that is at 1.33 now stays there; none if no response is.
+    dict of str to tuple of Advice
+        By response below 1.33: how far each must shrink to lift it there.
+
+    Raises
+    ------
+    SpecError
+        If the samples are not drawn from distributions.
+    CampaignError
+        If no response has limits and values.
+    """
+    samples, limits = _samples_and_limits(store, plan)
+
+    def scale_one(variable: str, factor: float, rows: NDArray[np.intp]) -> Change:
+        return scale_spread(plan.spec, {variable: factor}, _variables(plan, samples, rows))
+
+    def advice(names: list[str]) -> tuple[Advice, ...]:
+        responses = {name: samples[name] for name in names}
+        return advise(responses, limits, dict.fromkeys(names, CAPABLE), shares, _varied(plan), scale_one)
+
+    with _advice_errors(plan):
+        shares = _shares(plan, samples, limits)
+        cpks = {name: capability(samples[name], lsl=pair[0], usl=pair[1]).cpk for name, pair in limits.items()}
+        capable = [name for name, cpk in cpks.items() if cpk is not None and cpk >= CAPABLE]
+        below = [name for name, cpk in cpks.items() if cpk is not None and cpk < CAPABLE]
+        if not cpks or not capable + below:
+            raise ReportError("no response has limits and values that vary; give limits to at least one")
+        return advice(capable) if capable else (), {name: advice([name]) for name in below}
+
+
+def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
+    """Return the cheapest standard deviations with which every response keeps its target.
+
+    Parameters
+    ----------
+    store : Store
+        Where the campaign is.
+    plan : Plan
+        The campaign.
+    costs : Costs
+        Target, and cost of each variable.
+
+    Raises
+    ------
+    SpecError
+        If the samples are not drawn from distributions.
+    CampaignError
+        If no response has limits and values, or the costs are impossible.
+    """
+    samples, limits = _samples_and_limits(store, plan)
+    values = {name: samples[name][np.isfinite(samples[name])] for name in limits}
+    variables = [_costed(name, plan.spec.variables[name].moments()[1], cost) for name, cost in costs.variables.items()]
+
+    def scale_all(factors: Mapping[str, float], rows: NDArray[np.intp]) -> Change:
+        return scale_spread(plan.spec, factors, _variables(plan, samples, rows))
+
+    with _advice_errors(plan):
+        shares = _shares(plan, samples, limits)
+        requirements = [
+            Requirement(name, float(x.mean()), float(x.std(ddof=1)), *limits[name], costs.target, shares[name])
+            for name, x in values.items()
+            if x.size > 1
+        ]
+        responses = {requirement.response: samples[requirement.response] for requirement in requirements}
+        return allocate(variables, requirements, responses, scale_all)
+
+
+@contextmanager
+def _advice_errors(plan: Plan) -> Iterator[None]:
+    """Name the campaign in what `reporting` refuses."""
+    try:
+        yield
+    except ReportError as error:
+        raise CampaignError(f"advice of {plan.campaign_id}: {error}") from error
+
+
+def _samples_and_limits(store: Store, plan: Plan) -> tuple[dict[str, Array], Limits]:
+    """Return the samples, and the limits of the responses that have any."""
+    check_drawn(plan.spec)
+    limits = {name: pair for name, pair in limits_of(plan).items() if pair != (None, None)}
+    return independent_samples(store, plan), limits
+
+
+def _variables(plan: Plan, samples: Mapping[str, Array], rows: NDArray[np.intp]) -> dict[str, Array]:
+    """Return the variables at some of the samples."""
+    return {name: samples[name][rows] for name in plan.spec.variables}
+
+
+def _shares(plan: Plan, samples: Mapping[str, Array], limits: Limits) -> dict[str, dict[str, float]]:
+    """Return the share of each response's variance by variable."""
+    summary = sensitivity(
+        {name: samples[name] for name in plan.spec.variables}, {name: samples[name] for name in limits}, limits
+    )
+    return {r.response: {i.variable: i.first_order or 0.0 for i in r.influences} for r in summary.responses}
+
+
+def _varied(plan: Plan) -> list[str]:
+    """Return the variables that vary."""
+    return [name for name, variable in plan.spec.variables.items() if variable.moments()[1] > 0]
+
+
+def _costed(name: str, std: float, cost: Cost) -> CostedVariable:
+    """Return between which standard deviations a variable may be made, and at what cost."""
+    lower, upper = cost.lower or 0.1 * std, cost.upper or 10 * std
+    return CostedVariable(name, std, cost.fixed, cost.cost, lower, upper, cost.locked)
