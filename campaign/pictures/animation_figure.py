@@ -7,8 +7,8 @@ import numpy as np
 from campaign.pictures.play import Play
 from campaign.pictures.scene import BodyFrames, Scene
 from campaign.pictures.style import FORCE, GRID, INK, MARKERS, MUTED, PALETTE, hide_axes
-from campaign.pictures.view import Array
 from engine import Trajectory
+from engine.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

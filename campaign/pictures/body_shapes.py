@@ -9,8 +9,9 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from campaign.pictures.polylines import circle, patch, primitive_polylines
-from campaign.pictures.view import Array, View, start_rotation
+from campaign.pictures.view import View, start_rotation
 from engine import Mechanism
+from engine.arrays import Array
 from engine.mechanism.base import BodyPoint
 
 DRAWN_WITH_OUTLINE = ("arc", "rectangle")  # of a body with an outline: a whole cylinder would hide the body

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from campaign.pictures.style import DASHES, GRID, INK, MUTED, PALETTE, STYLE, label_with_unit
-from campaign.pictures.view import Array
 from engine import Trajectory
+from engine.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

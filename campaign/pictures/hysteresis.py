@@ -7,8 +7,8 @@ import numpy as np
 
 from campaign.pictures.curves import cut_range, file_metadata, heading
 from campaign.pictures.style import DASHES, GRID, PALETTE, STYLE, label_with_unit
-from campaign.pictures.view import Array
 from engine import Trajectory
+from engine.arrays import Array
 
 SIZE = (6.4, 4.4)  # inches
 STILL = 1e-6  # share of the range of x: a smaller change is no motion

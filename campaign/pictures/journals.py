@@ -6,8 +6,9 @@ import numpy as np
 
 from campaign.pictures.play import plays
 from campaign.pictures.poses import poses
-from campaign.pictures.view import Array, choose_view
+from campaign.pictures.view import choose_view
 from engine import Trajectory
+from engine.arrays import Array
 
 
 @dataclass(frozen=True)

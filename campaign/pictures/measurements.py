@@ -11,8 +11,9 @@ from campaign.pictures.animation_figure import join_lines
 from campaign.pictures.body_shapes import body_shape
 from campaign.pictures.curves import file_metadata
 from campaign.pictures.style import FORCE, INK, MUTED, PALETTE, STYLE, hide_axes
-from campaign.pictures.view import Array, View, choose_view, start_rotation
+from campaign.pictures.view import View, choose_view, start_rotation
 from engine import Mechanism
+from engine.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

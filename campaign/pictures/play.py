@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 
 from campaign.pictures.poses import Pose
-from campaign.pictures.view import Array, View
+from campaign.pictures.view import View
 from engine import Mechanism
+from engine.arrays import Array
 
 
 @dataclass(frozen=True)

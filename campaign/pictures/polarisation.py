@@ -8,7 +8,7 @@ import numpy as np
 from campaign.pictures.curves import file_metadata
 from campaign.pictures.journals import JournalPositions
 from campaign.pictures.style import FORCE, INK, MUTED, PALETTE, STYLE, hide_axes
-from campaign.pictures.view import Array
+from engine.arrays import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

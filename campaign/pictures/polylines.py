@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from campaign.pictures.view import Array
+from engine.arrays import Array
 
 CORNERS = 49  # of a full circle
 

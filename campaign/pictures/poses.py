@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from campaign.pictures.view import Array, Rows, start_rotation
+from campaign.pictures.view import Rows, start_rotation
 from engine import Mechanism, Trajectory
+from engine.arrays import Array
 
 TIME_SHARE = 0.3  # of an animation's frames that are even in time; the others are even in motion
 FAR = 1e100  # positions beyond count as infinite: their squares overflow

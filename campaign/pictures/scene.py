@@ -7,8 +7,9 @@ import numpy as np
 from campaign.pictures.body_shapes import body_shape, linear_loads
 from campaign.pictures.play import Play, plays
 from campaign.pictures.poses import Pose, finite_rows, poses, progress, spread_rows
-from campaign.pictures.view import Array, Rows, View, choose_view
+from campaign.pictures.view import Rows, View, choose_view
 from engine import Mechanism, Trajectory
+from engine.arrays import Array
 
 NEAR = 0.02  # a contact marks its plane where its gap is smaller than this, in sizes of the mechanism
 

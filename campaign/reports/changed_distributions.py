@@ -11,12 +11,13 @@ import numpy as np
 from pydantic import ValidationError
 
 from campaign.errors import SpecError
-from campaign.inputs.distributions import Array, Distribution
+from campaign.inputs.distributions import Distribution
 from campaign.inputs.sampling import SAMPLERS, sampler_named
 from campaign.inputs.sampling.correlation import matrix
 from campaign.plan import dump
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.messages import structure_faults
+from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
 from reporting.tolerance.reweighting import Change
 

@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 
 from campaign.errors import CampaignError
-from campaign.inputs.distributions import Array, Continuous
+from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
 from campaign.plan import Plan
 from campaign.reports.changed_distributions import scale_spread
@@ -20,6 +20,7 @@ from campaign.spec.campaign_file import Response
 from campaign.store import Store
 from campaign.store.layout import REPORT, STOPPED
 from campaign.version import clearcap_version
+from engine.arrays import Array
 from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
 from reporting.tolerance.reweighting import Change

@@ -3,11 +3,11 @@
 import numpy as np
 
 from campaign.errors import CampaignError
-from campaign.inputs.distributions import Array
 from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan
 from campaign.spec.campaign_file import Response
 from campaign.store import Store
+from engine.arrays import Array
 
 Limits = dict[str, tuple[float | None, float | None]]
 

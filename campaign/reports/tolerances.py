@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from campaign.errors import CampaignError
-from campaign.inputs.distributions import Array
 from campaign.plan import Plan
 from campaign.reports.changed_distributions import check_drawn, scale_spread
 from campaign.reports.cost_file import Cost, Costs
 from campaign.reports.samples import Limits, independent_samples, limits_of
 from campaign.store import Store
+from engine.arrays import Array
 from reporting import ReportError, capability
 from reporting.capability.verdict import CAPABLE
 from reporting.sensitivity.summary import sensitivity
