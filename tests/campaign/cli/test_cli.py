@@ -202,24 +202,30 @@ def test_film_without_ffmpeg_is_refused(monkeypatch, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_schemas(tmp_path):
+def test_schemas(capsys, monkeypatch):
     """Both schemas are JSON Schema documents that know the tables of their format."""
     for which, table in (("campaign", "variables"), ("mechanism", "joints")):
-        done = clearcap("schema", which, cwd=tmp_path)
-        assert table in json.loads(done.stdout)["properties"]
+        code, output, _ = clearcap_here(capsys, monkeypatch, "schema", which)
+        assert code == 0
+        assert table in json.loads(output)["properties"]
 
 
-def test_mechanism_verbs(tmp_path):
+def test_mechanism_verbs(capsys, monkeypatch):
     """``list``, ``show`` and ``check`` of the shipped mechanisms, as JSON and as text."""
-    listed = json.loads(clearcap("mechanism", "list", "--json", cwd=tmp_path).stdout)
+
+    def printed(*words):
+        code, output, messages = clearcap_here(capsys, monkeypatch, "mechanism", *words)
+        assert (code, messages) == (0, "")
+        return output
+
+    listed = json.loads(printed("list", "--json"))
     assert "c60" in [entry["name"] for entry in listed]
-    shown = json.loads(clearcap("mechanism", "show", "c60", "--json", cwd=tmp_path).stdout)
+    shown = json.loads(printed("show", "c60", "--json"))
     assert shown["clearances"]["J1"]["unit"] == "mm"
     assert shown["responses"]["FC-1"]["unit"] == "N"
     assert shown["validity"]
-    checked = clearcap("mechanism", "check", "c60", cwd=tmp_path)
-    assert (checked.returncode, checked.stdout) == (0, "c60: right\n")
-    assert "FC-1 [N]" in clearcap("mechanism", "show", "c60", cwd=tmp_path).stdout
+    assert printed("check", "c60") == "c60: right\n"
+    assert "FC-1 [N]" in printed("show", "c60")
 
 
 def test_version(tmp_path):

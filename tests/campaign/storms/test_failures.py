@@ -180,7 +180,7 @@ def test_part_damaged_while_it_runs(tmp_path, asked, reference, supervisor):
     check_whole(store, plan, reference)
 
 
-def test_damage_without_end_is_said(tmp_path, asked, monkeypatch):
+def test_damage_without_end_is_said(tmp_path, asked, monkeypatch, workers):
     """A disk that never reads back what was written ends the campaign with these words, not in a loop."""
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, asked, 150)

@@ -21,7 +21,7 @@ from campaign.store.files import object_store
 from campaign.store.files.files import Files
 from campaign.worker.batch import Order, Task, run_batch
 from tests.campaign import fake_engine
-from tests.campaign.driving import rows, start
+from tests.campaign.driving import computed, rows
 from tests.campaign.store.test_store import fill
 
 ACCESS = {
@@ -77,7 +77,7 @@ def remote(url, plan):
 @pytest.mark.slow
 def test_campaign_and_its_resumption(tmp_path, url, campaign):
     """A campaign of dask workers on S3 has the rows of one in a folder; lost and bad parts are computed again."""
-    reference = rows(*start(tmp_path / "folder", campaign, batch_size=5))
+    reference = rows(*computed(tmp_path / "folder", campaign, 5))
     store = open_store(url)
     plan = submit(store, campaign, 5)
 
