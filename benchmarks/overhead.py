@@ -13,7 +13,7 @@ from time import perf_counter
 from typing import Any
 
 from benchmarks.machine import processor_s
-from campaign.cluster.connect import Cluster
+from campaign.cluster.cluster import Cluster
 from campaign.cluster.local import cores
 from campaign.coordinator.coordinator import coordinate
 from campaign.coordinator.submit import submit

@@ -11,7 +11,7 @@ from campaign.cli.output import Json, print_json, say
 from campaign.cli.run import NoReport
 
 if TYPE_CHECKING:
-    from campaign.cluster.connect import Cluster
+    from campaign.cluster.cluster import Cluster
 
 
 @on_cluster
@@ -65,9 +65,9 @@ def resume(
         drive(opened, plan, where, with_report=not no_report, as_json=json)
         return
     from campaign.cli.drive import options_of
-    from campaign.coordinator.submit import hand_over
+    from campaign.coordinator.submit import assign_coordinator
 
-    driver = hand_over(opened, plan, options_of(where))
+    driver = assign_coordinator(opened, plan, options_of(where))
     say(driver.text())
     if json:
         print_json({"campaign": plan.campaign_id, "store": opened.url, **driver.to_json()})
@@ -75,8 +75,8 @@ def resume(
 
 def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
     """End a campaign after the runs in hand; what is finished stays, and ``resume`` goes on."""
-    from campaign.coordinator.lease import seems_driven
-    from campaign.coordinator.state import enter, state_of
+    from campaign.coordinator.lease import is_coordinated
+    from campaign.coordinator.state import state_of, write_state
     from campaign.store import open_store
     from campaign.store.layout import CANCEL
 
@@ -85,8 +85,8 @@ def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) ->
     before = state_of(opened, campaign_id)["state"]
     if before != "completed":
         opened.files.write(f"{campaign_id}/{CANCEL}", b"")
-        if not seems_driven(opened, campaign_id):
-            enter(opened, campaign_id, "cancelled")
+        if not is_coordinated(opened, campaign_id):
+            write_state(opened, campaign_id, "cancelled")
     if json:
         print_json({"campaign": campaign_id, "store": opened.url, "before": before})
     elif before == "completed":

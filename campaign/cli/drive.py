@@ -10,7 +10,7 @@ import typer
 from campaign.cli.output import number, print_json, say
 
 if TYPE_CHECKING:
-    from campaign.cluster.connect import Cluster
+    from campaign.cluster.cluster import Cluster
     from campaign.coordinator.coordinator import Outcome
     from campaign.plan import Plan
     from campaign.store import Store

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from campaign.cluster.connect import Cluster
+    from campaign.cluster.cluster import Cluster
 
 _PANEL = "Where to compute"
 
@@ -68,8 +68,9 @@ def cluster_from(
     SpecError
         If options contradict each other, name files that cannot be used, or would speak in the clear.
     """
-    from campaign.cluster.connect import Cluster, Tls, check_cluster
-    from campaign.cluster.tls import security
+    from campaign.cluster.cluster import Cluster
+    from campaign.cluster.connect import check_cluster
+    from campaign.cluster.tls import Tls, security
     from campaign.errors import SpecError
 
     files = {"--tls-ca": tls_ca, "--tls-cert": tls_cert, "--tls-key": tls_key}

@@ -13,7 +13,7 @@ from campaign.cli.options import on_cluster
 from campaign.cli.output import Json, print_json, say
 
 if TYPE_CHECKING:
-    from campaign.cluster.connect import Cluster
+    from campaign.cluster.cluster import Cluster
     from campaign.plan import Plan
     from campaign.store import Store
 

@@ -8,7 +8,7 @@ from campaign.cli.options import on_cluster
 from campaign.cli.output import Json, print_json, say
 
 if TYPE_CHECKING:
-    from campaign.cluster.connect import Cluster
+    from campaign.cluster.cluster import Cluster
     from campaign.plan import Plan
     from campaign.store import Store
 
@@ -63,9 +63,9 @@ def submit(
     """
     opened, plan = _planned(campaign, store, samples, seed, batch_size)
     from campaign.cli.drive import options_of
-    from campaign.coordinator.submit import hand_over
+    from campaign.coordinator.submit import assign_coordinator
 
-    driver = hand_over(opened, plan, options_of(where), queue_only=queue_only)
+    driver = assign_coordinator(opened, plan, options_of(where), queue_only=queue_only)
     say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {store}; {driver.text()}")
     if json:
         print_json(

@@ -12,17 +12,15 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import dask
 from distributed import Client, Security, Status
 
+from campaign.cluster.cluster import Cluster
 from campaign.cluster.local import SETTINGS, interrupts_held
 from campaign.cluster.tls import NEEDED, Tls, security
 from campaign.errors import SpecError, UnreachableError
-
-if TYPE_CHECKING:
-    from campaign.cluster.connect import Cluster
 
 _BATCH_SYSTEMS = {"slurm": "SLURMCluster", "oar": "OARCluster", "pbs": "PBSCluster"}
 # Neither is encrypted, nor does dask ask there who one is.
@@ -30,7 +28,7 @@ _NO_DASHBOARD = ("--no-dashboard", "--dashboard-address", "127.0.0.1:0")
 
 
 @contextmanager
-def batch_jobs(cluster: "Cluster") -> Iterator[Client]:
+def batch_jobs(cluster: Cluster) -> Iterator[Client]:
     """Start a scheduler in this process and workers as jobs; yield a client to them, cancel the jobs at the end.
 
     Raises
@@ -56,7 +54,7 @@ def batch_jobs(cluster: "Cluster") -> Iterator[Client]:
 
 
 @contextmanager
-def job_certificates(cluster: "Cluster") -> Iterator[Security | None]:
+def job_certificates(cluster: Cluster) -> Iterator[Security | None]:
     """Yield the cluster's certificates, or some made for its jobs where these find them; none if insecure."""
     given = security(cluster.tls)
     if given or cluster.insecure:
@@ -77,7 +75,7 @@ def job_certificates(cluster: "Cluster") -> Iterator[Security | None]:
         yield security(Tls(*(str(files[name]) for name in ("ca.pem", "client.pem", "client.key"))))
 
 
-def _submit(jobs: Any, cluster: "Cluster") -> None:
+def _submit(jobs: Any, cluster: Cluster) -> None:
     """Submit the jobs and wait for the batch system's answer."""
 
     async def answered() -> None:
@@ -106,7 +104,7 @@ def _muted(name: str) -> Iterator[None]:
         logger.setLevel(level)
 
 
-def job_cluster(cluster: "Cluster", certificates: Security | None) -> Any:
+def job_cluster(cluster: Cluster, certificates: Security | None) -> Any:
     """Return dask-jobqueue's cluster: a scheduler in this process, and no job yet.
 
     Workers have one thread each, as many in a job as it has cores.
@@ -147,7 +145,7 @@ def _setting(kind: str, key: str) -> Any:
 
 
 @contextmanager
-def kubernetes_resource(cluster: "Cluster") -> Iterator[str]:
+def kubernetes_resource(cluster: Cluster) -> Iterator[str]:
     """Create the ``DaskCluster`` of dask's configuration, unless it is there, and yield its scheduler's address.
 
     It is deleted at the end if it was created here and ``kubernetes.shutdown-on-close`` is set, as it is by default.

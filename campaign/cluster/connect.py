@@ -11,9 +11,7 @@ import logging
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
 from urllib.parse import urlsplit
 
 import dask
@@ -22,42 +20,13 @@ from distributed.comm.core import connect as open_comm
 from distributed.utils import silence_logging_cmgr
 
 from campaign.cluster.batch_systems import batch_jobs, kubernetes_resource
+from campaign.cluster.cluster import KINDS, Cluster
 from campaign.cluster.local import SETTINGS, cores, interrupts_held, local_client
 from campaign.cluster.tls import NEEDED, configured, security
-from campaign.cluster.tls import Tls as Tls
 from campaign.errors import SpecError, UnreachableError
-
-Kind = Literal["local", "slurm", "oar", "pbs", "kubernetes"]
-KINDS: tuple[Kind, ...] = get_args(Kind)
 
 REACHED_WITHIN = 30.0  # s: a scheduler that is being started answers by then
 PODS_WITHIN = 300.0  # s: images may have to be fetched
-
-
-@dataclass(frozen=True)
-class Cluster:
-    """Where to compute.
-
-    Attributes
-    ----------
-    scheduler : str or None
-        Address (``tcp://host:port``, ``tls://host:port``) or scheduler file (``.json``) of a dask scheduler that is
-        there; None to start workers.
-    kind : str
-        Where workers are started: as processes here, or as jobs of a batch system.
-    workers : int or None
-        How many are started; None for one a core of this machine.
-    tls : Tls or None
-        Certificates; those of dask's configuration if None.
-    insecure : bool
-        Allow traffic beyond this machine that is neither encrypted nor authenticated.
-    """
-
-    scheduler: str | None = None
-    kind: Kind = "local"
-    workers: int | None = None
-    tls: Tls | None = None
-    insecure: bool = False
 
 
 def check_cluster(cluster: Cluster) -> None:

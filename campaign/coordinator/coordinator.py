@@ -17,21 +17,21 @@ from dataclasses import dataclass
 
 from distributed import Client
 
-from campaign.cluster.connect import Cluster, connect
+from campaign.cluster.cluster import Cluster
+from campaign.cluster.connect import connect
 from campaign.coordinator.dispatch import beat, compute, look_for_checkpoint
-from campaign.coordinator.heartbeat import Ledger
-from campaign.coordinator.lease import LeaseLost, held
+from campaign.coordinator.heartbeat import Progress
+from campaign.coordinator.lease import LeaseLost, hold_lease
 from campaign.coordinator.results import TRIES, Drive, Lost, Show, pause
-from campaign.coordinator.state import enter
+from campaign.coordinator.state import write_state
 from campaign.coordinator.stopping_rule import Verdict
-from campaign.coordinator.work_queue import Agenda
+from campaign.coordinator.work_queue import WorkQueue
 from campaign.errors import StoreError, UnreachableError
 from campaign.plan import Plan
 from campaign.store import Store, Survey
 from campaign.store.layout import PARTS, STOPPED
-from campaign.worker.batch import Cancelled, Done, Task
+from campaign.worker.messages import BatchResult, CampaignAddress, Cancelled, Simulate
 from campaign.worker.moments import moments
-from campaign.worker.row import Simulate
 from engine import simulate, warm_up
 
 logger = logging.getLogger(__name__)
@@ -113,30 +113,30 @@ def coordinate(
         On Ctrl-C; coordinating the campaign again goes on from there.
     """
     start = time.perf_counter()
-    with held(store, plan.campaign_id) as token:
-        enter(store, plan.campaign_id, "running")
+    with hold_lease(store, plan.campaign_id) as token:
+        write_state(store, plan.campaign_id, "running")
         try:
-            task = Task(store.files.root, plan.campaign_id, plan.engine_build, simulate)
+            task = CampaignAddress.of(store, plan, simulate)
             drive = _begin(store, plan, task, token, show)
             _to_the_end(drive, cluster)
         except BaseException as error:
             _end(store, plan.campaign_id, error)
             raise
         told = drive.verdict.text() if drive.verdict else ""
-        enter(store, plan.campaign_id, "completed", told, to_go_on=report_due)
+        write_state(store, plan.campaign_id, "completed", told, to_go_on=report_due)
         beat(drive, "completed")
     wall = time.perf_counter() - start
     survey = store.survey(plan)
     return Outcome(plan, survey, store.end(plan), drive.ledger.computed, wall, drive.verdict)
 
 
-def _begin(store: Store, plan: Plan, task: Task, token: str, show: Show) -> Drive:
+def _begin(store: Store, plan: Plan, task: CampaignAddress, token: str, show: Show) -> Drive:
     """Look at what is there, every part of it; what is not sound is quarantined."""
     survey = store.survey(plan, verify=True)
     store.quarantine(plan, survey.bad)
-    ledger = Ledger(store, plan, survey)
-    agenda = Agenda(plan, survey.parts, store.end(plan))
-    drive = Drive(store, plan, task, ledger, dict(survey.parts), agenda, token, show)
+    ledger = Progress(store, plan, survey)
+    queue = WorkQueue(plan, survey.parts, store.end(plan))
+    drive = Drive(store, plan, task, ledger, dict(survey.parts), queue, token, show)
     if plan.spec.stop and not store.read_json(plan.campaign_id, STOPPED):
         drive.checkpoints = list(plan.spec.stop.checkpoints(plan.spec.samples))
     return drive
@@ -146,7 +146,7 @@ def _to_the_end(drive: Drive, cluster: Cluster) -> None:
     """Compute until nothing is missing; what was damaged meanwhile is computed again."""
     look_for_checkpoint(drive)
     for _ in range(TRIES):
-        if not drive.agenda:
+        if not drive.queue:
             break
         _through_losses(drive, cluster)
         drive.store.record(drive.plan, drive.parts.values())
@@ -164,7 +164,7 @@ def _through_losses(drive: Drive, cluster: Cluster) -> None:
     """Connect and compute what is missing; after a loss, connect anew."""
     lost_at: float | None = None
     losses = 0
-    while drive.agenda:
+    while drive.queue:
         try:
             with connect(cluster) as client:
                 lost_at, losses = None, 0
@@ -189,19 +189,19 @@ def _rescan(drive: Drive, *, verify: bool = False) -> None:
     survey = drive.store.survey(drive.plan, verify=verify)
     drive.store.quarantine(drive.plan, survey.bad)
     if drive.parts.keys() <= survey.parts.keys():
-        needed = range(drive.agenda.covering(drive.store.end(drive.plan)))
+        needed = range(drive.queue.batches_for(drive.store.end(drive.plan)))
         for batch in (survey.parts.keys() - drive.parts.keys()).intersection(needed):  # written while nobody listened
             rows = drive.store.read_part(drive.plan, batch)
             found = moments(rows, drive.plan.mechanism.responses)
-            drive.ledger.add(Done(survey.parts[batch], found, computed=False))
+            drive.ledger.add(BatchResult(survey.parts[batch], found, computed=False))
     else:
         drive.ledger.recount(drive.store, survey)
     drive.parts = dict(survey.parts)
-    drive.agenda = Agenda(drive.plan, survey.parts, drive.store.end(drive.plan))
+    drive.queue = WorkQueue(drive.plan, survey.parts, drive.store.end(drive.plan))
     look_for_checkpoint(drive)
 
 
-def _compile(client: Client, task: Task) -> None:
+def _compile(client: Client, task: CampaignAddress) -> None:
     """Have one worker compile the engine, so that the others load what it compiled."""
     if task.simulate is not simulate:
         return
@@ -224,4 +224,4 @@ def _end(store: Store, campaign_id: str, error: BaseException) -> None:
     state = "cancelled" if isinstance(error, Cancelled) else "failed"
     state = "interrupted" if to_go_on or isinstance(error, KeyboardInterrupt) else state
     with suppress(StoreError):
-        enter(store, campaign_id, state, str(error), to_go_on=to_go_on)
+        write_state(store, campaign_id, state, str(error), to_go_on=to_go_on)

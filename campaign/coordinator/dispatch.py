@@ -8,13 +8,14 @@ from typing import Any
 
 from distributed import Client
 
-from campaign.coordinator.lease import BEAT, LeaseLost, holder
+from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseLost, lease_holder
 from campaign.coordinator.results import Drive, Handed, Lost, settle
 from campaign.coordinator.stopping_rule import judge
-from campaign.coordinator.work_queue import Agenda
+from campaign.coordinator.work_queue import WorkQueue
 from campaign.errors import CampaignError
 from campaign.store.layout import CANCEL, HEARTBEAT, STOPPED
-from campaign.worker.batch import Cancelled, Order, run_batches
+from campaign.worker.batch import run_batches
+from campaign.worker.messages import BatchRequest, Cancelled
 
 logger = logging.getLogger(__name__)
 
@@ -36,7 +37,7 @@ def compute(drive: Drive, client: Client) -> None:
         What ends the campaign; see `campaign.coordinator.coordinator.coordinate`.
     """
     finished: SimpleQueue[Handed] = SimpleQueue()
-    in_flight: dict[str, tuple[list[Order], Handed]] = {}
+    in_flight: dict[str, tuple[list[BatchRequest], Handed]] = {}
     next_beat = time.monotonic()
     try:
         while True:
@@ -45,7 +46,7 @@ def compute(drive: Drive, client: Client) -> None:
                 return
             if time.monotonic() >= next_beat:
                 _watch(drive, client)
-                next_beat = time.monotonic() + BEAT
+                next_beat = time.monotonic() + HEARTBEAT_INTERVAL
             try:
                 future = finished.get(timeout=max(next_beat - time.monotonic(), 0.0))
             except Empty:
@@ -80,12 +81,12 @@ def _refill(drive: Drive, client: Client, in_flight: dict[str, Any], finished: "
         future.add_done_callback(finished.put)
 
 
-def _next(drive: Drive) -> list[Order]:
+def _next(drive: Drive) -> list[BatchRequest]:
     """Return what to hand out next: a batch, or several that are short as yet; not so many that others would wait."""
-    share = len(drive.agenda) // (BATCHES_PER_WORKER * max(drive.workers, 1))
+    share = len(drive.queue) // (BATCHES_PER_WORKER * max(drive.workers, 1))
     fitting = 1 if drive.seconds is None else int(TASK_TAKES / max(drive.seconds, 1e-3))
-    orders: list[Order] = []
-    while len(orders) < max(min(fitting, share, LARGEST_TASK), 1) and (order := drive.agenda.next()) is not None:
+    orders: list[BatchRequest] = []
+    while len(orders) < max(min(fitting, share, LARGEST_TASK), 1) and (order := drive.queue.next()) is not None:
         orders.append(order)
     return orders
 
@@ -103,24 +104,24 @@ def _trusted(drive: Drive, client: Client) -> list[str] | None:
                 f"no worker left with engine build {drive.plan.engine_build}, which campaign {drive.plan.campaign_id}"
                 " is planned for; install that version on the workers, or run the campaign anew"
             )
-        time.sleep(BEAT / 4)
+        time.sleep(HEARTBEAT_INTERVAL / 4)
     return sorted(known)
 
 
 def _reach_ahead(drive: Drive, window: int) -> None:
     """With a stopping rule, compute no further than one window beyond the next checkpoint."""
     if drive.checkpoints:
-        drive.agenda.limit = drive.agenda.covering(drive.checkpoints[0]) + window
+        drive.queue.limit = drive.queue.batches_for(drive.checkpoints[0]) + window
 
 
 def look_for_checkpoint(drive: Drive) -> bool:
     """Ask the stopping rule at each checkpoint that is complete; return whether the campaign ends there."""
-    while drive.checkpoints and drive.agenda.holds(drive.checkpoints[0]):
+    while drive.checkpoints and drive.queue.completed(drive.checkpoints[0]):
         drive.verdict = judge(drive.store, drive.plan, drive.checkpoints.pop(0))
         logger.info("%s", drive.verdict.text())
         if drive.verdict.sure:
             drive.store.write_json(drive.plan.campaign_id, STOPPED, drive.verdict.to_json())
-            drive.agenda = Agenda(drive.plan, drive.parts, drive.verdict.samples)
+            drive.queue = WorkQueue(drive.plan, drive.parts, drive.verdict.samples)
             drive.ledger.recount(drive.store, drive.store.survey(drive.plan))
             drive.checkpoints = []
             return True
@@ -136,7 +137,7 @@ def _watch(drive: Drive, client: Client) -> None:
     campaign_id = drive.plan.campaign_id
     if drive.store.files.exists(f"{campaign_id}/{CANCEL}"):
         raise Cancelled(f"campaign {campaign_id} is cancelled; clearcap resume {campaign_id} goes on")
-    if holder(drive.store, campaign_id) not in (drive.token, None):
+    if lease_holder(drive.store, campaign_id) not in (drive.token, None):
         raise LeaseLost(f"campaign {campaign_id} was taken over by another process")
     if time.monotonic() - drive.recorded > RECORD_EVERY:
         drive.store.record(drive.plan, drive.parts.values())

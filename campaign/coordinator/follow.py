@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from campaign.coordinator.heartbeat import Heartbeat
-from campaign.coordinator.lease import BEAT
+from campaign.coordinator.lease import HEARTBEAT_INTERVAL
 from campaign.coordinator.state import state_of
 from campaign.store import Store
 from campaign.store.layout import HEARTBEAT
@@ -22,7 +22,7 @@ def heartbeats(store: Store, campaign_id: str) -> Iterator[Heartbeat]:
         yield replace(heartbeat, state=state["state"], message=state["message"])
         if state["state"] not in ("running", "queued"):
             return
-        time.sleep(BEAT / 2)
+        time.sleep(HEARTBEAT_INTERVAL / 2)
 
 
 def _none_yet(store: Store, campaign_id: str) -> Heartbeat:

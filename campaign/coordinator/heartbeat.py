@@ -8,8 +8,8 @@ from typing import Any
 
 from campaign.plan import Plan
 from campaign.store import Store, Survey
-from campaign.worker.batch import Done
-from campaign.worker.moments import Moments, add, moments, running_cpk
+from campaign.worker.messages import BatchResult
+from campaign.worker.moments import Moments, add_moments, moments, running_cpk
 
 RATE_OVER = 60.0  # s
 
@@ -73,7 +73,7 @@ class Heartbeat:
             return None
 
 
-class Ledger:
+class Progress:
     """Counts and moments of the rows there are, and the rate at which they come.
 
     Parameters
@@ -102,12 +102,12 @@ class Ledger:
         if survey.parts:
             names = list(self.plan.mechanism.responses)
             for table in store.stream(self.plan, names):
-                add(self.moments, moments(table, names))
+                add_moments(self.moments, moments(table, names))
 
-    def add(self, done: Done) -> None:
+    def add(self, done: BatchResult) -> None:
         """Take note of a batch."""
         self.statuses.update(done.part.statuses)
-        add(self.moments, done.moments)
+        add_moments(self.moments, done.moments)
         self.computed += done.part.rows if done.computed else 0
         self._times.append((time.monotonic(), self.computed))
         while len(self._times) > 2 and self._times[0][0] < self._times[-1][0] - RATE_OVER:

@@ -18,8 +18,8 @@ from campaign.errors import CampaignError, StoreError
 from campaign.store import Store
 from campaign.store.layout import HEARTBEAT, LEASE
 
-BEAT = 2.0  # s, between two heartbeats
-PATIENCE = 5 * BEAT  # s without a new one, until its process counts as gone
+HEARTBEAT_INTERVAL = 2.0  # s, between two heartbeats
+PATIENCE = 5 * HEARTBEAT_INTERVAL  # s without a new one, until its process counts as gone
 SETTLE = 0.3  # s, for another one that takes the same stale lease to be seen
 
 
@@ -32,7 +32,7 @@ class LeaseLost(CampaignError):
 
 
 @contextmanager
-def held(store: Store, campaign_id: str) -> Iterator[str]:
+def hold_lease(store: Store, campaign_id: str) -> Iterator[str]:
     """Hold the lease of a campaign, and yield the token that says whose it is.
 
     Raises
@@ -40,55 +40,55 @@ def held(store: Store, campaign_id: str) -> Iterator[str]:
     LeaseHeld
         If a process that is alive holds it.
     """
-    token = take(store, campaign_id)
+    token = take_lease(store, campaign_id)
     try:
         yield token
     finally:
         try:
-            if holder(store, campaign_id) == token:
+            if lease_holder(store, campaign_id) == token:
                 store.remove(campaign_id, LEASE)
         except StoreError:
             pass  # a lease that stays is stale when this process is gone
 
 
-def take(store: Store, campaign_id: str) -> str:
+def take_lease(store: Store, campaign_id: str) -> str:
     """Take the lease of a campaign, a stale one too, and return its token."""
     mine = {"token": secrets.token_hex(8), **this_process()}
     if store.create_json(campaign_id, LEASE, mine):
         return str(mine["token"])
     other = store.read_json(campaign_id, LEASE)
-    if other is not None and alive(store, campaign_id, other):
+    if other is not None and is_alive(store, campaign_id, other):
         raise LeaseHeld(
             f"campaign {campaign_id} is driven by process {other.get('pid')} on {other.get('name')};"
             " follow it with clearcap watch, or end it with clearcap cancel"
         )
     store.write_json(campaign_id, LEASE, mine)
     time.sleep(SETTLE)
-    if holder(store, campaign_id) != mine["token"]:
+    if lease_holder(store, campaign_id) != mine["token"]:
         raise LeaseHeld(f"campaign {campaign_id} was taken by another process at the same time; it drives it")
     return str(mine["token"])
 
 
-def holder(store: Store, campaign_id: str) -> str | None:
+def lease_holder(store: Store, campaign_id: str) -> str | None:
     """Return the token of who holds the lease, if anybody does."""
     lease = store.read_json(campaign_id, LEASE)
     return None if lease is None else str(lease.get("token"))
 
 
-def alive(store: Store, folder: str, lease: dict[str, Any], heartbeat: str = HEARTBEAT) -> bool:
+def is_alive(store: Store, folder: str, lease: dict[str, Any], heartbeat: str = HEARTBEAT) -> bool:
     """Return whether the process of a lease lives; looks at its heartbeat for a while if it is not on this machine."""
     here = this_process()
     if lease.get("host") == here["host"]:
         return _lives(lease)
     before, end = store.read_json(folder, heartbeat), time.monotonic() + PATIENCE
     while time.monotonic() < end:
-        time.sleep(BEAT / 2)
+        time.sleep(HEARTBEAT_INTERVAL / 2)
         if store.read_json(folder, heartbeat) != before:
             return True
     return False
 
 
-def seems_driven(store: Store, campaign_id: str) -> bool:
+def is_coordinated(store: Store, campaign_id: str) -> bool:
     """Return whether somebody holds the lease of a campaign who is not known to be gone; answers at once."""
     lease = store.read_json(campaign_id, LEASE)
     return lease is not None and (lease.get("host") != _host() or _lives(lease))

@@ -8,19 +8,21 @@ from typing import Any
 
 from distributed import as_completed
 
-from campaign.cluster.connect import Cluster, connect
-from campaign.coordinator.lease import held
+from campaign.cluster.cluster import Cluster
+from campaign.cluster.connect import connect
+from campaign.coordinator.lease import hold_lease
 from campaign.errors import SpecError
 from campaign.plan import Plan
 from campaign.store import Store
-from campaign.worker.batch import Task, opened
-from campaign.worker.row import Row, Simulate, rows_to_table
-from campaign.worker.subprocess_runs import rows_apart
+from campaign.worker.messages import CampaignAddress, Simulate
+from campaign.worker.row import Row, rows_to_table
+from campaign.worker.runs import open_campaign
+from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import simulate
 
 
 @dataclass(frozen=True)
-class Again:
+class RerunResult:
     """Rows that were computed again.
 
     Attributes
@@ -49,7 +51,9 @@ def failed_samples(store: Store, plan: Plan, statuses: Iterable[str] = ()) -> li
     return samples
 
 
-def rerun(store: Store, plan: Plan, samples: Iterable[int], cluster: Cluster, simulate: Simulate = simulate) -> Again:
+def rerun(
+    store: Store, plan: Plan, samples: Iterable[int], cluster: Cluster, simulate: Simulate = simulate
+) -> RerunResult:
     """Compute rows again, each batch's in a process of their own; its part is replaced as a whole.
 
     Parameters
@@ -73,10 +77,10 @@ def rerun(store: Store, plan: Plan, samples: Iterable[int], cluster: Cluster, si
         If a process drives the campaign.
     """
     batches = _by_batch(store, plan, samples)
-    task = Task(store.files.root, plan.campaign_id, plan.engine_build, simulate)
+    task = CampaignAddress.of(store, plan, simulate)
     before: Counter[str] = Counter()
     after: Counter[str] = Counter()
-    with held(store, plan.campaign_id), connect(cluster) as client:
+    with hold_lease(store, plan.campaign_id), connect(cluster) as client:
         futures = [client.submit(rerun_batch, task, b, tuple(asked), pure=False) for b, asked in batches.items()]
         for future in as_completed(futures, loop=client.loop):
             was, is_now = future.result()
@@ -84,15 +88,15 @@ def rerun(store: Store, plan: Plan, samples: Iterable[int], cluster: Cluster, si
             after.update(is_now)
             future.release()
         store.record(plan, store.survey(plan).parts.values())
-    return Again(sum(after.values()), dict(sorted(before.items())), dict(sorted(after.items())))
+    return RerunResult(sum(after.values()), dict(sorted(before.items())), dict(sorted(after.items())))
 
 
-def rerun_batch(task: Task, batch: int, samples: tuple[int, ...]) -> tuple[dict[str, int], dict[str, int]]:
+def rerun_batch(task: CampaignAddress, batch: int, samples: tuple[int, ...]) -> tuple[dict[str, int], dict[str, int]]:
     """Compute some rows of a batch again; return their statuses before and after."""
-    store, plan = opened(task)
+    store, plan = open_campaign(task)
     rows = {row["sample"]: row for row in store.read_part(plan, batch).to_pylist()}
     old = [rows[sample] for sample in samples]
-    for row, new in zip(old, rows_apart(task, samples, 1), strict=True):
+    for row, new in zip(old, rows_in_subprocess(task, samples, 1), strict=True):
         rows[new["sample"]] = _with_history(row, new)
     store.write_part(plan, batch, rows_to_table(plan, list(rows.values())))
     return _statuses(old), _statuses([rows[sample] for sample in samples])

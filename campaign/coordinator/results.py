@@ -8,13 +8,13 @@ from typing import Any
 
 from distributed import Future, KilledWorker
 
-from campaign.coordinator.heartbeat import Heartbeat, Ledger
+from campaign.coordinator.heartbeat import Heartbeat, Progress
 from campaign.coordinator.stopping_rule import Verdict
-from campaign.coordinator.work_queue import Agenda
+from campaign.coordinator.work_queue import WorkQueue
 from campaign.errors import CampaignError, StoreError
 from campaign.plan import Plan
 from campaign.store import Store
-from campaign.worker.batch import Cancelled, Done, Order, Task, WrongBuild
+from campaign.worker.messages import BatchRequest, BatchResult, CampaignAddress, Cancelled, WrongBuild
 
 logger = logging.getLogger(__name__)
 
@@ -23,7 +23,7 @@ TRIES = 10  # at a batch, and at the store, in a row
 PAUSES = (0.5, 15.0)  # s, the first and the longest, each twice as long as the one before
 
 Show = Callable[[Heartbeat], None]
-Handed = Future[list[Done]]
+Handed = Future[list[BatchResult]]
 
 
 class Lost(Exception):
@@ -40,10 +40,10 @@ class Drive:
 
     store: Store
     plan: Plan
-    task: Task
-    ledger: Ledger
+    task: CampaignAddress
+    ledger: Progress
     parts: dict[int, Any]
-    agenda: Agenda
+    queue: WorkQueue
     token: str
     show: Show
     verdict: Verdict | None = None
@@ -58,7 +58,7 @@ class Drive:
     recorded: float = 0.0
 
 
-def settle(drive: Drive, orders: list[Order], future: Handed) -> None:
+def settle(drive: Drive, orders: list[BatchRequest], future: Handed) -> None:
     """Take note of what became of batches that were handed out together."""
     if future.status == "cancelled":
         raise Lost("connection closed")
@@ -84,31 +84,31 @@ def settle(drive: Drive, orders: list[Order], future: Handed) -> None:
         for each in done:
             drive.parts[each.part.batch] = each.part
             drive.ledger.add(each)
-            drive.agenda.finish(each.part.batch)
+            drive.queue.complete(each.part.batch)
         drive.seconds = max((each.seconds for each in done if each.computed), default=drive.seconds)
         _enough_good(drive)
 
 
-def _named(orders: list[Order]) -> str:
+def _named(orders: list[BatchRequest]) -> str:
     first, last = orders[0].batch, orders[-1].batch
     return f"batch {first}" if first == last else f"one of batches {first} to {last}"
 
 
-def _put_back(drive: Drive, orders: list[Order]) -> None:
+def _put_back(drive: Drive, orders: list[BatchRequest]) -> None:
     for order in reversed(orders):
-        drive.agenda.again(order)
+        drive.queue.requeue(order)
 
 
-def _apart(order: Order) -> Order:
+def _apart(order: BatchRequest) -> BatchRequest:
     if order.attempt >= TRIES:
         raise CampaignError(
             f"batch {order.batch} was given to {TRIES} workers and all of them ended, although its runs had a process"
             " of their own; look at the workers' logs and their memory, then resume"
         )
-    return Order(order.batch, order.attempt + 1, apart=True)
+    return BatchRequest(order.batch, order.attempt + 1, isolated=True)
 
 
-def _trouble(drive: Drive, orders: list[Order], error: Exception) -> None:
+def _trouble(drive: Drive, orders: list[BatchRequest], error: Exception) -> None:
     """Try again what the store refused, ever more rarely, then give up with what it said."""
     drive.troubles += 1
     _put_back(drive, orders)

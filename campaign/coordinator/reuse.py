@@ -24,7 +24,7 @@ DOES_NOT_MATTER = ("name", "title", "header", "samples", "responses", "stop", "f
 DETERMINED = ("ok", "not_converged", "diverged", "invalid")  # statuses that any machine would come to
 
 
-def take_over(store: Store, plan: Plan) -> int:
+def reuse_rows(store: Store, plan: Plan) -> int:
     """Write those parts of a new plan whose rows another campaign of the store has; return how many rows.
 
     Where the sampler's first samples are others when there are more of them, nothing is taken over, and it is said why.

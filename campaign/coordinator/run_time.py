@@ -10,9 +10,8 @@ from dataclasses import replace
 
 from campaign.plan import Plan
 from campaign.store import open_store
-from campaign.worker.batch import Task
-from campaign.worker.row import Simulate
-from campaign.worker.subprocess_runs import rows_apart
+from campaign.worker.messages import CampaignAddress, Simulate
+from campaign.worker.subprocess_runs import rows_in_subprocess
 
 logger = logging.getLogger(__name__)
 
@@ -30,9 +29,9 @@ def seconds_per_run(plan: Plan, simulate: Simulate) -> float | None:
     with tempfile.TemporaryDirectory(prefix="clearcap-probe-") as folder:
         store = open_store(folder)
         store.create_plan(replace(plan, batches=_tried_first(plan.spec.samples, runs)))
-        task = Task(store.url, plan.campaign_id, plan.engine_build, simulate)
+        task = CampaignAddress.of(store, plan, simulate)
         with _patience():
-            rows = rows_apart(task, range(runs), 1)
+            rows = rows_in_subprocess(task, range(runs), 1)
             first = next(rows)  # with the start of the process, and compilation
         if first["wall_s"] is None or first["wall_s"] > ENOUGH or runs == 1:
             return first["wall_s"] if first["wall_s"] is None else float(first["wall_s"])

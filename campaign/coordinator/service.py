@@ -6,10 +6,10 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from campaign.cluster.connect import Cluster
+from campaign.cluster.cluster import Cluster
 from campaign.coordinator.coordinator import coordinate
-from campaign.coordinator.lease import BEAT, LeaseHeld, held
-from campaign.coordinator.state import close, state_of
+from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseHeld, hold_lease
+from campaign.coordinator.state import close_campaign, state_of
 from campaign.errors import CampaignError, StoreError
 from campaign.plan import Plan
 from campaign.store import Store
@@ -43,7 +43,7 @@ def serve(store: Store, cluster: Cluster, *, once: bool = False, with_report: bo
         If another process serves the store.
     """
     done: list[str] = []
-    with held(store, SERVICE), _beating(store):
+    with hold_lease(store, SERVICE), _beating(store):
         while True:
             waiting = [c for c in store.campaigns() if state_of(store, c)["open"]]
             for campaign_id in waiting:
@@ -53,7 +53,7 @@ def serve(store: Store, cluster: Cluster, *, once: bool = False, with_report: bo
             if once and not waiting:
                 return done
             if not waiting:
-                time.sleep(BEAT)
+                time.sleep(HEARTBEAT_INTERVAL)
 
 
 def _drive(store: Store, campaign_id: str, cluster: Cluster, with_report: bool) -> bool:
@@ -64,11 +64,11 @@ def _drive(store: Store, campaign_id: str, cluster: Cluster, with_report: bool) 
             _report(store, outcome.plan)
     except LeaseHeld as error:
         logger.info("%s", error)
-        time.sleep(BEAT)
+        time.sleep(HEARTBEAT_INTERVAL)
         return False
     except CampaignError as error:
         logger.warning("campaign %s: %s", campaign_id, error)
-        time.sleep(BEAT)
+        time.sleep(HEARTBEAT_INTERVAL)
         return False
     return True
 
@@ -83,12 +83,12 @@ def _report(store: Store, plan: Plan) -> None:
         raise  # the campaign stays open, and the store is asked again
     except CampaignError as error:
         logger.warning("campaign %s: %s", plan.campaign_id, error)
-        close(store, plan.campaign_id, str(error))
+        close_campaign(store, plan.campaign_id, str(error))
     except Exception as error:  # a fault in one report keeps no other campaign waiting
         logger.exception("report of %s", plan.campaign_id)
-        close(store, plan.campaign_id, f"no report, a fault in clearcap: {error!r}")
+        close_campaign(store, plan.campaign_id, f"no report, a fault in clearcap: {error!r}")
     else:
-        close(store, plan.campaign_id)
+        close_campaign(store, plan.campaign_id)
 
 
 @contextmanager
@@ -104,7 +104,7 @@ def _beating(store: Store) -> Iterator[None]:
                 store.write_json(SERVICE, HEARTBEAT, {"beat": count, "time": time.time()})
             except StoreError as error:
                 logger.warning("%s", error)
-            over.wait(BEAT)
+            over.wait(HEARTBEAT_INTERVAL)
 
     thread = threading.Thread(target=beat, name="service", daemon=True)
     thread.start()

@@ -3,14 +3,14 @@
 import time
 from typing import Any
 
-from campaign.coordinator.lease import seems_driven, this_process
+from campaign.coordinator.lease import is_coordinated, this_process
 from campaign.store import Store
 from campaign.store.layout import STATE
 
 STATES = ("queued", "running", "completed", "cancelled", "failed", "interrupted")
 
 
-def enter(store: Store, campaign_id: str, state: str, message: str = "", *, to_go_on: bool = False) -> None:
+def write_state(store: Store, campaign_id: str, state: str, message: str = "", *, to_go_on: bool = False) -> None:
     """Write down a new state, and whether a coordinator that serves the store is to go on from it."""
     process = this_process()
     content = {"state": state, "since": time.time(), "message": message, "open": to_go_on}
@@ -18,7 +18,7 @@ def enter(store: Store, campaign_id: str, state: str, message: str = "", *, to_g
     store.write_json(campaign_id, STATE, content)
 
 
-def close(store: Store, campaign_id: str, message: str | None = None) -> None:
+def close_campaign(store: Store, campaign_id: str, message: str | None = None) -> None:
     """Say that nothing is left to do for a completed campaign, and perhaps why its report is missing."""
     said = store.read_json(campaign_id, STATE) or {}
     added = {} if message is None else {"message": message}
@@ -33,7 +33,7 @@ def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
     """
     said = store.read_json(campaign_id, STATE) or {}
     state = said.get("state") if said.get("state") in STATES else "planned"
-    orphaned = state == "running" and not seems_driven(store, campaign_id)
+    orphaned = state == "running" and not is_coordinated(store, campaign_id)
     return {
         "state": "interrupted" if orphaned else state,
         "message": str(said.get("message", "")),

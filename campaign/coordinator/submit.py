@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from campaign.coordinator.lease import alive, seems_driven
-from campaign.coordinator.reuse import take_over
+from campaign.coordinator.lease import is_alive, is_coordinated
+from campaign.coordinator.reuse import reuse_rows
 from campaign.coordinator.run_time import seconds_per_run
-from campaign.coordinator.state import enter, state_of
+from campaign.coordinator.state import state_of, write_state
 from campaign.plan import Plan, make_plan, size_is_sure
 from campaign.spec.load import Campaign
 from campaign.store import Store
 from campaign.store.layout import CANCEL, LEASE, LOG, SERVICE
-from campaign.worker.row import Simulate
+from campaign.worker.messages import Simulate
 from engine import simulate
 
 logger = logging.getLogger(__name__)
@@ -44,16 +44,16 @@ def submit(store: Store, campaign: Campaign, batch_size: int | None = None, simu
         sure = batch_size is not None or size_is_sure(campaign.spec.samples)
         seconds = None if sure else seconds_per_run(wanted, simulate)
         plan = store.create_plan(make_plan(campaign, batch_size, seconds))
-        if rows := take_over(store, plan):
+        if rows := reuse_rows(store, plan):
             logger.info("%d rows are there already, in a campaign of other length or limits: taken over", rows)
-        enter(store, plan.campaign_id, "queued")
+        write_state(store, plan.campaign_id, "queued")
     if batch_size is not None and plan.batches != wanted.batches:
         logger.warning("the campaign is planned already: its batches of %d samples are kept", plan.batches[0][1])
     return plan
 
 
 @dataclass(frozen=True)
-class Driver:
+class Assignment:
     """Who drives a campaign.
 
     Attributes
@@ -86,7 +86,7 @@ class Driver:
         return {"driver": self.kind, "pid": self.pid, "log": self.log}
 
 
-def hand_over(store: Store, plan: Plan, options: list[str], *, queue_only: bool = False) -> Driver:
+def assign_coordinator(store: Store, plan: Plan, options: list[str], *, queue_only: bool = False) -> Assignment:
     """See to it that somebody drives a campaign.
 
     Parameters
@@ -101,21 +101,21 @@ def hand_over(store: Store, plan: Plan, options: list[str], *, queue_only: bool 
         Leave it to a coordinator that serves the store, now or later.
     """
     store.remove(plan.campaign_id, CANCEL)
-    if seems_driven(store, plan.campaign_id):
-        return Driver("coordinator")
+    if is_coordinated(store, plan.campaign_id):
+        return Assignment("coordinator")
     if state_of(store, plan.campaign_id)["state"] != "completed" or store.survey(plan).missing:
-        enter(store, plan.campaign_id, "queued")
+        write_state(store, plan.campaign_id, "queued")
     if queue_only:
-        return Driver("none")
-    if served(store):
-        return Driver("service")
-    return Driver("coordinator", *start_coordinator(store, plan, options))
+        return Assignment("none")
+    if has_service(store):
+        return Assignment("service")
+    return Assignment("coordinator", *start_coordinator(store, plan, options))
 
 
-def served(store: Store) -> bool:
+def has_service(store: Store) -> bool:
     """Return whether a coordinator serves the store, and takes over what is queued."""
     lease = store.read_json(SERVICE, LEASE)
-    return lease is not None and alive(store, SERVICE, lease)
+    return lease is not None and is_alive(store, SERVICE, lease)
 
 
 def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int, str]:

@@ -1,57 +1,61 @@
-"""What is still to be computed of a campaign, in the order of its samples."""
+"""The batches of a campaign that are still to be computed, in the order of their samples."""
 
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterable
 
 from campaign.plan import Plan
-from campaign.worker.batch import Order
+from campaign.worker.messages import BatchRequest
 
 
-class Agenda:
-    """Batches to compute, and how far the campaign is complete from its beginning on.
+class WorkQueue:
+    """Batches to compute, and how far the campaign is complete from its first sample on.
 
     Parameters
     ----------
     plan : Plan
         The campaign.
-    there : iterable of int
-        Batches that need not be computed.
+    completed : iterable of int
+        Batches whose rows the store has.
     end : int
-        Samples from this one on are not asked for.
+        Number of samples to compute; batches beyond them are left out.
+
+    Attributes
+    ----------
+    limit : int
+        No batch from this number on is handed out yet.
     """
 
-    def __init__(self, plan: Plan, there: Iterable[int], end: int) -> None:
-        self._firsts = [first for first, _ in plan.batches]
-        self._batches = self.covering(end)
-        self._there = set(there)
-        self._waiting = deque(Order(b) for b in range(self._batches) if b not in self._there)
-        self._complete = 0  # batches from the beginning on, without a gap
-        self.limit = self._batches  # no batch from this one on is handed out yet
+    def __init__(self, plan: Plan, completed: Iterable[int], end: int) -> None:
+        self._first_samples = [first for first, _ in plan.batches]
+        self._completed = set(completed)
+        self._complete_prefix = 0  # number of batches from the first on that are completed without a gap
+        self.limit = self.batches_for(end)
+        self._waiting = deque(BatchRequest(batch) for batch in range(self.limit) if batch not in self._completed)
 
-    def covering(self, samples: int) -> int:
+    def batches_for(self, samples: int) -> int:
         """Return how many batches from the first on hold the first ``samples`` samples."""
-        return bisect_left(self._firsts, samples)
+        return bisect_left(self._first_samples, samples)
 
-    def next(self) -> Order | None:
-        """Return the next batch to compute, if one may be."""
+    def next(self) -> BatchRequest | None:
+        """Take out the next batch to compute; None if there is none below the limit."""
         if not self._waiting or self._waiting[0].batch >= self.limit:
             return None
         return self._waiting.popleft()
 
-    def again(self, order: Order) -> None:
-        """Put a batch back, to be the next."""
-        self._waiting.appendleft(order)
+    def requeue(self, request: BatchRequest) -> None:
+        """Put a batch back as the next one."""
+        self._waiting.appendleft(request)
 
-    def finish(self, batch: int) -> None:
-        """Take note that a batch is there."""
-        self._there.add(batch)
+    def complete(self, batch: int) -> None:
+        """Mark a batch as completed."""
+        self._completed.add(batch)
 
-    def holds(self, samples: int) -> bool:
-        """Return whether the first ``samples`` samples are all there."""
-        while self._complete in self._there:
-            self._complete += 1
-        return self._complete >= self.covering(samples)
+    def completed(self, samples: int) -> bool:
+        """Return whether the rows of all the first ``samples`` samples are in the store."""
+        while self._complete_prefix in self._completed:
+            self._complete_prefix += 1
+        return self._complete_prefix >= self.batches_for(samples)
 
     def __len__(self) -> int:
         return len(self._waiting)

@@ -1,4 +1,4 @@
-"""What keeps a run within its bounds: of real time, of memory, and of the user's patience."""
+"""Limits of a run: real time, memory, a campaign that is cancelled, a parent process that ends."""
 
 import os
 import resource
@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from engine.loop import Cancel
 
-LOOK_EVERY = 2.0  # s, for the marker that cancels
+CHECK_INTERVAL = 2.0  # s, between two checks whether the campaign is cancelled
 GIB = 1 << 30
 
 
 @contextmanager
 def time_limit(seconds: float) -> Iterator[None]:
-    """End this process if what is inside takes longer than ``seconds``, whatever it does.
+    """Kill this process with SIGALRM if the block takes longer than ``seconds``.
 
-    The engine ends a run at its own limit. This is for what takes no notice: the kernel's timer needs neither the
-    interpreter nor its lock, and its signal kills (SIGALRM).
+    The engine ends a run at its own time limit. This limit is for code that ignores the engine's: the operating
+    system's timer needs neither the interpreter nor its lock.
     """
     signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
@@ -31,10 +31,10 @@ def time_limit(seconds: float) -> Iterator[None]:
 
 @contextmanager
 def memory_limit(gib: float) -> Iterator[None]:
-    """Let allocations fail (MemoryError) that would take this process beyond ``gib`` GiB of data."""
+    """Make allocations in the block fail with MemoryError if they take this process beyond ``gib`` GiB of data."""
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
-    asked = int(gib * GIB)
-    resource.setrlimit(resource.RLIMIT_DATA, (asked if hard == resource.RLIM_INFINITY else min(asked, hard), hard))
+    limit = int(gib * GIB)
+    resource.setrlimit(resource.RLIMIT_DATA, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
     try:
         yield
     finally:
@@ -42,21 +42,20 @@ def memory_limit(gib: float) -> Iterator[None]:
 
 
 @contextmanager
-def cancelled_by(asked: Callable[[], bool], cancel: "Cancel") -> Iterator[None]:
-    """Set ``cancel`` as soon as ``asked`` says so; it is asked now and then, in a thread of its own."""
+def cancelled_by(is_cancelled: Callable[[], bool], cancel: "Cancel") -> Iterator[None]:
+    """Set ``cancel`` when ``is_cancelled`` returns True; a thread calls it every two seconds while the block runs."""
     over = threading.Event()
 
-    def look() -> None:
-        while not over.wait(LOOK_EVERY):
+    def check() -> None:
+        while not over.wait(CHECK_INTERVAL):
             try:
-                wanted = asked()
-            except Exception:  # a store that cannot be reached says nothing; the batch will
+                if is_cancelled():
+                    cancel.set()
+                    return
+            except Exception:  # a store that cannot be reached: writing the batch will report it
                 continue
-            if wanted:
-                cancel.set()
-                return
 
-    watcher = threading.Thread(target=look, name="cancel", daemon=True)
+    watcher = threading.Thread(target=check, name="cancel", daemon=True)
     watcher.start()
     try:
         yield
@@ -66,7 +65,7 @@ def cancelled_by(asked: Callable[[], bool], cancel: "Cancel") -> Iterator[None]:
 
 
 def end_with_stdin() -> None:
-    """End this process when its standard input is closed, that is, when the process that started it is gone."""
+    """End this process when its standard input is closed, which happens when the process that started it ends."""
 
     def wait() -> None:
         while os.read(0, 4096):

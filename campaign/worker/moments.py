@@ -1,4 +1,4 @@
-"""Mean and spread of responses while a campaign runs, from what each batch reports."""
+"""Mean and standard deviation of responses while a campaign runs, from the moments that each batch reports."""
 
 import math
 from collections.abc import Iterable
@@ -9,9 +9,19 @@ import pyarrow as pa
 
 @dataclass(frozen=True)
 class Moments:
-    """Number, mean and sum of squared deviations of values; two of them add up to that of both sets of values.
+    """Number, mean and sum of squared deviations of a set of values.
 
-    The sum is that of Chan, Golub and LeVeque (1983), which loses no digits to large means.
+    The sum of two is that of both sets together. The formula of Chan, Golub and LeVeque (1983) loses no digits where
+    the mean is large.
+
+    Attributes
+    ----------
+    n : int
+        Number of values.
+    mean : float
+        Mean; 0 if there is no value.
+    squares : float
+        Sum of squared deviations from the mean.
     """
 
     n: int = 0
@@ -22,29 +32,29 @@ class Moments:
         n = self.n + other.n
         if not self.n or not other.n:
             return self if self.n else other
-        apart = other.mean - self.mean
-        mean = self.mean + apart * other.n / n
-        return Moments(n, mean, self.squares + other.squares + apart * apart * self.n * other.n / n)
+        difference = other.mean - self.mean
+        mean = self.mean + difference * other.n / n
+        return Moments(n, mean, self.squares + other.squares + difference * difference * self.n * other.n / n)
 
     @property
     def std(self) -> float | None:
-        """Standard deviation, from n - 1; None of fewer than two values."""
+        """Standard deviation with divisor n - 1; None for fewer than two values."""
         return math.sqrt(self.squares / (self.n - 1)) if self.n > 1 else None
 
 
 def moments(table: pa.Table, responses: Iterable[str]) -> dict[str, Moments]:
-    """Return the moments of each response of a table; rows without a value do not count."""
-    found = {}
+    """Return the moments of each response over a table; rows without a value do not count."""
+    moments_of = {}
     for name in responses:
         x = table[name].drop_null().to_numpy()
         mean = float(x.sum()) / x.size if x.size else 0.0
-        apart = x - mean
-        found[name] = Moments(x.size, mean, float((apart * apart).sum()))
-    return found
+        deviations = x - mean
+        moments_of[name] = Moments(x.size, mean, float((deviations * deviations).sum()))
+    return moments_of
 
 
-def add(total: dict[str, Moments], more: dict[str, Moments]) -> None:
-    """Add moments to those there are, response by response."""
+def add_moments(total: dict[str, Moments], more: dict[str, Moments]) -> None:
+    """Add the moments of further rows to a total, response by response."""
     for name, m in more.items():
         total[name] = total.get(name, Moments()) + m
 

@@ -1,6 +1,6 @@
-"""A sample becomes a row: its inputs, its run or runs, what they said, and how they ended. Whatever happens, a row."""
+"""Turn a sample into a row of the table: its inputs, its responses, and how its run ended. Every run becomes a row."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite, nan
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -11,35 +11,40 @@ from campaign.inputs.sampling import draw
 from campaign.plan import Plan
 from campaign.spec.policy import RETRIED, Simulation
 from campaign.worker.limits import time_limit
+from campaign.worker.messages import Simulate
 from engine import Run
 from engine.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from engine.loop import Cancel
 
-Simulate = Callable[..., Run]
 Row = dict[str, Any]
 
 
 def compute_row(
     plan: Plan, simulate: Simulate, sample: int, values: Mapping[str, float], attempt: int, cancel: "Cancel"
 ) -> Row:
-    """Simulate one sample, again with the settings of the retry policy if it fails; the answer is a row.
+    """Simulate one sample, and again with each setting of the retry policy until a run succeeds; return its row.
 
     Parameters
     ----------
     plan : Plan
         The campaign.
     simulate : callable
-        `engine.simulate`, or what stands in its place.
+        `engine.simulate`, or a function with the same parameters that takes its place.
     sample : int
-        Its number.
+        Number of the sample.
     values : mapping of str to float
-        Its inputs by variable name.
+        Inputs of the sample by variable name.
     attempt : int
-        The how manieth attempt the first one is.
+        Attempt number of the first run, from 1.
     cancel : Cancel
-        Set from outside to end it.
+        Flag that ends the run when another thread sets it.
+
+    Returns
+    -------
+    Row
+        Of the last run; it counts the attempts and says how the earlier ones ended.
     """
     earlier: list[str] = []
     for settings in (plan.spec.simulation, *plan.spec.failures.retry):
@@ -61,10 +66,28 @@ def crashed_row(
     wall_s: float | None = None,
     attempts: int = 1,
 ) -> Row:
-    """Return the row of a run that ended without a certificate."""
-    nothing = dict.fromkeys((*plan.mechanism.responses, "steps", "max_residual", "max_penetration"))
-    tail = {"status": status, "message": message, "wall_s": wall_s, "settled": False}
-    return {"sample": sample, **values, **nothing, **tail, "attempts": attempts, "earlier_attempts": ""}
+    """Return the row of a run that has no certificate, because it raised an error or ended its process.
+
+    Parameters
+    ----------
+    plan : Plan
+        The campaign.
+    sample : int
+        Number of the sample.
+    values : mapping of str to float
+        Inputs of the sample by variable name.
+    message : str
+        What went wrong.
+    status : str
+        ``crashed`` or ``timeout``.
+    wall_s : float or None
+        How long the run took [s], if known.
+    attempts : int
+        Number of attempts so far.
+    """
+    empty = dict.fromkeys((*plan.mechanism.responses, "steps", "max_residual", "max_penetration"))
+    ending = {"status": status, "message": message, "wall_s": wall_s, "settled": False}
+    return {"sample": sample, **values, **empty, **ending, "attempts": attempts, "earlier_attempts": ""}
 
 
 def rows_to_table(plan: Plan, rows: list[Row]) -> pa.Table:
@@ -73,8 +96,8 @@ def rows_to_table(plan: Plan, rows: list[Row]) -> pa.Table:
     return pa.table([pa.array([row[name] for row in rows], kind) for name, kind in columns], schema=plan.schema)
 
 
-def inputs(plan: Plan, samples: Sequence[int]) -> Iterator[tuple[int, dict[str, float]]]:
-    """Yield samples and their inputs by variable name; all between the first and the last are drawn at once."""
+def sample_inputs(plan: Plan, samples: Sequence[int]) -> Iterator[tuple[int, dict[str, float]]]:
+    """Yield each sample and its inputs by variable name; all samples from the first to the last are drawn at once."""
     first = min(samples)
     drawn = draw(plan.spec, first, max(samples) + 1 - first)
     for sample in samples:
@@ -83,13 +106,13 @@ def inputs(plan: Plan, samples: Sequence[int]) -> Iterator[tuple[int, dict[str, 
 
 def sample_values(plan: Plan, sample: int) -> dict[str, float]:
     """Return the inputs of one sample by variable name."""
-    return dict(next(inputs(plan, [sample]))[1])
+    return dict(next(sample_inputs(plan, [sample]))[1])
 
 
 def _attempt(
     plan: Plan, simulate: Simulate, sample: int, values: Mapping[str, float], settings: Simulation, cancel: "Cancel"
 ) -> Row:
-    """Simulate one sample with given settings; whatever happens in the run, the answer is a row."""
+    """Simulate one sample once, with given settings; return a row, however the run ends."""
     start = perf_counter()
     inputs_by_key = {plan.targets[name]: x for name, x in values.items()}
     changes = {**settings.values(), **plan.spec.execution.values(), **inputs_by_key}
@@ -100,7 +123,7 @@ def _attempt(
         limit = plan.spec.execution.memory_limit
         message = f"out of memory: the process may use {limit:g} GiB (execution.memory_limit)"
         return crashed_row(plan, sample, values, message, wall_s=perf_counter() - start)
-    except Exception as error:  # a run never stops the others
+    except Exception as error:  # one run never stops the others
         return crashed_row(plan, sample, values, f"{type(error).__name__}: {error}", wall_s=perf_counter() - start)
     status, message = _checked(run, plan.mechanism)
     return {
@@ -118,13 +141,13 @@ def _attempt(
 
 
 def _longest(plan: Plan) -> float:
-    """Return the real time [s] of a run that takes no notice of its own limit: twice that limit and a second."""
+    """Return the time [s] after which a run that ignores its time limit is killed: twice that limit plus a second."""
     limit = plan.spec.execution.time_limit
     return 2.0 * (plan.mechanism.simulation.wall_limit if limit is None else limit) + 1.0
 
 
 def _checked(run: Run, mechanism: Mechanism) -> tuple[str, str]:
-    """Return status and message of a run; an ``ok`` one must have every response, finite."""
+    """Return status and message of a run; a run that claims success must have a finite value of every response."""
     if run.status == "ok":
         responses: Mapping[str, float] = run.responses
         unusable = [name for name in mechanism.responses if not isfinite(responses.get(name, nan))]

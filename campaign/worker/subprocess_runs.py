@@ -1,7 +1,7 @@
-"""Runs in a process of their own, for a batch that took its worker with it: the run that does so becomes a row.
+"""Compute rows in an isolated subprocess, for a batch that killed its worker: the run at fault becomes a row.
 
-The child (``python -m campaign.worker.subprocess_runs``) reads on its standard input what to compute and answers with
-one pickle a row. It ends when its standard input is closed, so no child outlives its worker.
+The child (``python -m campaign.worker.subprocess_runs``) reads from its standard input what to compute and writes one
+pickle for each row. It ends when its standard input is closed, so no child outlives its worker.
 """
 
 import os
@@ -12,50 +12,67 @@ import sys
 from collections.abc import Iterator, Sequence
 from typing import BinaryIO
 
-from campaign.worker.batch import Cancelled, Task, opened, rows_here
 from campaign.worker.limits import end_with_stdin
+from campaign.worker.messages import CampaignAddress, Cancelled
 from campaign.worker.row import Row, crashed_row, sample_values
+from campaign.worker.runs import open_campaign, rows_in_process
 
-FROM_OUTSIDE = {signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP}  # also sent by operators and kernels
-TRIES = 3  # at a run whose process is ended by one of these
+# Signals that operators and the operating system send too, so that they do not prove the run guilty.
+AMBIGUOUS = {signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP}
+TRIES = 3  # attempts at a run whose process such a signal ends
 
 
-def rows_apart(task: Task, samples: Sequence[int], attempt: int) -> Iterator[Row]:
-    """Compute rows of samples of a batch in another process; one that ends it becomes a row, and a new one is started.
+def rows_in_subprocess(address: CampaignAddress, samples: Sequence[int], attempt: int) -> Iterator[Row]:
+    """Yield the row of each sample, computed in a child process; a child that dies is replaced by another.
 
-    A signal that others send as well does not prove the run guilty: it is repeated alone, and is if that ends alike.
+    The run at which a child died becomes a row too. If the signal that ended the child may have come from outside, the
+    run is first repeated alone, and counts as guilty if it ends `TRIES` children in a row.
+
+    Parameters
+    ----------
+    address : CampaignAddress
+        The campaign.
+    samples : sequence of int
+        Numbers of the samples.
+    attempt : int
+        Attempt number of the batch, from 1.
+
+    Yields
+    ------
+    Row
+        One for each sample, in the order of ``samples``.
 
     Raises
     ------
     Cancelled
-        If the campaign was cancelled meanwhile.
+        If the campaign is cancelled meanwhile.
     """
-    _, plan = opened(task)
-    ended_at = 0  # how often in a row the first of the samples ended its process
+    _, plan = open_campaign(address)
+    deaths = 0  # children in a row that the first of the remaining samples ended
     while samples:
-        asked, answered = samples[:1] if ended_at else samples, 0
-        with _child(task, asked, attempt + ended_at) as child:
+        requested, received = samples[:1] if deaths else samples, 0
+        with _child(address, requested, attempt + deaths) as child:
             for row in _answers(child):
                 if isinstance(row, Cancelled):
                     raise row
                 yield row
-                answered += 1
-            ended = child.wait()
-        samples = samples[answered:]
-        if answered == len(asked):
-            ended_at = 0
+                received += 1
+            exit_status = child.wait()
+        samples = samples[received:]
+        if received == len(requested):
+            deaths = 0
             continue
-        ended_at += 1
-        if -ended in FROM_OUTSIDE and ended_at < TRIES:
+        deaths += 1
+        if -exit_status in AMBIGUOUS and deaths < TRIES:
             continue
-        status, message = _cause(ended)
-        values, tries = sample_values(plan, samples[0]), attempt + ended_at - 1
-        yield crashed_row(plan, samples[0], values, message, status=status, attempts=tries)
-        samples, ended_at = samples[1:], 0
+        status, message = _cause(exit_status)
+        values, attempts = sample_values(plan, samples[0]), attempt + deaths - 1
+        yield crashed_row(plan, samples[0], values, message, status=status, attempts=attempts)
+        samples, deaths = samples[1:], 0
 
 
-def _child(task: Task, samples: Sequence[int], attempt: int) -> "subprocess.Popen[bytes]":
-    """Start a process for the samples; it imports what this one can, and Ctrl-C does not reach it."""
+def _child(address: CampaignAddress, samples: Sequence[int], attempt: int) -> "subprocess.Popen[bytes]":
+    """Start a child for the samples; it can import what this process can, and Ctrl-C does not reach it."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     child = subprocess.Popen(
         [sys.executable, "-m", "campaign.worker.subprocess_runs"],
@@ -65,13 +82,13 @@ def _child(task: Task, samples: Sequence[int], attempt: int) -> "subprocess.Pope
         start_new_session=True,
     )
     assert child.stdin is not None
-    pickle.dump((task, samples, attempt), child.stdin)
+    pickle.dump((address, samples, attempt), child.stdin)
     child.stdin.flush()
     return child
 
 
 def _answers(child: "subprocess.Popen[bytes]") -> Iterator[Row | Cancelled]:
-    """Yield what the child says until it ends; half an answer is none."""
+    """Yield the answers of a child until it ends; an incomplete one is dropped."""
     assert child.stdout is not None
     try:
         while True:
@@ -80,23 +97,23 @@ def _answers(child: "subprocess.Popen[bytes]") -> Iterator[Row | Cancelled]:
         return
 
 
-def _cause(ended: int) -> tuple[str, str]:
-    """Return status and message of a run that ended its process with this exit status."""
+def _cause(exit_status: int) -> tuple[str, str]:
+    """Return status and message of the row of a run that ended its process with this exit status."""
     repeat = "repeat it with clearcap replay to see why"
-    if ended == -signal.SIGALRM:
+    if exit_status == -signal.SIGALRM:
         return "timeout", f"the run took no notice of its time limit and was ended; {repeat}"
-    if ended < 0:
-        return "crashed", f"the run killed its process ({signal.Signals(-ended).name}); {repeat}"
-    return "crashed", f"the run ended its process (exit status {ended}); {repeat}"
+    if exit_status < 0:
+        return "crashed", f"the run killed its process ({signal.Signals(-exit_status).name}); {repeat}"
+    return "crashed", f"the run ended its process (exit status {exit_status}); {repeat}"
 
 
 def main() -> None:
-    """Compute what standard input says, and answer with rows."""
-    answers = _only_answers()
-    task, samples, attempt = pickle.load(sys.stdin.buffer)
+    """Read from standard input what to compute, and write the rows."""
+    answers = _answer_pipe()
+    address, samples, attempt = pickle.load(sys.stdin.buffer)
     end_with_stdin()
     try:
-        for row in rows_here(task, samples, attempt):
+        for row in rows_in_process(address, samples, attempt):
             pickle.dump(row, answers)
             answers.flush()
     except Cancelled as error:
@@ -105,8 +122,8 @@ def main() -> None:
     os._exit(0)  # without waiting for the thread that reads standard input
 
 
-def _only_answers() -> BinaryIO:
-    """Return the pipe to the parent, and let what runs print go to standard error."""
+def _answer_pipe() -> BinaryIO:
+    """Return the pipe to the parent, and send to standard error what runs print."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     return answers

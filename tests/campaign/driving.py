@@ -1,10 +1,11 @@
 """What tests of the coordinator share: drive a campaign with a stand-in for the physics, and compare rows."""
 
-from campaign.cluster.connect import Cluster
+from campaign.cluster.cluster import Cluster
 from campaign.coordinator.coordinator import coordinate
 from campaign.coordinator.submit import submit
 from campaign.store import open_store
-from campaign.worker.batch import Order, Task, run_batch
+from campaign.worker.batch import run_batch
+from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine
 
 
@@ -25,7 +26,7 @@ def computed(folder, asked, batch_size, simulate=fake_engine.simulate):
     """Compute a campaign in this process, without a cluster; return the store and the plan."""
     store = open_store(str(folder))
     plan = submit(store, asked, batch_size)
-    task = Task(store.url, plan.campaign_id, plan.engine_build, simulate)
+    task = CampaignAddress.of(store, plan, simulate)
     for batch in range(len(plan.batches)):
-        run_batch(task, Order(batch))
+        run_batch(task, BatchRequest(batch))
     return store, plan

@@ -6,7 +6,9 @@ import ssl
 import sys
 
 import campaign.cluster.connect
-from campaign.cluster.connect import Cluster, Tls, connect
+from campaign.cluster.cluster import Cluster
+from campaign.cluster.connect import connect
+from campaign.cluster.tls import Tls
 from campaign.coordinator.coordinator import coordinate
 from campaign.errors import CampaignError
 from campaign.store import open_store

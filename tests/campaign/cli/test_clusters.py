@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 from campaign.cli import app, main
 from campaign.cli.options import cluster_from, on_cluster
 from campaign.cli.output import Json
-from campaign.cluster.connect import Cluster, Tls
+from campaign.cluster.cluster import Cluster
+from campaign.cluster.tls import Tls
 from campaign.errors import SpecError
 
 verb = typer.Typer()

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 import campaign.coordinator.coordinator
 import campaign.coordinator.submit
 from campaign.cli import app
-from campaign.cluster.connect import Cluster
+from campaign.cluster.cluster import Cluster
 from campaign.store import open_store
 from tests.campaign import fake_engine
 from tests.campaign.commands import ROOT, clearcap

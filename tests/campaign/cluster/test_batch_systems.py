@@ -12,7 +12,9 @@ import yaml
 
 import campaign.cluster.connect
 from campaign.cluster.batch_systems import job_certificates, job_cluster, kubernetes_resource
-from campaign.cluster.connect import Cluster, Tls, connect
+from campaign.cluster.cluster import Cluster
+from campaign.cluster.connect import connect
+from campaign.cluster.tls import Tls
 from campaign.cluster.tls_certificates import make_certificates
 from campaign.errors import SpecError, UnreachableError
 from tests.campaign.kubernetes_api import kubernetes_api

@@ -7,11 +7,11 @@ from functools import partial
 import pytest
 
 import campaign.coordinator.coordinator as coordinating
-from campaign.cluster.connect import Cluster
+from campaign.cluster.cluster import Cluster
 from campaign.coordinator import dispatch as window
 from campaign.coordinator import results as settle
 from campaign.coordinator.coordinator import coordinate
-from campaign.coordinator.lease import LeaseHeld, held
+from campaign.coordinator.lease import LeaseHeld, hold_lease
 from campaign.coordinator.results import TooManyFailed
 from campaign.coordinator.state import state_of
 from campaign.coordinator.submit import submit
@@ -20,7 +20,7 @@ from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import Store, open_store, part_name
 from campaign.store.layout import CANCEL
-from campaign.worker.batch import Cancelled
+from campaign.worker.messages import Cancelled
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows, start
 
@@ -129,7 +129,7 @@ def test_two_coordinators(tmp_path, campaign):
     """The second one is told who drives the campaign; when that one is gone it drives."""
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, campaign, 3)
-    with held(store, plan.campaign_id), pytest.raises(LeaseHeld, match="is driven by process"):
+    with hold_lease(store, plan.campaign_id), pytest.raises(LeaseHeld, match="is driven by process"):
         coordinate(store, plan, Cluster(workers=1), simulate=fake_engine.simulate)
     assert state_of(store, plan.campaign_id)["state"] == "queued"
     coordinate(store, plan, Cluster(workers=1), simulate=fake_engine.simulate)

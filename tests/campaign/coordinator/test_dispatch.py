@@ -7,12 +7,12 @@ import pytest
 
 from campaign.coordinator.coordinator import _begin
 from campaign.coordinator.dispatch import BATCHES_PER_WORKER, LARGEST_TASK, compute
-from campaign.coordinator.lease import held
+from campaign.coordinator.lease import hold_lease
 from campaign.coordinator.results import Lost
 from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.worker.batch import Task
+from campaign.worker.messages import CampaignAddress
 from tests.campaign import fake_engine
 from tests.campaign.coordinator.test_stopping_rule import RULE
 
@@ -31,19 +31,19 @@ class Client:
         """Return workers that are there."""
         return {"workers": {f"tcp://10.0.0.{i}:1": {} for i in range(WORKERS)}, "address": "tcp://10.0.0.9:1"}
 
-    def submit(self, function, task, orders, *, key, **options):
+    def submit(self, function, task, requests, *, key, **options):
         """Compute, and return a future that is finished and says so to whoever asks, if it answers at all."""
-        self.tasks.append([order.batch for order in orders])
+        self.tasks.append([order.batch for order in requests])
         self.live += 1
         self.most = max(self.most, self.live)
-        done = self.compute(function, task, orders)
+        done = self.compute(function, task, requests)
         future = SimpleNamespace(key=key, status="finished", result=lambda timeout: done, release=self.release)
         future.add_done_callback = lambda put: put(future) if self.answers else None
         return future
 
-    def compute(self, function, task, orders):
+    def compute(self, function, task, requests):
         """Return what a worker returns."""
-        return function(task, orders)
+        return function(task, requests)
 
     def release(self):
         """Take note that a future is let go."""
@@ -63,8 +63,8 @@ def begin(tmp_path, campaign_file):
         campaign_file.write_text((text.replace("samples = 25\n", "") if rule else text) + rule)
         store = open_store(str(tmp_path / "runs"))
         plan = submit(store, load_campaign(str(campaign_file), samples=samples), size)
-        task = Task(store.files.root, plan.campaign_id, plan.engine_build, fake_engine.simulate)
-        with held(store, plan.campaign_id) as token:
+        task = CampaignAddress.of(store, plan, fake_engine.simulate)
+        with hold_lease(store, plan.campaign_id) as token:
             return _begin(store, plan, task, token, lambda _: None)
 
     return begin
@@ -86,7 +86,7 @@ def test_every_batch_once_within_the_window(begin):
 def test_long_batches_travel_alone(begin):
     """Nothing is gained by waiting for several."""
     drive, client = begin(60, 3), Client()
-    client.compute = lambda function, task, orders: [replace(done, seconds=10.0) for done in function(task, orders)]
+    client.compute = lambda function, task, requests: [replace(done, seconds=10.0) for done in function(task, requests)]
     compute(drive, client)
     assert {len(task) for task in client.tasks} == {1}
 
@@ -95,9 +95,9 @@ def test_no_further_than_a_window_beyond_the_next_checkpoint(begin):
     """What lies beyond the end of a campaign that stops when sure is wasted."""
     drive, client, ahead = begin(None, 2, RULE), Client(), []
 
-    def noting(function, task, orders):
-        ahead.append(orders[-1].batch - drive.agenda.covering(drive.checkpoints[0]))
-        return function(task, orders)
+    def noting(function, task, requests):
+        ahead.append(requests[-1].batch - drive.queue.batches_for(drive.checkpoints[0]))
+        return function(task, requests)
 
     client.compute = noting
     compute(drive, client)

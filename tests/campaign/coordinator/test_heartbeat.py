@@ -1,23 +1,24 @@
 """What a coordinator says of a campaign: counts of rows there, and the rate at which they are computed."""
 
-from campaign.coordinator.heartbeat import Heartbeat, Ledger
-from campaign.worker.batch import Order, Task, run_batch
+from campaign.coordinator.heartbeat import Heartbeat, Progress
+from campaign.worker.batch import run_batch
+from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine
 
 
 def test_rows_that_were_there_are_counted_and_not_computed(store, plan):
     """A part that a lost worker had written is rows done, and no work of this coordinator: the rate has none of it."""
-    ledger = Ledger(store, plan, store.survey(plan))
-    task = Task(store.url, plan.campaign_id, plan.engine_build, fake_engine.simulate)
-    ledger.add(run_batch(task, Order(0)))
-    again = run_batch(task, Order(0))
+    ledger = Progress(store, plan, store.survey(plan))
+    task = CampaignAddress.of(store, plan, fake_engine.simulate)
+    ledger.add(run_batch(task, BatchRequest(0)))
+    again = run_batch(task, BatchRequest(0))
     assert not again.computed
-    fresh = Ledger(store, plan, store.survey(plan))
+    fresh = Progress(store, plan, store.survey(plan))
     assert (fresh.done, fresh.computed) == (10, 0)
-    ledger = Ledger(store, plan, store.survey(plan))
-    ledger.add(run_batch(task, Order(1)))
-    run_batch(task, Order(2))
-    ledger.add(run_batch(task, Order(2)))
+    ledger = Progress(store, plan, store.survey(plan))
+    ledger.add(run_batch(task, BatchRequest(1)))
+    run_batch(task, BatchRequest(2))
+    ledger.add(run_batch(task, BatchRequest(2)))
     said = ledger.heartbeat("running", 2)
     assert (said.done, said.ok, said.failed, said.left, ledger.computed) == (25, 25, 0, 0, 10)
     assert said.responses["FC-1"]["n"] == 25

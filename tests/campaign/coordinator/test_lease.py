@@ -10,15 +10,23 @@ import time
 import pytest
 
 import campaign.coordinator.lease as leases
-from campaign.coordinator.lease import LeaseHeld, alive, held, holder, seems_driven, take, this_process
+from campaign.coordinator.lease import (
+    LeaseHeld,
+    hold_lease,
+    is_alive,
+    is_coordinated,
+    lease_holder,
+    take_lease,
+    this_process,
+)
 from campaign.store import open_store
 from campaign.store.layout import LEASE
 
 HELD = """
 import sys, time
-from campaign.coordinator.lease import held
+from campaign.coordinator.lease import hold_lease
 from campaign.store import open_store
-with held(open_store(sys.argv[1]), "demo"):
+with hold_lease(open_store(sys.argv[1]), "demo"):
     print("held", flush=True)
     time.sleep(600)
 """
@@ -44,41 +52,41 @@ def other(store):
 
 def test_held_and_given_back(store):
     """Inside the block nobody else gets it; after it anybody."""
-    with held(store, "demo") as token:
-        assert holder(store, "demo") == token
-        assert seems_driven(store, "demo")
+    with hold_lease(store, "demo") as token:
+        assert lease_holder(store, "demo") == token
+        assert is_coordinated(store, "demo")
         with pytest.raises(LeaseHeld, match=f"process {os.getpid()}"):
-            take(store, "demo")
-    assert holder(store, "demo") is None
-    assert not seems_driven(store, "demo")
+            take_lease(store, "demo")
+    assert lease_holder(store, "demo") is None
+    assert not is_coordinated(store, "demo")
 
 
 def test_killed_holder_is_known_at_once(store, other, monkeypatch):
     """Kill -9 of the holder on this machine: the next one need not wait, not even for its parent to notice."""
     with pytest.raises(LeaseHeld):
-        take(store, "demo")
+        take_lease(store, "demo")
     other.kill()
     while leases._started(other.pid) is not None:
         time.sleep(0.01)
-    assert not seems_driven(store, "demo")
+    assert not is_coordinated(store, "demo")
     slept = []
     monkeypatch.setattr(leases.time, "sleep", slept.append)
-    take(store, "demo")
+    take_lease(store, "demo")
     assert slept == [leases.SETTLE]
 
 
 def test_number_used_again_is_another_process(store):
     """A living process of the same number, but started later, does not hold it."""
     store.write_json("demo", LEASE, {"token": "x", **this_process(), "started": "1"})
-    assert not seems_driven(store, "demo")
-    with held(store, "demo"):
+    assert not is_coordinated(store, "demo")
+    with hold_lease(store, "demo"):
         pass
 
 
 @pytest.fixture
 def elsewhere(store, monkeypatch):
     """Put a lease of another machine into the store, and have little patience."""
-    monkeypatch.setattr(leases, "BEAT", 0.1)
+    monkeypatch.setattr(leases, "HEARTBEAT_INTERVAL", 0.1)
     monkeypatch.setattr(leases, "PATIENCE", 0.5)
     store.write_json("demo", LEASE, {"token": "x", **this_process(), "host": "another machine"})
 
@@ -97,24 +105,24 @@ def test_holder_elsewhere_lives_by_its_heartbeat(store, elsewhere):
     thread.start()
     try:
         with pytest.raises(LeaseHeld):
-            take(store, "demo")
+            take_lease(store, "demo")
     finally:
         over.set()
         thread.join()
-    assert not alive(store, "demo", store.read_json("demo", LEASE))
-    with held(store, "demo") as token:
-        assert holder(store, "demo") == token
+    assert not is_alive(store, "demo", store.read_json("demo", LEASE))
+    with hold_lease(store, "demo") as token:
+        assert lease_holder(store, "demo") == token
 
 
 def test_of_two_who_take_a_stale_one_at_once_one_gets_it(store, elsewhere, monkeypatch):
     """The other one writes its token in between: this one lets go."""
     monkeypatch.setattr(leases.time, "sleep", lambda _: store.write_json("demo", LEASE, {"token": "theirs"}))
     with pytest.raises(LeaseHeld, match="at the same time"):
-        take(store, "demo")
+        take_lease(store, "demo")
 
 
 def test_lease_taken_over_is_not_removed(store):
     """Who lost it leaves the other's."""
-    with held(store, "demo"):
+    with hold_lease(store, "demo"):
         store.write_json("demo", LEASE, {"token": "theirs"})
     assert json.loads(store.files.read("demo/lease.json"))["token"] == "theirs"

@@ -4,8 +4,8 @@ from functools import partial
 
 import pytest
 
-from campaign.cluster.connect import Cluster
-from campaign.coordinator.lease import LeaseHeld, held
+from campaign.cluster.cluster import Cluster
+from campaign.coordinator.lease import LeaseHeld, hold_lease
 from campaign.coordinator.rerun import failed_samples, rerun
 from campaign.errors import SpecError
 from tests.campaign import fake_engine
@@ -57,5 +57,5 @@ def test_sample_without_a_row_is_refused(broken):
     store.files.remove(f"{plan.campaign_id}/parts/part-000002.parquet")
     with pytest.raises(SpecError, match=r"sample 20: campaign demo-[0-9a-f]+ has no row of it"):
         rerun(store, plan, [20], Cluster(workers=1), fake_engine.simulate)
-    with held(store, plan.campaign_id), pytest.raises(LeaseHeld):
+    with hold_lease(store, plan.campaign_id), pytest.raises(LeaseHeld):
         rerun(store, plan, [3], Cluster(workers=1), fake_engine.simulate)

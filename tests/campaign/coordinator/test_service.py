@@ -3,7 +3,7 @@
 import pytest
 
 import campaign.reports.report
-from campaign.cluster.connect import Cluster
+from campaign.cluster.cluster import Cluster
 from campaign.coordinator import service
 from campaign.coordinator.coordinator import coordinate
 from campaign.coordinator.service import serve
@@ -74,7 +74,7 @@ def test_report_is_tried_again_when_the_store_fails(done, monkeypatch):
             raise StoreError("out of reach")
         return write(*words)
 
-    monkeypatch.setattr(service, "BEAT", 0.01)
+    monkeypatch.setattr(service, "HEARTBEAT_INTERVAL", 0.01)
     monkeypatch.setattr(campaign.reports.report, "report", fails_once)
     assert serve(store, CLUSTER, once=True) == [plan.campaign_id]
     assert len(calls) == 2

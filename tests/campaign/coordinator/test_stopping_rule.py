@@ -8,7 +8,8 @@ from campaign.errors import SpecError
 from campaign.spec.load import load_campaign
 from campaign.spec.policy import Stop
 from campaign.store import Store
-from campaign.worker.batch import Order, Task, run_batch
+from campaign.worker.batch import run_batch
+from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows, start
 
@@ -62,8 +63,8 @@ def test_rows_that_arrive_after_the_end_do_not_count(tmp_path, campaign_file, wo
     record = Store.record
 
     def late(self, plan, parts):
-        task = Task(self.url, plan.campaign_id, plan.engine_build, fake_engine.simulate)
-        run_batch(task, Order(len(plan.batches) - 1))
+        task = CampaignAddress(self.url, plan.campaign_id, plan.engine_build, fake_engine.simulate)
+        run_batch(task, BatchRequest(len(plan.batches) - 1))
         record(self, plan, parts)
 
     monkeypatch.setattr(Store, "record", late)

@@ -2,51 +2,51 @@
 
 import pytest
 
-from campaign.coordinator.work_queue import Agenda
-from campaign.worker.batch import Order
+from campaign.coordinator.work_queue import WorkQueue
+from campaign.worker.messages import BatchRequest
 
 
 @pytest.fixture
-def agenda(plan):
-    """Return an agenda of batches of 10, 10 and 5, of which the second is there."""
-    return Agenda(plan, [1], 25)
+def queue(plan):
+    """Return a queue of batches of 10, 10 and 5, of which the second is there."""
+    return WorkQueue(plan, [1], 25)
 
 
-def handed_out(agenda):
-    """Return all orders there are."""
-    orders = []
-    while (order := agenda.next()) is not None:
-        orders.append(order)
-    return orders
+def handed_out(queue):
+    """Return all requests."""
+    requests = []
+    while (request := queue.next()) is not None:
+        requests.append(request)
+    return requests
 
 
-def test_missing_batches_in_order(agenda):
+def test_missing_batches_in_order(queue):
     """What is there is not asked for; what is put back comes first."""
-    assert len(agenda) == 2
-    assert handed_out(agenda) == [Order(0), Order(2)]
-    agenda.again(Order(2, 2, apart=True))
-    assert handed_out(agenda) == [Order(2, 2, apart=True)]
-    assert not agenda
+    assert len(queue) == 2
+    assert handed_out(queue) == [BatchRequest(0), BatchRequest(2)]
+    queue.requeue(BatchRequest(2, 2, isolated=True))
+    assert handed_out(queue) == [BatchRequest(2, 2, isolated=True)]
+    assert not queue
 
 
 def test_samples_beyond_the_end_are_not_asked_for(plan):
     """A campaign that stopped at sample 10 needs its first batch, one that stopped at 11 two."""
-    assert handed_out(Agenda(plan, [], 10)) == [Order(0)]
-    assert handed_out(Agenda(plan, [], 11)) == [Order(0), Order(1)]
+    assert handed_out(WorkQueue(plan, [], 10)) == [BatchRequest(0)]
+    assert handed_out(WorkQueue(plan, [], 11)) == [BatchRequest(0), BatchRequest(1)]
 
 
-def test_complete_from_the_beginning_on(agenda):
+def test_complete_from_the_beginning_on(queue):
     """Samples are held when no batch before them is missing."""
-    assert not agenda.holds(1)
-    agenda.finish(2)
-    assert not agenda.holds(1)
-    agenda.finish(0)
-    assert agenda.holds(25)
+    assert not queue.completed(1)
+    queue.complete(2)
+    assert not queue.completed(1)
+    queue.complete(0)
+    assert queue.completed(25)
 
 
-def test_limit(agenda):
+def test_limit(queue):
     """No batch from the limit on is handed out, until the limit moves."""
-    agenda.limit = 2
-    assert handed_out(agenda) == [Order(0)]
-    agenda.limit = 3
-    assert handed_out(agenda) == [Order(2)]
+    queue.limit = 2
+    assert handed_out(queue) == [BatchRequest(0)]
+    queue.limit = 3
+    assert handed_out(queue) == [BatchRequest(2)]

@@ -12,7 +12,7 @@ from campaign.inputs.sampling import sampler_named
 from campaign.reports.report import report, report_spec
 from campaign.reports.whatif import what_if
 from campaign.spec.load import load_campaign
-from campaign.worker.batch import Task
+from campaign.worker.messages import CampaignAddress
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
 from tests.reporting.models import ISHIGAMI_FIRST, ISHIGAMI_TOTAL, ishigami_of
@@ -74,7 +74,7 @@ def test_a_hole_is_closed_by_a_rerun(tmp_path):
     assert found["J1"]["total"] is None
     assert found["J1"]["first_order"] is not None
     assert f"{len(failed)} of the design's 320 samples have no value (sample {failed[0]}" in notes[-1]
-    task = Task(store.url, plan.campaign_id, plan.engine_build, partial(ishigami, 1.0))
+    task = CampaignAddress.of(store, plan, partial(ishigami, 1.0))
     for batch in {sample // 100 for sample in failed}:
         rerun_batch(task, batch, tuple(sample for sample in failed if sample // 100 == batch))
     assert influences(store, plan)[0]["J1"]["total"] is not None

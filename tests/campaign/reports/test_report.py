@@ -13,7 +13,8 @@ from campaign.plan import make_plan
 from campaign.reports.report import report, report_spec
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.worker.batch import Order, Task, run_batch
+from campaign.worker.batch import run_batch
+from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine
 
 
@@ -42,7 +43,7 @@ def test_report_says_how_to_repeat_a_failed_run(campaign_file, tmp_path):
     plan = make_plan(load_campaign(str(campaign_file)), 25)
     store = open_store(str(tmp_path / "runs"))
     store.create_plan(plan)
-    run_batch(Task(store.url, plan.campaign_id, plan.engine_build, partial(fake_engine.raises_above, 0.07)), Order(0))
+    run_batch(CampaignAddress.of(store, plan, partial(fake_engine.raises_above, 0.07)), BatchRequest(0))
     table = store.table()
     written = report(store, plan, table)
     failures = json.loads(Path(written["json"]).read_text())["failures"]
@@ -72,7 +73,7 @@ def test_report_lies_in_the_store(plan, tmp_path, kind):
     store = open_store(str(tmp_path) if kind == "folder" else f"memory://{secrets.token_hex(4)}")
     store.create_plan(plan)
     for batch in range(3):
-        run_batch(Task(store.url, plan.campaign_id, plan.engine_build, fake_engine.simulate), Order(batch))
+        run_batch(CampaignAddress.of(store, plan, fake_engine.simulate), BatchRequest(batch))
     written = report(store, plan, store.table())
     content = store.files.read(f"{plan.campaign_id}/report/{Path(written['html']).name}").decode()
     assert plan.campaign_id in content
@@ -95,7 +96,7 @@ def test_a_running_campaign_gets_a_provisional_report(plan, tmp_path):
     store.create_plan(plan)
     page = Path(report(store, plan)["html"]).read_text()
     assert "0 of 25 samples asked for are done" in page.replace("\u202f", "")
-    run_batch(Task(store.url, plan.campaign_id, plan.engine_build, fake_engine.simulate), Order(1))
+    run_batch(CampaignAddress.of(store, plan, fake_engine.simulate), BatchRequest(1))
     written = report(store, plan)
     content = json.loads(Path(written["json"]).read_text())
     assert (content["requested"], content["finished"]) == (25, 10)
@@ -107,7 +108,7 @@ def test_a_page_has_the_distributions_and_the_advice_of_the_campaign(plan, tmp_p
     store = open_store(str(tmp_path))
     store.create_plan(plan)
     for batch in range(3):
-        run_batch(Task(store.url, plan.campaign_id, plan.engine_build, fake_engine.simulate), Order(batch))
+        run_batch(CampaignAddress.of(store, plan, fake_engine.simulate), BatchRequest(batch))
     spec = report_spec(plan, store)
     x, p = zip(*spec.variables[0].cdf, strict=True)
     assert p == pytest.approx(plan.spec.variables["J1"].cdf(x))

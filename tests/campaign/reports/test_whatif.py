@@ -20,7 +20,8 @@ from campaign.reports.tolerances import cheapest_tolerances, tolerance_advice
 from campaign.reports.whatif import what_if
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.worker.batch import Order, Task, run_batch
+from campaign.worker.batch import run_batch
+from campaign.worker.messages import BatchRequest, CampaignAddress
 from reporting import capability
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
@@ -38,7 +39,7 @@ def filled(campaign, tmp_path):
     store = open_store(str(tmp_path / "runs"))
     store.create_plan(plan)
     for batch in range(len(plan.batches)):
-        run_batch(Task(store.url, plan.campaign_id, plan.engine_build, fake_engine.simulate), Order(batch))
+        run_batch(CampaignAddress.of(store, plan, fake_engine.simulate), BatchRequest(batch))
     return store, plan
 
 
@@ -213,7 +214,7 @@ def test_two_campaigns_are_compared_on_one_page(filled, campaign_file):
     campaign_file.write_text(campaign_file.read_text().replace("seed = 7", "seed = 8"))
     other = make_plan(load_campaign(str(campaign_file)), 25)
     store.create_plan(other)
-    run_batch(Task(store.url, other.campaign_id, other.engine_build, fake_engine.simulate), Order(0))
+    run_batch(CampaignAddress.of(store, other, fake_engine.simulate), BatchRequest(0))
     words = ["report", plan.campaign_id, "--against", other.campaign_id, "--no-excel", "--json", "--store", store.url]
     files = json.loads(CliRunner().invoke(app, words).stdout)["report"]
     assert set(files) == {"html", "json", "parquet"}

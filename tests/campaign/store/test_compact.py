@@ -13,7 +13,8 @@ from campaign.errors import StoreError
 from campaign.store import compact as compaction
 from campaign.store import open_store, part_name
 from campaign.store.parts import encode
-from campaign.worker.batch import Order, Task, run_batch
+from campaign.worker.batch import run_batch
+from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine
 from tests.campaign.store.test_store import fill
 
@@ -43,7 +44,7 @@ def test_done_batches_are_not_computed_again(store, plan):
     store.compact(plan)
     whole = store.table()
     assert store.survey(plan).missing == []
-    run_batch(Task(store.url, plan.campaign_id, plan.engine_build, fake_engine.simulate), Order(1))
+    run_batch(CampaignAddress.of(store, plan, fake_engine.simulate), BatchRequest(1))
     assert parts(store, plan) == ["part-000001.parquet", "rows-000000-000002.parquet"]
     assert store.table().equals(whole)
 

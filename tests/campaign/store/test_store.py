@@ -17,16 +17,17 @@ from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import BadPart, open_store, part_name
 from campaign.store.parts import check, encode
-from campaign.worker.batch import Order, Task, run_batch
+from campaign.worker.batch import run_batch
+from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 
 
 def fill(store, plan, batches=(0, 1, 2)):
     """Compute batches."""
-    task = Task(store.url, plan.campaign_id, plan.engine_build, fake_engine.simulate)
+    task = CampaignAddress.of(store, plan, fake_engine.simulate)
     for batch in batches:
-        run_batch(task, Order(batch))
+        run_batch(task, BatchRequest(batch))
 
 
 @pytest.mark.parametrize("url", ["folder", "memory"])

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 
 from campaign.cli.output import show_logs
-from campaign.cluster.connect import Cluster
+from campaign.cluster.cluster import Cluster
 from campaign.cluster.tls import Tls
 from campaign.coordinator.coordinator import coordinate
 from campaign.errors import CampaignError

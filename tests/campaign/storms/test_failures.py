@@ -13,7 +13,7 @@ from random import Random
 
 import pytest
 
-from campaign.cluster.connect import Cluster
+from campaign.cluster.cluster import Cluster
 from campaign.coordinator.coordinator import coordinate
 from campaign.coordinator.results import TRIES
 from campaign.coordinator.state import state_of

@@ -6,7 +6,7 @@ import uuid
 
 import pytest
 
-from campaign.cluster.connect import Cluster
+from campaign.cluster.cluster import Cluster
 from campaign.cluster.tls_certificates import make_certificates
 from campaign.coordinator.coordinator import coordinate
 from campaign.coordinator.submit import submit

@@ -122,15 +122,16 @@ def test_scale(size, samples, tmp_path, campaign_file, capsys):
 COMPUTE = """
 import sys, time
 from campaign.store import open_store
-from campaign.worker.batch import Order, Task, run_batches
+from campaign.worker.batch import run_batches
+from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign.fake_engine import simulate
 
 store, plan = open_store(sys.argv[1]), sys.argv[2]
-task = Task(store.files.root, plan, store.plan(plan).engine_build, simulate)
+task = CampaignAddress(store.files.root, plan, store.plan(plan).engine_build, simulate)
 first, last = map(int, sys.argv[3:])
-run_batches(task, [Order(first)])
+run_batches(task, [BatchRequest(first)])
 start = time.process_time()
-run_batches(task, [Order(batch) for batch in range(first + 1, last)])
+run_batches(task, [BatchRequest(batch) for batch in range(first + 1, last)])
 print(time.process_time() - start)
 """
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from campaign.worker.moments import Moments, add, moments, running_cpk
+from campaign.worker.moments import Moments, add_moments, moments, running_cpk
 from reporting import capability
 
 NUMBERS = st.lists(st.floats(-1e6, 1e6), min_size=0, max_size=30)
@@ -31,7 +31,7 @@ def test_digits_at_a_large_mean():
     x = 1e8 + np.random.default_rng(1).normal(size=10_000)
     total = {}
     for piece in np.split(x, 100):
-        add(total, {"x": of(piece)})
+        add_moments(total, {"x": of(piece)})
     assert total["x"].std == pytest.approx(float(np.std(x - 1e8, ddof=1)), rel=1e-6)
 
 

@@ -5,8 +5,10 @@ from functools import partial
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.worker.batch import Order, Task, rows_here, run_batch
+from campaign.worker.batch import run_batch
+from campaign.worker.messages import BatchRequest, CampaignAddress
 from campaign.worker.row import compute_row, sample_values
+from campaign.worker.runs import rows_in_process
 from engine.loop import Cancel
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
@@ -19,7 +21,7 @@ retry = [{ step = 0.002, tolerance = 1e-7 }, { step = 0.001 }]
 
 def run_rows(store, plan, simulate):
     """Return the rows of all samples, computed one by one."""
-    return list(rows_here(Task(store.url, plan.campaign_id, plan.engine_build, simulate), range(plan.spec.samples)))
+    return list(rows_in_process(CampaignAddress.of(store, plan, simulate), range(plan.spec.samples)))
 
 
 def test_settings_reach_the_engine(campaign_file, tmp_path):
@@ -35,7 +37,7 @@ def test_settings_reach_the_engine(campaign_file, tmp_path):
         seen.append((step, horizon))
         return fake_engine.simulate(mechanism, values)
 
-    run_batch(Task(store.url, plan.campaign_id, plan.engine_build, listens), Order(0))
+    run_batch(CampaignAddress.of(store, plan, listens), BatchRequest(0))
     assert seen == [(0.004, None)] * 5
 
 

@@ -11,29 +11,30 @@ import psutil
 import pytest
 
 from campaign.store.layout import CANCEL
-from campaign.worker.batch import Cancelled, Task, rows_here
 from campaign.worker.limits import memory_limit, time_limit
-from campaign.worker.subprocess_runs import TRIES, rows_apart
+from campaign.worker.messages import CampaignAddress, Cancelled
+from campaign.worker.runs import rows_in_process
+from campaign.worker.subprocess_runs import TRIES, rows_in_subprocess
 from tests.campaign import fake_engine
 
 
 def address(store, plan, simulate):
-    return Task(store.url, plan.campaign_id, plan.engine_build, simulate)
+    return CampaignAddress.of(store, plan, simulate)
 
 
 def test_rows_are_the_same_as_here(store, plan):
     """Another process, the same bits."""
     task = address(store, plan, fake_engine.simulate)
-    assert list(rows_apart(task, range(3, 8), 1)) == list(rows_here(task, range(3, 8)))
-    assert [row["sample"] for row in rows_apart(task, [2, 9, 4], 1)] == [2, 9, 4]
+    assert list(rows_in_subprocess(task, range(3, 8), 1)) == list(rows_in_process(task, range(3, 8)))
+    assert [row["sample"] for row in rows_in_subprocess(task, [2, 9, 4], 1)] == [2, 9, 4]
 
 
 def test_a_run_that_kills_is_a_row(store, plan):
     """It is tried three times, as others send that signal too; the runs before and after it are untouched."""
-    here = list(rows_here(address(store, plan, fake_engine.simulate), range(6)))
+    here = list(rows_in_process(address(store, plan, fake_engine.simulate), range(6)))
     deadly = sorted(row["J1"] for row in here)[3]
     task = address(store, plan, partial(fake_engine.kills_above, deadly))
-    rows = list(rows_apart(task, range(6), 2))
+    rows = list(rows_in_subprocess(task, range(6), 2))
     for row, before in zip(rows, here, strict=True):
         if row["J1"] > deadly:
             assert row["status"] == "crashed"
@@ -46,10 +47,11 @@ def test_a_run_that_kills_is_a_row(store, plan):
 def test_child_ends_with_its_parent(store, plan, tmp_path):
     """Kill -9 of the process that started it: the child does not stay."""
     code = (
-        "import sys\nfrom functools import partial\nfrom campaign.worker.subprocess_runs import TRIES, rows_apart\n"
-        "from campaign.worker.batch import Task\nfrom tests.campaign import fake_engine\n"
-        f"task = Task({store.url!r}, {plan.campaign_id!r}, {plan.engine_build!r}, partial(fake_engine.takes, 60.0))\n"
-        "next(rows_apart(task, range(3), 1))\n"
+        "import sys\nfrom functools import partial\nfrom campaign.worker.messages import CampaignAddress\n"
+        "from campaign.worker.subprocess_runs import rows_in_subprocess\nfrom tests.campaign import fake_engine\n"
+        "slow = partial(fake_engine.takes, 60.0)\n"
+        f"address = CampaignAddress({store.url!r}, {plan.campaign_id!r}, {plan.engine_build!r}, slow)\n"
+        "next(rows_in_subprocess(address, range(3), 1))\n"
     )
     parent = subprocess.Popen([sys.executable, "-c", code])
     try:
@@ -68,7 +70,7 @@ def test_cancelled_in_the_middle(store, plan):
     """The marker ends it with the campaign's own word, as it does here."""
     store.files.write(f"{plan.campaign_id}/{CANCEL}", b"")
     task = address(store, plan, partial(fake_engine.takes, 0.5))
-    for compute in (rows_here, rows_apart):
+    for compute in (rows_in_process, rows_in_subprocess):
         with pytest.raises(Cancelled):
             list(compute(task, range(25), 1))
 

@@ -12,14 +12,15 @@ from contextlib import contextmanager
 import pytest
 import s3fs
 
-from campaign.cluster.connect import Cluster
+from campaign.cluster.cluster import Cluster
 from campaign.coordinator.coordinator import coordinate
 from campaign.coordinator.submit import submit
 from campaign.errors import SpecError, StoreError
 from campaign.store import open_store, part_name
 from campaign.store.files import object_store
 from campaign.store.files.files import Files
-from campaign.worker.batch import Order, Task, run_batch
+from campaign.worker.batch import run_batch
+from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows
 from tests.campaign.store.test_store import fill
@@ -226,7 +227,7 @@ def test_listing_is_never_old(remote, plan):
 
 def write_apart(url, campaign_id, build):
     """Compute batch 1; in a process of its own."""
-    run_batch(Task(url, campaign_id, build, fake_engine.simulate), Order(1))
+    run_batch(CampaignAddress(url, campaign_id, build, fake_engine.simulate), BatchRequest(1))
 
 
 def test_no_such_bucket(url):

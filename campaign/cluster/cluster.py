@@ -1,0 +1,40 @@
+"""What a user says of the place where a campaign is computed."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from campaign.cluster.tls import Tls
+
+Kind = Literal["local", "slurm", "oar", "pbs", "kubernetes"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Where a campaign is computed, as a user says it.
+
+    Attributes
+    ----------
+    scheduler : str or None
+        Address (``tcp://host:port``, ``tls://host:port``) or scheduler file (``.json``) of a running dask scheduler;
+        None to start workers.
+    kind : str
+        Where workers are started: as processes here, or as jobs of a batch system.
+    workers : int or None
+        Number of workers to start; None for one on each core of this machine.
+    tls : Tls or None
+        Certificates; None for those of dask's configuration.
+    insecure : bool
+        Allow traffic beyond this machine that is neither encrypted nor authenticated.
+    """
+
+    scheduler: str | None = None
+    kind: Kind = "local"
+    workers: int | None = None
+    tls: Tls | None = None
+    insecure: bool = False
+
+    @property
+    def starts_here(self) -> bool:
+        """Whether its workers are started as processes on this machine."""
+        return self.scheduler is None and self.kind == "local"

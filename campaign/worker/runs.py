@@ -1,0 +1,83 @@
+"""Compute rows in this process, one run after the other."""
+
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+
+from campaign.plan import Plan
+from campaign.store import Store, open_store
+from campaign.store.layout import CANCEL
+from campaign.worker.limits import cancelled_by, memory_limit
+from campaign.worker.messages import CampaignAddress, Cancelled, WrongBuild
+from campaign.worker.row import Row, compute_row, sample_inputs
+from engine import build_id, simulate, warm_up
+
+
+@lru_cache(maxsize=4)
+def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
+    """Return the store and the plan of a campaign, with the engine compiled; read once in each process.
+
+    Raises
+    ------
+    WrongBuild
+        If this process runs another engine build than the campaign is planned for.
+    StoreError
+        If the store or the plan cannot be read.
+    """
+    if build_id() != address.engine_build:
+        error = WrongBuild(
+            f"campaign {address.campaign_id} is planned for engine build {address.engine_build}, this process runs"
+            f" {build_id()}; install that version here, or run the campaign anew"
+        )
+        error.worker = _worker()
+        raise error
+    if address.simulate is simulate:
+        warm_up()  # compiling must not count as time of a run
+    store = open_store(address.store)
+    return store, store.plan(address.campaign_id)
+
+
+def rows_in_process(address: CampaignAddress, samples: Sequence[int], attempt: int = 1) -> Iterator[Row]:
+    """Yield the row of each sample, computed in this process.
+
+    Parameters
+    ----------
+    address : CampaignAddress
+        The campaign.
+    samples : sequence of int
+        Numbers of the samples.
+    attempt : int
+        Attempt number of the batch, from 1.
+
+    Yields
+    ------
+    Row
+        One for each sample, in the order of ``samples``.
+
+    Raises
+    ------
+    Cancelled
+        If the campaign is cancelled meanwhile.
+    WrongBuild, StoreError
+        If the campaign cannot be opened; see `open_campaign`.
+    """
+    from engine.loop import Cancel  # loads numba, which a coordinator that only requests batches does not need
+
+    store, plan = open_campaign(address)
+    cancel = Cancel()
+    marker = f"{plan.campaign_id}/{CANCEL}"
+    with memory_limit(plan.spec.execution.memory_limit), cancelled_by(lambda: store.files.exists(marker), cancel):
+        for sample, values in sample_inputs(plan, samples):
+            row = compute_row(plan, address.simulate, sample, values, attempt, cancel)
+            if cancel.flag[0]:
+                raise Cancelled(f"campaign {plan.campaign_id} is cancelled")
+            yield row
+
+
+def _worker() -> str:
+    """Return the address of the worker this is; empty in any other process."""
+    from distributed import get_worker
+
+    try:
+        return str(get_worker().address)  # type: ignore[no-untyped-call]
+    except ValueError:
+        return ""
