@@ -6,7 +6,10 @@ forces inside Coulomb's cones with the least sum of squares. They follow from th
 Ideal joints and prescribed motions hold whatever they are asked to.
 """
 
+from functools import cache
+
 import numpy as np
+from threadpoolctl import ThreadpoolController
 
 from engine.arrays import Array, Integers
 from engine.assembly import Assembly
@@ -101,20 +104,37 @@ def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) ->
     list of (least, largest)
         The largest is inf where friction wedges: see `engine.friction.indeterminacy`.
     """
-    work = assembly.work
     touching = np.flatnonzero(forces[:, 0] > 0)
     problem = _problem(assembly, touching)
-    H = np.zeros((3 * touching.size, problem.w.size))
+    mu, r = problem.mu, forces[touching].ravel()
+    place = {int(contact): j for j, contact in enumerate(touching)}
+    # The last bits of a singular value decomposition depend on the number of threads that share it.
+    with _linear_algebra().limit(limits=1, user_api="blas"):
+        H = _balance(assembly, problem, touching.size)
+        return [normal_force_range(H, mu, r, place[i]) if i in place else (0.0, 0.0) for i in wanted]
+
+
+@cache
+def _linear_algebra() -> ThreadpoolController:
+    """Return the threads of NumPy's linear algebra; they are looked up once a process."""
+    return ThreadpoolController()
+
+
+def _balance(assembly: Assembly, problem: FrictionArrays, touching: int) -> Array:
+    """Return what forces at the touching contacts do to the bodies: rows (N, T1, T2) of each, less what joints hold.
+
+    The shape is (3 touching, n), in the mass metric.
+    """
+    work = assembly.work
+    H = np.zeros((3 * touching, problem.w.size))
     J = np.zeros((work.held.violation.size, problem.w.size))
-    for j in range(touching.size):
+    for j in range(touching):
         H[3 * j : 3 * j + 3] += _spread(problem.rows.start[j], problem.rows.width[j], problem.rows.G[j], J.shape[1])
     for i in range(len(J)):
         J[i] = _spread(problem.ties.start[i], problem.ties.width[i], problem.ties.J[i : i + 1], J.shape[1])[0]
     if len(J):  # what the joints hold is no part of the balance
         H = H - (H @ np.linalg.pinv(J)) @ J
-    mu, r = problem.mu, forces[touching].ravel()
-    place = {int(contact): j for j, contact in enumerate(touching)}
-    return [normal_force_range(H, mu, r, place[i]) if i in place else (0.0, 0.0) for i in wanted]
+    return H
 
 
 def _spread(start: Integers, width: Integers, rows: Array, n: int) -> Array:
