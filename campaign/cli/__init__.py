@@ -1,4 +1,8 @@
-"""The command ``clearcap``; each verb imports what it needs when it is called, so that the help is quick."""
+"""The command ``clearcap``: one verb a function, most of them one a module.
+
+Verbs import tables, dask and the engine inside their functions, when they are called: ``clearcap --help`` and wrong
+options must not wait a second for them.
+"""
 
 import sys
 from typing import Annotated
@@ -6,18 +10,22 @@ from typing import Annotated
 import typer
 
 from campaign.cli.bench import bench
-from campaign.cli.campaigns import report, status, watch
 from campaign.cli.certificates import certificates
 from campaign.cli.control import cancel, coordinate, resume
 from campaign.cli.mechanism import mechanism_app
 from campaign.cli.output import say, show_logs
 from campaign.cli.polarisation import polarisation
-from campaign.cli.questions import advise, whatif
 from campaign.cli.repeat import replay, rerun
+from campaign.cli.results.advise import advise
+from campaign.cli.results.compact import compact
+from campaign.cli.results.list_campaigns import list_campaigns
+from campaign.cli.results.report import report
+from campaign.cli.results.status import status
+from campaign.cli.results.watch import watch
+from campaign.cli.results.whatif import whatif
 from campaign.cli.run import run, submit
 from campaign.cli.schema import schema_app
 from campaign.cli.simulate import simulate
-from campaign.cli.stored import compact, list_campaigns
 
 app = typer.Typer(
     name="clearcap",
@@ -50,8 +58,9 @@ app.add_typer(mechanism_app, name="mechanism")
 app.add_typer(schema_app, name="schema")
 
 
-def _version(asked: bool) -> None:
-    if asked:
+def _version(wanted: bool) -> None:
+    """Print the version and exit."""
+    if wanted:
         from campaign.version import clearcap_version
 
         print(f"clearcap {clearcap_version()}")
@@ -68,7 +77,7 @@ def root(
 
 
 def main() -> None:
-    """Run the command; a fault of the user's input is one message and an exit status, never a traceback."""
+    """Run the command; an error that the user can mend is one message and an exit status, never a traceback."""
     show_logs()
     try:
         app()
@@ -81,7 +90,7 @@ def main() -> None:
 
 
 def _exit_code(error: Exception) -> int | None:
-    """Return the exit status for an error with a message made for the user; None for a bug."""
+    """Return the exit status of an error whose message is for the user; None for a bug."""
     from campaign.errors import CampaignError
     from engine import EngineError, MechanismError
 

@@ -1,4 +1,4 @@
-"""``clearcap bench``: how fast mechanisms are computed here."""
+"""``clearcap bench``: how fast this machine simulates mechanisms."""
 
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated

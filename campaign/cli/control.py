@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from campaign.cli.campaigns import Id, StoreUrl
-from campaign.cli.options import on_cluster
+from campaign.cli.options import Id, StoreUrl, on_cluster
 from campaign.cli.output import Json, print_json, say
 from campaign.cli.run import NoReport
 

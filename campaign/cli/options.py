@@ -1,4 +1,4 @@
-"""Options that say where a campaign is computed, shared by the verbs that compute."""
+"""Arguments and options that several verbs share: which campaign, which store, where to compute."""
 
 import inspect
 from collections.abc import Callable
@@ -10,6 +10,9 @@ import typer
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
+
+Id = Annotated[str | None, typer.Argument(help="Id of the campaign; not needed if it is the only one.")]
+StoreUrl = Annotated[str, typer.Option("--store", help="Folder or URL of the results.")]
 
 _PANEL = "Where to compute"
 
@@ -61,12 +64,12 @@ def cluster_from(
     tls_key: TlsKey = None,
     insecure: Insecure = False,
 ) -> "Cluster":
-    """Return the cluster that options describe, checked as far as that goes without reaching it.
+    """Return the cluster that options describe, checked as far as possible without a connection.
 
     Raises
     ------
     SpecError
-        If options contradict each other, name files that cannot be used, or would speak in the clear.
+        If options contradict each other, name files that cannot be used, or would send data without encryption.
     """
     from campaign.cluster.cluster import Cluster
     from campaign.cluster.connect import check_cluster
@@ -86,13 +89,13 @@ def cluster_from(
 
 
 def on_cluster(verb: Callable[..., None]) -> Callable[..., None]:
-    """Give a verb, in the place of its parameter ``where``, the options that describe a cluster."""
+    """Replace the parameter ``where`` of a verb by the options that describe a cluster."""
     own, options = inspect.signature(verb).parameters, inspect.signature(cluster_from).parameters
 
     @wraps(verb)
-    def with_options(**given: Any) -> None:
-        where = cluster_from(**{name: given.pop(name) for name in options})
-        verb(where=where, **given)
+    def with_options(**arguments: Any) -> None:
+        where = cluster_from(**{name: arguments.pop(name) for name in options})
+        verb(where=where, **arguments)
 
     parameters = [p for name, p in own.items() if name != "where"]
     last = next((i for i, p in enumerate(parameters) if p.name == "json"), len(parameters))

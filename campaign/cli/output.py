@@ -1,4 +1,4 @@
-"""What goes where: results to standard output, messages and progress to standard error."""
+"""Results go to standard output, messages and progress to standard error."""
 
 import json
 import logging
@@ -25,23 +25,24 @@ def say(text: str) -> None:
 def show_logs() -> None:
     """Send what the campaign logs to standard error, as messages."""
     logger = logging.getLogger("campaign")
-    logger.addHandler(_Said())
+    logger.addHandler(_MessageHandler())
     logger.setLevel(logging.INFO)
 
 
-class _Said(logging.Handler):
-    """Says what is logged, above the progress bar if there is one."""
+class _MessageHandler(logging.Handler):
+    """Prints what is logged, above the progress bar if there is one."""
 
     def emit(self, record: logging.LogRecord) -> None:
         say(record.getMessage())
 
 
 def number(value: float | None, digits: int = 5) -> str:
-    """Return a number for a table; a dash for none."""
+    """Return a number for a table; a dash for None."""
     return "-" if value is None else f"{value:.{digits}g}"
 
 
 def _finite(document: Any) -> Any:
+    """Return a document with None in place of NaN and infinities."""
     if isinstance(document, float):
         return document if math.isfinite(document) else None
     if isinstance(document, dict):

@@ -3,14 +3,13 @@
 import math
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from campaign.cli.campaigns import StoreUrl
-from campaign.cli.options import on_cluster
+from campaign.cli.options import StoreUrl, on_cluster
 from campaign.cli.output import Json, print_json, say
+from campaign.cli.run_files import RunFiles
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
@@ -61,21 +60,18 @@ def replay(
     json: Json = False,
 ) -> None:
     """Repeat one run of a campaign in this process, and compare it with its row, bit for bit."""
-    from campaign.cli.simulate import check_outputs, draw
     from campaign.store import open_store
     from engine import build_id
 
     opened = open_store(store)
     plan = opened.plan(opened.find(campaign))
     _check(plan, sample)
-    check_outputs(trajectory, None, plot, animation)
+    files = RunFiles(trajectory, plot, animation)
+    files.check()
     if build_id() != plan.engine_build:
         say(f"the campaign is of engine build {plan.engine_build}, this is {build_id()}: numbers may differ")
-    with TemporaryDirectory(prefix="clearcap-") as folder:
-        motion = trajectory or (Path(folder) / "motion.h5" if plot or animation else None)
+    with files.recording() as motion:
         row = _repeat(plan, sample, motion)
-        if motion and (plot or animation):
-            draw(motion, plot, animation)
     stored = _stored(opened, plan, sample)
     same = None if stored is None else _same(row, stored, list(plan.mechanism.responses))
     if json:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from campaign.cli.options import on_cluster
+from campaign.cli.options import StoreUrl, on_cluster
 from campaign.cli.output import Json, print_json, say
 
 if TYPE_CHECKING:
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 Campaign = Annotated[str, typer.Argument(help="A shipped campaign (c60) or a campaign file.")]
 Samples = Annotated[int | None, typer.Option(help="Samples, instead of the file's.")]
 Seed = Annotated[int | None, typer.Option(help="Seed, instead of the file's.")]
-StoreUrl = Annotated[str, typer.Option("--store", help="Folder or URL of the results.")]
 BatchSize = Annotated[int | None, typer.Option(min=1, help="Samples a batch, of a new campaign; default: about 10 s.")]
 NoReport = Annotated[bool, typer.Option("--no-report", help="Leave the report out.")]
 

@@ -2,12 +2,12 @@
 
 from dataclasses import asdict
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from campaign.cli.output import Json, print_json, say
+from campaign.cli.output import Json, print_json
+from campaign.cli.run_files import RunFiles
 
 if TYPE_CHECKING:
     from engine import Run
@@ -43,9 +43,10 @@ def simulate(
     loaded = loaded.on_bench(bench) if bench else loaded
     if loaded.plot and not (json or plot or trajectory or animation):
         plot = Path(f"{loaded.name}-{bench}.png" if bench else f"{loaded.name}.png")
-    check_outputs(trajectory, every, plot, animation)
-    with TemporaryDirectory(prefix="clearcap-") as folder:
-        motion = trajectory or (Path(folder) / "motion.h5" if plot or animation else None)
+    files = RunFiles(trajectory, plot, animation)
+    files.check()
+    _check_every(every, files)
+    with files.recording() as motion:
         run = simulate_once(
             loaded,
             values,
@@ -56,67 +57,35 @@ def simulate(
             every=every or 1,
             indeterminacy=True,
         )
-        if motion and (plot or animation):
-            draw(motion, plot, animation)
-    files = {"trajectory": trajectory, "plot": plot, "animation": animation}
-    _print(run, {name: str(path) for name, path in files.items() if path}, json)
+    _print(run, files.named(), json)
     if run.status != "ok":
         raise typer.Exit(1)
 
 
+def _check_every(every: int | None, files: RunFiles) -> None:
+    """Refuse ``--every`` where no motion is recorded."""
+    from campaign.errors import SpecError
+
+    if every and not files.named():
+        raise SpecError("--every: there is no motion to thin out; give --trajectory, --plot or --animate, or drop it")
+
+
 def _print(run: "Run", files: dict[str, str], json: bool) -> None:
-    """Print what the run came to and the files that were written."""
+    """Print the results of the run and the files that were written."""
     if json:
-        face = {"status": run.status, "message": run.message, "responses": run.responses, "units": run.units}
-        print_json({**face, "ranges": run.ranges, "certificate": asdict(run.certificate), "files": files})
+        results = {"status": run.status, "message": run.message, "responses": run.responses, "units": run.units}
+        print_json({**results, "ranges": run.ranges, "certificate": asdict(run.certificate), "files": files})
         return
     print(f"{run.status}{': ' if run.message else ''}{run.message}")
     width = max(map(len, run.responses), default=0)
     for name, value in run.responses.items():
         least, largest = run.ranges.get(name, (value, value))
-        between = f"  (friction leaves {least:.6g} to {largest:.6g})" if largest > least else ""
+        interval = f"  (friction leaves {least:.6g} to {largest:.6g})" if largest > least else ""
         unit = "" if run.units[name] == "1" else f" {run.units[name]}"
-        print(f"{name:{width}}  {value:.10g}{unit}{between}")
+        print(f"{name:{width}}  {value:.10g}{unit}{interval}")
     print("\n".join(f"  {name} = {value}" for name, value in asdict(run.certificate).items()))
     for name, path in files.items():
         print(f"{name}: {path}")
-
-
-def check_outputs(trajectory: Path | None, every: int | None, plot: Path | None, animation: Path | None) -> None:
-    """Refuse files that could not be written, before the work begins."""
-    from campaign.cli.output_files import ANIMATIONS, PLOTS, TRAJECTORIES, check_output
-    from campaign.errors import SpecError
-
-    asked = (("--trajectory", trajectory, TRAJECTORIES), ("--plot", plot, PLOTS), ("--animate", animation, ANIMATIONS))
-    for option, path, endings in asked:
-        if path:
-            check_output(option, path, endings)
-    if every and not (trajectory or plot or animation):
-        raise SpecError("--every: there is no motion to thin out; give --trajectory, --plot or --animate, or drop it")
-    if animation:
-        from campaign.pictures.animation import can_write
-
-        if not can_write(animation.suffix):
-            raise SpecError(
-                f"--animate {animation}: needs ffmpeg, which is not here; install it, or write .gif or .html"
-            )
-
-
-def draw(motion: Path, plot: Path | None, animation: Path | None) -> None:
-    """Draw the pictures of a trajectory."""
-    from campaign.cli.output_files import replacing
-    from campaign.pictures.animation import animate
-    from campaign.pictures.curves import plot as draw_curves
-    from campaign.pictures.hysteresis import plot_hysteresis
-    from engine import read_trajectory
-
-    recorded = read_trajectory(motion)
-    draw_plot = plot_hysteresis if recorded.description.get("plot") else draw_curves
-    for path, draw in ((plot, draw_plot), (animation, animate)):
-        if path:
-            say(f"drawing {path}")
-            with replacing(path) as temporary:
-                draw(recorded, temporary)
 
 
 def _values(changes: list[str]) -> dict[str, float]:

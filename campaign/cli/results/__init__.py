@@ -1,0 +1,1 @@
+"""Verbs that read what a store holds and simulate nothing: one a module."""

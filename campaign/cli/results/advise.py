@@ -1,0 +1,94 @@
+"""``clearcap advise``: how far tolerances may grow, answered by the samples of a campaign without new runs."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from campaign.cli.options import Id, StoreUrl
+from campaign.cli.output import Json, number, print_json, say
+
+if TYPE_CHECKING:
+    from reporting.tolerance.advice import Advice
+    from reporting.tolerance.allocation import Allocation
+
+
+def advise(
+    campaign: Id = None,
+    cost: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Cost file: propose the cheapest standard deviations.")
+    ] = None,
+    store: StoreUrl = "runs",
+    json: Json = False,
+) -> None:
+    """Say how far each tolerance may grow, or with --cost which set of them is cheapest."""
+    from dataclasses import asdict
+
+    from campaign.reports.cost_file import read_costs
+    from campaign.reports.tolerances import cheapest_tolerances, tolerance_advice
+    from campaign.store import open_store
+
+    opened = open_store(store)
+    plan = opened.plan(opened.find(campaign))
+    document = {"campaign": plan.campaign_id, "store": opened.url}
+    if cost is None:
+        advice, below = tolerance_advice(opened, plan)
+        if json:
+            lifting = {name: [asdict(each) for each in needed] for name, needed in below.items()}
+            print_json({**document, "advice": [asdict(each) for each in advice], "below": lifting})
+        else:
+            _print_advice(advice, below)
+        return
+    proposal = cheapest_tolerances(opened, plan, read_costs(cost, plan))
+    if json:
+        print_json({**document, "allocation": asdict(proposal)})
+    else:
+        _print_allocation(proposal)
+    if proposal.refusal:
+        say(f"no proposal: {proposal.refusal}")
+        raise typer.Exit(1)
+
+
+def _print_advice(advice: "tuple[Advice, ...]", below: "dict[str, tuple[Advice, ...]]") -> None:
+    """Print one row a variable: how far it may grow, and how far it must shrink for each response below Cpk 1.33."""
+    from rich.console import Console
+    from rich.table import Table
+
+    if advice:
+        table = Table(title="how many times its sigma each variable may have, alone, with every Cpk of 1.33 staying so")
+        for head in ("variable", "factor", "ended by", "its Cpk there", "method"):
+            table.add_column(head)
+        for each in advice:
+            factor = "none" if each.factor is None else f"{'' if each.bounded else 'at least '}{each.factor:.3g}"
+            binding = (each.binding or "-") if each.bounded else "nothing"
+            table.add_row(each.variable, factor, binding, number(each.cpk, 4), each.method)
+        Console().print(table)
+    for response, needed in below.items():
+        table = Table(title=f"{response} is below Cpk 1.33: how many times its sigma each variable must have, alone")
+        for head in ("variable", "factor", f"Cpk of {response} there", "method"):
+            table.add_column(head)
+        for each in needed:
+            factor = "none helps" if each.factor is None else f"{each.factor:.3g}"
+            table.add_row(each.variable, factor, number(each.cpk, 4), each.method)
+        Console().print(table)
+
+
+def _print_allocation(proposal: "Allocation") -> None:
+    """Print the proposal: sigmas, cost, Cpk of each response, and the campaign that confirms it."""
+    from rich.console import Console
+    from rich.table import Table
+
+    if proposal.refusal:
+        return
+    table = Table(title=f"cheapest standard deviations: cost {number(proposal.cost)}, now {number(proposal.cost_now)}")
+    for head in ("variable", "sigma", "times the present one"):
+        table.add_column(head)
+    for name, tolerance in proposal.tolerances.items():
+        table.add_row(name, number(tolerance, 4), f"{proposal.factors[name]:.3g}")
+    Console().print(table)
+    for r in proposal.responses:
+        bound = f", which sets the tolerances; 0.01 more costs {number(r.price, 3)}" if r.binding else ""
+        print(f"{r.response}: Cpk {r.cpk:.4g} (target {r.target:g}){bound}")
+    for note in proposal.notes:
+        say(note)
+    print(f"by {proposal.method}; confirm it by a campaign of {proposal.runs} samples with these sigmas")

@@ -1,0 +1,37 @@
+"""``clearcap report``: write the report of a campaign from the rows it has."""
+
+from typing import Annotated
+
+import typer
+
+from campaign.cli.options import Id, StoreUrl
+from campaign.cli.output import Json, print_json, say
+
+
+def report(
+    campaign: Id = None,
+    store: StoreUrl = "runs",
+    against: Annotated[
+        str | None, typer.Option(metavar="ID", help="Compare with another campaign of the store.")
+    ] = None,
+    pdf: Annotated[
+        bool, typer.Option("--pdf/--no-pdf", help="Write report.pdf too; it takes most of the time.")
+    ] = False,
+    excel: Annotated[bool, typer.Option("--excel/--no-excel", help="Write report.xlsx too.")] = True,
+    json: Json = False,
+) -> None:
+    """Write the report of a campaign again, from the rows there are; it may be running."""
+    from campaign.reports.report import report as write_report
+    from campaign.store import open_store
+
+    opened = open_store(store)
+    campaign_id = opened.find(campaign)
+    kinds = ["html", "json", "parquet", *(["pdf"] if pdf else []), *(["xlsx"] if excel else [])]
+    files = write_report(opened, opened.plan(campaign_id), kinds=kinds, against=against)
+    if pdf and "pdf" not in files:
+        say("report.pdf takes WeasyPrint: pip install 'clearcap[pdf]'")
+    if json:
+        print_json({"campaign": campaign_id, "store": opened.url, "report": files})
+        return
+    for path in files.values():
+        print(f"report: {path}")

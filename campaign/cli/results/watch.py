@@ -1,0 +1,27 @@
+"""``clearcap watch``: follow a campaign that another process computes."""
+
+import typer
+
+from campaign.cli.options import Id, StoreUrl
+from campaign.cli.output import Json, print_json
+
+
+def watch(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
+    """Follow a campaign until its coordinator ends; the campaign goes on if you stop following."""
+    from rich.console import Console
+
+    from campaign.cli.progress import shown
+    from campaign.coordinator.follow import heartbeats
+    from campaign.store import open_store
+
+    opened = open_store(store)
+    campaign_id = opened.find(campaign)
+    heartbeat = None
+    try:
+        with shown(Console(stderr=True)) as show:
+            for heartbeat in heartbeats(opened, campaign_id):
+                show(heartbeat)
+    except KeyboardInterrupt:
+        raise typer.Exit(130) from None
+    if json and heartbeat:
+        print_json(heartbeat.to_json())

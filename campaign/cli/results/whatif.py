@@ -1,0 +1,78 @@
+"""``clearcap whatif``: other distributions, answered by the samples of a campaign without new runs."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from campaign.cli.options import Id, StoreUrl
+from campaign.cli.output import Json, number, print_json, say
+
+if TYPE_CHECKING:
+    from reporting.tolerance.whatif import Estimate, WhatIf
+
+Settings = Annotated[
+    list[str],
+    typer.Option(
+        "--set", metavar="VARIABLE.KEY=VALUE", help="Change a distribution, as J1.std=0.01; repeat for others."
+    ),
+]
+
+
+def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs", json: Json = False) -> None:  # noqa: B006
+    """Say what the capability would be under other distributions, by weighting the samples there are.
+
+    Exit status 1 if the samples cannot say: then the answer takes new runs, and a message says how many.
+    """
+    from dataclasses import asdict
+
+    import numpy as np
+
+    from campaign.errors import SpecError
+    from campaign.inputs.sampling import production_batch
+    from campaign.reports.whatif import what_if
+    from campaign.store import open_store
+
+    if not settings:
+        raise SpecError("nothing is changed; write for example --set J1.std=0.01")
+    opened = open_store(store)
+    plan = opened.plan(opened.find(campaign))
+    answers = what_if(opened, plan, settings)
+    if json:
+        responses = {name: asdict(answer) for name, answer in answers.items()}
+        print_json({"campaign": plan.campaign_id, "store": opened.url, "set": settings, "responses": responses})
+    else:
+        _print(answers, plan.mechanism.response_units())
+    if production_batch(plan.spec, np.zeros(1, np.int64)) is not None:
+        say("samples of a production batch share its shift; the intervals take them for independent and are too narrow")
+    refused = {answer.refusal: answer.runs for answer in answers.values() if answer.refusal}
+    for reason, runs in refused.items():
+        say(f"no answer: {reason}; run a campaign with these distributions, {runs} samples know Cpk to 5 %")
+    if refused:
+        raise typer.Exit(1)
+
+
+def _print(answers: "dict[str, WhatIf]", units: dict[str, str]) -> None:
+    """Print one row a response."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title="under the new distributions, 95 % intervals")
+    for head in ("response", "mean", "sigma", "Cpk", "ppm out of limits", "worth samples"):
+        table.add_column(head, justify="left" if head == "response" else "right")
+    for name, answer in answers.items():
+        unit = units[name]
+        label = name if unit == "1" else f"{name} [{unit}]"
+        if answer.refusal:
+            table.add_row(label, *["-"] * 4, f"{answer.effective:.0f}")
+            continue
+        cells = (_cell(each) for each in (answer.mean, answer.std, answer.cpk, answer.ppm))
+        table.add_row(label, *cells, f"{answer.effective:.0f}")
+    Console().print(table)
+
+
+def _cell(estimate: "Estimate | None") -> str:
+    """Return a number with its interval."""
+    if estimate is None:
+        return "-"
+    low, high = estimate.interval
+    return f"{number(estimate.value)} ({number(low, 4)} to {number(high, 4)})"

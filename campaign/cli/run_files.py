@@ -1,0 +1,84 @@
+"""Files that the verbs `simulate` and `replay` write of one run: its trajectory, and pictures of it."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from campaign.cli.output import say
+
+
+@dataclass(frozen=True)
+class RunFiles:
+    """What a user asks to be written of one run.
+
+    Attributes
+    ----------
+    trajectory : Path or None
+        HDF5 file of the motion.
+    plot : Path or None
+        Curves over time; on a test bench its hysteresis.
+    animation : Path or None
+        The mechanism in motion.
+    """
+
+    trajectory: Path | None
+    plot: Path | None
+    animation: Path | None
+
+    def named(self) -> dict[str, str]:
+        """Return the path of each file by its kind."""
+        return {kind: str(path) for kind, path in vars(self).items() if path}
+
+    def check(self) -> None:
+        """Refuse files that cannot be written, before the work begins.
+
+        Raises
+        ------
+        SpecError
+            See `check_output`; also if writing an animation takes ffmpeg and there is none.
+        """
+        from campaign.cli.output_files import ANIMATIONS, PLOTS, TRAJECTORIES, check_output
+        from campaign.errors import SpecError
+
+        for option, path, endings in (
+            ("--trajectory", self.trajectory, TRAJECTORIES),
+            ("--plot", self.plot, PLOTS),
+            ("--animate", self.animation, ANIMATIONS),
+        ):
+            if path:
+                check_output(option, path, endings)
+        if self.animation:
+            from campaign.pictures.animation import can_write
+
+            if not can_write(self.animation.suffix):
+                raise SpecError(
+                    f"--animate {self.animation}: needs ffmpeg, which is not here; install it, or write .gif or .html"
+                )
+
+    @contextmanager
+    def recording(self) -> Iterator[Path | None]:
+        """Yield where the run is to write its trajectory, if anywhere; at the end of the block draw the pictures."""
+        pictures = self.plot or self.animation
+        with TemporaryDirectory(prefix="clearcap-") as folder:
+            trajectory = self.trajectory or (Path(folder) / "motion.h5" if pictures else None)
+            yield trajectory
+            if trajectory and pictures:
+                self._draw(trajectory)
+
+    def _draw(self, trajectory: Path) -> None:
+        """Draw the pictures of a trajectory."""
+        from campaign.cli.output_files import replacing
+        from campaign.pictures.animation import animate
+        from campaign.pictures.curves import plot as plot_curves
+        from campaign.pictures.hysteresis import plot_hysteresis
+        from engine import read_trajectory
+
+        recorded = read_trajectory(trajectory)
+        plot = plot_hysteresis if recorded.description.get("plot") else plot_curves
+        for path, draw in ((self.plot, plot), (self.animation, animate)):
+            if path:
+                say(f"drawing {path}")
+                with replacing(path) as temporary:
+                    draw(recorded, temporary)
