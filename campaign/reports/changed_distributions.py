@@ -50,7 +50,7 @@ def changed_variables(spec: CampaignSpec, settings: Sequence[str]) -> dict[str, 
     try:
         new = CampaignSpec.model_validate(tables)
     except ValidationError as error:
-        raise SpecError("\n  ".join(["--set:", *structure_faults(error)])) from error
+        raise SpecError("\n  ".join(["--set:", *structure_faults(error, CampaignSpec)])) from error
     return {name: v for name, v in new.variables.items() if v != spec.variables[name]}
 
 

@@ -7,48 +7,40 @@ from typing import Annotated
 from pydantic import Field, ValidationError
 
 from campaign.errors import SpecError
-from campaign.inputs.distributions import Number, Spread
-from campaign.inputs.distributions.base import Table
+from campaign.inputs.distributions import PositiveNumber
 from campaign.plan import Plan
-from campaign.spec.messages import fault
+from campaign.spec.messages import structure_faults
+from engine.mechanism.base import Number, TableModel
 from reporting.capability.verdict import CAPABLE
 
 
-class Cost(Table):
-    """What making one variable to a standard deviation costs: ``fixed + cost / std``.
+class Cost(TableModel, strict=True):
+    """What making one variable to a standard deviation costs: ``fixed + cost / std``."""
 
-    Attributes
-    ----------
-    fixed : float
-        In money.
-    cost : float
-        In money times the variable's unit.
-    lower, upper : float or None
-        Between which the standard deviation may be chosen; a tenth and ten times the present one if not given.
-    locked : bool
-        It stays as it is.
-    """
-
-    fixed: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
-    cost: Spread
-    lower: Spread | None = None
-    upper: Spread | None = None
-    locked: bool = False
+    fixed: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = Field(
+        default=0.0, description="Cost that does not depend on the standard deviation, in money, at least 0."
+    )
+    cost: PositiveNumber = Field(description="Cost in money times the variable's unit, above 0.")
+    lower: PositiveNumber | None = Field(
+        default=None,
+        description="Least standard deviation to choose, in the variable's unit; a tenth of the present one if absent.",
+    )
+    upper: PositiveNumber | None = Field(
+        default=None,
+        description="Largest standard deviation to choose, in the variable's unit; ten times the present one if absent.",
+    )
+    locked: bool = Field(default=False, description="Whether the variable keeps its present standard deviation.")
 
 
-class Costs(Table):
-    """A cost file.
+class Costs(TableModel, strict=True):
+    """A cost file."""
 
-    Attributes
-    ----------
-    target : float
-        Cpk that every response with limits must have.
-    variables : dict of str to Cost
-        By variable; those that are not named stay as they are.
-    """
-
-    target: Annotated[Number, Field(gt=0.0)] = CAPABLE
-    variables: Annotated[dict[str, Cost], Field(min_length=1)]
+    target: Annotated[Number, Field(gt=0.0)] = Field(
+        default=CAPABLE, description="Cpk that every response with limits must have, above 0."
+    )
+    variables: Annotated[dict[str, Cost], Field(min_length=1)] = Field(
+        description="Cost of each variable by its name; variables that are not named stay as they are."
+    )
 
 
 def read_costs(path: Path, plan: Plan) -> Costs:
@@ -73,8 +65,7 @@ def read_costs(path: Path, plan: Plan) -> Costs:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SpecError(f"cost file {path}: no TOML: {error}; correct it") from error
     except ValidationError as error:
-        lines = [fault(map(str, e["loc"]), e["input"], e["msg"]) for e in error.errors(include_url=False)]
-        raise SpecError("\n  ".join([f"cost file {path}:", *lines])) from error
+        raise SpecError("\n  ".join([f"cost file {path}:", *structure_faults(error, Costs)])) from error
     unknown = [name for name in costs.variables if name not in plan.spec.variables]
     if unknown:
         allowed = ", ".join(plan.spec.variables)

@@ -6,16 +6,16 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticKnownError
 
-from campaign.inputs.distributions import Number, Spread, Variable
-from campaign.inputs.distributions.base import Table
+from campaign.inputs.distributions import PositiveNumber, Variable
 from campaign.inputs.sampling import SAMPLERS, check_sampling
-from campaign.spec.policy import Execution, Failures, Simulation, Stop
+from campaign.spec.policy import Execution, Failures, SimulationSettings, Stop
+from engine.mechanism.base import Number, TableModel
 
 LARGEST_LIST = 1_000_000  # rows of a user's table
 
-Name = Annotated[str, Field(min_length=1, max_length=100)]
+ShortName = Annotated[str, Field(min_length=1, max_length=100)]
 Correlation = Annotated[
-    tuple[Name, Name, Annotated[float, Field(gt=-1.0, lt=1.0, allow_inf_nan=False)]], Field(strict=False)
+    tuple[ShortName, ShortName, Annotated[float, Field(gt=-1.0, lt=1.0, allow_inf_nan=False)]], Field(strict=False)
 ]
 Levels = (
     Annotated[int, Field(ge=2)] | Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_length=100_000)]
@@ -38,7 +38,7 @@ SamplerName = Annotated[
 Column = Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_length=LARGEST_LIST)]
 
 
-class Response(Table):
+class Response(TableModel, strict=True):
     """Limits of one functional condition, in its unit; all optional.
 
     Attributes
@@ -56,7 +56,7 @@ class Response(Table):
     lsl: Number | None = None
     usl: Number | None = None
     nominal: Number | None = None
-    tolerance: Spread | None = None
+    tolerance: PositiveNumber | None = None
     target: Number | None = None
     source: str = ""
 
@@ -80,7 +80,7 @@ class Response(Table):
         return float(nominal - tolerance), float(nominal + tolerance), target
 
 
-class Rows(Table):
+class SampleTable(TableModel, strict=True):
     """The samples of a user's table.
 
     Attributes
@@ -95,7 +95,7 @@ class Rows(Table):
     """
 
     file: Annotated[str | None, Field(min_length=1)] = None
-    columns: dict[Name, Column] | None = None
+    columns: dict[ShortName, Column] | None = None
     source: str = ""
 
     @model_validator(mode="after")
@@ -109,7 +109,7 @@ class Rows(Table):
         return self
 
 
-class CampaignSpec(Table):
+class CampaignSpec(TableModel, strict=True):
     """A campaign: which mechanism, which inputs vary and how, the limits of its responses, how many samples.
 
     Attributes
@@ -121,7 +121,7 @@ class CampaignSpec(Table):
     title : str
         Title of the report.
     mechanism : str
-        Name of a shipped mechanism, or path of a file relative to the campaign file.
+        ShortName of a shipped mechanism, or path of a file relative to the campaign file.
     bench : str or None
         The test bench of the mechanism it is simulated on.
     samples : int
@@ -132,7 +132,7 @@ class CampaignSpec(Table):
         How samples are drawn: ``random`` (independent); ``lhs``, ``sobol``, ``halton`` (evenly spread); ``saltelli``
         (designed for total indices); ``worst_case`` (all corners of the variables' ranges, and their middle);
         ``grid``; ``list`` (a user's table).
-    simulation : Simulation
+    simulation : SimulationSettings
         Settings of every run that replace the mechanism's own.
     failures : Failures
         What to do about runs that fail.
@@ -148,7 +148,7 @@ class CampaignSpec(Table):
         Pairs of variables with Spearman's rank correlation.
     grid : dict of str to int or tuple of float, or None
         Of sampler ``grid``: how many levels each variable has, or which.
-    table : Rows or None
+    table : SampleTable or None
         Of sampler ``list``: the samples.
     responses : dict of str to Response
         Limits by name of the mechanism's response. Responses not named are reported without limits.
@@ -157,21 +157,21 @@ class CampaignSpec(Table):
     format: Literal[1]
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$")]
     title: str = ""
-    mechanism: Name
-    bench: Name | None = None
+    mechanism: ShortName
+    bench: ShortName | None = None
     samples: Annotated[int, Field(ge=1, le=100_000_000)]
     seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
     sampler: SamplerName = "random"
-    simulation: Simulation = Simulation()
+    simulation: SimulationSettings = SimulationSettings()
     failures: Failures = Failures()
     execution: Execution = Execution()
     stop: Stop | None = None
     header: Annotated[dict[str, str], Field(default_factory=dict)]
-    variables: Annotated[dict[Name, Variable], Field(min_length=1)]
+    variables: Annotated[dict[ShortName, Variable], Field(min_length=1)]
     correlations: Annotated[tuple[Correlation, ...], Field(strict=False)] | None = None
-    grid: dict[Name, Levels] | None = None
-    table: Rows | None = None
-    responses: Annotated[dict[Name, Response], Field(default_factory=dict)]
+    grid: dict[ShortName, Levels] | None = None
+    table: SampleTable | None = None
+    responses: Annotated[dict[ShortName, Response], Field(default_factory=dict)]
 
     @model_validator(mode="before")
     @classmethod

@@ -74,7 +74,7 @@ def load_campaign(name_or_path: str, *, samples: int | None = None, seed: int | 
     try:
         spec = CampaignSpec.model_validate(raw)
     except ValidationError as error:
-        faults += structure_faults(error)
+        faults += structure_faults(error, CampaignSpec)
     mechanism = None
     try:
         mechanism = _mechanism(raw.get("mechanism"), path.parent)

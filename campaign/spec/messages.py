@@ -1,4 +1,4 @@
-"""Faults of a campaign file in words: which key, which value, what is allowed, what to do."""
+"""The wording of faults of a campaign file: which key, which value, what is allowed, what to do."""
 
 import json
 import re
@@ -7,24 +7,21 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from campaign.inputs.distributions import DISTRIBUTIONS, Batch
-from campaign.spec.campaign_file import CampaignSpec, Response, Rows
-from campaign.spec.policy import Execution, Failures, Simulation, Stop
-from engine.mechanism.faults import did_you_mean
-
-_TABLES: dict[str, type[BaseModel]] = {
-    "responses": Response,
-    "simulation": Simulation,
-    "failures": Failures,
-    "execution": Execution,
-    "stop": Stop,
-    "table": Rows,
-}
+from campaign.inputs.distributions import DISTRIBUTIONS
+from engine.mechanism.faults import did_you_mean, locate
 
 
-def structure_faults(error: ValidationError) -> list[str]:
-    """Return one line for each fault pydantic found in a campaign."""
-    return list(dict.fromkeys(_line(fault) for fault in error.errors(include_url=False)))
+def structure_faults(error: ValidationError, root: type[BaseModel]) -> list[str]:
+    """Return one line for each fault that pydantic sees.
+
+    Parameters
+    ----------
+    error : ValidationError
+        What pydantic raised.
+    root : type of BaseModel
+        The model that was validated.
+    """
+    return list(dict.fromkeys(_line(details, root) for details in error.errors(include_url=False)))
 
 
 def fault(keys: Iterable[str], value: Any, text: str) -> str:
@@ -38,29 +35,24 @@ def key_path(keys: Iterable[str]) -> str:
     return ".".join(k if re.fullmatch(r"[A-Za-z0-9_-]+", k) else json.dumps(k) for k in keys)
 
 
-def _line(error: Mapping[str, Any]) -> str:
-    keys = [str(part) for part in error["loc"]]
-    if keys[:1] == ["grid"] and len(keys) > 1:  # pydantic says what is wrong with either way to write levels
+def _line(error: Mapping[str, Any], root: type[BaseModel]) -> str:
+    """Return one fault with its key and value."""
+    at = locate(root, error["loc"])
+    keys = list(at.path)
+    if keys[:1] == ["grid"] and len(keys) > 1:  # pydantic has an error for each of the two ways to write levels
         text = "must be a number of levels, at least 2, or a list of levels, finite numbers; correct it"
         return fault(keys[:2], None, text)
-    if not keys:  # of the campaign as a whole
-        return _text(error, keys, CampaignSpec)
-    if keys[0] == "variables" and len(keys) > 2 and keys[2] in DISTRIBUTIONS:
-        model: type[BaseModel] = DISTRIBUTIONS[keys.pop(2)]
-        model = Batch if keys[2:3] == ["batch"] and len(keys) > 3 else model
-    else:
-        model = _TABLES.get(keys[0], CampaignSpec) if len(keys) > 1 else CampaignSpec
-    return fault(keys, error["input"], _text(error, keys, model))
+    text = _text(error, keys, at.known_keys)
+    return fault(keys, error["input"], text) if keys else text  # without keys: of the campaign as a whole
 
 
-def _text(error: Mapping[str, Any], keys: list[str], model: type[BaseModel]) -> str:
-    """Return what is wrong, what is allowed and the remedy."""
-    names = list(model.model_fields)
+def _text(error: Mapping[str, Any], keys: list[str], known: list[str]) -> str:
+    """Return what is wrong, what is allowed and the remedy; ``known`` are the keys that the table may have."""
     match error["type"]:
         case "missing":
             return "missing; add it"
         case "extra_forbidden":
-            return f"unknown key; allowed: {', '.join(names)}{did_you_mean(keys[-1], names)}"
+            return f"unknown key; allowed: {', '.join(known)}{did_you_mean(keys[-1], known)}"
         case "union_tag_invalid":
             tag = error["ctx"]["tag"]
             allowed = ", ".join(DISTRIBUTIONS)

@@ -4,8 +4,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from campaign.inputs.distributions import Spread
-from campaign.inputs.distributions.base import Table
+from campaign.inputs.distributions import PositiveNumber
+from engine.mechanism.base import TableModel
 
 RETRIED = ("not_converged", "diverged", "timeout")
 """Statuses that other settings could mend; an ``invalid`` run is a result, and a crash comes from elsewhere."""
@@ -13,7 +13,7 @@ RETRIED = ("not_converged", "diverged", "timeout")
 GROWTH = 4  # the next checkpoint of a stopping rule is a quarter further on
 
 
-class Simulation(Table):
+class SimulationSettings(TableModel, strict=True):
     """Settings of every run that replace the mechanism's own.
 
     Attributes
@@ -26,8 +26,8 @@ class Simulation(Table):
         Relative residual of the friction problems, 0 to 1e-3.
     """
 
-    step: Spread | None = None
-    horizon: Spread | None = None
+    step: PositiveNumber | None = None
+    horizon: PositiveNumber | None = None
     tolerance: Annotated[float | None, Field(gt=0.0, le=1e-3, allow_inf_nan=False)] = None
 
     def values(self) -> dict[str, float]:
@@ -40,12 +40,12 @@ class Simulation(Table):
         return ", ".join(f"{key} {value:g}" for key, value in given.items()) or "settings of the mechanism"
 
 
-class Failures(Table):
+class Failures(TableModel, strict=True):
     """What to do about runs that fail.
 
     Attributes
     ----------
-    retry : tuple of Simulation
+    retry : tuple of SimulationSettings
         Settings of further attempts at a run that did not converge, diverged or took too long, in turn.
     max_failed : int or float or None
         The campaign ends as failed once more rows than this have failed: a number of rows, or, below 1, a share
@@ -54,7 +54,7 @@ class Failures(Table):
         Least share of good rows of a campaign that ends well.
     """
 
-    retry: Annotated[tuple[Simulation, ...], Field(max_length=10, strict=False)] = ()
+    retry: Annotated[tuple[SimulationSettings, ...], Field(max_length=10, strict=False)] = ()
     max_failed: Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0.0, lt=1.0)] | None = None
     min_ok: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
 
@@ -65,7 +65,7 @@ class Failures(Table):
         return self.max_failed if isinstance(self.max_failed, int) else self.max_failed * samples
 
 
-class Execution(Table):
+class Execution(TableModel, strict=True):
     """What one run may cost.
 
     Attributes
@@ -76,7 +76,7 @@ class Execution(Table):
         Most memory of a process that simulates [GiB].
     """
 
-    time_limit: Spread | None = None
+    time_limit: PositiveNumber | None = None
     memory_limit: Annotated[float, Field(ge=0.5, allow_inf_nan=False)] = 4.0
 
     def values(self) -> dict[str, float]:
@@ -84,7 +84,7 @@ class Execution(Table):
         return {} if self.time_limit is None else {"simulation.wall_limit": self.time_limit}
 
 
-class Stop(Table):
+class Stop(TableModel, strict=True):
     """Stop when sure: the campaign ends at the first checkpoint where an interval is narrow enough.
 
     Checkpoints are numbers of samples, and the rule looks at the first so many samples: where a campaign stops
@@ -108,7 +108,7 @@ class Stop(Table):
 
     response: Annotated[str, Field(min_length=1)]
     statistic: Literal["mean", "std", "cp", "cpk", "ppm"]
-    half_width: Spread
+    half_width: PositiveNumber
     confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
     min_samples: Annotated[int, Field(ge=2)] = 100
     max_samples: Annotated[int | None, Field(ge=2)] = None

@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from campaign.inputs.sampling import draw
 from campaign.plan import Plan
-from campaign.spec.policy import RETRIED, Simulation
+from campaign.spec.policy import RETRIED, SimulationSettings
 from campaign.worker.limits import time_limit
 from campaign.worker.messages import Simulate
 from engine import Run
@@ -110,7 +110,12 @@ def sample_values(plan: Plan, sample: int) -> dict[str, float]:
 
 
 def _attempt(
-    plan: Plan, simulate: Simulate, sample: int, values: Mapping[str, float], settings: Simulation, cancel: "Cancel"
+    plan: Plan,
+    simulate: Simulate,
+    sample: int,
+    values: Mapping[str, float],
+    settings: SimulationSettings,
+    cancel: "Cancel",
 ) -> Row:
     """Simulate one sample once, with given settings; return a row, however the run ends."""
     start = perf_counter()

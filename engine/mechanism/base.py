@@ -23,7 +23,7 @@ class TableModel(BaseModel):
 
     kind_key: ClassVar[str] = "type"
 
-    def table(self) -> dict[str, Any]:
+    def entries(self) -> dict[str, Any]:
         """Return the table by the keys of the file (``from``, not ``from_``); its sub-tables remain models."""
         return {field.alias or name: getattr(self, name) for name, field in type(self).model_fields.items()}
 
@@ -65,7 +65,7 @@ def one_of(**keys: str) -> Discriminator:
     """
 
     def tag_of(value: Any) -> str | None:
-        entries = value.table() if isinstance(value, TableModel) else value if isinstance(value, Mapping) else {}
+        entries = value.entries() if isinstance(value, TableModel) else value if isinstance(value, Mapping) else {}
         given = [key for key in keys if key in entries]
         return given[0] if len(given) == 1 else None
 

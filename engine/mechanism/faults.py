@@ -1,4 +1,7 @@
-"""From what pydantic found to one line for each fault: `table.key = value: what; allowed; remedy`."""
+"""From pydantic's errors to one line for each fault: `table.key = value: what; allowed; remedy`.
+
+Where an error lies is found here for every file format (`locate`); each format has its own wording.
+"""
 
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
@@ -24,8 +27,8 @@ class Fault:
         Dotted path of the key at fault.
     text : str
         What is wrong; what is allowed; what to do.
-    value
-        What stands there, if anything does.
+    value : object
+        The value of the key, if it has one.
     unit : str
         Unit of the value, if it is a number that has one.
     """
@@ -41,6 +44,31 @@ class Fault:
         shown = str(self.value).lower() if isinstance(self.value, bool) else repr(self.value)
         unit = f" {self.unit}" if self.unit not in ("", "1") and is_number(self.value) else ""
         return f"{self.key} = {shown if len(shown) <= 80 else shown[:77] + '...'}{unit}: {self.text}"
+
+
+@dataclass(frozen=True)
+class Location:
+    """Where in a file an error lies.
+
+    Parameters
+    ----------
+    path : tuple of str
+        The keys down to the one at fault, as the user wrote them.
+    owner : type of BaseModel, or None
+        The model of the table that has the last key; None if that is no table with fixed keys.
+    field : FieldInfo or None
+        The declaration of the last key that has one.
+    """
+
+    path: tuple[str, ...]
+    owner: type[BaseModel] | None
+    field: FieldInfo | None
+
+    @property
+    def known_keys(self) -> list[str]:
+        """The keys that the table may have."""
+        fields = self.owner.model_fields.items() if self.owner else ()
+        return [field.alias or name for name, field in fields]
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
@@ -62,27 +90,22 @@ def field_of(model: type[BaseModel], key: str) -> FieldInfo | None:
     return None
 
 
-def known_keys(model: type[BaseModel]) -> list[str]:
-    """Return the keys a table of the file may have."""
-    return [field.alias or name for name, field in model.model_fields.items()]
-
-
 def faults_of(error: ValidationError, root: type[BaseModel], system: UnitSystem) -> list[Fault]:
-    """Translate a validation error.
+    """Translate a validation error of a mechanism.
 
     Parameters
     ----------
     error : ValidationError
         What pydantic raised.
-    root : type
-        The model that was validated: where the paths of the error start.
+    root : type of BaseModel
+        The model that was validated: the paths of the error start there.
     system : str
         Unit system, to print values with their unit.
 
     Returns
     -------
     list of Fault
-        One for each, in the order of the file.
+        One for each error, in the order of the file.
     """
     return [_fault(details, root, system) for details in error.errors(include_url=False)]
 
@@ -90,44 +113,42 @@ def faults_of(error: ValidationError, root: type[BaseModel], system: UnitSystem)
 def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem) -> Fault:
     """Translate one entry of ``ValidationError.errors()``."""
     kind, context, value = details["type"], details.get("ctx", {}), details["input"]
-    path, owner, field = _locate(root, details["loc"])
-    quantity = field_quantity(field) if field else None
-    unit = quantity.unit(system) if quantity else ""
-    key = ".".join(path)
-    if kind == "refused":
-        below = context.get("key")
-        if below:
-            value = context["value"] if context["value"] is not None else _NOTHING
-            path, _, field = _locate(root, (*details["loc"], *below.split(".")))
-            quantity = field_quantity(field) if field else None
-            unit = quantity.unit(system) if quantity else ""
-        elif isinstance(value, Mapping | BaseModel):
-            value = _NOTHING
-        return Fault(".".join(path), details["msg"], value, unit)
-    if kind == "missing":
-        return Fault(key, f"missing; it is {field.description if field else 'required'}; add it")
-    if kind == "extra_forbidden":
-        known = known_keys(owner) if owner else []
-        return Fault(key, f"unknown key; allowed here: {', '.join(known)}{did_you_mean(path[-1], known)}")
-    if kind == "union_tag_not_found":
-        known = _tags(field.annotation) if field else []
-        return Fault(f"{key}.type", f"missing; allowed: {', '.join(known)}; add type = ...")
-    if kind == "union_tag_invalid":
-        tag = str(context["tag"])
-        known = _tags(field.annotation) if field else []
-        return Fault(f"{key}.type", f"unknown type; allowed: {', '.join(known)}{did_you_mean(tag, known)}", tag)
+    below = context.get("key") if kind == "refused" else None  # the validator of a table refuses one of its keys
+    at = locate(root, (*details["loc"], *below.split(".")) if below else details["loc"])
+    key, field = ".".join(at.path), at.field
+    if below:
+        value = context["value"] if context["value"] is not None else _NOTHING
+    elif isinstance(value, Mapping | BaseModel):
+        value = _NOTHING
+    match kind:
+        case "refused":
+            return Fault(key, details["msg"], value, _unit(field, system))
+        case "missing":
+            return Fault(key, f"missing; it is {field.description if field else 'required'}; add it")
+        case "extra_forbidden":
+            known = at.known_keys
+            return Fault(key, f"unknown key; allowed here: {', '.join(known)}{did_you_mean(at.path[-1], known)}")
+        case "union_tag_not_found":
+            return Fault(f"{key}.type", f"missing; allowed: {', '.join(_tags(field))}; add type = ...")
+        case "union_tag_invalid":
+            tag, known = str(context["tag"]), _tags(field)
+            return Fault(f"{key}.type", f"unknown type; allowed: {', '.join(known)}{did_you_mean(tag, known)}", tag)
     if details["loc"] and details["loc"][-1] == "[key]":
         return Fault(key, "not a usable name; allowed: a letter, then letters, digits, '-', '_'; rename it")
-    if isinstance(value, Mapping | BaseModel):
-        value = _NOTHING
-    return Fault(key, _what(kind, context, field), value, unit)
+    return Fault(key, _what(kind, context, field), value, _unit(field, system))
+
+
+def _unit(field: FieldInfo | None, system: UnitSystem) -> str:
+    """Return the unit of a key's value; empty if it has none."""
+    quantity = field_quantity(field) if field else None
+    return quantity.unit(system) if quantity else ""
 
 
 _BOUNDS = {"greater_than": (">", "gt"), "greater_than_equal": (">=", "ge"), "less_than_equal": ("<=", "le")}
 
 
 def _what(kind: str, context: Mapping[str, Any], field: FieldInfo | None) -> str:
-    """Say what is wrong with a single value, and what it should be."""
+    """Return what is wrong with a single value, and what it should be."""
     should = f"; give {field.description}" if field and field.description else ""
     if kind in _BOUNDS:
         relation, name = _BOUNDS[kind]
@@ -149,11 +170,15 @@ def _what(kind: str, context: Mapping[str, Any], field: FieldInfo | None) -> str
     return f"{plain.get(kind, 'not allowed')}{should}"
 
 
-def _locate(root: type[BaseModel], loc: Sequence[str | int]) -> tuple[list[str], Any, FieldInfo | None]:
-    """Follow an error's location through the models.
+def locate(root: type[BaseModel], loc: Sequence[str | int]) -> Location:
+    """Follow an error's path through the models.
 
-    Returns the path as the user wrote it (without the tags pydantic adds for a choice between models),
-    the model that owns its last key, and that key's field.
+    Parameters
+    ----------
+    root : type of BaseModel
+        The model that was validated.
+    loc : sequence of str or int
+        The path of pydantic's error, with the tags that pydantic adds for a choice between models.
     """
     annotation: Any = root
     path: list[str] = []
@@ -170,9 +195,8 @@ def _locate(root: type[BaseModel], loc: Sequence[str | int]) -> tuple[list[str],
             break
         path.append(str(token))
         owner, field = (models[0], field_of(models[0], str(token))) if models else (None, field)
-        known = field.annotation if field else None
-        annotation = known if models else _item(options)
-    return path, owner, field
+        annotation = (field.annotation if field else None) if models else _item(options)
+    return Location(tuple(path), owner, field)
 
 
 def _options(annotation: Any) -> list[Any]:
@@ -191,14 +215,15 @@ def _item(options: Sequence[Any]) -> Any:
     return (items[-1] if get_origin(options[0]) is dict else items[0]) if items else None
 
 
-def _tags(annotation: Any) -> list[str]:
+def _tags(field: FieldInfo | None) -> list[str]:
     """Return the values of ``type`` among which the tables of a dict can choose."""
-    return [tag for model in _options(_item(_options(annotation))) for tag in _tags_of(model)]
+    models = _options(_item(_options(field.annotation))) if field else ()
+    return [tag for model in models for tag in _tags_of(model)]
 
 
 def _tags_of(model: type[BaseModel]) -> tuple[str, ...]:
-    """Return by what pydantic tells the model from others: the values of its ``type`` key, or a key only it has."""
-    field = model.model_fields.get("type")
+    """Return pydantic's tags for a model in a choice: the values of the key of its kind, or a key that only it has."""
+    field = model.model_fields.get(getattr(model, "kind_key", ""))
     if field is None or get_origin(field.annotation) is not Literal:
         distinguishing_key = getattr(model, "distinguishing_key", None)
         return (distinguishing_key,) if distinguishing_key else ()

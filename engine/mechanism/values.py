@@ -120,7 +120,7 @@ def _replaced(mechanism: Mechanism, key: str, number: float, unit: str) -> Mecha
         node, token = nodes[depth], path[depth]
         if isinstance(node, TableModel):
             try:
-                new = type(node).model_validate({**node.table(), token: new})
+                new = type(node).model_validate({**node.entries(), token: new})
             except ValidationError as error:
                 fault = faults_of(error, type(node), mechanism.units)[0]
                 itself = fault.key == ".".join(path[depth:])
@@ -182,7 +182,7 @@ def _below(node: Any) -> Mapping[str, Any]:
     if isinstance(node, Joint) and node.ideal:
         return {}
     if isinstance(node, TableModel):
-        return {key: child for key, child in node.table().items() if key not in ("benches", "presets")}
+        return {key: child for key, child in node.entries().items() if key not in ("benches", "presets")}
     if isinstance(node, tuple):
         return {str(i): item for i, item in enumerate(node) if isinstance(item, TableModel)}
     return node if isinstance(node, Mapping) else {}

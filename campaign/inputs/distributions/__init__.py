@@ -10,9 +10,9 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
 
-from campaign.inputs.distributions.base import Array, Distribution, Number, Spread
+from campaign.inputs.distributions.base import Array, Distribution, PositiveNumber
 from campaign.inputs.distributions.bounded import Beta, Triangular, Uniform
-from campaign.inputs.distributions.continuous import Batch, Continuous
+from campaign.inputs.distributions.continuous import Continuous, ProductionBatch
 from campaign.inputs.distributions.discrete import Geometric, Poisson
 from campaign.inputs.distributions.given import Constant, Empirical
 from campaign.inputs.distributions.normal import Normal, TruncatedNormal
@@ -23,7 +23,6 @@ __all__ = [
     "DEFAULT",
     "DISTRIBUTIONS",
     "Array",
-    "Batch",
     "Beta",
     "Constant",
     "Continuous",
@@ -34,9 +33,9 @@ __all__ = [
     "Geometric",
     "Lognormal",
     "Normal",
-    "Number",
     "Poisson",
-    "Spread",
+    "PositiveNumber",
+    "ProductionBatch",
     "Triangular",
     "TruncatedNormal",
     "Uniform",

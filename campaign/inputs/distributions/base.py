@@ -1,26 +1,21 @@
 """What every distribution of an input can tell: quantiles, probabilities, moments, ends, itself in words."""
 
 from abc import abstractmethod
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from engine.mechanism.base import Number, TableModel
 
 Array = NDArray[np.float64]
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Spread = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+PositiveNumber = Annotated[Number, Field(gt=0.0)]
 
 TAIL = 1e-6  # probability beyond the ends at which an unbounded variable is tried on the mechanism
 
 
-class Table(BaseModel):
-    """A table of a campaign file: complete, of the right types, without keys that nobody reads."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
-
-
-class Distribution(Table):
+class Distribution(TableModel, strict=True):
     """A random input of the mechanism.
 
     Attributes
@@ -28,6 +23,8 @@ class Distribution(Table):
     target : str or None
         Key of the mechanism it sets; None means the variable's own name.
     """
+
+    kind_key: ClassVar[str] = "distribution"
 
     target: Annotated[str | None, Field(min_length=1)] = None
 
@@ -72,7 +69,7 @@ def check_order(lower: float, upper: float) -> None:
         raise ValueError(f"lower = {lower:g} is not below upper = {upper:g}; exchange or widen the bounds")
 
 
-def chosen(table: Table, *groups: tuple[str, ...], hint: str = "") -> tuple[str, ...]:
+def chosen(table: TableModel, *groups: tuple[str, ...], hint: str = "") -> tuple[str, ...]:
     """Return which of several groups of keys a distribution is given by; ``hint`` says what else to do if by none.
 
     Raises

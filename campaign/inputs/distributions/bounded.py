@@ -5,9 +5,10 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from campaign.inputs.distributions.base import Array, Number, Spread, check_order, chosen
+from campaign.inputs.distributions.base import Array, PositiveNumber, check_order, chosen
 from campaign.inputs.distributions.continuous import Continuous
 from campaign.inputs.distributions.elementary import log
+from engine.mechanism.base import Number
 
 Within = Annotated[tuple[Number, Number], Field(strict=False)]
 
@@ -183,10 +184,10 @@ class Beta(Cut):
     """
 
     distribution: Literal["beta"]
-    alpha: Spread | None = None
-    beta: Spread | None = None
+    alpha: PositiveNumber | None = None
+    beta: PositiveNumber | None = None
     mean: Number | None = None
-    std: Spread | None = None
+    std: PositiveNumber | None = None
 
     def check_parameters(self) -> None:
         """Raise ValueError unless one set of parameters is complete and such a distribution exists."""

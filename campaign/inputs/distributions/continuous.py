@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from campaign.inputs.distributions.base import TAIL, Array, Distribution, Number, Spread, Table, check_order
+from campaign.inputs.distributions.base import TAIL, Array, Distribution, PositiveNumber, check_order
+from engine.mechanism.base import Number, TableModel
 
 LEAST_PROBABILITY = 1e-290  # between bounds: below, quantiles lose their digits
 LARGEST_SHIFT = 6.0  # of a production batch, in its standard deviations; two in a thousand million would be larger
@@ -33,7 +34,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 Window = tuple[Array, Array, Array, NDArray[np.bool_]]
 
 
-class Batch(Table):
+class ProductionBatch(TableModel, strict=True):
     """How parts vary from one production batch to the next.
 
     Attributes
@@ -45,7 +46,7 @@ class Batch(Table):
     """
 
     size: Annotated[int, Field(ge=1)]
-    std: Spread
+    std: PositiveNumber
 
     @property
     def reach(self) -> float:
@@ -66,13 +67,13 @@ class Continuous(Distribution):
     ----------
     lower, upper : float or None
         Bounds to which it is cut; parameters describe it before the cut.
-    batch : Batch or None
+    batch : ProductionBatch or None
         Shift of whole production batches.
     """
 
     lower: Number | None = None
     upper: Number | None = None
-    batch: Batch | None = None
+    batch: ProductionBatch | None = None
 
     @abstractmethod
     def parent_cdf(self, x: Array) -> Array:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from campaign.inputs.distributions.base import Array, Distribution, Number, Spread, check_order
+from campaign.inputs.distributions.base import Array, Distribution, PositiveNumber, check_order
 from campaign.inputs.distributions.elementary import exp, log
+from engine.mechanism.base import Number
 
 LARGEST_RATE = 1e8  # of a Poisson distribution
 LEAST_CHANCE = 1e-4  # of a geometric distribution
@@ -99,7 +100,7 @@ class Count(Discrete):
     """
 
     origin: Number = 0.0
-    step: Spread = 1.0
+    step: PositiveNumber = 1.0
 
     @abstractmethod
     def least(self) -> int:

@@ -6,8 +6,9 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from campaign.inputs.distributions.base import Array, Distribution, Number
+from campaign.inputs.distributions.base import Array, Distribution
 from campaign.inputs.distributions.discrete import Discrete
+from engine.mechanism.base import Number
 
 LARGEST_SAMPLE = 100_000  # measured values
 

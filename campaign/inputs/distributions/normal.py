@@ -4,8 +4,9 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from campaign.inputs.distributions.base import Array, Number, Spread, chosen
+from campaign.inputs.distributions.base import Array, PositiveNumber, chosen
 from campaign.inputs.distributions.continuous import Continuous
+from engine.mechanism.base import Number
 
 HALF_LOG_TWO_PI = 0.9189385332046728
 
@@ -25,10 +26,10 @@ class Normal(Continuous):
 
     distribution: Literal["normal"]
     mean: Number | None = None
-    std: Spread | None = None
+    std: PositiveNumber | None = None
     nominal: Number | None = None
-    tolerance: Spread | None = None
-    cpk: Spread | None = None
+    tolerance: PositiveNumber | None = None
+    cpk: PositiveNumber | None = None
 
     @property
     def location(self) -> float:

@@ -7,10 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from campaign.inputs.distributions.base import Array, Number, Spread, chosen
+from campaign.inputs.distributions.base import Array, PositiveNumber, chosen
 from campaign.inputs.distributions.continuous import Continuous
 from campaign.inputs.distributions.elementary import exp, log
 from campaign.inputs.distributions.normal import HALF_LOG_TWO_PI
+from engine.mechanism.base import Number
 
 
 class Skewed(Continuous):
@@ -26,7 +27,7 @@ class Skewed(Continuous):
 
     origin: Number = 0.0
     mean: Number | None = None
-    std: Spread | None = None
+    std: PositiveNumber | None = None
 
     @abstractmethod
     def natural(self) -> tuple[str, ...]:
@@ -79,7 +80,7 @@ class Lognormal(Skewed):
 
     distribution: Literal["lognormal"]
     log_mean: Number | None = None
-    log_std: Spread | None = None
+    log_std: PositiveNumber | None = None
 
     def natural(self) -> tuple[str, ...]:
         """Return the keys of the logarithm."""

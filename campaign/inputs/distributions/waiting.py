@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from campaign.inputs.distributions.base import Array, Spread, chosen
+from campaign.inputs.distributions.base import Array, PositiveNumber, chosen
 from campaign.inputs.distributions.elementary import exp, log, power
 from campaign.inputs.distributions.skewed import Skewed
 
@@ -24,8 +24,8 @@ class Weibull(Skewed):
     """
 
     distribution: Literal["weibull"]
-    shape: Spread | None = None
-    scale: Spread | None = None
+    shape: PositiveNumber | None = None
+    scale: PositiveNumber | None = None
 
     def natural(self) -> tuple[str, ...]:
         """Return the keys of shape and scale."""
@@ -113,8 +113,8 @@ class Gamma(Skewed):
     """
 
     distribution: Literal["gamma"]
-    shape: Spread | None = None
-    scale: Spread | None = None
+    shape: PositiveNumber | None = None
+    scale: PositiveNumber | None = None
 
     def natural(self) -> tuple[str, ...]:
         """Return the keys of shape and scale."""
@@ -184,7 +184,7 @@ class Exponential(Skewed):
     """
 
     distribution: Literal["exponential"]
-    scale: Spread | None = None
+    scale: PositiveNumber | None = None
 
     def natural(self) -> tuple[str, ...]:
         """Return the key of the scale."""

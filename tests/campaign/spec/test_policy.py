@@ -4,7 +4,7 @@ import pytest
 
 from campaign.errors import SpecError
 from campaign.spec.load import load_campaign
-from campaign.spec.policy import Failures, Simulation
+from campaign.spec.policy import Failures, SimulationSettings
 
 
 @pytest.mark.parametrize(
@@ -17,8 +17,8 @@ def test_most_failed_is_a_number_or_a_share(most, samples, allowed):
 
 def test_settings_in_words():
     """As a row keeps them."""
-    assert Simulation(step=0.002, tolerance=1e-7).text() == "step 0.002, tolerance 1e-07"
-    assert Simulation().text() == "settings of the mechanism"
+    assert SimulationSettings(step=0.002, tolerance=1e-7).text() == "step 0.002, tolerance 1e-07"
+    assert SimulationSettings().text() == "settings of the mechanism"
 
 
 BAD = {

@@ -72,7 +72,7 @@ def test_one_word_between_ideal_and_loose(kind):
     """Both load, and say which they are; nothing else in the table differs."""
     loose, ideal = loaded(f"clearance_{kind}").joints["J1"], loaded(kind).joints["J1"]
     assert (loose.ideal, ideal.ideal) == (False, True)
-    assert {key for key in loose.table() if loose.table()[key] != ideal.table()[key]} == {"type"}
+    assert {key for key in loose.entries() if loose.entries()[key] != ideal.entries()[key]} == {"type"}
     assert [side.body for side in loose.sides] == [side.body for side in ideal.sides]
 
 

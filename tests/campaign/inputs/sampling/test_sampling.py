@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 from scipy.stats import chi2, norm, qmc, spearmanr
 
-from campaign.inputs.distributions import Batch, Continuous
+from campaign.inputs.distributions import Continuous, ProductionBatch
 from campaign.inputs.sampling import draw, production_batch, sampler_named
 from campaign.inputs.sampling.correlation import correlated
 from campaign.inputs.sampling.halton import halton, primes
@@ -298,7 +298,7 @@ def test_a_batch_of_one_is_the_mixture():
 
 def test_shifts_have_their_own_stream():
     """A variable's shift is not a function of its own values: batch 0 and sample 0 use different words."""
-    batch = Batch(size=1, std=1.0)
+    batch = ProductionBatch(size=1, std=1.0)
     shift = [batch.shifts(uniforms(seed, "bolt", 0, 1, "batch\n"))[0] for seed in range(400)]
     value = [norm.ppf(uniforms(seed, "bolt", 0, 1))[0] for seed in range(400)]
     assert abs(spearmanr(shift, value).statistic) < SURE / 20.0
