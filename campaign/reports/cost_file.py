@@ -27,7 +27,7 @@ class Cost(TableModel, strict=True):
     )
     upper: PositiveNumber | None = Field(
         default=None,
-        description="Largest standard deviation to choose, in the variable's unit; ten times the present one if absent.",
+        description="Largest standard deviation to choose, in the variable's unit; ten times the present if absent.",
     )
     locked: bool = Field(default=False, description="Whether the variable keeps its present standard deviation.")
 
