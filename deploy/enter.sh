@@ -1,5 +1,5 @@
 #!/bin/sh
-# Lay out what the image has compiled where it can be written to: Numba reads no cache it could not also write.
+# Copy the compiled engine from the image to a writable folder: Numba reads a cache only if it can write to it.
 set -eu
 if [ -z "$(ls -A "$NUMBA_CACHE_DIR")" ]; then
     cp -R --preserve=mode,timestamps /opt/clearcap/compiled/. "$NUMBA_CACHE_DIR"

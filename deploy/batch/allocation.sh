@@ -1,17 +1,18 @@
 #!/usr/bin/env bash
-# One campaign in one allocation of a batch system: scheduler and coordinator on the first node, workers on all nodes.
-# Called by the job scripts beside this file, with the name of the batch system. From the environment:
+# Compute one campaign in one allocation of a batch system (SLURM, OAR, PBS).
+# Scheduler and coordinator run on the first node, workers on all nodes. The job scripts beside this file call it with
+# the name of the batch system. It reads these environment variables:
 #   CAMPAIGN            a shipped campaign or a campaign file
-#   STORE               folder on a file system all nodes share, or URL
+#   STORE               folder on a file system that all nodes share, or a URL
 #   CLEARCAP_TLS        folder of `clearcap certificates`, shared by all nodes; default ~/.clearcap/tls
 #   CLEARCAP_INTERFACE  network interface between the nodes, such as ib0; default the one of the host name
-# When the walltime ends, submit the same job again: it computes what is missing.
+# When the walltime ends, submit the same job again: it computes the missing rows.
 set -euo pipefail
 
 system=$1
 : "${CAMPAIGN:?say which campaign to compute}" "${STORE:?say where the results go}"
 tls=${CLEARCAP_TLS:-$HOME/.clearcap/tls}
-# seen by all nodes, and of this job alone
+# a folder of this job alone, which all nodes see
 scratch=$(mktemp -d "$HOME/.clearcap-job.XXXXXX")
 file=$scratch/scheduler.json
 
@@ -21,7 +22,7 @@ if [ -n "${CLEARCAP_INTERFACE:-}" ]; then
 fi
 closed=(--no-dashboard --dashboard-address 127.0.0.1:0)
 
-secured() { # secured ROLE: options of mutual TLS
+secured() { # secured ROLE: print the options of mutual TLS
     echo "--tls-ca-file=$tls/ca.pem" "--tls-cert=$tls/$1.pem" "--tls-key=$tls/$1.key"
 }
 read -ra as_scheduler <<<"$(secured scheduler)"
