@@ -1,4 +1,4 @@
-"""What the pages say can be done: marked examples run, links lead somewhere, commands and options exist.
+"""What the pages show works: marked examples run, links have targets, commands and options exist, tables are readable.
 
 An example is marked by the word `runnable` after the language of its fence. Pages with tests of their own
 (`tests/campaign`, `tests/engine/mechanism`, `tests/reporting`) have no marks.
@@ -18,7 +18,9 @@ from engine.mechanism import mechanism_from
 
 ROOT = Path(__file__).parents[1]
 PAGES = {
-    page.relative_to(ROOT).as_posix(): page.read_text("utf-8") for page in [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")]
+    page.relative_to(ROOT).as_posix(): page.read_text("utf-8")
+    for folder in (".", "docs", "deploy")
+    for page in sorted((ROOT / folder).glob("*.md"))
 }
 EXAMPLES = [
     pytest.param(language, code, id=f"{name}-{number}")
@@ -34,8 +36,8 @@ LINKS = [
 COMMANDS = sorted({line for text in PAGES.values() for line in re.findall(r"^(?:    |\$ )clearcap (.+)$", text, re.M)})
 
 
-def test_there_is_something_to_check():
-    """The patterns above find the examples, links and commands there are."""
+def test_patterns_find_examples_links_and_commands():
+    """The patterns above match what the pages contain."""
     assert {"README.md", "ARCHITECTURE.md", "docs/README.md"} <= set(PAGES)
     assert {example.values[0] for example in EXAMPLES} == {"python", "toml"}
     assert any(link.values == ("README.md", "docs/images/report.png") for link in LINKS)
@@ -47,8 +49,8 @@ def test_example(language, code, tmp_path, capsys):
     """Python prints what its last comment says; TOML is a campaign or a mechanism."""
     if language == "python":
         exec(compile(code, "example", "exec"), {})
-        said = re.search(r"# prints (.*)$", code, re.M)
-        assert capsys.readouterr().out.strip() == said[1]
+        expected = re.search(r"# prints (.*)$", code, re.M)
+        assert capsys.readouterr().out.strip() == expected[1]
     elif "mechanism" in (data := tomllib.loads(code)):
         path = tmp_path / "example.toml"
         path.write_text(code)
@@ -59,7 +61,7 @@ def test_example(language, code, tmp_path, capsys):
 
 @pytest.mark.parametrize(("page", "link"), LINKS)
 def test_link(page, link):
-    """The file of a relative link is there, and the heading after its `#`."""
+    """The file of a relative link exists, and has the heading after its `#`."""
     path, _, anchor = link.partition("#")
     target = (ROOT / page).parent / path if path else ROOT / page
     assert target.exists()
@@ -68,10 +70,21 @@ def test_link(page, link):
         assert anchor in {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
+def test_table_cells_are_short():
+    """No table cell has more than 250 characters: longer explanations are text or a list."""
+    cells = ((name, cell) for name, text in PAGES.items() if name != "ARCHITECTURE.md" for cell in _cells(text))
+    assert [(name, cell) for name, cell in cells if len(cell) > 250] == []
+
+
+def _cells(text):
+    rows = re.findall(r"^ *\|.*\|$", text, re.M)
+    return [cell.strip() for row in rows for cell in row.split("|")]
+
+
 @pytest.mark.parametrize("line", COMMANDS)
 def test_command(line):
-    """Every verb shown has a help, and every option shown is one of its options."""
-    words, command = re.split(r"\s{2,}|#", line)[0].split(), get_command(app)  # behind two spaces: what the verb does
+    """Every verb shown prints its help, and has every option shown."""
+    words, command = re.split(r"\s{2,}|#", line)[0].split(), get_command(app)  # two spaces begin the explanation
     path = []
     while hasattr(command, "commands") and words[len(path)] in command.commands:
         path.append(words[len(path)])
@@ -82,7 +95,7 @@ def test_command(line):
 
 
 def test_make_targets():
-    """Every `make` verb that a page shows is in the Makefile."""
+    """Every `make` target that a page shows is in the Makefile."""
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M))
     shown = {verb for text in PAGES.values() for verb in re.findall(r"(?:^    |`|\$ )make ([a-z]+)", text, re.M)}
     assert {"run", "test"} <= shown <= targets

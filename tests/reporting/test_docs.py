@@ -1,4 +1,4 @@
-"""The examples of the pages on reporting print what they say."""
+"""The examples of the pages on reporting print what the pages show."""
 
 import doctest
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The example of the documentation is a campaign."""
+"""The examples in docs/campaign.md load, and it explains every distribution."""
 
 import re
 from pathlib import Path
@@ -15,7 +15,7 @@ HEAD = 'format = 1\nname = "example"\nmechanism = "c60"\n'
 
 
 def test_example_loads(tmp_path):
-    """The file shown in docs/campaign.md is sound."""
+    """The file shown at the top of docs/campaign.md loads."""
     path = tmp_path / "example.toml"
     path.write_text(EXAMPLES[0])
     spec = load_campaign(str(path)).spec
@@ -25,7 +25,7 @@ def test_example_loads(tmp_path):
 
 
 def test_policies_load(tmp_path):
-    """What is shown of failures and of stopping, with the first example."""
+    """The tables shown for failures and for the stopping rule load together with the first example."""
     path = tmp_path / "example.toml"
     path.write_text(EXAMPLES[0] + "".join(EXAMPLES[3:]))
     spec = load_campaign(str(path)).spec
@@ -35,7 +35,7 @@ def test_policies_load(tmp_path):
 
 @pytest.mark.parametrize("text", EXAMPLES[1:3], ids=["variables", "samples"])
 def test_fragments_load(tmp_path, text):
-    """What is shown of variables and samplers is sound as well, and can be drawn."""
+    """The variables and samplers shown load, and their samples can be drawn."""
     path = tmp_path / "example.toml"
     path.write_text(HEAD + text)
     spec = load_campaign(str(path)).spec

@@ -1,4 +1,4 @@
-"""The reference of the file format tells the truth: its example loads, and it names every key."""
+"""The page of the mechanism file is complete: its example loads, and it names every key."""
 
 import re
 import tomllib
