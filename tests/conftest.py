@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 TESTS = Path(__file__).parent
-# What takes longest begins first, so that all processes end together.
+# These files take longest. They start first, so that all processes end at about the same time.
 LONGEST = (
-    "system/test_c60.py",  # compiles the engine for all, while another process is at the reports, which need none
+    "system/test_c60.py",  # compiles the engine once for all, while another process tests the reports
     "reporting",
     "campaign/storms/test_failures.py",
     "engine/profile/test_step_times.py",
@@ -22,12 +22,13 @@ LONGEST = (
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the longest files first."""
-    items.sort(key=lambda item: _turn(item.path.relative_to(TESTS).as_posix()))
+    """Put the files that take longest first."""
+    items.sort(key=lambda item: _position(item.path.relative_to(TESTS).as_posix()))
 
 
-def _turn(path: str) -> int:
-    return next((turn for turn, longest in enumerate(LONGEST) if path.startswith(longest)), len(LONGEST))
+def _position(path: str) -> int:
+    """Return the place of a file in `LONGEST`, or behind all of them."""
+    return next((place for place, longest in enumerate(LONGEST) if path.startswith(longest)), len(LONGEST))
 
 
 def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:

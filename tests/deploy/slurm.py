@@ -81,8 +81,8 @@ def slurm(folder):
                 daemon.wait()
 
 
-def end_of(run, job, within=400):
-    """Wait until a job has ended, and return the state it ended in; ``sbatch --wait`` looks only every 32 s."""
+def wait_for_end(run, job, within=400):
+    """Wait until a job has ended and return its last state; ``sbatch --wait`` looks only every 32 s."""
     until = time.monotonic() + within
     while (state := re.search(r"JobState=(\w+)", run("scontrol", "show", "job", job))[1]) in UNFINISHED:
         assert time.monotonic() < until, f"job {job} is {state} after {within} s"

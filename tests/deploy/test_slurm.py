@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from campaign.cluster.tls_certificates import make_certificates
-from engine import jit
+from engine import jit, warm_up
 from tests.deploy.campaigns import computed_here, planned, rows
-from tests.deploy.slurm import end_of, is_here, slurm
+from tests.deploy.slurm import is_here, slurm, wait_for_end
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"
@@ -28,6 +28,7 @@ SMALL = ("--nodes=1", "--cpus-per-task=2", "--mem-per-cpu=1G")
 def home(tmp_path_factory):
     """Return a home folder with certificates, and what the engine has compiled where jobs look for it."""
     home = tmp_path_factory.mktemp("home")
+    warm_up()
     make_certificates(home / ".clearcap/tls", 2)
     (home / "clearcap-root").symlink_to(Path(jit.numba.config.CACHE_DIR).parent)
     return home
@@ -69,7 +70,7 @@ def test_a_campaign_in_one_allocation(run, tmp_path):
         PATH=f"{binaries}:{Path(sys.executable).parent}:{os.environ['PATH']}",
         **{"CAMPAIGN": "demo", "STORE": store.url, "CLEARCAP_DEPLOY": str(DEPLOY)},
     )
-    assert end_of(run, job.strip()) == "COMPLETED", (tmp_path / "log").read_text()
+    assert wait_for_end(run, job.strip()) == "COMPLETED", (tmp_path / "log").read_text()
     assert rows(store, plan).equals(computed_here(tmp_path)), (tmp_path / "log").read_text()
     assert not run("squeue", "--noheader")
 

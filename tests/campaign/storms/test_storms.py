@@ -18,7 +18,7 @@ from tests.campaign.storms.supervisor import Supervisor, those_left
 pytestmark = [pytest.mark.slow, pytest.mark.storm]
 
 STORMS = 20
-COMMIT = os.environ.get("CLEARCAP_STORMS")  # when set, it chooses a fifth of them
+COMMIT = os.environ.get("CLEARCAP_STORMS")  # when set, only a fifth of the storms runs, chosen by it
 SEEDS = sorted(random.Random(COMMIT).sample(range(STORMS), STORMS // 5)) if COMMIT else range(STORMS)
 SAMPLES, BATCH, SECONDS = 2000, 20, 0.006
 BOUND = 180.0  # s; a quiet machine of two cores takes a quarter of it

@@ -24,7 +24,7 @@ def test_status_of_a_stopped_campaign(store, plan, capsys, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.alone  # timed
+@pytest.mark.alone  # it measures a time
 @pytest.mark.parametrize("known", ["with a manifest", "without one"])
 def test_status_of_100000_rows(tmp_path, store, campaign_file, known):
     """The whole process is done within a second, from 1,000 parts of 100 rows; it loads no tables and no engine."""

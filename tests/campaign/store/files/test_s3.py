@@ -187,8 +187,8 @@ print(sum(store.create_json("x", f"lease-{number}.json", {"owner": sys.argv[2]})
 def test_one_of_two_creates(url):
     """Two processes create the same documents in the same moment: each goes to exactly one of them."""
     command = [sys.executable, "-c", CREATES, url]
-    ways = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-    both = [subprocess.Popen([*command, who], **ways) for who in "ab"]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    both = [subprocess.Popen([*command, who], **pipes) for who in "ab"]
     assert [process.stdout.readline() for process in both] == ["ready\n", "ready\n"]
     for process in both:
         process.stdin.write("\n")
