@@ -1,5 +1,5 @@
-"""What reporting raises when its input cannot become a report."""
+"""The exception of the report."""
 
 
 class ReportError(Exception):
-    """The input of a report is wrong; the message says what, where, value, what is allowed, remedy."""
+    """The input of a report is wrong; the message names the place, the value, what is allowed and the remedy."""

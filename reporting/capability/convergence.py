@@ -1,4 +1,4 @@
-"""How an index settles while samples come in, and whether it still moves."""
+"""How an index converges as samples come in, and whether the two halves of a campaign agree."""
 
 import math
 from dataclasses import dataclass
@@ -6,29 +6,30 @@ from dataclasses import dataclass
 import numpy as np
 
 from reporting.arrays import Array
+from reporting.capability.indices import cpk, cpk_standard_error
 from reporting.capability.intervals import cpk_half_width, mean_interval
 from reporting.capability.moments import ROUNDING
 
 _POINTS, _FIRST = 60, 10
-# Halves of a campaign that differ by so many standard errors do not come from one source.
+# Halves of a campaign that differ by more standard errors do not come from one distribution.
 DRIFT_BAR = 4.0
 
 
 @dataclass(frozen=True)
 class Convergence:
-    """An index over the first n samples.
+    """An index over the first n samples, for rising n.
 
     Attributes
     ----------
     index : str
-        "Cpk", or "mean" where there are no limits.
+        "Cpk", or "mean" without limits.
     n : tuple of int
         Numbers of samples.
     value, low, high : tuple of float
-        The index of so many samples and its interval (Bissell; Student), in the response's unit for a mean.
+        The index over the first n samples and its interval (Bissell; Student for a mean, in the response's unit).
     drift : float or None
-        Difference of the index between second and first half of the samples, in its standard errors (delta method,
-        any distribution); None below 40 samples.
+        Index of the second half of the samples less that of the first, in standard errors (delta method, any
+        distribution); None below 40 samples.
     """
 
     index: str
@@ -40,7 +41,7 @@ class Convergence:
 
 
 def convergence(x: Array, lsl: float | None, usl: float | None, confidence: float) -> Convergence | None:
-    """Return how the index of a response settles; None below 10 values or without spread.
+    """Return how the index of a response converges; None below 10 values or without spread.
 
     Parameters
     ----------
@@ -54,31 +55,24 @@ def convergence(x: Array, lsl: float | None, usl: float | None, confidence: floa
     n = x.size
     if n < _FIRST or float(np.std(x)) <= ROUNDING * float(np.max(np.abs(x))):
         return None
-    at = np.unique(np.geomspace(_FIRST, n, _POINTS).astype(np.int64))
-    origin = float(np.mean(x))  # a large offset would eat the digits of the spread
-    mean = np.cumsum(x - origin)[at - 1] / at
-    square = np.cumsum((x - origin) ** 2)[at - 1] / at - mean**2
-    std = np.sqrt(np.maximum(square, 0.0) * at / (at - 1))
+    counts = np.unique(np.geomspace(_FIRST, n, _POINTS).astype(np.int64))
+    origin = float(np.mean(x))  # sums of squares of a large offset would lose the digits of the spread
+    mean = np.cumsum(x - origin)[counts - 1] / counts
+    square = np.cumsum((x - origin) ** 2)[counts - 1] / counts - mean**2
+    std = np.sqrt(np.maximum(square, 0.0) * counts / (counts - 1))
     limited = lsl is not None or usl is not None
     points = []
-    for count, m, s in zip(at.tolist(), (mean + origin).tolist(), std.tolist(), strict=True):
+    for count, m, s in zip(counts.tolist(), (mean + origin).tolist(), std.tolist(), strict=True):
         if not limited:
             points.append((count, m, *mean_interval(m, s, count, confidence)))
         elif s > 0:
-            cpk = _cpk(m, s, lsl, usl)
-            half = cpk_half_width(cpk, count, confidence)
-            points.append((count, cpk, cpk - half, cpk + half))
+            index = cpk(m, s, lsl, usl)
+            half = cpk_half_width(index, count, confidence)
+            points.append((count, index, index - half, index + half))
     if not points:
         return None
-    counts, values, low, high = zip(*points, strict=True)
-    return Convergence("Cpk" if limited else "mean", counts, values, low, high, _drift(x, lsl, usl))
-
-
-def _cpk(mean: float, std: float, lsl: float | None, usl: float | None) -> float:
-    """Return Cpk of a mean and a sigma."""
-    sides = [] if lsl is None else [(mean - lsl) / (3 * std)]
-    sides += [] if usl is None else [(usl - mean) / (3 * std)]
-    return min(sides)
+    n_first, value, low, high = zip(*points, strict=True)
+    return Convergence("Cpk" if limited else "mean", n_first, value, low, high, _drift(x, lsl, usl))
 
 
 def _drift(x: Array, lsl: float | None, usl: float | None) -> float | None:
@@ -87,17 +81,15 @@ def _drift(x: Array, lsl: float | None, usl: float | None) -> float | None:
     if half < 2 * _FIRST:
         return None
     (first, error), (second, other) = _with_error(x[:half], lsl, usl), _with_error(x[half:], lsl, usl)
-    together = math.hypot(error, other)
-    return (second - first) / together if together > 0 else None
+    both = math.hypot(error, other)
+    return (second - first) / both if both > 0 else None
 
 
 def _with_error(x: Array, lsl: float | None, usl: float | None) -> tuple[float, float]:
-    """Return the index of values and its standard error, from its influence function."""
+    """Return the index of values and its standard error."""
     mean, std = float(np.mean(x)), float(np.std(x))
-    off = x - mean
     if std == 0 or (lsl is None and usl is None):
         return mean, std / math.sqrt(x.size)
-    index = _cpk(mean, std, lsl, usl)
-    below = usl is None or (lsl is not None and mean - lsl < usl - mean)
-    influence = ((1 if below else -1) * off / 3 - index * (off**2 - std**2) / (2 * std)) / std
-    return index, float(np.sqrt(np.mean(influence**2) / x.size))
+    index = cpk(mean, std, lsl, usl)
+    lower = usl is None or (lsl is not None and mean - lsl < usl - mean)
+    return index, cpk_standard_error(x, index, lower=lower)

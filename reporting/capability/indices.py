@@ -1,11 +1,15 @@
-"""Capability indices of a mean and a sigma, with their intervals; which name they have where.
+"""Capability indices of a mean and a standard deviation, their intervals, and their names elsewhere.
 
 Formulas are those of the C-60 paper's appendix A (eqs. 28-30, Akhadkar, Acary, Brogliato 2018) and ISO 22514-2.
-The same functions serve the overall sigma and the sigma within batches: only the names differ.
+The same functions serve the overall sigma and the sigma within production batches: only the names differ.
 """
 
+import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from reporting.arrays import Array
 from reporting.capability.intervals import (
     Interval,
     bench,
@@ -17,7 +21,7 @@ from reporting.capability.intervals import (
     one_sided_interval,
 )
 
-# Customary difference between short and long term in Six Sigma tables: 4.5 sigma long term is "6 sigma", 3.4 ppm.
+# Six Sigma tables add 1.5 to a long-term Z: 4.5 sigma, 3.4 ppm, are called "6 sigma".
 SIX_SIGMA_SHIFT = 1.5
 
 WHICH_SIGMA = (
@@ -28,7 +32,16 @@ WHICH_SIGMA = (
 
 @dataclass(frozen=True)
 class IndexName:
-    """What an index is called: in the paper and this report, in AIAG and ISO 22514-2 (overall, within batches)."""
+    """Names of one index, and its formula.
+
+    Attributes
+    ----------
+    paper : str
+        In the paper and in this report.
+    overall, within : str
+        In AIAG and ISO 22514-2, with the overall sigma and with the sigma within production batches.
+    formula : str
+    """
 
     paper: str
     overall: str
@@ -50,13 +63,51 @@ NAMES = {
 }
 
 
+def distance_to_limit(mean: float, lsl: float | None, usl: float | None) -> float:
+    """Return the distance from a mean to the nearer limit, negative beyond it; infinite without limits."""
+    return min(math.inf if lsl is None else mean - lsl, math.inf if usl is None else usl - mean)
+
+
+def cpk(mean: float, std: float, lsl: float | None, usl: float | None) -> float:
+    """Return Cpk (eq. 29) of a mean and a standard deviation; at least one limit is needed.
+
+    Parameters
+    ----------
+    mean, std : float
+        In the unit of the limits; `std` above 0.
+    lsl, usl : float or None
+        Limits.
+    """
+    return distance_to_limit(mean, lsl, usl) / (3 * std)
+
+
+def cpk_standard_error(x: Array, index: float, *, lower: bool) -> float:
+    """Return the standard error of a Cpk for any distribution of the values (delta method).
+
+    It is the root mean square of the influence function, over the square root of n (Huber, Ronchetti, Robust
+    Statistics, section 1.3).
+
+    Parameters
+    ----------
+    x : array, shape (n,)
+        Values that differ.
+    index : float
+        Their Cpk.
+    lower : bool
+        The lower limit is the nearer one.
+    """
+    deviation, std = x - x.mean(), float(np.std(x))
+    influence = ((1 if lower else -1) * deviation / 3 - index * (deviation**2 - std**2) / (2 * std)) / std
+    return math.sqrt(float(np.mean(influence**2)) / x.size)
+
+
 def point_indices(mean: float, std: float, lsl: float | None, usl: float | None) -> dict[str, float | None]:
     """Return Cp, Cpk, Cpl, Cpu (eqs. 28, 29) and Z.lsl, Z.usl, Z.bench; None where a limit is missing.
 
     Parameters
     ----------
     mean, std : float
-        In the unit of the limits; std above 0.
+        In the unit of the limits; `std` above 0.
     lsl, usl : float or None
         Limits.
     """
@@ -95,14 +146,14 @@ def basic_intervals(index: dict[str, float | None], n: int, nu: float, confidenc
 def overall_intervals(
     index: dict[str, float | None], cc: float | None, n: int, confidence: float
 ) -> dict[str, Interval | None]:
-    """Return every interval of the indices with the overall sigma."""
+    """Return the intervals of all indices with the overall sigma."""
     cp, cpk = index["cp"], index["cpk"]
-    found = basic_intervals(index, n, n - 1, confidence)
-    joint = found["cpl_interval"] or found["cpu_interval"]
+    basic = basic_intervals(index, n, n - 1, confidence)
+    joint = basic["cpl_interval"] or basic["cpu_interval"]
     if cp is not None and cpk is not None:
         joint = cpk_joint_interval(cpk, n, confidence)
     return {
-        **found,
+        **basic,
         "cpk_interval_joint": joint,
         "cc_interval": None if cc is None or cp is None else cc_interval(cc, cp, n, confidence),
         "z_bench_interval": bench_interval(index["z_lsl"], index["z_usl"], n, confidence),

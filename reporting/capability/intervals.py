@@ -1,18 +1,18 @@
 """Confidence limits of capability indices and of shares.
 
-Every function takes the two-sided (indices) or one-sided (shares) confidence and returns plain floats. `nu` is the
-number of degrees of freedom of sigma: ``n - 1`` overall, values less batches within.
+Functions for indices take the two-sided confidence, functions for bounds of shares the one-sided one. `nu` is the
+number of degrees of freedom of sigma: ``n - 1`` for the overall sigma, values less batches for the sigma within.
 
 - Cp: chi-square distribution of the variance (Chou, Owen, Borrego 1990).
-- Cpk: Bissell 1990, normal approximation, the report's default: it is what Minitab, JMP and qcc print, and its
-  coverage is right wherever one side rules. Beside it the joint interval, exact in the least favourable case
-  (the question of Kushler and Hurley 1992), whose coverage is at least what it says at every n and centring.
-  Their shortcut ``Cpk (1 -+ z / sqrt(2n - 2))`` leaves the error of the mean out, and is not used.
+- Cpk: normal approximation of Bissell (1990), the report's default. Minitab, JMP and qcc print it, and its coverage is
+  right wherever one limit is much nearer than the other. The joint interval beside it is exact in the least
+  favourable case (a question of Kushler and Hurley 1992): it covers at least as often as it states, at every n and
+  centring. Their shortcut ``Cpk (1 -+ z / sqrt(2n - 2))`` leaves out the error of the mean and is not used.
 - Cpl, Cpu: exact. ``3 sqrt(n) Cpu_hat`` has a noncentral t distribution with nu degrees of freedom and
-  noncentrality ``3 sqrt(n) Cpu``; its limits are those that make the observed value a quantile.
-- Cpm: Boyles 1991, chi-square with degrees of freedom from the offset to the target.
-- Cc, mean: Student's t. Standard deviation: chi-square. Z.bench: delta method.
-- Share of rejects: Clopper and Pearson 1934, a quantile of the beta distribution.
+  noncentrality ``3 sqrt(n) Cpu``; the limits are the noncentralities that make the observed value a quantile.
+- Cpm: Boyles (1991), chi-square with degrees of freedom from the offset to the target.
+- Cc and mean: Student's t. Standard deviation: chi-square. Z.bench: delta method.
+- Share of rejects: Clopper and Pearson (1934), a quantile of the beta distribution.
 """
 
 import math
@@ -23,9 +23,9 @@ from reporting.capability.noncentral import cpk_of_survival, noncentrality
 
 Interval = tuple[float, float]
 
-# Beyond this t the error of the mean is lost beside that of sigma: the chi-square limits are exact to rounding.
+# Beyond this t the error of the mean is negligible beside that of sigma: the chi-square limits are exact to rounding.
 _LARGE_T = 1e8
-# Beyond this z the density over the tail is z to 0.1 %, and the ratio of densities would lose its digits.
+# Beyond this z the ratio of density and tail is z to 0.1 %, and the ratio of two densities loses its digits.
 _LARGE_Z = 30.0
 
 
@@ -49,10 +49,10 @@ def cpk_interval(cpk: float, n: int, confidence: float, nu: float | None = None)
 
 
 def cpk_joint_interval(cpk: float, n: int, confidence: float) -> Interval:
-    """Return an interval of a two-sided Cpk that covers at least as often as it says, whatever Cp is.
+    """Return an interval of Cpk with two limits that covers at least as often as stated, whatever Cp is.
 
-    The lower end is exact where one side rules alone (Cp far above Cpk: noncentral t), the upper end where both
-    sides bind (a centred process: joint distribution of both sides); each is the least favourable case of its end.
+    Each end is exact in its least favourable case: the lower end where one limit is much nearer (Cp far above Cpk:
+    noncentral t), the upper end where both are equally near (a centred process: joint distribution of both sides).
     """
     upper = 0.5 + confidence / 2
     if cpk * 3.0 * math.sqrt(n) > _LARGE_T:
@@ -63,9 +63,9 @@ def cpk_joint_interval(cpk: float, n: int, confidence: float) -> Interval:
 def one_sided_interval(index: float, n: int, confidence: float, nu: float | None = None) -> Interval:
     """Return the exact two-sided interval of Cpl or Cpu from `n` values.
 
-    Its lower end is the one-sided lower bound at confidence ``(1 + confidence) / 2``.
+    Its lower end is the one-sided lower bound at the confidence ``(1 + confidence) / 2``.
     """
-    if index < 0:  # the distribution mirrors: T(-delta) = -T(delta)
+    if index < 0:  # T(-delta) has the distribution of -T(delta)
         low, high = one_sided_interval(-index, n, confidence, nu)
         return -high, -low
     scale = 3.0 * math.sqrt(n)
@@ -79,22 +79,22 @@ def one_sided_interval(index: float, n: int, confidence: float, nu: float | None
 def cpm_interval(cpm: float, offset: float, n: int, confidence: float) -> Interval:
     """Return Boyles' two-sided interval of Cpm from `n` values.
 
-    ``(Cpm / Cpm_hat)^2`` is close to chi-square over its ``n (1 + a^2)^2 / (1 + 2 a^2)`` degrees of freedom,
-    where a, `offset`, is the distance of mean and target in standard deviations (divisor n).
+    ``(Cpm / Cpm_hat)^2`` is close to chi-square over its ``n (1 + a^2)^2 / (1 + 2 a^2)`` degrees of freedom, where
+    a = `offset` is the distance from target to mean in standard deviations (divisor n).
     """
     a2 = offset * offset
     return cp_interval(cpm, n * (1 + a2) ** 2 / (1 + 2 * a2), confidence)
 
 
 def cc_interval(cc: float, cp: float, n: int, confidence: float) -> Interval:
-    """Return the two-sided interval of Cc, Student's of the mean in half tolerances: sigma is ``1 / (3 Cp)``."""
+    """Return the two-sided interval of Cc: the mean's (Student) in half tolerances, where sigma is ``1 / (3 Cp)``."""
     return mean_interval(cc, 1.0 / (3.0 * cp), n, confidence)
 
 
 def bench(z_lsl: float | None, z_usl: float | None) -> float | None:
-    """Return Z.bench, the normal quantile of both sides' share together, from the upper tails; None without a side.
+    """Return Z.bench, the upper normal quantile of the total share out of limits; None without a limit.
 
-    Logarithms of the smaller of inside and outside keep it finite where the share itself would round to 0 or 1.
+    The logarithm of the smaller of the shares inside and outside keeps it finite where the share rounds to 0 or 1.
     """
     if z_lsl is None or z_usl is None:
         return z_lsl if z_usl is None else z_usl
@@ -106,9 +106,10 @@ def bench(z_lsl: float | None, z_usl: float | None) -> float | None:
 
 
 def bench_interval(z_lsl: float | None, z_usl: float | None, n: int, confidence: float) -> Interval | None:
-    """Return the two-sided interval of Z.bench: exact for one side, by the delta method for both.
+    """Return the two-sided interval of Z.bench: exact for one limit, by the delta method for two.
 
-    The errors of Z.lsl and Z.usl: ``1/n + z^2 / (2 (n - 1))`` each, and ``-1/n + z_lsl z_usl / (2 (n - 1))`` shared.
+    The variance of Z.lsl and of Z.usl is ``1/n + z^2 / (2 (n - 1))``, their covariance
+    ``-1/n + z_lsl z_usl / (2 (n - 1))``.
     """
     z = bench(z_lsl, z_usl)
     if z is None:
@@ -124,7 +125,7 @@ def bench_interval(z_lsl: float | None, z_usl: float | None, n: int, confidence:
 
 
 def _bench_slope(z: float, side: float) -> float:
-    """Return the derivative of Z.bench `z` by the Z of one side, the ratio of their normal densities."""
+    """Return the derivative of Z.bench `z` with respect to the Z of one side: the ratio of their normal densities."""
     if z > _LARGE_Z:
         return side / z * math.exp(float(log_ndtr(-side)) - float(log_ndtr(-z)))
     return math.exp(min((z * z - side * side) / 2, 300.0))
@@ -143,16 +144,16 @@ def std_interval(std: float, n: int, confidence: float) -> Interval:
 
 
 def share_interval(count: float, n: float, confidence: float) -> Interval:
-    """Return the two-sided Clopper-Pearson interval of a share of which `count` in `n` was seen."""
+    """Return the two-sided Clopper-Pearson interval of a share, `count` of `n` observed."""
     one_sided = 0.5 + confidence / 2
     return share_lower_bound(count, n, one_sided), share_upper_bound(count, n, one_sided)
 
 
 def share_upper_bound(count: float, n: float, confidence: float) -> float:
-    """Return the one-sided Clopper-Pearson upper bound of a share of which `count` in `n` was seen."""
+    """Return the one-sided Clopper-Pearson upper bound of a share, `count` of `n` observed."""
     return 1.0 if count >= n else float(betaincinv(count + 1, n - count, confidence))
 
 
 def share_lower_bound(count: float, n: float, confidence: float) -> float:
-    """Return the one-sided Clopper-Pearson lower bound of a share of which `count` in `n` was seen."""
+    """Return the one-sided Clopper-Pearson lower bound of a share, `count` of `n` observed."""
     return 0.0 if count <= 0 else float(betaincinv(count, n - count + 1, 1.0 - confidence))

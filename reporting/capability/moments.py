@@ -6,17 +6,25 @@ from numpy.typing import ArrayLike
 from reporting.arrays import Array
 from reporting.errors import ReportError
 
-# A spread below this share of the largest value is the rounding of a constant, not a spread.
+# A spread below this share of the largest value is rounding error: the values are a constant.
 ROUNDING = 8 * float(np.finfo(np.float64).eps)
 
 
 def series(x: ArrayLike) -> Array:
     """Return `x` as a one-dimensional array of floats.
 
+    Parameters
+    ----------
+    x : array_like, shape (n,)
+
+    Returns
+    -------
+    array, shape (n,)
+
     Raises
     ------
     ReportError
-        It is not numbers, or not one series of them.
+        `x` does not hold numbers, or is not one-dimensional.
     """
     try:
         values = np.asarray(x, dtype=np.float64)
@@ -28,20 +36,23 @@ def series(x: ArrayLike) -> Array:
 
 
 def location_and_shape(x: Array) -> dict[str, float]:
-    """Return location, spread and shape as far as the number of values allows.
-
-    The keys mean, std, min, max, median are in the unit of `x`; std is 0 where the values differ by rounding only.
-    skewness and kurtosis are G1 and G2. A key is missing where there are too few values.
+    """Return mean, std, min, max, median, skewness and kurtosis, as far as the number of values allows.
 
     Parameters
     ----------
     x : array, shape (n,)
         Finite values.
+
+    Returns
+    -------
+    dict of str to float
+        A key is missing where there are too few values. `mean`, `std`, `min`, `max` and `median` are in the unit of
+        `x`; `std` is 0 where the values differ by rounding only. `skewness` and `kurtosis` are G1 and G2.
     """
     if x.size == 0:
         return {}
     low, high = float(x.min()), float(x.max())
-    # The mean of equal values may round to a neighbour of them; it still lies between its extremes.
+    # Rounding can put the mean of equal values beside them.
     mean = min(max(float(np.mean(x)), low), high)
     numbers = {"mean": mean, "min": low, "max": high, "median": float(np.median(x))}
     if x.size < 2:
@@ -53,11 +64,11 @@ def location_and_shape(x: Array) -> dict[str, float]:
 
 
 def _shape(z: Array) -> dict[str, float]:
-    """Return adjusted skewness and excess kurtosis of standardised values (Joanes, Gill 1998: G1, G2)."""
+    """Return adjusted skewness G1 and excess kurtosis G2 of standardised values (Joanes and Gill 1998)."""
     n, numbers = z.size, {}
     if n > 2:
         numbers["skewness"] = n / ((n - 1) * (n - 2)) * float(np.sum(z**3))
     if n > 3:
-        third = n * (n + 1) / ((n - 1) * (n - 2) * (n - 3)) * float(np.sum(z**4))
-        numbers["kurtosis"] = third - 3 * (n - 1) ** 2 / ((n - 2) * (n - 3))
+        fourth = n * (n + 1) / ((n - 1) * (n - 2) * (n - 3)) * float(np.sum(z**4))
+        numbers["kurtosis"] = fourth - 3 * (n - 1) ** 2 / ((n - 2) * (n - 3))
     return numbers

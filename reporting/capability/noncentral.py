@@ -1,8 +1,8 @@
 """Exact sampling distributions of Cpl, Cpu and Cpk of normal values.
 
-With ``U = s / sigma``, ``U^2`` chi-square over its degrees of freedom and independent of the mean, every
-probability is ``E[g(U)]`` of a smooth step g: one integral, written out because scipy's noncentral t loses digits,
-or never returns, at large noncentralities (30,000 samples of Cpk 5 give 2,600).
+Let ``U = s / sigma``: ``U^2`` is chi-square over its degrees of freedom and independent of the mean. Every probability
+is then ``E[g(U)]`` of a smooth step g, one integral by Gauss-Legendre quadrature. `scipy.stats.nct` loses digits, or
+does not return, at large noncentralities (30,000 samples of Cpk 5 give 2,600).
 """
 
 import math
@@ -14,7 +14,7 @@ from scipy.special import chdtri, gammaln, ndtr, ndtri
 
 from reporting.arrays import Array
 
-# Probability left out at each end when the chi distribution is integrated: at rounding level.
+# Probability left out at each end of the chi distribution: rounding error.
 _TAIL = 1e-16
 # Beyond this many standard deviations the normal distribution function is 0 or 1 to rounding.
 _NORMAL_REACH = 9.0
@@ -27,7 +27,7 @@ def noncentral_t_cdf(t: float, nu: float, delta: float) -> float:
 
 def noncentrality(t: float, nu: float, probability: float) -> float:
     """Return the noncentrality delta with ``P(T <= t) = probability``, for t >= 0."""
-    from scipy.optimize import brentq  # half a second of import that `import reporting` need not pay
+    from scipy.optimize import brentq  # takes 0.4 s to import, which `import reporting` avoids
 
     if t < 1e-12:  # P(T <= 0) = Phi(-delta)
         return -float(ndtri(probability))
@@ -36,10 +36,19 @@ def noncentrality(t: float, nu: float, probability: float) -> float:
 
 
 def cpk_survival(observed: float, n: int, cpk: float) -> float:
-    """Return ``P(Cpk_hat > observed)`` of `n` values where both sides of the true process bind.
+    """Return ``P(Cpk_hat > observed)`` of `n` values when both limits of the true process are equally near.
 
-    The true sides are ``Cpl = cpk`` and ``Cpu = |cpk|``: a centred process for a positive Cpk, and coinciding
-    limits for a negative one. Any other Cp gives a larger probability, so this is the least favourable case.
+    The true process has ``Cpl = cpk`` and ``Cpu = |cpk|``: it is centred for a positive Cpk; for a negative one the
+    limits coincide. Any other Cp gives a larger probability, so this is the least favourable case.
+
+    Parameters
+    ----------
+    observed : float
+        Cpk of the sample.
+    n : int
+        Number of values.
+    cpk : float
+        Cpk of the process.
     """
     reach = 3.0 * math.sqrt(n)
 
@@ -53,7 +62,7 @@ def cpk_survival(observed: float, n: int, cpk: float) -> float:
 
 
 def cpk_of_survival(observed: float, n: int, probability: float) -> float:
-    """Return the true Cpk, both sides binding, that exceeds `observed` with `probability` in `n` values."""
+    """Return the Cpk of a process for which ``cpk_survival(observed, n, cpk)`` is `probability`."""
     from scipy.optimize import brentq
 
     low, high, _ = _chi_ends(n - 1)
@@ -64,9 +73,9 @@ def cpk_of_survival(observed: float, n: int, probability: float) -> float:
 
 
 def _expectation(g: Callable[[Array], Array], nu: float, centre: float, width: float) -> float:
-    """Return ``E[g(U)]``; g steps from 0 to 1 within `width` around `centre`.
+    """Return ``E[g(U)]``, where g steps from 0 to 1 within `width` around `centre`.
 
-    The interval is split there, and each piece is smooth enough for 40 Gauss points.
+    The integral is split at the step; each piece is smooth enough for 40 Gauss points.
     """
     low, high, log_norm = _chi_ends(nu)
     step = centre + width * np.array([-1.0, 0.0, 1.0])
@@ -80,7 +89,7 @@ def _expectation(g: Callable[[Array], Array], nu: float, centre: float, width: f
 
 @lru_cache(maxsize=64)
 def _chi_ends(nu: float) -> tuple[float, float, float]:
-    """Return the ends between which U lives and the logarithm of its density's constant."""
+    """Return the range of U, and the logarithm of the constant of its density."""
     low, high = (math.sqrt(float(chdtri(nu, p)) / nu) for p in (1.0 - _TAIL, _TAIL))
     log_norm = math.log(2) + nu / 2 * math.log(nu / 2) - float(gammaln(nu / 2))
     return low, high, log_norm

@@ -1,9 +1,10 @@
-"""Non-conforming share: what was counted, what the count proves, how many runs a claim needs.
+"""Non-conforming shares: the count, the bound it proves, and the number of runs that a claim needs.
 
-Counts are exact binomial statements (Clopper, Pearson 1934): no distribution of the response is assumed.
+Bounds of counts are exact binomial ones (Clopper and Pearson 1934): no distribution of the response is assumed.
 """
 
 import math
+from bisect import bisect_left
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,14 +24,13 @@ class Share:
     Attributes
     ----------
     count, n : int
-        Rejects, and values they are counted in.
+        Number of rejects, and of values.
     ppm : float
         Share in parts per million.
     interval : (float, float)
         Two-sided Clopper-Pearson interval [ppm].
     upper : float
-        One-sided Clopper-Pearson upper bound [ppm]: what this count can still not rule out. With no reject it is
-        ``1e6 (1 - (1 - confidence)^(1/n))``.
+        One-sided Clopper-Pearson upper bound [ppm]. Without a reject it is ``1e6 (1 - (1 - confidence)^(1/n))``.
     """
 
     count: int
@@ -47,11 +47,11 @@ class Nonconforming:
     Attributes
     ----------
     below, above : Share or None
-        Under the lower and over the upper limit; None for a side without a limit.
+        Below the lower and above the upper limit; None for a side without a limit.
     total : Share
         Both sides.
     with_failures : Share
-        `total`, runs without a result counted as rejects among all runs.
+        Like `total`, over all runs, with failed runs counted as rejects.
     """
 
     below: Share | None
@@ -74,7 +74,7 @@ def nonconforming(
     confidence : float
         Of the two-sided intervals and of the one-sided bounds.
     failed : int
-        Runs that ended without a value.
+        Number of runs without a value.
     """
     n = int(x.size)
     if n == 0 or (lsl is None and usl is None):
@@ -98,9 +98,18 @@ def counted(count: int, n: int, confidence: float) -> Share:
 
 
 def runs_to_claim(ppm: float, confidence: float, rejects: int = 0) -> int:
-    """Return the fewest runs whose upper bound is at most `ppm` if they hold `rejects` rejects.
+    """Return the fewest runs with `rejects` rejects that prove a share of at most `ppm`.
 
     Without a reject that is ``ln(1 - confidence) / ln(1 - ppm/1e6)``: 46,807 for 64 ppm at 95 %.
+
+    Parameters
+    ----------
+    ppm : float
+        Claimed upper bound of the share.
+    confidence : float
+        One-sided.
+    rejects : int
+        Rejects among the runs.
 
     Raises
     ------
@@ -113,20 +122,12 @@ def runs_to_claim(ppm: float, confidence: float, rejects: int = 0) -> int:
         raise ReportError(f"rejects = {rejects}: a count is not negative")
     if rejects == 0:
         return math.ceil(math.log(1 - confidence) / math.log1p(-ppm / PPM))
-    few = many = rejects + 1
-    while PPM * share_upper_bound(rejects, many, confidence) > ppm:
-        few, many = many, 2 * many
-    while many - few > 1:
-        middle = (few + many) // 2
-        if PPM * share_upper_bound(rejects, middle, confidence) > ppm:
-            few = middle
-        else:
-            many = middle
-    return many
+    runs = range(rejects + 1, 2**53)
+    return runs[bisect_left(runs, True, key=lambda n: PPM * share_upper_bound(rejects, n, confidence) <= ppm)]
 
 
 def expected_normal(mean: float, std: float, lsl: float | None, usl: float | None) -> dict[str, float]:
-    """Return the ppm below, above and in total of a normal distribution, for the sides that have a limit."""
+    """Return the ppm of a normal distribution "below", "above" and in "total", for the sides that have a limit."""
     numbers = {}
     if lsl is not None:
         numbers["below"] = PPM * float(ndtr((lsl - mean) / std))

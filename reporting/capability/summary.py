@@ -1,8 +1,8 @@
 """Capability of one response: location, spread, indices with intervals, non-conforming share.
 
-Formulas are those of the C-60 paper's appendix A (eqs. 28-30, Akhadkar, Acary, Brogliato 2018), which are the
-Pp and Ppk of AIAG and ISO 22514-2: `sigma` is the overall standard deviation with divisor ``n - 1``. With the batch
-of every value, the indices with the sigma within batches (AIAG's Cp and Cpk) stand beside them.
+Formulas are those of the C-60 paper's appendix A (eqs. 28-30, Akhadkar, Acary, Brogliato 2018): sigma is the overall
+standard deviation with divisor ``n - 1``, so that Cp and Cpk are the Pp and Ppk of AIAG and ISO 22514-2. If the
+production batch of each value is given, the indices with the sigma within batches (AIAG's Cp and Cpk) are added.
 """
 
 import math
@@ -20,6 +20,8 @@ from reporting.capability.shares import expected_normal, nonconforming, ppm_of_z
 from reporting.capability.within import Within, within
 from reporting.errors import ReportError
 
+_NO_WITHIN = "No batch has two values that differ: no sigma within, so no index within batches."
+
 
 @dataclass(frozen=True)
 class Capability:
@@ -28,7 +30,7 @@ class Capability:
     Attributes
     ----------
     n, dropped : int
-        Finite values used, and values left out because they are not finite.
+        Number of finite values, and of values left out because they are not finite.
     lsl, usl, target : float or None
         Limits and target as given.
     confidence : float
@@ -38,33 +40,34 @@ class Capability:
     skewness, kurtosis : float or None
         Adjusted Fisher-Pearson skewness G1 and excess kurtosis G2 (0 for a normal distribution).
     cp, cpk, cpl, cpu, cc, cpm : float or None
-        Indices. `cc` is signed: positive above the middle. `cpm` has divisor n around the target.
+        Indices. `cc` is signed: positive above the middle. `cpm` has the divisor n.
     cp_interval, cpk_interval, cpl_interval, cpu_interval : (float, float) or None
-        Chi-square, Bissell, exact noncentral t, exact noncentral t.
+        From the chi-square distribution, by Bissell, and (two) from the noncentral t distribution.
     cpk_interval_joint : (float, float) or None
-        Interval of Cpk that covers at least as often as it says; with one limit the exact one of that side.
+        Interval of Cpk that covers at least as often as stated; with one limit the exact interval of that side.
     cc_interval, cpm_interval : (float, float) or None
-        Student's t, Boyles.
+        By Student's t, and by Boyles.
     z_lsl, z_usl, z_bench : float or None
-        Distance to each limit in sigmas, and the normal quantile of both sides' share together.
+        Distance to each limit in sigmas, and the normal quantile of the total share out of limits.
     z_bench_interval : (float, float) or None
-        Exact for one limit, delta method for two. Three times Cpl's and Cpu's are those of `z_lsl` and `z_usl`.
+        Exact for one limit, by the delta method for two. The intervals of `z_lsl` and `z_usl` are three times those of
+        `cpl` and `cpu`.
     sigma_level : float or None
         ``z_bench + 1.5``, the customary number of Six Sigma tables, where 3.4 ppm are 6 sigma.
     below, above : int or None
-        Values under the lower and over the upper limit; a value on a limit conforms.
+        Number of values below the lower and above the upper limit; a value on a limit conforms.
     ppm_observed, ppm_observed_below, ppm_observed_above : float or None
         Counted share out of limits, in parts per million.
     ppm_upper, ppm_upper_below, ppm_upper_above : float or None
-        Clopper-Pearson upper bound of that share: what this many values can still not rule out.
+        Clopper-Pearson upper bound of that share.
     ppm_expected, ppm_expected_below, ppm_expected_above : float or None
         Share out of limits of a normal distribution with this mean and sigma.
     ppm_expected_interval : (float, float) or None
-        Of the total, from that of `z_bench`.
+        Of the total, from the interval of `z_bench`.
     within : Within or None
-        Indices with the sigma within batches; None without batches.
+        Indices with the sigma within production batches; None without batches.
     notes : tuple of str
-        Why a number is None, and what to mind.
+        Why a number is None, and cautions.
     """
 
     n: int
@@ -131,11 +134,11 @@ def capability(
     lsl, usl : float, optional
         Lower and upper specification limit, in the unit of `x`; None where that side is free.
     target : float, optional
-        Wanted value, for Cpm.
+        Target value, for Cpm.
     confidence : float
         Confidence of the intervals and bounds, between 0 and 1.
     batches : array_like, shape (n,), optional
-        Production batch of each value, numbers or names, for the sigma within.
+        Production batch of each value, as numbers or names, for the sigma within.
 
     Returns
     -------
@@ -144,21 +147,21 @@ def capability(
     Raises
     ------
     ReportError
-        Limits crossed, equal or not finite; confidence outside (0, 1); values that are no series of numbers;
-        batches that are not as many as the values.
+        The limits are crossed, equal or not finite; the confidence is not between 0 and 1; the values are not a series
+        of numbers; there are not as many batches as values.
     """
     _check(lsl, usl, target, confidence)
     values = series(x)
     groups = _groups(batches, values.size)
-    kept = np.isfinite(values)
-    finite = values[kept]
-    with np.errstate(over="ignore", invalid="ignore"):  # values near the largest double: their numbers become None
+    is_finite = np.isfinite(values)
+    finite = values[is_finite]
+    with np.errstate(over="ignore", invalid="ignore"):  # squares of values near the largest double: results are None
         location = location_and_shape(finite)
         mean, std = location.get("mean"), location.get("std")
         spread = std if std is not None and math.isfinite(std) and std > 0 else None
-        grouped = None
+        within_batches = None
         if groups is not None and spread is not None:
-            grouped = within(finite, groups[kept], lsl, usl, confidence)
+            within_batches = within(finite, groups[is_finite], lsl, usl, confidence)
         numbers = {
             **location,
             "cc": centring(mean, lsl, usl),
@@ -174,20 +177,22 @@ def capability(
         target=target,
         confidence=confidence,
         **{name: value for name, value in numbers.items() if _representable(value)},  # type: ignore[arg-type]
-        within=grouped,
-        notes=_notes(finite, int(values.size), std, lsl, usl, target)
-        + _batch_notes(groups is not None and spread is not None, grouped),
+        within=within_batches,
+        notes=(
+            *_notes(finite, int(values.size), std, lsl, usl, target),
+            *([_NO_WITHIN] if groups is not None and spread is not None and within_batches is None else []),
+        ),
     )
 
 
 def _representable(value: object) -> bool:
-    """Return whether every number of a result is finite; what is not would be None."""
+    """Return whether every number of a result is finite; a result that is not becomes None."""
     numbers = value if isinstance(value, tuple) else (value,)
     return all(number is not None and math.isfinite(number) for number in numbers)
 
 
 def _check(lsl: float | None, usl: float | None, target: float | None, confidence: float) -> None:
-    """Raise ReportError if limits, target or confidence make no sense."""
+    """Raise ReportError if limits, target or confidence are impossible."""
     for name, value in (("lsl", lsl), ("usl", usl), ("target", target)):
         if value is not None and not math.isfinite(value):
             raise ReportError(f"{name} = {value}: must be a finite number; use None where there is no {name}")
@@ -198,7 +203,7 @@ def _check(lsl: float | None, usl: float | None, target: float | None, confidenc
 
 
 def _groups(batches: ArrayLike | None, n: int) -> NDArray[np.generic] | None:
-    """Return the batch of each of `n` values as an array."""
+    """Return the production batch of each of `n` values as an array."""
     if batches is None:
         return None
     groups = np.asarray(batches)
@@ -236,7 +241,7 @@ def _cpm(
     target: float | None,
     confidence: float,
 ) -> dict[str, float | Interval | None]:
-    """Return Cpm, divisor n around the target, and its interval; it needs both limits and values off the target."""
+    """Return Cpm, with divisor n, and its interval; both limits, and values that differ from the target, are needed."""
     if mean is None or lsl is None or usl is None or target is None or x.size < 2:
         return {}
     around_target = math.sqrt(float(np.mean((x - target) ** 2)))
@@ -244,18 +249,18 @@ def _cpm(
         return {}
     cpm = (usl - lsl) / (6 * around_target)
     std = float(np.std(x))
-    if std <= ROUNDING * max(abs(mean), abs(target)):  # a constant off its target: nothing scatters
+    if std <= ROUNDING * max(abs(mean), abs(target)):  # a constant that is not the target: no interval
         return {"cpm": cpm}
     return {"cpm": cpm, "cpm_interval": cpm_interval(cpm, (mean - target) / std, x.size, confidence)}
 
 
 def _observed(x: Array, lsl: float | None, usl: float | None, confidence: float) -> dict[str, float | int | None]:
     """Return counts out of limits, their ppm and upper bounds; the total is over the sides with a limit."""
-    found = nonconforming(x, lsl, usl, confidence)
-    if found is None:
+    shares = nonconforming(x, lsl, usl, confidence)
+    if shares is None:
         return {}
     numbers: dict[str, float | int | None] = {}
-    for side, share in (("_below", found.below), ("_above", found.above), ("", found.total)):
+    for side, share in (("_below", shares.below), ("_above", shares.above), ("", shares.total)):
         if share is not None:
             numbers[f"ppm_observed{side}"] = share.ppm
             numbers[f"ppm_upper{side}"] = share.upper
@@ -276,20 +281,13 @@ def _notes(
     has_limit = lsl is not None or usl is not None
     notes: Sequence[tuple[bool, str]] = (
         (size > finite.size, f"{size - finite.size} of {size} values are not finite and were left out."),
-        (finite.size == 0, "No values: nothing can be said."),
-        (finite.size == 1, "One value only: no spread, so no index."),
+        (finite.size == 0, "No values."),
+        (finite.size == 1, "One value: no spread, so no index."),
         (finite.size > 1 and std == 0, "All values are equal: zero spread, so no index and no expected ppm."),
         (std is not None and not math.isfinite(std), "Values too large to be squared: no spread, so no index."),
         (not has_limit, "No limits: no index and no share out of limits."),
-        (has_limit and usl is None, "Lower limit only: Cp, Cc and Cpm are undefined, Cpk is Cpl."),
-        (has_limit and lsl is None, "Upper limit only: Cp, Cc and Cpm are undefined, Cpk is Cpu."),
+        (has_limit and usl is None, "Lower limit only: Cp, Cc and Cpm are undefined; Cpk is Cpl."),
+        (has_limit and lsl is None, "Upper limit only: Cp, Cc and Cpm are undefined; Cpk is Cpu."),
         (lsl is not None and usl is not None and target is None, "No target: Cpm is undefined."),
     )
     return tuple(text for holds, text in notes if holds)
-
-
-def _batch_notes(asked: bool, grouped: Within | None) -> tuple[str, ...]:
-    """Return why there is no sigma within."""
-    if not asked or grouped is not None:
-        return ()
-    return ("No batch has two values that differ: no sigma within, so no index within batches.",)

@@ -1,7 +1,7 @@
 """Sigma within production batches, and the indices that use it.
 
-Clearances come in batches: parts of one batch resemble each other. The sigma within says what the process could do
-if its batches agreed, the overall sigma what it does.
+Parts of one production batch resemble each other. The sigma within batches says what the process could do if its
+batches agreed; the overall sigma says what it does.
 """
 
 import math
@@ -19,24 +19,24 @@ from reporting.capability.shares import ppm_of_z
 
 @dataclass(frozen=True)
 class Within:
-    """Indices with the pooled sigma within batches: AIAG's and ISO 22514-2's Cp and Cpk.
+    """Indices with the pooled sigma within production batches: Cp and Cpk of AIAG and ISO 22514-2.
 
     Attributes
     ----------
     batches : int
-        Batches with a finite value.
+        Production batches with a finite value.
     nu : int
-        Degrees of freedom of sigma: values less batches.
+        Degrees of freedom of sigma: number of values less number of batches.
     std : float
         Pooled sigma ``sqrt(sum (n_i - 1) s_i^2 / nu)``, in the unit of the values, without a c4 factor.
     std_between : float or None
-        Sigma of the batch means beyond what sigma within explains (analysis of variance, 0 at the least); None
-        with one batch.
+        Sigma of the batch means beyond what the sigma within explains (one-way analysis of variance, at least 0);
+        None with one batch.
     cp, cpk, cpl, cpu, z_bench : float or None
-        Indices around the overall mean.
+        Indices around the overall mean; None where a limit is missing.
     cp_interval, cpk_interval, cpl_interval, cpu_interval : (float, float) or None
-        With nu degrees of freedom. They hold for this mean as it was drawn: how a mean of other batches would differ
-        is no part of a potential index.
+        With nu degrees of freedom, for the mean of these batches: a potential index leaves out how the mean of other
+        batches would differ.
     ppm_expected : float or None
         Share out of limits of a normal distribution with this sigma.
     """
@@ -58,20 +58,16 @@ class Within:
 
 
 def within(
-    x: Array,
-    batches: NDArray[np.generic],
-    lsl: float | None,
-    usl: float | None,
-    confidence: float,
+    x: Array, batches: NDArray[np.generic], lsl: float | None, usl: float | None, confidence: float
 ) -> Within | None:
-    """Return the indices within batches; None where no batch has two values that differ.
+    """Return the indices within production batches; None where no batch has two values that differ.
 
     Parameters
     ----------
     x : array, shape (n,)
         Finite values.
     batches : array, shape (n,)
-        Batch of each value: numbers or names.
+        Production batch of each value, as numbers or names.
     lsl, usl : float or None
         Limits.
     confidence : float
@@ -84,9 +80,7 @@ def within(
     std, between, counts = _variance_components(x - mean, batches)
     if std is None or std <= ROUNDING * float(np.max(np.abs(x))):
         return None
-    index = point_indices(mean, std, lsl, usl)
-    nu = n - counts.size
-    intervals = basic_intervals(index, n, nu, confidence)
+    index, nu = point_indices(mean, std, lsl, usl), n - counts.size
     z_bench = index["z_bench"]
     return Within(
         batches=int(counts.size),
@@ -98,10 +92,7 @@ def within(
         cpl=index["cpl"],
         cpu=index["cpu"],
         z_bench=z_bench,
-        cp_interval=intervals["cp_interval"],
-        cpk_interval=intervals["cpk_interval"],
-        cpl_interval=intervals["cpl_interval"],
-        cpu_interval=intervals["cpu_interval"],
+        **basic_intervals(index, n, nu, confidence),
         ppm_expected=None if z_bench is None else ppm_of_z(z_bench),
     )
 
@@ -116,9 +107,9 @@ def _variance_components(
     nu, k = x.size - counts.size, counts.size
     if nu == 0:
         return None, None, counts
-    square = float(np.sum((x - means[group]) ** 2)) / nu
+    within_square = float(np.sum((x - means[group]) ** 2)) / nu
     if k == 1:
-        return math.sqrt(square), None, counts
-    of_means = float(np.sum(counts * means**2)) / (k - 1)
-    typical = (x.size - float(np.sum(counts.astype(np.float64) ** 2)) / x.size) / (k - 1)
-    return math.sqrt(square), math.sqrt(max(0.0, (of_means - square) / typical)), counts
+        return math.sqrt(within_square), None, counts
+    between_square = float(np.sum(counts * means**2)) / (k - 1)
+    batch_size = (x.size - float(np.sum(counts.astype(np.float64) ** 2)) / x.size) / (k - 1)
+    return math.sqrt(within_square), math.sqrt(max(0.0, (between_square - within_square) / batch_size)), counts
