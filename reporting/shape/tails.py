@@ -1,30 +1,23 @@
-"""Shares far out in a tail, with their own intervals, where counting sees too few rejects.
-
-Two ways, and each says when it is not valid: a generalized Pareto tail beyond a threshold (`pareto_tail`), and samples
-drawn from a distribution that visits the tail more often, weighted back (`tail_from_weights`).
-"""
+"""Shares far out in a tail, where too few rejects were counted: a generalized Pareto tail beyond a threshold."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval, share_interval
 from reporting.capability.moments import ROUNDING, series
 from reporting.capability.shares import PPM
-from reporting.errors import ReportError
 from reporting.shape import pareto
 
-# Excesses over the threshold: fewer say nothing about the shape, and more bend a normal tail visibly: with 2,000 of
-# 30,000 the interval of a share of 30 ppm missed it every other time, with 250 as often as it says.
+# Fewer excesses say nothing about the shape; more show the curvature of a normal tail: with 2,000 of 30,000 values the
+# interval of a share of 30 ppm missed it every other time, with 250 as often as stated.
 FEWEST_EXCESSES, MOST_EXCESSES, LARGEST_SHARE = 50, 250, 0.10
 _THRESHOLDS = 12
-# Counting is better than any model from so many rejects on.
+# From so many rejects on the count is better than any model.
 ENOUGH_REJECTS = 100
-# A weighted sample that is worth fewer values, or that one value decides, is refused.
-FEWEST_EFFECTIVE, LARGEST_WEIGHT = 100.0, 0.05
 
 
 @dataclass(frozen=True)
@@ -38,26 +31,26 @@ class TailShare:
     limit : float
         In the unit of the values.
     ppm : float or None
-        Estimate; None where refused.
+        Estimate; None where it is refused.
     interval : (float, float) or None
         Two-sided [ppm].
     method : str
-        "pareto", "weights".
+        "pareto".
     threshold, excesses : float or None, int or None
-        Where the fitted tail begins, and the values beyond it.
+        Where the fitted tail begins, and the number of values beyond it.
     shape, scale : float or None
-        Of the Pareto tail; a negative shape ends.
+        Of the Pareto tail; with a negative shape it has an end.
     effective : float or None
-        Number of unweighted values the weighted ones are worth (Kish).
+        Always None: the values have equal weights.
     note : str
-        Why it is refused, or what to mind; empty if nothing.
+        Why the estimate is refused, or a caution; may be empty.
     """
 
     side: str
     limit: float
     ppm: float | None
     interval: Interval | None
-    method: str
+    method: str = "pareto"
     threshold: float | None = None
     excesses: int | None = None
     shape: float | None = None
@@ -69,9 +62,9 @@ class TailShare:
 def pareto_tails(x: ArrayLike, lsl: float | None, usl: float | None, confidence: float = 0.95) -> tuple[TailShare, ...]:
     """Return the share beyond each limit from a generalized Pareto tail.
 
-    The threshold is the one with the most excesses (250 or a tenth of the values at most, 50 at least) whose
-    Cramer-von Mises statistic does not reject the tail at 5 %. The interval joins the profile likelihood of the
-    share beyond the limit with the binomial error of the share beyond the threshold, on a logarithmic scale.
+    The threshold is the one with the most excesses (50 to 250, at most a tenth of the values) whose Cramer-von Mises
+    statistic does not reject the tail at 5 %. The interval combines the profile likelihood of the share beyond the
+    limit with the binomial error of the share beyond the threshold, on a logarithmic scale.
 
     Parameters
     ----------
@@ -82,110 +75,61 @@ def pareto_tails(x: ArrayLike, lsl: float | None, usl: float | None, confidence:
     confidence : float
         Two-sided.
 
+    Returns
+    -------
+    tuple of TailShare
+        One for each limit, the lower limit first.
+
     Raises
     ------
     ReportError
-        `x` is no series of numbers.
+        `x` is not a series of numbers.
     """
     values = series(x)
     ordered = np.sort(values[np.isfinite(values)])
-    found = []
+    tails = []
     if lsl is not None:
-        found.append(_pareto_side("below", -ordered[::-1], -lsl, confidence))
+        tails.append(_tail("below", -ordered[::-1], -lsl, confidence))
     if usl is not None:
-        found.append(_pareto_side("above", ordered, usl, confidence))
-    return tuple(found)
+        tails.append(_tail("above", ordered, usl, confidence))
+    return tuple(tails)
 
 
-def tail_from_weights(
-    x: ArrayLike, weights: ArrayLike, lsl: float | None, usl: float | None, confidence: float = 0.95
-) -> tuple[TailShare, ...]:
-    """Return the share beyond each limit of samples that were drawn from another distribution.
-
-    The estimate is the share of the weights. Its interval is Clopper and Pearson's of a binomial sample with the same
-    variance (Korn, Graubard 1998), so it stays right where few or no samples are beyond the limit.
-
-    Parameters
-    ----------
-    x : array_like, shape (n,)
-        Values; those that are not finite are left out with their weights.
-    weights : array_like, shape (n,)
-        Likelihood ratio of the wanted distribution of the inputs to the one they were drawn from; any scale.
-    lsl, usl : float or None
-        Limits, in the unit of the values.
-    confidence : float
-        Two-sided.
-
-    Raises
-    ------
-    ReportError
-        Values or weights are no series of numbers, or not as many as each other; a weight is negative or not finite.
-    """
-    values, ratio = series(x), series(weights)
-    if values.shape != ratio.shape:
-        raise ReportError(f"{ratio.size} weights for {values.size} values: one weight for each value is needed")
-    if not np.all(np.isfinite(ratio)) or np.any(ratio < 0):
-        raise ReportError("weights must be finite and not negative: they are likelihood ratios")
-    kept = np.isfinite(values)
-    values, ratio = values[kept], ratio[kept]
-    found = []
-    if lsl is not None:
-        found.append(_weighted_side("below", lsl, values < lsl, ratio, confidence))
-    if usl is not None:
-        found.append(_weighted_side("above", usl, values > usl, ratio, confidence))
-    return tuple(found)
-
-
-def _weighted_side(side: str, limit: float, beyond: NDArray[np.bool_], ratio: Array, confidence: float) -> TailShare:
-    """Return the weighted share beyond one limit."""
-    largest = float(np.max(ratio, initial=0.0))
-    if largest == 0.0:
-        return TailShare(side, limit, None, None, "weights", note="No sample has a weight: nothing can be said.")
-    w = ratio / float(np.sum(ratio / largest)) / largest
-    effective = 1 / float(w @ w)
-    if effective < FEWEST_EFFECTIVE or float(np.max(w)) > LARGEST_WEIGHT:
-        note = (
-            f"{w.size} weighted samples are worth {effective:.0f} (at least {FEWEST_EFFECTIVE:.0f} are needed), the "
-            f"heaviest carries {100 * float(np.max(w)):.2g} % of the weight ({100 * LARGEST_WEIGHT:.0f} % at most): "
-            "draw new samples closer to the wanted distribution."
-        )
-        return TailShare(side, limit, None, None, "weights", effective=effective, note=note)
-    share = float(np.sum(w[beyond]))
-    variance = float(np.sum((w * (beyond - share)) ** 2))
-    worth = share * (1 - share) / variance if variance > 0 and 0 < share < 1 else effective
-    low, high = share_interval(share * worth, worth, confidence)
-    note = "" if share > 0 else "No sample beyond the limit: the upper end is all that is known."
-    interval = (PPM * low, PPM * high)
-    return TailShare(side, limit, PPM * share, interval, "weights", effective=effective, note=note)
-
-
-def _pareto_side(side: str, ordered: Array, limit: float, confidence: float) -> TailShare:
-    """Return the Pareto share above `limit` of ascending values; of a lower side both come mirrored."""
-    shown = -limit if side == "below" else limit
+def _tail(side: str, ordered: Array, limit: float, confidence: float) -> TailShare:
+    """Return the share above `limit` of ascending values; for the lower side both are mirrored."""
+    sign = -1.0 if side == "below" else 1.0
     n = int(ordered.size)
     most = min(MOST_EXCESSES, int(LARGEST_SHARE * n))
     rejects = n - int(np.searchsorted(ordered, limit, side="right"))
     refusal = _refusal(ordered, rejects, most)
     if refusal:
-        return TailShare(side, shown, None, None, "pareto", note=refusal)
+        return TailShare(side, sign * limit, None, None, note=refusal)
     for k in _candidates(most, max(FEWEST_EXCESSES, rejects + 1)):
         threshold = float(ordered[n - k - 1])
         excesses = ordered[n - k :] - threshold
         if excesses[0] <= 0 or limit <= threshold:
             continue
-        tail = pareto.fit(excesses)
-        if tail.shape > pareto.SHAPES[0] and pareto.crookedness(excesses, tail) <= pareto.critical_crookedness(
-            tail.shape
-        ):
-            ppm, interval, note = _beyond(excesses, limit - threshold, tail, n, confidence)
-            start = -threshold if side == "below" else threshold
-            return TailShare(side, shown, ppm, interval, "pareto", start, k, tail.shape, tail.scale, note=note)
+        fit = pareto.maximum_likelihood_fit(excesses)
+        fits = pareto.cramer_von_mises(excesses, fit) <= pareto.critical_cramer_von_mises(fit.shape)
+        if fits and fit.shape > pareto.SHAPES[0]:
+            ppm, interval, note = _beyond(excesses, limit - threshold, fit, n, confidence)
+            return TailShare(
+                side=side,
+                limit=sign * limit,
+                ppm=ppm,
+                interval=interval,
+                threshold=sign * threshold,
+                excesses=k,
+                shape=fit.shape,
+                scale=fit.scale,
+                note=note,
+            )
     note = f"No threshold with {FEWEST_EXCESSES} to {most} values beyond it leaves a Pareto tail that ends gently."
-    return TailShare(side, shown, None, None, "pareto", note=note)
+    return TailShare(side, sign * limit, None, None, note=note)
 
 
 def _refusal(ordered: Array, rejects: int, most: int) -> str:
-    """Return why no tail can be fitted, empty if one can be tried."""
+    """Return why no tail can be fitted; empty if one can be."""
     n = ordered.size
     if most < FEWEST_EXCESSES:
         return f"{n} values are too few for a tail: {math.ceil(FEWEST_EXCESSES / LARGEST_SHARE)} are needed."
@@ -200,28 +144,23 @@ def _refusal(ordered: Array, rejects: int, most: int) -> str:
 
 
 def _candidates(most: int, fewest: int) -> list[int]:
-    """Return the numbers of excesses to try, most first."""
+    """Return the numbers of excesses to try, the largest first."""
     if most <= fewest:
         return [most]
     return sorted({int(k) for k in np.geomspace(most, fewest, _THRESHOLDS)}, reverse=True)
 
 
-def _beyond(
-    excesses: Array, y: float, tail: pareto.ParetoFit, n: int, confidence: float
-) -> tuple[float, Interval, str]:
-    """Return the ppm beyond a limit y above the threshold, its interval, and what to mind."""
+def _beyond(excesses: Array, y: float, fit: pareto.ParetoFit, n: int, confidence: float) -> tuple[float, Interval, str]:
+    """Return the ppm beyond a limit at the distance `y` from the threshold, its interval, and a caution."""
     over = excesses.size / n
-    share = pareto.survival(y, tail)
-    low, high = pareto.survival_interval(excesses, y, tail, confidence)
+    share = fit.survival(y)
+    low, high = pareto.survival_interval(excesses, y, fit, confidence)
     over_low, over_high = share_interval(excesses.size, n, confidence)
-    lowest = highest = 0.0
-    if share > 0 and low > 0:
+    if share == 0:
+        note = "The fitted tail ends before the limit: only the upper end of the interval says anything."
+        return 0.0, (0.0, PPM * min(over_high * high, 1.0)), note
+    lowest = 0.0
+    if low > 0:
         lowest = over * share * math.exp(-math.hypot(math.log(share / low), math.log(over / over_low)))
-    if share > 0:
-        highest = over * share * math.exp(math.hypot(math.log(high / share), math.log(over_high / over)))
-    else:
-        highest = over_high * high
-    note = (
-        "" if share > 0 else "The fitted tail ends before the limit: only the upper end of the interval says anything."
-    )
-    return PPM * over * share, (PPM * lowest, PPM * min(highest, 1.0)), note
+    highest = over * share * math.exp(math.hypot(math.log(high / share), math.log(over_high / over)))
+    return PPM * over * share, (PPM * lowest, PPM * min(highest, 1.0)), ""

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from reporting.arrays import Array
 from reporting.errors import ReportError
+from reporting.shape import pareto
 
 # Fewer effective samples than this, or one that carries more than this share, and a sigma is a guess.
 LEAST_EFFECTIVE = 100.0
@@ -125,30 +126,10 @@ def pareto_smoothed(raw: Array) -> tuple[Array, float]:
     beyond = raw[tail] - cut
     if beyond[-1] <= 1e-12 * raw[tail[-1]] or beyond[0] <= 0:
         return raw, _NO_TAIL
-    k, scale = pareto_fit(beyond)
-    p = (np.arange(count) + 0.5) / count
-    quantiles = -scale * np.log1p(-p) if abs(k) < 1e-12 else scale * np.expm1(-k * np.log1p(-p)) / k
+    k, scale = pareto.posterior_mean_fit(beyond)
     smooth = raw.copy()
-    smooth[tail] = np.minimum(cut + quantiles, raw[tail[-1]])
+    smooth[tail] = np.minimum(cut + pareto.quantiles(k, scale, (np.arange(count) + 0.5) / count), raw[tail[-1]])
     return smooth, k
-
-
-def pareto_fit(x: Array) -> tuple[float, float]:
-    """Return shape k and scale of the generalised Pareto distribution of values in rising order, x > 0.
-
-    Zhang and Stephens (Technometrics 51, 2009): the posterior mean of ``b = -k / scale`` over a grid. The shape is
-    drawn towards 0.5 with the weight of ten values, as Vehtari et al. do.
-    """
-    n = x.size
-    grid = 30 + int(math.sqrt(n))
-    quartile = x[math.floor(n / 4 + 0.5) - 1]
-    b = 1 / x[-1] + (1 - np.sqrt(grid / (np.arange(1, grid + 1) - 0.5))) / (3 * quartile)
-    shape = np.mean(np.log1p(-b[:, None] * x), axis=1)
-    likelihood = n * (np.log(-b / shape) - shape - 1)
-    posterior = np.exp(likelihood - likelihood.max())
-    best = float(np.sum(b * posterior) / posterior.sum())
-    k = float(np.mean(np.log1p(-best * x)))
-    return (n * k + 10 * 0.5) / (n + 10), -k / best
 
 
 def _refusal(effective: float, largest: float, k: float | None, bar: float, outside: float) -> str:

@@ -6,36 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy import stats
 
 from reporting import ReportError
-from reporting.tolerance.reweighting import Change, pareto_fit, pareto_smoothed, weights
+from reporting.tolerance.reweighting import Change, pareto_smoothed, weights
 
 RNG = np.random.default_rng(31)
-
-
-@pytest.mark.parametrize("k", [-0.5, 0.0, 0.3, 0.7, 1.2])
-def test_the_pareto_fit_finds_shape_and_scale(k):
-    """Of 2,000 values; the prior of ten values at 0.5 is taken off for the comparison."""
-    found = [pareto_fit(np.sort(stats.genpareto.rvs(k, scale=3.0, size=2000, random_state=RNG))) for _ in range(20)]
-    shape, scale = np.mean(found, axis=0)
-    assert (shape * 2010 - 5) / 2000 == pytest.approx(k, abs=0.03)
-    assert scale == pytest.approx(3.0, rel=0.03)
-
-
-def test_a_short_tail_is_drawn_towards_one_half():
-    """Of 40 uniform values (k = -1), by the weight of ten: (40 (-1) + 5) / 50."""
-    found = [pareto_fit(np.sort(RNG.uniform(size=40)))[0] for _ in range(200)]
-    assert np.mean(found) == pytest.approx(-0.7, abs=0.08)
-
-
-def test_it_is_close_to_maximum_likelihood():
-    """On one sample, scipy's fit of the same distribution."""
-    x = np.sort(stats.genpareto.rvs(0.4, size=3000, random_state=RNG))
-    k, scale = pareto_fit(x)
-    shape, _, size = stats.genpareto.fit(x, floc=0)
-    assert k == pytest.approx(shape, abs=0.02)
-    assert scale == pytest.approx(size, rel=0.02)
 
 
 def test_smoothing_keeps_the_body_and_the_largest():
