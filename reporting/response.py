@@ -17,7 +17,7 @@ from reporting.samples import Samples
 from reporting.sensitivity.influence import ResponseSensitivity
 from reporting.shape.fits import Fits, fit_families
 from reporting.shape.histogram import Histogram, histogram
-from reporting.shape.nonnormal import NonnormalIndices, empirical_indices, percentile_indices, z_score_indices
+from reporting.shape.nonnormal import NonnormalIndices, empirical_indices, fitted_indices
 from reporting.shape.normality import CLOSE, Normality, ProbabilityPlot, normality, probability_plot
 from reporting.shape.tails import TailShare, pareto_tails
 from reporting.spec import ReportSpec, ResponseSpec
@@ -196,11 +196,11 @@ def _fits(x: Array, shape: Normality, *, limited: bool) -> Fits:
 def _methods(x: Array, fits: Fits, spec: ResponseSpec, confidence: float) -> tuple[NonnormalIndices, ...]:
     """Return the indices that do not rest on the normal distribution."""
     best = fits.of(fits.best)
-    fitted = () if best is None else (
-        percentile_indices(best, spec.lsl, spec.usl, confidence),
-        z_score_indices(best, spec.lsl, spec.usl, confidence),
-    )  # fmt: skip
-    return (*fitted, empirical_indices(x, spec.lsl, spec.usl, confidence))
+    empirical = empirical_indices(x, spec.lsl, spec.usl, confidence)
+    if best is None:
+        return (empirical,)
+    fitted = [fitted_indices(method, best, spec.lsl, spec.usl, confidence) for method in ("percentile", "z_score")]
+    return (*fitted, empirical)
 
 
 def _yield(numbers: Capability, finished: int, confidence: float) -> Yield | None:

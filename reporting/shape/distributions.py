@@ -1,6 +1,7 @@
-"""Distributions in the closed form of `scipy.special`: a fit calls them some thousand times.
+"""Distributions in closed form.
 
-`scipy.stats` builds a whole object for every set of parameters, which costs fifty times what these formulas do.
+A fit evaluates them some thousand times with other parameters, and `scipy.stats` takes fifty times as long: it builds
+and checks an object for each set of parameters.
 """
 
 import math
@@ -20,8 +21,18 @@ _HALVINGS = 80
 
 
 @dataclass(frozen=True)
-class Shape:
-    """A distribution: logarithm of the density, share up to and above a value, quantile of a share; on arrays."""
+class ClosedForm:
+    """A distribution, as functions of arrays.
+
+    Attributes
+    ----------
+    logpdf : callable
+        Logarithm of the density at a value.
+    cdf, sf : callable
+        Probability of values up to, and above, a value.
+    ppf : callable
+        Quantile of a probability.
+    """
 
     logpdf: Function
     cdf: Function
@@ -29,15 +40,15 @@ class Shape:
     ppf: Function
 
 
-def normal_after(score: Function, log_slope: Function, inverse: Function) -> Shape:
+def normal_after(score: Function, log_slope: Function, inverse: Function) -> ClosedForm:
     """Return the distribution of values whose increasing `score` is standard normal.
 
     Parameters
     ----------
     score, log_slope, inverse : callable
-        The score of a value, the logarithm of its derivative, the value of a score.
+        Score of a value, logarithm of its derivative, value of a score.
     """
-    return Shape(
+    return ClosedForm(
         logpdf=lambda z: log_slope(z) - 0.5 * score(z) ** 2 - _HALF_LOG_2PI,
         cdf=lambda z: ndtr(score(z)),
         sf=lambda z: ndtr(-score(z)),
@@ -45,14 +56,14 @@ def normal_after(score: Function, log_slope: Function, inverse: Function) -> Sha
     )
 
 
-def normal(mean: float, std: float) -> Shape:
+def normal(mean: float, std: float) -> ClosedForm:
     """Return the normal distribution."""
     slope = -math.log(std)
     return normal_after(lambda z: (z - mean) / std, lambda z: np.full_like(z, slope), lambda s: mean + std * s)
 
 
-def lognormal(low: float, mean: float, std: float) -> Shape:
-    """Return the distribution of values above `low` whose logarithm there is normal (Johnson's SL)."""
+def lognormal(low: float, mean: float, std: float) -> ClosedForm:
+    """Return the distribution of values whose ``ln(z - low)`` is normal (Johnson's SL)."""
     return normal_after(
         lambda z: (np.log(np.maximum(z - low, 0.0)) - mean) / std,
         lambda z: -np.log(z - low) - math.log(std),
@@ -60,7 +71,7 @@ def lognormal(low: float, mean: float, std: float) -> Shape:
     )
 
 
-def johnson_su(gamma: float, delta: float, xi: float, scale: float) -> Shape:
+def johnson_su(gamma: float, delta: float, xi: float, scale: float) -> ClosedForm:
     """Return Johnson's (1949) unbounded distribution: ``gamma + delta asinh((z - xi) / scale)`` is normal."""
     return normal_after(
         lambda z: gamma + delta * np.arcsinh((z - xi) / scale),
@@ -69,7 +80,7 @@ def johnson_su(gamma: float, delta: float, xi: float, scale: float) -> Shape:
     )
 
 
-def johnson_sb(gamma: float, delta: float, low: float, high: float) -> Shape:
+def johnson_sb(gamma: float, delta: float, low: float, high: float) -> ClosedForm:
     """Return Johnson's (1949) bounded distribution: ``gamma + delta ln((z - low) / (high - z))`` is normal."""
     return normal_after(
         lambda z: gamma + delta * special.logit(np.clip((z - low) / (high - low), 0.0, 1.0)),
@@ -78,8 +89,8 @@ def johnson_sb(gamma: float, delta: float, low: float, high: float) -> Shape:
     )
 
 
-def box_cox_normal(power: float, mean: float, std: float) -> Shape:
-    """Return positive values whose ``(z^power - 1) / power`` are normal (Box, Cox 1964)."""
+def box_cox_normal(power: float, mean: float, std: float) -> ClosedForm:
+    """Return the distribution of positive values whose ``(z^power - 1) / power`` is normal (Box, Cox 1964)."""
     return normal_after(
         lambda z: (special.boxcox(np.maximum(z, 0.0), power) - mean) / std,
         lambda z: (power - 1.0) * np.log(z) - math.log(std),
@@ -87,8 +98,8 @@ def box_cox_normal(power: float, mean: float, std: float) -> Shape:
     )
 
 
-def yeo_johnson_normal(power: float, mean: float, std: float) -> Shape:
-    """Return values of any sign that are normal after the power transform of Yeo and Johnson (2000)."""
+def yeo_johnson_normal(power: float, mean: float, std: float) -> ClosedForm:
+    """Return the distribution of values that are normal after the power transform of Yeo and Johnson (2000)."""
 
     def transformed(z: Array) -> Array:
         up, down = special.boxcox1p(np.maximum(z, 0), power), special.boxcox1p(np.maximum(-z, 0), 2 - power)
@@ -105,13 +116,13 @@ def yeo_johnson_normal(power: float, mean: float, std: float) -> Shape:
     )
 
 
-def weibull(shape: float, scale: float) -> Shape:
+def weibull(shape: float, scale: float) -> ClosedForm:
     """Return the two-parameter Weibull distribution, ``P(Z > z) = exp(-(z/scale)^shape)``."""
 
     def hazard(z: Array) -> Array:
         return np.asarray(np.maximum(z / scale, 0.0) ** shape)
 
-    return Shape(
+    return ClosedForm(
         logpdf=lambda z: math.log(shape / scale) + (shape - 1) * np.log(z / scale) - hazard(z),
         cdf=lambda z: -np.expm1(-hazard(z)),
         sf=lambda z: np.exp(-hazard(z)),
@@ -119,10 +130,10 @@ def weibull(shape: float, scale: float) -> Shape:
     )
 
 
-def gamma(shape: float, scale: float) -> Shape:
+def gamma(shape: float, scale: float) -> ClosedForm:
     """Return the gamma distribution."""
     constant = -float(special.gammaln(shape)) - math.log(scale)
-    return Shape(
+    return ClosedForm(
         logpdf=lambda z: constant + (shape - 1) * np.log(z / scale) - z / scale,
         cdf=lambda z: special.gammainc(shape, np.maximum(z / scale, 0.0)),
         sf=lambda z: special.gammaincc(shape, np.maximum(z / scale, 0.0)),
@@ -130,10 +141,10 @@ def gamma(shape: float, scale: float) -> Shape:
     )
 
 
-def beta(a: float, b: float) -> Shape:
+def beta(a: float, b: float) -> ClosedForm:
     """Return the beta distribution on 0 to 1."""
     constant = -float(special.betaln(a, b))
-    return Shape(
+    return ClosedForm(
         logpdf=lambda z: constant + (a - 1) * np.log(z) + (b - 1) * np.log1p(-z),
         cdf=lambda z: special.betainc(a, b, np.clip(z, 0.0, 1.0)),
         sf=lambda z: special.betainc(b, a, np.clip(1.0 - z, 0.0, 1.0)),
@@ -141,15 +152,15 @@ def beta(a: float, b: float) -> Shape:
     )
 
 
-def folded_normal(mean: float, std: float) -> Shape:
-    """Return the distribution of the magnitude of a normal value; with mean 0 the half-normal one."""
+def folded_normal(mean: float, std: float) -> ClosedForm:
+    """Return the distribution of the magnitude of a normal value; with mean 0 it is the half-normal distribution."""
     slope = -math.log(std) - _HALF_LOG_2PI
 
     def cdf(z: Array) -> Array:
         z = np.maximum(z, 0.0)
         return np.asarray(ndtr((z - mean) / std) - ndtr((-z - mean) / std))
 
-    return Shape(
+    return ClosedForm(
         logpdf=lambda z: slope + np.logaddexp(-0.5 * ((z - mean) / std) ** 2, -0.5 * ((z + mean) / std) ** 2),
         cdf=cdf,
         sf=lambda z: np.where(z > 0, ndtr((mean - z) / std) + ndtr((-z - mean) / std), 1.0),
@@ -157,14 +168,14 @@ def folded_normal(mean: float, std: float) -> Shape:
     )
 
 
-def logistic(mean: float, scale: float) -> Shape:
+def logistic(mean: float, scale: float) -> ClosedForm:
     """Return the logistic distribution."""
 
     def log_density(z: Array) -> Array:
         u = (z - mean) / scale
         return np.asarray(-u - 2 * np.logaddexp(0.0, -u) - math.log(scale))
 
-    return Shape(
+    return ClosedForm(
         logpdf=log_density,
         cdf=lambda z: special.expit((z - mean) / scale),
         sf=lambda z: special.expit((mean - z) / scale),
@@ -172,14 +183,14 @@ def logistic(mean: float, scale: float) -> Shape:
     )
 
 
-def largest_extreme(mode: float, scale: float) -> Shape:
-    """Return the distribution of the largest of many values (Gumbel); mirrored, that of the smallest."""
+def largest_extreme(mode: float, scale: float) -> ClosedForm:
+    """Return Gumbel's distribution of the largest of many values; mirrored, it is that of the smallest."""
 
     def log_density(z: Array) -> Array:
         u = (z - mode) / scale
         return np.asarray(-u - np.exp(-u) - math.log(scale))
 
-    return Shape(
+    return ClosedForm(
         logpdf=log_density,
         cdf=lambda z: np.exp(-np.exp((mode - z) / scale)),
         sf=lambda z: -np.expm1(-np.exp((mode - z) / scale)),
@@ -187,8 +198,8 @@ def largest_extreme(mode: float, scale: float) -> Shape:
     )
 
 
-def two_normals(share: float, mean1: float, std1: float, mean2: float, std2: float) -> Shape:
-    """Return a mixture: `share` of the values from one normal distribution, the others from a second."""
+def two_normals(share: float, mean1: float, std1: float, mean2: float, std2: float) -> ClosedForm:
+    """Return a mixture of two normal distributions, the first with the probability `share`."""
     one, two = normal(mean1, std1), normal(mean2, std2)
     rest = 1.0 - share
 
@@ -199,7 +210,7 @@ def two_normals(share: float, mean1: float, std1: float, mean2: float, std2: flo
         ends = one.ppf(p), two.ppf(p)
         return _bisect(cdf, p, np.minimum(*ends), np.maximum(*ends))
 
-    return Shape(
+    return ClosedForm(
         logpdf=lambda z: np.logaddexp(np.log(share) + one.logpdf(z), np.log(rest) + two.logpdf(z)),
         cdf=cdf,
         sf=lambda z: share * one.sf(z) + rest * two.sf(z),
@@ -208,7 +219,7 @@ def two_normals(share: float, mean1: float, std1: float, mean2: float, std2: flo
 
 
 def _bisect(cdf: Function, p: Array, low: Array, high: Array) -> Array:
-    """Return where `cdf` is `p`, between `low` and `high`."""
+    """Return where `cdf` is `p`, between `low` and `high`, by bisection."""
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
         under = cdf(middle) < p

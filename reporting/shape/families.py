@@ -1,30 +1,38 @@
-"""Families of distributions a response may follow, simplest first, each on values that were shifted and scaled.
+"""Families of distributions that may describe a response, simplest first, for shifted and scaled values.
 
-A family maps unconstrained parameters theta to a distribution of ``z = (x - shift) / scale``: every theta is valid, so
-a fit needs no constraints and its curvature gives the errors. How shift and scale are found is part of the family:
-positive families keep zero where it is, bounded ones put the smallest and largest value at -1 and 1.
+A family maps unconstrained parameters theta to a distribution of ``z = (x - shift) / scale``. Every theta is valid, so
+a fit needs no constraints, and the curvature of the likelihood gives the errors. The family decides how shift and
+scale are chosen: positive families leave zero at zero, bounded ones put the smallest and largest value at -1 and 1.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from reporting.arrays import Array
-from reporting.shape import distributions as shapes
+from reporting.shape import distributions
 from reporting.shape.condensed import Condensed
-from reporting.shape.distributions import Shape
+from reporting.shape.distributions import ClosedForm
 
 Theta = tuple[float, ...]
 
 
 @dataclass(frozen=True)
 class Scaled:
-    """A distribution of ``x = shift + scale z``; a negative scale mirrors it."""
+    """The distribution of ``x = shift + scale z``.
 
-    base: Shape
+    Attributes
+    ----------
+    base : ClosedForm
+        Distribution of z.
+    shift, scale : float
+        In the unit of x; a negative scale mirrors the distribution.
+    """
+
+    base: ClosedForm
     shift: float
     scale: float
 
@@ -60,82 +68,90 @@ class Family:
     Attributes
     ----------
     name, title : str
-        As a key, and in words.
+        Key in `FAMILIES`, and the name in words.
     parameters : tuple of str
-        Names of theta; "log ..." where it is the logarithm of a positive parameter of z.
+        Names of theta; "log ..." for the logarithm of a positive parameter of z.
     frame : str
-        "free" (z is standardised), "free mirrored", "positive" (zero stays zero), "range" (the values fill -1 to 1),
-        "range mirrored", "bounds" (known bounds become 0 and 1).
+        How z is scaled: "free" (median 0, standard deviation 1), "positive" (zero stays zero, median 1), "range" (the
+        values fill -1 to 1), "bounds" (known bounds become 0 and 1), "free mirrored" or "range mirrored".
     build : callable
         From theta to the distribution of z.
     start : callable
-        From the condensed values of z to a first theta.
+        From the condensed values of z to the theta where the search starts.
     """
 
     name: str
     title: str
     parameters: tuple[str, ...]
     frame: str
-    build: Callable[[Theta], Shape]
+    build: Callable[[Theta], ClosedForm]
     start: Callable[[Condensed], Theta]
 
 
 def _exp(value: float) -> float:
-    """Return ``exp(value)``, held within what a search that runs away may reach."""
+    """Return ``exp(value)``, bounded in case a search diverges."""
     return math.exp(min(max(value, -40.0), 40.0))
 
 
 def _moments(c: Condensed) -> Theta:
+    """Return the mean and the logarithm of the standard deviation."""
     mean = c.mean(c.values)
     return mean, math.log(math.sqrt(c.mean((c.values - mean) ** 2)))
 
 
 def _log_moments(c: Condensed) -> Theta:
-    logs = np.log(c.values)
-    mean = c.mean(logs)
-    return mean, math.log(math.sqrt(c.mean((logs - mean) ** 2)))
+    """Return the mean and the logarithm of the standard deviation of the logarithms."""
+    return _moments(replace(c, values=np.log(c.values)))
 
 
 def _weibull_start(c: Condensed) -> Theta:
-    mean, log_sd = _log_moments(c)  # sd of log x is pi / (sqrt(6) shape), its mean log scale - 0.5772 / shape
+    """Return parameters from the moments of the logarithms."""
+    mean, log_sd = _log_moments(c)  # log x: sd pi / (sqrt(6) shape), mean log scale - 0.5772 / shape
     shape = math.pi / math.sqrt(6) / math.exp(log_sd)
     return math.log(shape), mean + 0.5772 / shape
 
 
 def _gamma_start(c: Condensed) -> Theta:
+    """Return parameters from the moments."""
     mean, log_sd = _moments(c)
     variance = math.exp(2 * log_sd)
     return math.log(mean * mean / variance), math.log(variance / mean)
 
 
 def _root_mean_square(c: Condensed) -> Theta:
+    """Return the logarithm of the root mean square."""
     return (0.5 * math.log(c.mean(c.values**2)),)
 
 
 def _logistic_start(c: Condensed) -> Theta:
+    """Return parameters from the moments."""
     mean, log_sd = _moments(c)
     return mean, log_sd + math.log(math.sqrt(3) / math.pi)
 
 
 def _gumbel_start(c: Condensed) -> Theta:
+    """Return parameters from the moments."""
     mean, log_sd = _moments(c)
     scale = math.exp(log_sd) * math.sqrt(6) / math.pi
     return mean - 0.5772 * scale, math.log(scale)
 
 
 def _beta_start(c: Condensed) -> Theta:
+    """Return parameters from the moments."""
     mean, log_sd = _moments(c)
     both = max(mean * (1 - mean) / math.exp(2 * log_sd) - 1, 0.1)
     return math.log(mean * both), math.log((1 - mean) * both)
 
 
 def _sl_start(c: Condensed) -> Theta:
+    """Return parameters from the moments of the logarithms above a threshold."""
     logs = np.log(c.values + 1.5)
     mean = c.mean(logs)
     return math.log(0.5), mean, 0.5 * math.log(c.mean((logs - mean) ** 2))
 
 
 def _mixture_start(c: Condensed) -> Theta:
+    """Return parameters from the moments of the values below and above the mean."""
     mean, log_sd = _moments(c)
     low, high = c.values < mean, c.values >= mean
     means = [float(np.average(c.values[side], weights=c.weights[side])) for side in (low, high)]
@@ -146,57 +162,59 @@ _SL = ("log gap", "mean of log", "log sd of log")
 _POWER = ("lambda", "mean", "log sd")
 
 
-def _build_sl(t: Theta) -> Shape:
-    return shapes.lognormal(-1.0 - _exp(t[0]), t[1], _exp(t[2]))
+def _build_sl(t: Theta) -> ClosedForm:
+    return distributions.lognormal(-1.0 - _exp(t[0]), t[1], _exp(t[2]))
 
 
 FAMILIES = {
     family.name: family
     for family in (
-        Family("normal", "normal", ("mean", "log sd"), "free", lambda t: shapes.normal(t[0], _exp(t[1])), _moments),
+        Family(
+            "normal", "normal", ("mean", "log sd"), "free", lambda t: distributions.normal(t[0], _exp(t[1])), _moments
+        ),
         Family(
             "lognormal", "lognormal", ("mean of log", "log sd of log"), "positive",
-            lambda t: shapes.lognormal(0.0, t[0], _exp(t[1])), _log_moments,
+            lambda t: distributions.lognormal(0.0, t[0], _exp(t[1])), _log_moments,
         ),
         Family(
             "weibull", "Weibull", ("log shape", "log scale"), "positive",
-            lambda t: shapes.weibull(_exp(t[0]), _exp(t[1])), _weibull_start,
+            lambda t: distributions.weibull(_exp(t[0]), _exp(t[1])), _weibull_start,
         ),
         Family(
             "gamma", "gamma", ("log shape", "log scale"), "positive",
-            lambda t: shapes.gamma(_exp(t[0]), _exp(t[1])), _gamma_start,
+            lambda t: distributions.gamma(_exp(t[0]), _exp(t[1])), _gamma_start,
         ),
         Family(
             "half_normal", "half-normal", ("log sd",), "positive",
-            lambda t: shapes.folded_normal(0.0, _exp(t[0])), _root_mean_square,
+            lambda t: distributions.folded_normal(0.0, _exp(t[0])), _root_mean_square,
         ),
         Family(
             "folded_normal", "folded normal", ("mean", "log sd"), "positive",
-            lambda t: shapes.folded_normal(t[0], _exp(t[1])), _moments,
+            lambda t: distributions.folded_normal(t[0], _exp(t[1])), _moments,
         ),
         Family(
             "logistic", "logistic", ("mean", "log scale"), "free",
-            lambda t: shapes.logistic(t[0], _exp(t[1])), _logistic_start,
+            lambda t: distributions.logistic(t[0], _exp(t[1])), _logistic_start,
         ),
         Family(
             "largest_extreme", "largest extreme value", ("mode", "log scale"), "free",
-            lambda t: shapes.largest_extreme(t[0], _exp(t[1])), _gumbel_start,
+            lambda t: distributions.largest_extreme(t[0], _exp(t[1])), _gumbel_start,
         ),
         Family(
             "smallest_extreme", "smallest extreme value", ("mode", "log scale"), "free mirrored",
-            lambda t: shapes.largest_extreme(t[0], _exp(t[1])), _gumbel_start,
+            lambda t: distributions.largest_extreme(t[0], _exp(t[1])), _gumbel_start,
         ),
         Family(
             "beta", "beta on the known bounds", ("log a", "log b"), "bounds",
-            lambda t: shapes.beta(_exp(t[0]), _exp(t[1])), _beta_start,
+            lambda t: distributions.beta(_exp(t[0]), _exp(t[1])), _beta_start,
         ),
         Family(
             "box_cox", "normal after Box-Cox", _POWER, "positive",
-            lambda t: shapes.box_cox_normal(t[0], t[1], _exp(t[2])), lambda c: (0.0, *_log_moments(c)),
+            lambda t: distributions.box_cox_normal(t[0], t[1], _exp(t[2])), lambda c: (0.0, *_log_moments(c)),
         ),
         Family(
             "yeo_johnson", "normal after Yeo-Johnson", _POWER, "free",
-            lambda t: shapes.yeo_johnson_normal(t[0], t[1], _exp(t[2])), lambda c: (1.0, *_moments(c)),
+            lambda t: distributions.yeo_johnson_normal(t[0], t[1], _exp(t[2])), lambda c: (1.0, *_moments(c)),
         ),
         Family("johnson_sl", "Johnson SL, lognormal above a threshold", _SL, "range", _build_sl, _sl_start),
         Family(
@@ -205,17 +223,18 @@ FAMILIES = {
         ),
         Family(
             "johnson_su", "Johnson SU", ("gamma", "log delta", "xi", "log lambda"), "free",
-            lambda t: shapes.johnson_su(t[0], _exp(t[1]), t[2], _exp(t[3])), lambda _: (0.0, 0.7, 0.0, 0.7),
+            lambda t: distributions.johnson_su(t[0], _exp(t[1]), t[2], _exp(t[3])), lambda _: (0.0, 0.7, 0.0, 0.7),
         ),
         Family(
             "johnson_sb", "Johnson SB", ("gamma", "log delta", "log gap below", "log gap above"), "range",
-            lambda t: shapes.johnson_sb(t[0], _exp(t[1]), -1.0 - _exp(t[2]), 1.0 + _exp(t[3])),
+            lambda t: distributions.johnson_sb(t[0], _exp(t[1]), -1.0 - _exp(t[2]), 1.0 + _exp(t[3])),
             lambda _: (0.0, 0.0, -1.0, -1.0),
         ),
         Family(
             "two_normals", "mixture of two normals",
             ("logit of share", "mean 1", "log sd 1", "mean 2", "log sd 2"), "free",
-            lambda t: shapes.two_normals(1 / (1 + _exp(-t[0])), t[1], _exp(t[2]), t[3], _exp(t[4])), _mixture_start,
+            lambda t: distributions.two_normals(1 / (1 + _exp(-t[0])), t[1], _exp(t[2]), t[3], _exp(t[4])),
+            _mixture_start,
         ),
     )
 }  # fmt: skip

@@ -1,7 +1,7 @@
 """Distributions fitted to a response by maximum likelihood, ranked by AIC, with their distance from the data.
 
-The search runs on the sample condensed to 600 values and the figures of merit on 20,000 (`condensed`), so
-that a million values cost what a few thousand do. Normal and lognormal use the moments of all values, sigma with
+The search uses the sample condensed to 600 values, the figures of merit 20,000 (`reporting.shape.condensed`): a million
+values cost as much as a few thousand. Normal and lognormal distributions use the moments of all values; sigma has the
 divisor n - 1 as everywhere in the report.
 """
 
@@ -16,41 +16,41 @@ from reporting.arrays import Array
 from reporting.capability.moments import ROUNDING, series
 from reporting.shape.condensed import Condensed, anderson_darling, condense, distance
 from reporting.shape.families import FAMILIES, Family, Scaled, Theta
-from reporting.shape.maximum_likelihood import curvature, maximise
+from reporting.shape.maximum_likelihood import covariance, maximise
 
 SEARCHED, JUDGED = 600, 20_000
-# Fewer values than this for each parameter say nothing about a shape.
+# Values needed for each parameter.
 VALUES_PER_PARAMETER = 8
-# AIC differences up to this are no evidence (Burnham, Anderson 2002): the simpler family is kept.
+# A smaller difference of AIC is not evidence (Burnham, Anderson 2002): the simpler family is chosen.
 AIC_MARGIN = 10.0
-# Below this sigma, as a share of the value, a family that starts at zero is a normal one with other words.
+# Below this ratio of sigma and value a family that starts at zero is indistinguishable from a normal one.
 LEAST_VARIATION = 0.01
 
 
 @dataclass(frozen=True)
 class Fit:
-    """One family fitted to the values.
+    """A family fitted to the values.
 
     Attributes
     ----------
     family, title : str
-        Key of `reporting.shape.families.FAMILIES`, and its name in words.
+        Key in `reporting.shape.families.FAMILIES`, and the name in words.
     parameters : dict of str to float
-        Of ``z = (x - shift) / scale``; a name "log ..." is undone: the positive parameter itself is given.
+        Of the distribution of ``z = (x - shift) / scale``; positive parameters themselves, not their logarithms.
     theta : tuple of float
-        Unconstrained parameters; with shift and scale they rebuild the distribution.
+        Unconstrained parameters, which with shift and scale determine the distribution (see `distribution`).
     covariance : tuple of tuples of float, or None
-        Of theta, from the curvature of the likelihood; None where it is flat (a degenerate fit).
+        Of theta, from the curvature of the likelihood; None where it is flat.
     shift, scale : float
         In the unit of the values.
     n : int
-        Values fitted.
+        Number of values.
     loglik, aic, bic : float
-        Log-likelihood (density in 1/unit), and it penalised by ``2 k`` or ``k ln n``.
+        Log-likelihood (density in 1/unit), and the information criteria of Akaike and Schwarz.
     ad : float or None
-        Anderson-Darling statistic; it grows with n, so it ranks families but is no measure of a misfit.
+        Anderson-Darling statistic. It grows with n: it ranks families but does not measure a misfit.
     distance : float
-        Largest difference between the shares below a value in sample and distribution: the misfit itself.
+        Kolmogorov's distance between sample and distribution: the size of the misfit.
     """
 
     family: str
@@ -70,19 +70,19 @@ class Fit:
 
 @dataclass(frozen=True)
 class Fits:
-    """All candidates.
+    """All families fitted to a response.
 
     Attributes
     ----------
     fits : tuple of Fit
-        By AIC, best first.
+        By AIC, smallest first.
     best : str or None
-        Family chosen: of those within `AIC_MARGIN` of the best the one with the fewest parameters, the normal one
-        if it is among those.
+        Family chosen: among those within `AIC_MARGIN` of the smallest AIC the one with the fewest parameters; of
+        several, the normal one.
     refused : dict of str to str
         Families that were not fitted, and why.
     notes : tuple of str
-        How the fits were made, or why there is none.
+        How the families were fitted, or why none was.
     """
 
     fits: tuple[Fit, ...]
@@ -91,7 +91,7 @@ class Fits:
     notes: tuple[str, ...]
 
     def of(self, family: str | None) -> Fit | None:
-        """Return the fit of a family, None if there is none."""
+        """Return the fit of a family; None if there is none."""
         return next((fit for fit in self.fits if fit.family == family), None)
 
 
@@ -103,14 +103,14 @@ def fit_families(x: ArrayLike, bounds: tuple[float, float] | None = None, names:
     x : array_like, shape (n,)
         Values of one response; those that are not finite are left out.
     bounds : (float, float), optional
-        Bounds the response cannot pass, known from its nature, for the beta distribution.
+        Physical bounds of the response, for the beta distribution.
     names : iterable of str, optional
-        Families to try; all of them if not given.
+        Families to fit; all of them if not given.
 
     Raises
     ------
     ReportError
-        `x` is no series of numbers.
+        `x` is not a series of numbers.
     """
     values = series(x)
     values = np.sort(values[np.isfinite(values)])
@@ -120,25 +120,23 @@ def fit_families(x: ArrayLike, bounds: tuple[float, float] | None = None, names:
     if not float(np.max(np.abs(values))) < 1e150:
         return Fits((), None, {}, ("Values too large to be squared: no distribution is fitted.",))
     few, many = condense(values, SEARCHED), condense(values, JUDGED)
-    wanted = set(names) if names is not None else None
+    families = FAMILIES.values() if names is None else [FAMILIES[name] for name in FAMILIES if name in set(names)]
     fits, refused = [], {}
-    for family in FAMILIES.values():
-        if wanted is not None and family.name not in wanted:
-            continue
-        found = _fit(family, values, few, many, bounds)
-        if isinstance(found, Fit):
-            fits.append(found)
+    for family in families:
+        fit = _fit(family, values, few, many, bounds)
+        if isinstance(fit, Fit):
+            fits.append(fit)
         else:
-            refused[family.name] = found
+            refused[family.name] = fit
     fits.sort(key=lambda fit: fit.aic)
     notes: tuple[str, ...] = ()
     if n > SEARCHED:
-        notes = (f"Fitted to {SEARCHED} weighted values that stand for {n}, both tails whole.",)
+        notes = (f"Fitted to {SEARCHED} weighted values that represent {n}; both tails are complete.",)
     return Fits(tuple(fits), _choose(fits), refused, notes)
 
 
 def distribution(fit: Fit, theta: Theta | None = None) -> Scaled:
-    """Return the distribution of a fit in the unit of its values, with other parameters `theta` if given."""
+    """Return the distribution of a fit in the unit of the values; with the parameters `theta`, if given."""
     return Scaled(FAMILIES[fit.family].build(fit.theta if theta is None else theta), fit.shift, fit.scale)
 
 
@@ -166,24 +164,24 @@ def _fit(
     def loglik(theta: Theta) -> float:
         return float(sample.weights @ family.build(theta).logpdf(sample.values))
 
-    with np.errstate(all="ignore"):  # a search may leave the range of doubles and come back
+    with np.errstate(all="ignore"):  # a search may pass through parameters whose likelihood overflows
         theta: Theta | None = _moments_of_all(family, values, shift, scale)
         if theta is None:
             theta = maximise(loglik, family.start(sample))
         if theta is None:
-            return "the likelihood has no maximum that the search finds"
-        found = Scaled(family.build(theta), shift, scale)
-        total = float(many.weights @ found.logpdf(many.values))
-        cdf, sf = found.cdf(many.values), found.sf(many.values)
+            return "no maximum of the likelihood was found"
+        fitted = Scaled(family.build(theta), shift, scale)
+        total = float(many.weights @ fitted.logpdf(many.values))
+        cdf, sf = fitted.cdf(many.values), fitted.sf(many.values)
         if not math.isfinite(total) or not np.all(np.isfinite(cdf)):
             return "some values are impossible under the distribution that fits the others"
-        covariance = curvature(loglik, theta)
+        theta_covariance = covariance(loglik, theta)
     return Fit(
         family=family.name,
         title=family.title,
         parameters=_named(family, theta),
         theta=theta,
-        covariance=covariance,
+        covariance=theta_covariance,
         shift=shift,
         scale=scale,
         n=n,
@@ -196,7 +194,7 @@ def _fit(
 
 
 def _named(family: Family, theta: Theta) -> dict[str, float]:
-    """Return the parameters by name, positive ones as they are and not as their logarithm."""
+    """Return the parameters by name, positive ones without the logarithm."""
     pairs = zip(family.parameters, theta, strict=True)
     return {name.removeprefix("log "): math.exp(t) if name.startswith("log ") else t for name, t in pairs}
 
@@ -207,9 +205,9 @@ def _frame(family: Family, values: Array, bounds: tuple[float, float] | None) ->
     std = float(np.std(values))
     if family.frame == "positive":
         if low <= 0:
-            return f"values at or below 0 (smallest {low:.6g}), the family has only positive ones"
+            return f"values at or below 0 (smallest {low:.6g}); the family has only positive ones"
         if std < LEAST_VARIATION * high:
-            return f"zero is more than {1 / LEAST_VARIATION:.0f} sigma away: no place to start a positive family from"
+            return f"zero is more than {1 / LEAST_VARIATION:.0f} sigma away: too far for a positive family"
         return 0.0, float(np.median(values))
     if family.frame == "bounds":
         if bounds is None:
@@ -225,7 +223,7 @@ def _frame(family: Family, values: Array, bounds: tuple[float, float] | None) ->
 
 
 def _moments_of_all(family: Family, values: Array, shift: float, scale: float) -> Theta | None:
-    """Return theta of the families that moments of all values give exactly."""
+    """Return theta of the families that moments determine, from all values; None for other families."""
     if family.name not in ("normal", "lognormal"):
         return None
     z = (values - shift) / scale

@@ -1,4 +1,4 @@
-"""Bins of a histogram whose edges fall on the limits, so that every bar is inside or outside."""
+"""Histograms with edges on the limits, so that every bar is inside or outside."""
 
 import math
 from dataclasses import dataclass
@@ -17,8 +17,8 @@ class Histogram:
     Attributes
     ----------
     edges : tuple of float, length k + 1
-        In the unit of the values. The edge at an upper limit is the next number above it, because a value on
-        the limit conforms.
+        In the unit of the values. The edge at an upper limit is the next number above it, because a value on the
+        limit conforms.
     counts : tuple of int, length k
     """
 
@@ -27,10 +27,10 @@ class Histogram:
 
 
 def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> Histogram | None:
-    """Count the values of `x` in equal bins that end at the limits; None for no values.
+    """Count the values of `x` in equal bins that end at the limits; None without values.
 
-    The width follows Freedman and Diaconis (1981), kept between 12 and 60 bins over the data; with both
-    limits it is adjusted to divide the distance between them.
+    The width is that of Freedman and Diaconis (1981) within 12 to 60 bins over the data. With both limits it is
+    adjusted to divide the distance between them.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> H
         between = usl - lsl
         if high == low:
             width = between / _MOST
-        elif between > width:  # else the limits become edges of their own among wider bins
+        elif between > width:  # otherwise the limits become additional edges among wider bins
             width = between / round(between / width)
     anchor = lsl if lsl is not None else usl if usl is not None else low
     first, last = math.floor((low - anchor) / width), math.floor((high - anchor) / width) + 1
@@ -64,9 +64,9 @@ def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> H
 
 
 def _width(x: Array, span: float) -> float:
-    """Return the width of a bin before the limits have their say."""
+    """Return the width of a bin before it is adjusted to the limits."""
     largest = float(np.max(np.abs(x)))
-    # Below this the edges of a (nearly) constant response could not be told apart.
+    # Below this width the edges of a nearly constant response would round to the same number.
     if span <= 1e-9 * largest:
         return 0.02 * largest or 1.0
     quarter, three_quarters = np.percentile(x, [25, 75])
@@ -75,7 +75,7 @@ def _width(x: Array, span: float) -> float:
 
 
 def _end_at(edges: Array, limit: float, width: float) -> Array:
-    """Make `limit` an edge if it lies between first and last: move the one it rounds to, or add it."""
+    """Return the edges with `limit` among them, if it lies between the first and the last."""
     if not edges[0] <= limit <= edges[-1]:
         return edges
     nearest = int(np.argmin(np.abs(edges - limit)))

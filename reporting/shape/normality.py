@@ -1,7 +1,7 @@
-"""Is a response normal, and does it matter: sizes of the departure with intervals, not a p-value of n.
+"""How far a response is from normal, by the size of the departure and not by a p-value.
 
-With 30,000 values a test rejects what no engineer would mind, with 20 it accepts anything. So the verdict asks how far
-the distribution may be from the normal one with the same mean and sigma, given what the sample proves.
+With 30,000 values a test rejects departures without practical importance; with 20 values it accepts any distribution.
+The verdict therefore rests on the interval of the distance from the normal distribution with the same mean and sigma.
 """
 
 import math
@@ -16,9 +16,9 @@ from reporting.capability.intervals import Interval
 from reporting.capability.moments import location_and_shape, series
 from reporting.shape.condensed import Condensed, anderson_darling, condense, distance
 
-# A share below any value that is wrong by up to the first is close to normal, from the second on it is not.
+# With a distance up to the first a response counts as normal, above the second as not normal.
 CLOSE, FAR = 0.02, 0.05
-# Tails this crooked make the normal ppm a poor guess however close the middle is.
+# Beyond these the normal ppm is a poor estimate, however close the middle is.
 SKEWNESS_BAR, KURTOSIS_BAR = 0.5, 1.0
 FEWEST_FOR_WORDS = 20
 _MOST_FOR_SHAPIRO = 5000
@@ -32,23 +32,23 @@ class Normality:
     Attributes
     ----------
     n : int
-        Finite values.
+        Number of finite values.
     shapiro_w, shapiro_p : float or None
         Shapiro and Wilk's W and p-value, for 3 to 5,000 values.
     anderson_darling, anderson_darling_p : float or None
         Statistic A^2 and its p-value (D'Agostino, Stephens 1986, mean and sigma estimated).
     distance : float or None
-        Largest difference between the share of values below any value and the normal distribution's.
+        Kolmogorov's distance from the normal distribution: the largest difference between the shares below a value.
     distance_interval : (float, float) or None
-        Between which the true difference lies: `distance` -+ the band of Dvoretzky, Kiefer, Wolfowitz and Massart.
+        Interval of the true distance, from the band of Dvoretzky, Kiefer, Wolfowitz and Massart (1990).
     skewness, kurtosis : float or None
         G1 and G2 (excess).
     skewness_interval, kurtosis_interval : (float, float) or None
-        From their influence functions, whatever the distribution.
+        From their influence functions, for any distribution.
     verdict : str
         "normal", "close to normal", "not normal", "undecided" or "too few values".
     reason : str
-        The verdict in one sentence with its numbers.
+        The verdict in one sentence, with its numbers.
     """
 
     n: int
@@ -68,17 +68,16 @@ class Normality:
 
 @dataclass(frozen=True)
 class ProbabilityPlot:
-    """Points of a normal probability plot: on a straight line where the response is normal.
+    """Points of a normal probability plot: on a straight line if the response is normal.
 
     Attributes
     ----------
     values : tuple of float
-        Ordered values, in their unit; all of a small sample, both tails and a selection of a large one.
+        Ordered values, in their unit: all of a small sample; both tails and a selection of a large one.
     scores : tuple of float
         Normal quantile of each value's median rank ``(i - 0.3) / (n + 0.4)``.
     low, high : tuple of float
-        Where the value of that rank lies for a normal response with this mean and sigma, at the confidence (each
-        point for itself).
+        Pointwise band: where the value of this rank of a normal response with this mean and sigma lies.
     """
 
     values: tuple[float, ...]
@@ -100,7 +99,7 @@ def normality(x: ArrayLike, confidence: float = 0.95) -> Normality:
     Raises
     ------
     ReportError
-        `x` is no series of numbers.
+        `x` is not a series of numbers.
     """
     ordered = _ordered(x)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -117,7 +116,7 @@ def normality(x: ArrayLike, confidence: float = 0.95) -> Normality:
     skewness, kurtosis = shape["skewness"], shape.get("kurtosis")
     statistic = anderson_darling(sample, cdf, ndtr(-sample.values))
     skewness_error, kurtosis_error = _errors(sample, float(ndtri(0.5 + confidence / 2)))
-    known = Normality(
+    measures = Normality(
         n=n,
         shapiro_w=w,
         shapiro_p=p,
@@ -130,21 +129,21 @@ def normality(x: ArrayLike, confidence: float = 0.95) -> Normality:
         skewness_interval=(skewness - skewness_error, skewness + skewness_error),
         kurtosis_interval=None if kurtosis is None else (kurtosis - kurtosis_error, kurtosis + kurtosis_error),
     )
-    verdict, reason = _verdict(known)
-    return Normality(**{**vars(known), "verdict": verdict, "reason": reason})
+    verdict, reason = _verdict(measures)
+    return Normality(**{**vars(measures), "verdict": verdict, "reason": reason})
 
 
 def probability_plot(x: ArrayLike, most: int = 300, confidence: float = 0.95) -> ProbabilityPlot | None:
-    """Return at most `most` points of the probability plot; None where nothing differs.
+    """Return at most `most` points of the probability plot; None if all values are equal.
 
     Parameters
     ----------
     x : array_like, shape (n,)
         Values; those that are not finite are left out.
     most : int
-        Of these, a third are the extremes at each end.
+        A third of them are the extremes at each end.
     confidence : float
-        Of the band, at each point.
+        Of the pointwise band.
     """
     ordered = _ordered(x)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -167,18 +166,19 @@ def probability_plot(x: ArrayLike, most: int = 300, confidence: float = 0.95) ->
 
 
 def _ordered(x: ArrayLike) -> Array:
+    """Return the finite values in ascending order."""
     values = series(x)
     return np.sort(values[np.isfinite(values)])
 
 
 def _shapiro(z: Array) -> tuple[float | None, float | None]:
-    """Return W and p, up to the number of values for which Royston's approximation holds."""
+    """Return W and p; None above the number of values for which Royston's (1995) approximation holds."""
     if z.size > _MOST_FOR_SHAPIRO:
         return None, None
-    from scipy.stats import shapiro  # a second of import that `import reporting` need not pay
+    from scipy.stats import shapiro  # takes 1 s to import, which `import reporting` avoids
 
-    found = shapiro(z)
-    return float(found.statistic), float(found.pvalue)
+    test = shapiro(z)
+    return float(test.statistic), float(test.pvalue)
 
 
 def _stephens(statistic: float, n: int) -> float:
@@ -194,7 +194,7 @@ def _stephens(statistic: float, n: int) -> float:
 
 
 def _errors(sample: Condensed, quantile: float) -> tuple[float, float]:
-    """Return the half widths of skewness and kurtosis from the spread of their influence functions."""
+    """Return half the width of the intervals of skewness and kurtosis, from their influence functions."""
     z = sample.values
     g1, b2 = sample.mean(z**3), sample.mean(z**4)
     of_skewness = z**3 - 3 * z - 1.5 * g1 * (z * z - 1) - g1
@@ -204,33 +204,37 @@ def _errors(sample: Condensed, quantile: float) -> tuple[float, float]:
     return skewness, kurtosis
 
 
-def _verdict(known: Normality) -> tuple[str, str]:
-    """Return the word and the sentence: what the sample proves about the size of the departure."""
-    assert known.distance_interval is not None
-    assert known.skewness is not None
-    low, high = known.distance_interval
-    crooked = abs(known.skewness) > SKEWNESS_BAR or abs(known.kurtosis or 0.0) > KURTOSIS_BAR
-    found = f"shares below a value differ by at most {100 * (known.distance or 0):.2g} % of all values, and the band "
-    found += f"of {known.n} values allows {100 * low:.2g} to {100 * high:.2g} %"
-    shape = f"skewness {known.skewness:.2f}, excess kurtosis {known.kurtosis or 0:.2f}"
-    if known.n < FEWEST_FOR_WORDS:
-        return "too few values", f"Too few values for a word on the shape: {found}; {shape}."
-    if low > FAR or (low > CLOSE and crooked):
-        return "not normal", f"Not normal: {found}; {shape}."
-    if crooked:
-        if _proven(known):
-            return "not normal", f"Not normal in the tails: {shape}; {found}."
-        return "undecided", f"The tails look crooked, which {known.n} values do not prove: {shape}; {found}."
+def _verdict(measures: Normality) -> tuple[str, str]:
+    """Return the word and the sentence."""
+    assert measures.distance is not None
+    assert measures.distance_interval is not None
+    assert measures.skewness is not None
+    (low, high), kurtosis = measures.distance_interval, measures.kurtosis or 0.0
+    heavy = abs(measures.skewness) > SKEWNESS_BAR or abs(kurtosis) > KURTOSIS_BAR
+    distance = (
+        f"shares below a value differ from the normal distribution's by at most {100 * measures.distance:.2g} % "
+        f"(with {measures.n} values, between {100 * low:.2g} and {100 * high:.2g} %)"
+    )
+    shape = f"skewness {measures.skewness:.2f}, excess kurtosis {kurtosis:.2f}"
+    if measures.n < FEWEST_FOR_WORDS:
+        return "too few values", f"Too few values for a verdict on the shape: {distance}; {shape}."
+    if low > FAR or (low > CLOSE and heavy):
+        return "not normal", f"Not normal: {distance}; {shape}."
+    if heavy:
+        if _beyond_bar(measures):
+            return "not normal", f"Not normal in the tails: {shape}; {distance}."
+        return (
+            "undecided",
+            f"Perhaps not normal in the tails, but {measures.n} values do not prove it: {shape}; {distance}.",
+        )
     if high <= CLOSE:
-        return "normal", f"Normal for every purpose of this report: {found}; {shape}."
-    if high <= FAR or (known.distance or 0) <= CLOSE:
-        return "close to normal", f"Close to normal: {found}; {shape}."
-    return "undecided", f"Neither normal nor not, for lack of values: {found}; {shape}."
+        return "normal", f"Normal for every purpose of this report: {distance}; {shape}."
+    if high <= FAR or measures.distance <= CLOSE:
+        return "close to normal", f"Close to normal: {distance}; {shape}."
+    return "undecided", f"Undecided, more samples are needed: {distance}; {shape}."
 
 
-def _proven(known: Normality) -> bool:
-    """Return whether skewness or kurtosis is beyond its bar at the confidence."""
-    for interval, bar in ((known.skewness_interval, SKEWNESS_BAR), (known.kurtosis_interval, KURTOSIS_BAR)):
-        if interval is not None and (interval[0] > bar or interval[1] < -bar):
-            return True
-    return False
+def _beyond_bar(measures: Normality) -> bool:
+    """Return whether the interval of skewness or of kurtosis lies beyond its bar."""
+    intervals = ((measures.skewness_interval, SKEWNESS_BAR), (measures.kurtosis_interval, KURTOSIS_BAR))
+    return any(interval and (interval[0] > bar or interval[1] < -bar) for interval, bar in intervals)

@@ -6,7 +6,7 @@ from scipy import stats
 
 from reporting import capability
 from reporting.shape.fits import fit_families
-from reporting.shape.nonnormal import ENDS, empirical_indices, percentile_indices, z_score_indices
+from reporting.shape.nonnormal import ENDS, empirical_indices, fitted_indices
 from reporting.shape.order_statistics import FEWEST, empirical_percentiles, percentile_bootstrap
 
 SET_A = 10 + 0.5 * stats.norm.ppf((np.arange(1, 51) - 0.5) / 50)
@@ -14,7 +14,7 @@ SET_B = np.exp(1.9 + 0.25 * stats.norm.ppf((np.arange(1, 61) - 0.5) / 60))
 
 
 def test_set_b_gives_the_published_percentile_method() -> None:
-    c = percentile_indices(fit_families(SET_B).of("lognormal"), 3, 12)
+    c = fitted_indices("percentile", fit_families(SET_B).of("lognormal"), 3, 12)
     assert c.percentiles == pytest.approx((3.163412767391, 6.685894442279, 14.13068346758), rel=1e-11)
     assert c.pp == pytest.approx(0.8206234938513, rel=1e-11)
     assert c.ppl == pytest.approx(1.046391374739, rel=1e-11)
@@ -25,7 +25,7 @@ def test_set_b_gives_the_published_percentile_method() -> None:
 
 
 def test_set_b_gives_the_published_z_scores() -> None:
-    c = z_score_indices(fit_families(SET_B).of("lognormal"), 3, 12)
+    c = fitted_indices("z_score", fit_families(SET_B).of("lognormal"), 3, 12)
     assert c.ppl == pytest.approx(1.070866708866, rel=1e-11)
     assert c.ppu == pytest.approx(0.7815905462427, rel=1e-11)
     assert c.z_bench == pytest.approx(-stats.norm.ppf(c.ppm_expected * 1e-6), rel=1e-10)
@@ -34,14 +34,14 @@ def test_set_b_gives_the_published_z_scores() -> None:
 def test_set_b_needs_the_logarithm_by_box_cox() -> None:
     fit = fit_families(SET_B).of("box_cox")
     assert fit.parameters["lambda"] == pytest.approx(0.0, abs=2e-5)
-    c = z_score_indices(fit, 3, 12)
+    c = fitted_indices("z_score", fit, 3, 12)
     logs = np.log(SET_B)
     assert c.ppu == pytest.approx((np.log(12) - logs.mean()) / (3 * logs.std()), rel=1e-4)
 
 
 def test_a_normal_fit_gives_the_usual_indices_by_both_methods() -> None:
     fit, c = fit_families(SET_A).of("normal"), capability(SET_A, 8.2, 11.5)
-    for found in (percentile_indices(fit, 8.2, 11.5), z_score_indices(fit, 8.2, 11.5)):
+    for found in (fitted_indices("percentile", fit, 8.2, 11.5), fitted_indices("z_score", fit, 8.2, 11.5)):
         assert found.pp == pytest.approx(c.cp, rel=1e-5)  # 0.135 % is 2.99998 sigma
         assert found.ppk == pytest.approx(c.cpk, rel=1e-5)
         assert found.ppm_expected == pytest.approx(c.ppm_expected, rel=1e-9)
@@ -102,15 +102,15 @@ def coverage(draw, indices, truth: float, runs: int) -> float:
     return inside / runs
 
 
-@pytest.mark.parametrize("method", [percentile_indices, z_score_indices])
+@pytest.mark.parametrize("method", ["percentile", "z_score"])
 def test_fitted_intervals_cover_the_truth(method) -> None:
     """400 campaigns of 150 Weibull values; three binomial standard errors are 0.033."""
     known = stats.weibull_min(2.0)
     _, median, high = known.ppf(ENDS)
-    truth = (4.0 - median) / (high - median) if method is percentile_indices else -stats.norm.ppf(known.sf(4.0)) / 3
+    truth = (4.0 - median) / (high - median) if method == "percentile" else -stats.norm.ppf(known.sf(4.0)) / 3
     found = coverage(
         lambda rng: rng.weibull(2.0, 150),
-        lambda x: method(fit_families(x, names=["weibull"]).of("weibull"), None, 4.0),
+        lambda x: fitted_indices(method, fit_families(x, names=["weibull"]).of("weibull"), None, 4.0),
         truth,
         400,
     )
@@ -143,7 +143,7 @@ def test_odd_values_give_no_error(x) -> None:
 
 
 def test_a_limit_beyond_the_support_has_no_z_score() -> None:
-    c = z_score_indices(fit_families(SET_B).of("lognormal"), -1.0, 12.0)
+    c = fitted_indices("z_score", fit_families(SET_B).of("lognormal"), -1.0, 12.0)
     assert c.z_lsl is None
     assert c.ppl is None
     assert c.ppm_expected_below == 0
