@@ -17,7 +17,8 @@ from reporting import ReportError, capability
 from reporting.capability.verdict import CAPABLE
 from reporting.sensitivity.summary import sensitivity
 from reporting.tolerance.advice import Advice, advise
-from reporting.tolerance.allocation import Allocation, CostedVariable, Requirement, allocate
+from reporting.tolerance.allocation import Allocation, allocate
+from reporting.tolerance.allocation_problem import CostedVariable, Requirement
 from reporting.tolerance.reweighting import Change
 
 

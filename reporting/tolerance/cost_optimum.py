@@ -6,88 +6,77 @@ import numpy as np
 
 from reporting.arrays import Array
 
-_GAP = 1e-11  # of the cost, at which the optimum is found
-_STEEPER = 8.0
-_NEWTON_STEPS = 60
-_SAME = 1e-12  # bounds this close leave nothing to choose
+# Shares of a bound or of the room within which a constraint counts as active.
+_ACTIVE = 1e-7
 
 
 @dataclass(frozen=True)
 class Optimum:
-    """The optimum: tolerances (k,), and the multiplier of each response, cost per unit of room (r,)."""
+    """The cheapest tolerances.
+
+    Attributes
+    ----------
+    tolerance : array, shape (k,)
+    price : array, shape (r,)
+        Multiplier of each response: cost saved per unit of additional room.
+    """
 
     tolerance: Array
     price: Array
 
 
 def cheapest(cost: Array, rate: Array, room: Array, lower: Array, upper: Array) -> Optimum | None:
-    """Return the cheapest tolerances, or None where none within the bounds fit.
+    """Return the cheapest tolerances; None if none within the bounds fit.
+
+    In ``u = (t / upper)^2`` the cost is convex and the constraints are linear, so the optimum is the only one.
 
     Parameters
     ----------
     cost : array, shape (k,)
-        b of each joint, above 0.
+        b of each variable, above 0.
     rate : array, shape (r, k)
         Variance of each response for a unit of squared tolerance, not negative.
     room : array, shape (r,)
-        Variance each response may have from these joints.
+        Variance each response may have from these variables.
     lower, upper : array, shape (k,)
-        Bounds, above 0; equal where the joint is locked.
+        Bounds of the tolerances, above 0; equal for a locked variable.
     """
-    free = upper - lower > _SAME * upper
-    room = room - rate[:, ~free] @ lower[~free] ** 2
-    tolerance = lower.copy()
-    # In shares of the upper bound and of the room, everything is of order one.
-    low = (lower[free] / upper[free]) ** 2
-    load = rate[:, free] * upper[free] ** 2
-    if np.any(room - load @ low < 0) or np.any(room < 0):
+    from scipy.optimize import minimize  # takes 0.4 s to import, which `import reporting` avoids
+
+    if np.any(rate @ lower**2 > room):
         return None
-    scale = np.where(room > 0, room, 1.0)
-    weight = cost[free] / upper[free]
-    bound = np.any(load > 0, axis=1)
+    # In shares of what the bounds and the room allow each variable alone, everything is of order one.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        alone = np.sqrt(np.min(np.where(rate > 0, room[:, None] / rate, np.inf), axis=0))
+    most, scale = np.maximum(np.minimum(upper, alone), lower), np.where(room > 0, room, 1.0)
+    low, load = (lower / most) ** 2, rate * most**2 / scale[:, None]
+    weight = cost / most / np.sum(cost / most)
+    found = minimize(
+        lambda u: float(np.sum(weight * u**-0.5)),
+        np.maximum(low, 1 / low.size),
+        jac=lambda u: -0.5 * weight * u**-1.5,
+        method="SLSQP",
+        bounds=np.column_stack([low, np.ones_like(low)]),
+        constraints={"type": "ineq", "fun": lambda u: room / scale - load @ u, "jac": lambda _: -load},
+        options={"ftol": 1e-16, "maxiter": 500},
+    )
+    tolerance = np.clip(most * np.sqrt(np.clip(found.x, low, 1.0)), lower, upper)
+    return Optimum(tolerance, _prices(tolerance, cost, rate, room, lower, upper))
+
+
+def _prices(tolerance: Array, cost: Array, rate: Array, room: Array, lower: Array, upper: Array) -> Array:
+    """Return the multipliers of the responses from the conditions of Karush, Kuhn and Tucker at the optimum.
+
+    The slope of the cost is balanced by the active constraints, each with a multiplier that is not negative.
+    """
+    from scipy.optimize import nnls  # see `cheapest`
+
+    active = room - rate @ tolerance**2 <= _ACTIVE * room
+    at_upper, at_lower = tolerance > upper * (1 - _ACTIVE), tolerance < lower * (1 + _ACTIVE)
+    unit = np.sum(cost / tolerance) / np.where(room > 0, room, 1.0)
+    slopes = 2 * tolerance**3 / cost * rate[active] * unit[active, None]
+    bounds = np.eye(tolerance.size)
+    multipliers, _ = nnls(np.hstack([slopes.T, bounds[:, at_upper], -bounds[:, at_lower]]), np.ones(tolerance.size))
     price = np.zeros(room.size)
-    if free.any():
-        total = float(weight @ low**-0.5)
-        solved = _barrier(weight / total, (load / scale[:, None])[bound], low)
-        if solved is None:
-            return None
-        share, multiplier = solved
-        tolerance[free] = upper[free] * np.sqrt(share)
-        price[bound] = multiplier * total / scale[bound]
-    return Optimum(tolerance, price)
-
-
-def _barrier(weight: Array, load: Array, low: Array) -> tuple[Array, Array] | None:
-    """Minimise ``sum w u^-1/2`` with ``load u <= 1``, ``low <= u <= 1``; None where there is no room inside."""
-    rows = np.concatenate([load, np.eye(low.size), -np.eye(low.size)])
-    ends = np.concatenate([np.ones(load.shape[0] + low.size), -low])
-    u = _inside(load, low)
-    if u is None:
-        return None
-    sharpness = 1.0
-    while True:
-        for _ in range(_NEWTON_STEPS):
-            slack = ends - rows @ u
-            slope = -0.5 * sharpness * weight * u**-1.5 + rows.T @ (1 / slack)
-            bend = np.diag(0.75 * sharpness * weight * u**-2.5) + (rows.T / slack**2) @ rows
-            step = -np.linalg.solve(bend, slope)
-            decrease = -float(slope @ step)
-            if decrease < 1e-12:
-                break
-            change = rows @ step
-            reach = 0.99 / max(float(np.max(change / slack)), 0.99)
-            # Damped by the self-concordant bound: no line search is needed.
-            damped = 1.0 if decrease < 0.06 else 1 / (1 + np.sqrt(decrease))
-            u = u + min(reach, damped) * step
-        if ends.size / sharpness < _GAP:
-            return u, 1 / (sharpness * (ends - rows @ u)[: load.shape[0]])
-        sharpness *= _STEEPER
-
-
-def _inside(load: Array, low: Array) -> Array | None:
-    """Return a point strictly inside, near the tight end if need be."""
-    for halvings in range(1, 40):
-        u = low + (1 - low) * 0.5**halvings
-        if np.all(load @ u < 1):
-            return u
-    return None
+    price[active] = multipliers[: np.count_nonzero(active)]
+    return price * unit

@@ -1,11 +1,11 @@
-"""Weights that turn a sample of one distribution into one of another, and whether they can be trusted.
+"""Weights that turn a sample of one distribution into a sample of another, and whether they are reliable.
 
 ``w_i = p_new(x_i) / p_old(x_i)``, normalised (self-normalised importance sampling). The largest weights are replaced by
-the quantiles of the generalised Pareto distribution fitted to them (Pareto smoothing: Vehtari, Simpson, Gelman, Yao,
-Gabry, JMLR 25(72), 2024); its shape k says how heavy their tail is. Above ``min(0.5, 1 - 1 / log10 n)`` they are
-refused: the intervals need a variance, which ends at 0.5. The usual 0.7 is for estimates without an interval; at 0.6,
-intervals of sigma meant to hold in 95 % of campaigns held in 70. Below 0.4 they hold; just below the bar, where most
-such questions are refused, an answer that is given holds in about 80 %.
+quantiles of the generalized Pareto distribution fitted to them (Pareto smoothing: Vehtari, Simpson, Gelman, Yao,
+Gabry, JMLR 25(72), 2024). Its shape k measures how heavy the tail of weights is; above ``min(0.5, 1 - 1 / log10 n)``
+they are refused, because intervals need a variance, which is infinite above 0.5. (The usual bound of 0.7 is for
+estimates without an interval.) Measured coverage of 95 % intervals of sigma: right below k = 0.4, about 80 % just below
+the bound, 70 % at 0.6.
 """
 
 import math
@@ -18,29 +18,30 @@ from reporting.arrays import Array
 from reporting.errors import ReportError
 from reporting.shape import pareto
 
-# Fewer effective samples than this, or one that carries more than this share, and a sigma is a guess.
+# Weights with a smaller effective sample size, or with a sample of larger weight, do not determine a sigma.
 LEAST_EFFECTIVE = 100.0
 LARGEST_SHARE = 0.05
 PARETO_BAR = 0.5
-# Probability of new values where no old one can be: below, what they can add is below 1 ppm.
+# A smaller probability outside the range of the old distribution changes no share by more than 1 ppm.
 MOST_OUTSIDE = 1e-6
-_LEAST_TAIL = 5  # weights from which a tail can be fitted
-_NO_TAIL = -math.inf  # shape of a tail that has an end in plain sight: equal weights
+_LEAST_TAIL = 5  # weights needed to fit a tail
+_NO_TAIL = -math.inf  # shape for equal or too few weights
 
 
 @dataclass(frozen=True)
 class Change:
-    """What a changed distribution makes of the samples.
+    """The effect of a changed distribution on the density of each sample.
 
     Attributes
     ----------
     log_ratio : array, shape (n,) or (n, k)
         ``log p_new(x_i) - log p_old(x_i)`` of each sample, or of each sample and variable; minus infinity where the
-        new density is zero. A constant added to all changes nothing.
+        new density is zero. An added constant has no effect.
     outside : float
-        Probability of new values where no old one can be.
+        Probability of new values outside the range of the old distribution.
     spread : float or None
-        New over old standard deviation of the changed variable, where `reporting.tolerance.advice` asks for one.
+        Ratio of the new to the old standard deviation of the changed variable; only `reporting.tolerance.advice` uses
+        it.
     """
 
     log_ratio: ArrayLike
@@ -50,24 +51,24 @@ class Change:
 
 @dataclass(frozen=True)
 class Weights:
-    """Normalised weights and their diagnosis.
+    """Normalised weights and their diagnostics.
 
     Attributes
     ----------
     weight : array, shape (n,)
-        Smoothed, sum 1.
+        Smoothed; the sum is 1.
     effective : float
         Kish's effective sample size, ``1 / sum(w^2)``.
     largest : float
         Largest weight before smoothing.
     pareto_k : float or None
-        Shape of the weights' tail; below 0 it has an end. None where weights are equal or too few.
+        Shape of the tail of the weights; None if they are equal or too few.
     pareto_k_bar : float
-        Above it the weights are no good.
+        Largest shape that is accepted.
     outside : float
-        Probability of new values where no old one can be.
+        Probability of new values outside the range of the old distribution.
     refusal : str
-        Why the weights cannot be used; empty where they can.
+        Why the weights cannot be used; empty if they can.
     """
 
     weight: Array
@@ -80,20 +81,20 @@ class Weights:
 
 
 def weights(change: Change) -> Weights:
-    """Return the weights of a change.
+    """Return the weights of the samples under a change.
 
     Raises
     ------
     ReportError
-        A log ratio that is NaN or plus infinity: the old density cannot be zero at a sample; or a probability outside
-        [0, 1].
+        A log ratio is NaN or plus infinity (the old density is not zero at a sample), or `outside` is not a
+        probability.
     """
     ratio = np.asarray(change.log_ratio, np.float64)
     total = ratio.sum(axis=1) if ratio.ndim == 2 else ratio
     if total.ndim != 1 or np.any(np.isnan(total)) or np.any(total == np.inf):
         raise ReportError(
-            f"log ratios of shape {ratio.shape} with NaN or infinity: one finite number a sample (and variable) is "
-            "needed, minus infinity where the new density is zero; the old density is not zero at a sample it drew"
+            f"log ratios of shape {ratio.shape} with NaN or infinity: a finite number a sample (and variable) is "
+            "needed, minus infinity where the new density is zero; the old density is not zero at its own samples"
         )
     if not 0 <= change.outside <= 1:
         raise ReportError(f"outside = {change.outside}: a probability between 0 and 1 is needed")
@@ -106,13 +107,13 @@ def weights(change: Change) -> Weights:
     smooth, k = pareto_smoothed(raw)
     weight = smooth / smooth.sum()
     effective = float(1 / np.sum(weight**2))
-    known_k = k if math.isfinite(k) else None
-    refusal = _refusal(effective, largest, known_k, bar, change.outside)
-    return Weights(weight, effective, largest, known_k, bar, change.outside, refusal)
+    finite_k = k if math.isfinite(k) else None
+    refusal = _refusal(effective, largest, finite_k, bar, change.outside)
+    return Weights(weight, effective, largest, finite_k, bar, change.outside, refusal)
 
 
 def pareto_smoothed(raw: Array) -> tuple[Array, float]:
-    """Return weights with their tail smoothed, and the tail's shape; minus infinity where there is no tail to fit.
+    """Return the weights with a smoothed tail and the shape of the tail, minus infinity if there is none to fit.
 
     The tail holds ``min(n / 5, 3 sqrt(n))`` weights; no smoothed weight exceeds the largest raw one.
     """
@@ -133,7 +134,7 @@ def pareto_smoothed(raw: Array) -> tuple[Array, float]:
 
 
 def _refusal(effective: float, largest: float, k: float | None, bar: float, outside: float) -> str:
-    """Return why weights cannot be used, empty where they can."""
+    """Return why the weights cannot be used; empty if they can."""
     if outside > MOST_OUTSIDE:
         return (
             f"{100 * outside:.3g} % of the new values lie where the campaign has no sample: "

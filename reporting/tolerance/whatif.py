@@ -1,32 +1,41 @@
-"""What the capability would be under other distributions, from the samples at hand: reweighting.
+"""The capability under other distributions of the variables, from the samples at hand: reweighting.
 
-Every statistic is a smooth function of weighted means, so its error follows from its influence function:
-``se^2 = sum (w_i IF_i)^2`` (delta method). Shares have the interval of Korn and Graubard (1998): Clopper and
-Pearson's with the sample size that gives the same error.
+Every statistic is a smooth function of weighted means, so its standard error follows from its influence function,
+``se^2 = sum (w_i IF_i)^2`` (delta method). Shares have the interval of Korn and Graubard (1998): that of Clopper and
+Pearson for the sample size with the same standard error.
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import betaincinv, ndtr, ndtri
+from scipy.special import ndtri
 
 from reporting.arrays import Array
-from reporting.capability.intervals import Interval
+from reporting.capability.intervals import Interval, share_interval
+from reporting.capability.moments import ROUNDING
+from reporting.capability.shares import PPM, expected_normal
 from reporting.errors import ReportError
 from reporting.tolerance.reweighting import Change, Weights, pareto_smoothed, weights
 
-PPM = 1e6
 USUAL_CPK = 1.33
 WANTED_HALF_WIDTH = 0.05
-_ROUNDING = 8 * float(np.finfo(np.float64).eps)
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A reweighted number, its interval, and how many fresh runs would know it as well."""
+    """A reweighted number.
+
+    Attributes
+    ----------
+    value : float
+    interval : (float, float)
+    effective : float
+        Number of new runs that would give an interval as narrow.
+    """
 
     value: float
     interval: Interval
@@ -35,31 +44,31 @@ class Estimate:
 
 @dataclass(frozen=True)
 class WhatIf:
-    """One response under the new distributions; None where a number is undefined or refused.
+    """A response under the new distributions; a number is None where it is undefined or refused.
 
     Attributes
     ----------
     n, dropped : int
-        Finite values, and rows without one.
+        Number of finite values, and of rows without one.
     effective, largest : float
-        Kish's effective sample size, and the largest share of the weight that one sample carries.
+        Kish's effective sample size, and the largest weight of a sample.
     pareto_k, pareto_k_sigma, pareto_k_bar : float or None
-        Shape of the tail of the weights, of what samples add to sigma, and up to where they are good.
+        Shape of the tail of the weights, of the samples' contributions to sigma, and the largest that is accepted.
     outside : float
-        Probability of new values where no old one can be.
+        Probability of new values outside the range of the old distribution.
     mean, std : Estimate or None
         In the response's unit.
     cp, cpl, cpu, cpk : Estimate or None
     ppm, ppm_below, ppm_above : Estimate or None
-        Weighted share out of limits, counted; its upper end also holds what lies outside.
+        Weighted share out of limits; the upper end of the interval includes `outside`.
     ppm_expected : float or None
         Share out of limits of a normal distribution with the new mean and sigma.
     missing : float or None
-        Weighted share of rows without a value: failures under the new distributions.
+        Weighted share of rows without a value: the share of failures under the new distributions.
     refusal : str
-        Why there are no numbers; empty where there are.
+        Why there are no numbers; empty if there are.
     runs : int
-        New runs that know Cpk (sigma, without limits) to 5 %: what a refused question costs.
+        Number of new runs that determine Cpk (without limits: sigma) to 5 %.
     notes : tuple of str
     """
 
@@ -110,7 +119,7 @@ def what_if(
     Raises
     ------
     ReportError
-        Response and log ratios of different lengths; log ratios that are no numbers.
+        Response and log ratios differ in length, or a log ratio is not a number.
     """
     return _under(np.asarray(y, np.float64), weights(change), lsl, usl, confidence)
 
@@ -121,7 +130,7 @@ def what_if_all(
     limits: Mapping[str, tuple[float | None, float | None]] | None = None,
     confidence: float = 0.95,
 ) -> dict[str, WhatIf]:
-    """Return `what_if` of every response; the weights are the same for all."""
+    """Return `what_if` of every response, with weights that are computed once."""
     w = weights(change)
     return {
         name: _under(np.asarray(column, np.float64), w, *(limits or {}).get(name, (None, None)), confidence)
@@ -130,7 +139,7 @@ def what_if_all(
 
 
 def runs_for(cpk: float | None, half_width: float = WANTED_HALF_WIDTH, confidence: float = 0.95) -> int:
-    """Return how many new runs know Cpk to a relative half width (Bissell 1990); sigma where Cpk is None."""
+    """Return the number of new runs that determine Cpk, or sigma for None, to a relative half width (Bissell 1990)."""
     location = 0.0 if cpk is None else 1 / (9 * max(abs(cpk), 1.0) ** 2)
     return math.ceil((float(ndtri(0.5 + confidence / 2)) / half_width) ** 2 * (location + 0.5))
 
@@ -141,65 +150,60 @@ def _under(y: Array, w: Weights, lsl: float | None, usl: float | None, confidenc
         raise ReportError(f"what if: {y.shape} values and {w.weight.shape} weights; give both of the same samples")
     finite = np.isfinite(y)
     n, limited = int(np.count_nonzero(finite)), lsl is not None or usl is not None
-    known = float(w.weight[finite].sum())
+    with_value = float(w.weight[finite].sum())
     base = WhatIf(n, y.size - n, w.effective, w.largest, w.pareto_k, w.pareto_k_bar, w.outside, 0)
-    empty = "no sample with a value has any weight" if n < 2 or known <= 0 else ""
+    empty = "no sample with a value has any weight" if n < 2 or with_value <= 0 else ""
+    usual_runs = runs_for(USUAL_CPK if limited else None)
     if w.refusal or empty:
-        return _with(base, refusal=w.refusal or empty, runs=runs_for(USUAL_CPK if limited else None))
-    values, weight = y[finite], w.weight[finite] / known
+        return replace(base, refusal=w.refusal or empty, runs=usual_runs)
+    values, weight = y[finite], w.weight[finite] / with_value
     k = _tail_of_sigma(values, weight)
     if k is not None and k > w.pareto_k_bar:
-        why = f"a few samples carry the new sigma, Pareto k = {k:.2f} above {w.pareto_k_bar:.2f}"
-        return _with(base, pareto_k_sigma=k, refusal=why, runs=runs_for(USUAL_CPK if limited else None))
-    numbers = _moments(values, weight, lsl, usl, float(ndtri(0.5 + confidence / 2)))
+        why = f"a few samples determine the new sigma, Pareto k = {k:.2f} above {w.pareto_k_bar:.2f}"
+        return replace(base, pareto_k_sigma=k, refusal=why, runs=usual_runs)
+    numbers: dict[str, Any] = _moments(values, weight, lsl, usl, float(ndtri(0.5 + confidence / 2)))
+    numbers |= _shares(values, weight, lsl, usl, w.outside, confidence)
     mean, std, cpk = numbers["mean"], numbers["std"], numbers["cpk"]
     notes = () if std else ("All values are equal: zero spread, so no index and no expected ppm.",)
-    return _with(
+    return replace(
         base,
         **numbers,
-        **_shares(values, weight, lsl, usl, w.outside, confidence),
-        ppm_expected=_expected(mean.value, std.value, lsl, usl) if mean and std and limited else None,
+        ppm_expected=expected_normal(mean.value, std.value, lsl, usl).get("total") if mean and std else None,
         pareto_k_sigma=k,
-        missing=max(1.0 - known, 0.0) if n < y.size else 0.0,
-        runs=runs_for(cpk.value if cpk else USUAL_CPK if limited else None),
+        missing=max(1.0 - with_value, 0.0) if n < y.size else 0.0,
+        runs=runs_for(cpk.value) if cpk else usual_runs,
         notes=notes if limited else (*notes, "No limits: no index and no share out of limits."),
     )
 
 
-def _with(base: WhatIf, **changes: object) -> WhatIf:
-    """Return the answer with some of its fields set."""
-    return WhatIf(**{**base.__dict__, **changes})  # type: ignore[arg-type]
-
-
 def _tail_of_sigma(y: Array, weight: Array) -> float | None:
-    """Return the shape of the tail of what samples add to the variance; None where weights do not make it heavier."""
-    off = y - y.mean()
-    off2 = (off - np.sum(weight * off)) ** 2
-    k, own = pareto_smoothed(weight * off2)[1], pareto_smoothed(off2)[1]
-    return k if math.isfinite(k) and k > own else None
+    """Return the tail's shape of the contributions to the variance; None if the weights do not make it heavier."""
+    deviation = y - y.mean()
+    squares = (deviation - np.sum(weight * deviation)) ** 2
+    k, unweighted = pareto_smoothed(weight * squares)[1], pareto_smoothed(squares)[1]
+    return k if math.isfinite(k) and k > unweighted else None
 
 
 def _moments(
     y: Array, weight: Array, lsl: float | None, usl: float | None, z: float
 ) -> dict[str, Estimate | None]:  # fmt: skip
     """Return mean, sigma and indices with the intervals of their influence functions."""
-    origin = y[int(np.argmax(weight))]  # a huge offset would eat the digits of the spread
+    origin = y[int(np.argmax(weight))]  # sums over a large offset would lose the digits of the spread
     mean = float(np.sum(weight * (y - origin))) + float(origin)
-    off = y - mean
-    none_spent = float(np.sum(weight**2))
-    variance = float(np.sum(weight * off**2)) / max(1 - none_spent, 0.5)
+    deviation = y - mean
+    variance = float(np.sum(weight * deviation**2)) / max(1 - float(np.sum(weight**2)), 0.5)
     std = math.sqrt(variance)
     names = ("std", "cp", "cpl", "cpu", "cpk")
-    if std <= _ROUNDING * float(np.abs(y).max()):
+    if std <= ROUNDING * float(np.abs(y).max()):
         return {"mean": Estimate(mean, (mean, mean), float(y.size))} | dict.fromkeys(names)
-    of_std = (off**2 - variance) / (2 * std)
+    of_std = (deviation**2 - variance) / (2 * std)
     numbers: dict[str, Estimate | None] = dict.fromkeys(names)
-    numbers["mean"] = _estimate(mean, off, weight, z)
+    numbers["mean"] = _estimate(mean, deviation, weight, z)
     numbers["std"] = _estimate(std, of_std, weight, z)
-    for name, distance, sign in (("cpl", lsl, 1.0), ("cpu", usl, -1.0)):
-        if distance is not None:
-            index = sign * (mean - distance) / (3 * std)
-            numbers[name] = _estimate(index, (sign * off / 3 - index * of_std) / std, weight, z)
+    for name, limit, sign in (("cpl", lsl, 1.0), ("cpu", usl, -1.0)):
+        if limit is not None:
+            index = sign * (mean - limit) / (3 * std)
+            numbers[name] = _estimate(index, (sign * deviation / 3 - index * of_std) / std, weight, z)
     sides = [side for side in (numbers["cpl"], numbers["cpu"]) if side is not None]
     numbers["cpk"] = min(sides, key=lambda side: side.value) if sides else None
     if lsl is not None and usl is not None:
@@ -209,7 +213,7 @@ def _moments(
 
 
 def _estimate(value: float, influence: Array, weight: Array, z: float) -> Estimate:
-    """Return an estimate with its delta-method interval."""
+    """Return an estimate with the interval of its influence function."""
     error = math.sqrt(float(np.sum((weight * influence) ** 2)))
     spread = float(np.sum(weight * influence**2))
     effective = spread / error**2 if error > 0 else float(weight.size)
@@ -219,11 +223,11 @@ def _estimate(value: float, influence: Array, weight: Array, z: float) -> Estima
 def _shares(
     y: Array, weight: Array, lsl: float | None, usl: float | None, outside: float, confidence: float
 ) -> dict[str, Estimate | None]:
-    """Return the shares out of limits in ppm."""
+    """Return the shares out of limits."""
     below = None if lsl is None else y < lsl
     above = None if usl is None else y > usl
-    known = [side for side in (below, above) if side is not None]
-    both = np.any(known, axis=0) if known else None
+    sides = [side for side in (below, above) if side is not None]
+    both = np.any(sides, axis=0) if sides else None
     return {
         name: None if out is None else _share(out, weight, outside, confidence)
         for name, out in (("ppm", both), ("ppm_below", below), ("ppm_above", above))
@@ -231,19 +235,10 @@ def _shares(
 
 
 def _share(out: NDArray[np.bool_], weight: Array, outside: float, confidence: float) -> Estimate:
-    """Return a weighted share with Korn and Graubard's interval."""
+    """Return a weighted share in ppm with the interval of Korn and Graubard."""
     share = min(float(np.sum(weight[out])), 1.0)
     error2 = float(np.sum((weight * (out - share)) ** 2))
     kish = 1 / float(np.sum(weight**2))
     effective = share * (1 - share) / error2 if 0 < share < 1 and error2 > 0 else kish
-    seen, tail = share * effective, (1 - confidence) / 2
-    low = float(betaincinv(seen, effective - seen + 1, tail)) if share > 0 else 0.0
-    high = float(betaincinv(seen + 1, effective - seen, 1 - tail)) if share < 1 else 1.0
+    low, high = share_interval(share * effective, effective, confidence)
     return Estimate(PPM * share, (PPM * low, PPM * min(high + outside, 1.0)), effective)
-
-
-def _expected(mean: float, std: float, lsl: float | None, usl: float | None) -> float:
-    """Return the ppm of a normal distribution out of limits."""
-    below = 0.0 if lsl is None else float(ndtr((lsl - mean) / std))
-    above = 0.0 if usl is None else float(ndtr((mean - usl) / std))
-    return PPM * (below + above)

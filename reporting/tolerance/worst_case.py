@@ -10,20 +10,20 @@ from reporting.errors import ReportError
 
 @dataclass(frozen=True)
 class WorstCase:
-    """The extremes of a response over the corners; None where no corner has a value.
+    """The extremes of a response over the corners of the tolerance box; None if no corner has a value.
 
     Attributes
     ----------
     lowest, highest : float or None
-        Least and largest value, LSL_Y and USL_Y of the paper (eqs. 24, 25).
+        Smallest and largest value, LSL_Y and USL_Y of the paper (eqs. 24, 25).
     nominal, tolerance : float or None
-        Their middle and half their distance, N_Y and T_Y (eqs. 26, 27).
+        Their mean and half their difference, N_Y and T_Y (eqs. 26, 27).
     lowest_corner, highest_corner : dict of str to float
-        The inputs where they are: each variable at an end of its range.
+        The inputs there: each variable at an end of its range.
     corners, missing : int
-        How many corners were simulated, and how many of them have no value.
+        Number of simulated corners, and of those without a value.
     within : bool or None
-        All simulated corners have a value and keep the limits; None without limits.
+        Every corner has a value and keeps the limits; None without limits.
     """
 
     lowest: float | None
@@ -40,8 +40,8 @@ class WorstCase:
 def worst_case(y: Array, inputs: dict[str, Array], lsl: float | None = None, usl: float | None = None) -> WorstCase:
     """Return the worst case of one response.
 
-    The corners hold the extremes only of a response that is monotone in every input between them: the centre, or any
-    other sample, is taken in as well, and a response that is not monotone may go farther inside.
+    The extremes lie at corners only if the response is monotone in every input. Any other sample, such as the centre,
+    is included; a response that is not monotone may still go farther inside the box.
 
     Parameters
     ----------
@@ -55,20 +55,20 @@ def worst_case(y: Array, inputs: dict[str, Array], lsl: float | None = None, usl
     Raises
     ------
     ReportError
-        Columns of different lengths.
+        The columns differ in length.
     """
     y = np.asarray(y, np.float64)
     wrong = [name for name, column in inputs.items() if np.shape(column) != y.shape]
     if wrong:
         raise ReportError(f"worst case: {', '.join(wrong)}: not as long as the response; give columns of one table")
-    known = np.flatnonzero(np.isfinite(y))
-    missing = y.size - known.size
+    rows = np.flatnonzero(np.isfinite(y))
+    missing = y.size - rows.size
     limited = lsl is not None or usl is not None
-    if known.size == 0:
+    if rows.size == 0:
         return WorstCase(None, None, None, None, {}, {}, y.size, missing, False if limited else None)
-    low, high = (int(known[choose(y[known])]) for choose in (np.argmin, np.argmax))
+    low, high = (int(rows[choose(y[rows])]) for choose in (np.argmin, np.argmax))
     lowest, highest = float(y[low]), float(y[high])
-    kept = (lsl is None or lowest >= lsl) and (usl is None or highest <= usl) and missing == 0
+    within = (lsl is None or lowest >= lsl) and (usl is None or highest <= usl) and missing == 0
     corner = {at: {name: float(column[at]) for name, column in inputs.items()} for at in (low, high)}
     return WorstCase(
         lowest=lowest,
@@ -79,5 +79,5 @@ def worst_case(y: Array, inputs: dict[str, Array], lsl: float | None = None, usl
         highest_corner=corner[high],
         corners=y.size,
         missing=missing,
-        within=kept if limited else None,
+        within=within if limited else None,
     )

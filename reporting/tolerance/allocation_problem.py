@@ -1,0 +1,119 @@
+"""What an allocation is asked: variables with costs, responses with targets, and whether the question has an answer."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from reporting.capability.indices import distance_to_limit
+from reporting.errors import ReportError
+
+
+@dataclass(frozen=True)
+class CostedVariable:
+    """A variable, the cost of its tolerance and what may be changed.
+
+    Attributes
+    ----------
+    variable : str
+    tolerance : float
+        Present tolerance: any measure proportional to the standard deviation.
+    fixed, cost : float
+        a and b of the cost ``a + b / tolerance``; b above 0, in money times the unit of the tolerance.
+    lower, upper : float
+        Bounds of the tolerance, 0 < lower <= upper.
+    locked : bool
+        The tolerance stays as it is.
+    """
+
+    variable: str
+    tolerance: float
+    fixed: float
+    cost: float
+    lower: float
+    upper: float
+    locked: bool = False
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A response as it is now, and the Cpk it must have.
+
+    Attributes
+    ----------
+    response : str
+    mean, std : float
+        Present values, in the unit of the response.
+    lsl, usl : float or None
+        Limits, at least one.
+    target : float
+        Required Cpk, above 0.
+    shares : mapping of str to float
+        Present share of the variance by variable (first-order index or contribution); the rest does not depend on
+        the tolerances.
+    added : float
+        Correction of the variance by reweighting.
+    """
+
+    response: str
+    mean: float
+    std: float
+    lsl: float | None
+    usl: float | None
+    target: float
+    shares: Mapping[str, float]
+    added: float = 0.0
+
+    @property
+    def allowed(self) -> float:
+        """Variance at which Cpk is on target; 0 if the mean is out of limits."""
+        return (max(distance_to_limit(self.mean, self.lsl, self.usl), 0.0) / (3 * self.target)) ** 2
+
+    def variance(self, factors: Mapping[str, float]) -> float:
+        """Return the variance with the tolerances multiplied by `factors`."""
+        grown = sum(share * (factors.get(name, 1.0) ** 2 - 1) for name, share in self.shares.items())
+        return self.std**2 * (1 + grown) + self.added
+
+
+def check(variables: Sequence[CostedVariable], requirements: Sequence[Requirement]) -> None:
+    """Raise ReportError if no allocation is possible with this input."""
+    if not variables or not requirements:
+        raise ReportError("allocation: at least one variable with a cost and one response with limits are needed")
+    for kind, names in (
+        ("variable", [v.variable for v in variables]),
+        ("response", [r.response for r in requirements]),
+    ):
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise ReportError(f"allocation: {kind} {twice!r} is given twice; give it once")
+    for v in variables:
+        numbers = (v.tolerance, v.cost, v.lower, v.upper)
+        if (
+            not all(math.isfinite(number) and number > 0 for number in numbers)
+            or not math.isfinite(v.fixed)
+            or v.lower > v.upper
+        ):
+            raise ReportError(
+                f"allocation: {v.variable}: tolerance {v.tolerance:g}, cost {v.cost:g}, bounds {v.lower:g} to "
+                f"{v.upper:g}: all must be finite and above 0, the lower bound not above the upper"
+            )
+    for r in requirements:
+        if r.lsl is None and r.usl is None:
+            raise ReportError(f"allocation: {r.response} has no limits, so no index to keep; leave it out")
+        if not (math.isfinite(r.target) and r.target > 0 and math.isfinite(r.mean) and math.isfinite(r.std)):
+            raise ReportError(
+                f"allocation: {r.response}: mean {r.mean:g}, sigma {r.std:g}, target {r.target:g}: finite numbers and "
+                "a target Cpk above 0 are needed"
+            )
+
+
+def infeasible(variables: Sequence[CostedVariable], requirements: Sequence[Requirement]) -> str:
+    """Return which response cannot be kept, its best Cpk, and remedies."""
+    tightest = {v.variable: 1.0 if v.locked else v.lower / v.tolerance for v in variables}
+    worst = min(requirements, key=lambda r: r.allowed - r.variance(tightest))
+    if worst.allowed == 0:
+        return f"{worst.response}: its mean {worst.mean:.6g} is out of limits; move the mean, no tolerance can help"
+    cpk = worst.target * math.sqrt(worst.allowed / worst.variance(tightest))
+    return (
+        f"{worst.response}: with every tolerance at its lower bound Cpk is {cpk:.3f}, {worst.target:g} is wanted; "
+        "lower the bounds, unlock variables, move the mean to the middle of the limits, or widen the limits"
+    )
