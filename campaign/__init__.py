@@ -10,7 +10,7 @@ __all__ = ["load_campaign", "open_store"]
 
 
 def __getattr__(name: str) -> Any:
-    """Import the public face when it is asked for: the command's help needs neither tables nor dask."""
+    """Import a public function at its first use: ``clearcap --help`` imports this package and needs no tables."""
     if name == "load_campaign":
         from campaign.spec.load import load_campaign
 

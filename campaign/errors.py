@@ -1,4 +1,4 @@
-"""What can go wrong in a campaign and is not a bug; every message is complete and made for the user."""
+"""Errors of a campaign that are no bugs; every message is complete and written for the user."""
 
 
 class CampaignError(Exception):
@@ -7,14 +7,14 @@ class CampaignError(Exception):
     Attributes
     ----------
     exit_code : int
-        What the command exits with.
+        Exit status of the command.
     """
 
     exit_code = 1
 
 
 class SpecError(CampaignError):
-    """The input is wrong: a campaign file, an option, a store that cannot be one. Nothing was written."""
+    """The input is wrong: a campaign file, an option, the address of a store. Nothing was written."""
 
     exit_code = 2
 
@@ -26,6 +26,6 @@ class StoreError(CampaignError):
 
 
 class UnreachableError(CampaignError):
-    """The scheduler or the cluster cannot be reached; what the store holds stays."""
+    """The scheduler or the cluster cannot be reached; the store keeps what it holds."""
 
     exit_code = 4

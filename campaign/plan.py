@@ -15,10 +15,10 @@ from campaign.spec.result_columns import results_schema
 from engine import build_id
 from engine.mechanism import Mechanism
 
-BATCH_TAKES = 10.0  # s: what a killed worker loses at most, and how long a cancelled campaign goes on
+BATCH_TIME = 10.0  # s: the most a killed worker loses, and the most a cancelled campaign goes on
 LARGEST_BATCH = 500  # runs
-UNTRIED_BATCH = 100  # runs, where nobody knows how long one takes
-BATCHES_AT_LEAST = 40  # so that the progress moves and the last batches keep all workers busy
+UNTRIED_BATCH = 100  # runs, if the time of a run is unknown
+LEAST_BATCHES = 40  # so that progress is visible and the last batches keep all workers busy
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Plan(PlanHeader):
             "campaign": self.campaign_id,
             "engine_build": self.engine_build,
             "mechanism_digest": self.mechanism.digest(),
-            "spec": dump(self.spec),
+            "spec": dump_spec(self.spec),
             "schema": self.columns,
             "batches": self.batches,
             "mechanism": json.loads(self.mechanism.model_dump_json(by_alias=True, exclude_none=True)),
@@ -81,7 +81,7 @@ class Plan(PlanHeader):
         try:
             spec = CampaignSpec.model_validate(document["spec"])
             mechanism = Mechanism.model_validate_json(json.dumps(document["mechanism"]))
-            plan = _plan(spec, mechanism, document["engine_build"], header.batches)
+            plan = _build_plan(spec, mechanism, document["engine_build"], header.batches)
         except (ValueError, KeyError, TypeError) as error:
             raise unreadable_plan(error) from error
         if plan.campaign_id != header.campaign_id:
@@ -92,7 +92,7 @@ class Plan(PlanHeader):
         return plan
 
 
-def _plan(spec: CampaignSpec, mechanism: Mechanism, build: str, batches: tuple[tuple[int, int], ...]) -> Plan:
+def _build_plan(spec: CampaignSpec, mechanism: Mechanism, build: str, batches: tuple[tuple[int, int], ...]) -> Plan:
     """Return the plan of these batches, named after what its rows depend on."""
     campaign_id = _identity(spec, mechanism, build)
     columns = [
@@ -117,33 +117,34 @@ def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run
     batch_size : int, optional
         Samples in a batch. Rows do not depend on it.
     seconds_per_run : float, optional
-        Without a size, batches take about ten seconds of a worker, but are at least forty in number and hold at most
-        500 samples; without this either, at most 100.
+        Time of a run. If no size is given, a batch takes a worker about ten seconds: there are at least forty batches,
+        of at most 500 samples, or of at most 100 if the time is not given either.
     """
     spec, build = campaign.spec, build_id()
     size = batch_size or _size(spec.samples, seconds_per_run)
     batches = tuple((first, min(size, spec.samples - first)) for first in range(0, spec.samples, size))
-    return _plan(spec, campaign.mechanism, build, batches)
+    return _build_plan(spec, campaign.mechanism, build, batches)
 
 
-def size_is_sure(samples: int) -> bool:
-    """Return whether batches of so few samples have their size whatever a run takes."""
-    return samples < 2 * BATCHES_AT_LEAST
+def batch_size_is_fixed(samples: int) -> bool:
+    """Return whether a campaign of so few samples has the same batch size for any run time."""
+    return samples < 2 * LEAST_BATCHES
 
 
 def _size(samples: int, seconds: float | None) -> int:
-    """Return how many samples make a batch."""
-    most = UNTRIED_BATCH if seconds is None else min(BATCH_TAKES / max(seconds, 1e-6), LARGEST_BATCH)
-    return max(int(min(most, samples // BATCHES_AT_LEAST)), 1)
+    """Return the number of samples in a batch."""
+    most = UNTRIED_BATCH if seconds is None else min(BATCH_TIME / max(seconds, 1e-6), LARGEST_BATCH)
+    return max(int(min(most, samples // LEAST_BATCHES)), 1)
 
 
-def dump(spec: CampaignSpec) -> dict[str, Any]:
+def dump_spec(spec: CampaignSpec) -> dict[str, Any]:
     """Return a spec as the plain tables of a campaign file, without what is not set."""
     return spec.model_dump(mode="json", exclude_none=True)
 
 
 def _identity(spec: CampaignSpec, mechanism: Mechanism, build: str) -> str:
-    content: dict[str, Any] = {"spec": dump(spec), "mechanism": mechanism.digest(), "engine": build}
+    """Return the id of a campaign: its name, and a hash of what its rows depend on."""
+    content: dict[str, Any] = {"spec": dump_spec(spec), "mechanism": mechanism.digest(), "engine": build}
     if sampler_named(spec.sampler).ordered:
         content["order"] = list(spec.variables)
     canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)

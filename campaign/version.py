@@ -4,7 +4,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 
 def clearcap_version() -> str:
-    """Return the installed version, or say that the sources run without being installed."""
+    """Return the installed version, or ``not installed`` if the sources run without installation."""
     try:
         return version("clearcap")
     except PackageNotFoundError:

@@ -69,6 +69,7 @@ TABLES = {
 
 
 def _table(title: str, rows: list[list[str]], columns: dict[str, str]) -> None:
+    """Print a table: one mechanism a row, then the named columns."""
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
@@ -83,4 +84,5 @@ def _table(title: str, rows: list[list[str]], columns: dict[str, str]) -> None:
 
 
 def _text(value: object) -> str:
+    """Return a value for a table, numbers with three digits."""
     return f"{value:.3g}" if isinstance(value, float) else str(value)

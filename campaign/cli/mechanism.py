@@ -1,4 +1,4 @@
-"""``clearcap mechanism``: the shipped mechanisms, what one is made of, and whether a file is right."""
+"""``clearcap mechanism``: list, show and check mechanisms."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,7 +9,7 @@ from campaign.cli.output import Json, print_json
 
 mechanism_app = typer.Typer(help="List, show and check mechanisms.", no_args_is_help=True)
 
-Which = Annotated[str, typer.Argument(help="A shipped mechanism or a mechanism file.")]
+MechanismName = Annotated[str, typer.Argument(help="A shipped mechanism or a mechanism file.")]
 
 
 @mechanism_app.command("list")
@@ -28,7 +28,7 @@ def list_mechanisms(json: Json = False) -> None:
 
 @mechanism_app.command()
 def show(
-    mechanism: Which,
+    mechanism: MechanismName,
     picture: Annotated[Path | None, typer.Option(help="Draw it and what is measured: .png, .svg or .pdf.")] = None,
     json: Json = False,
 ) -> None:
@@ -58,7 +58,7 @@ def show(
 
 
 @mechanism_app.command()
-def check(mechanism: Which, json: Json = False) -> None:
+def check(mechanism: MechanismName, json: Json = False) -> None:
     """Check a mechanism: every key, and that no parts overlap at the start; the same on each of its benches."""
     from engine import check as check_start
     from engine import load_mechanism
@@ -76,7 +76,7 @@ def check(mechanism: Which, json: Json = False) -> None:
 
 
 def _draw(mechanism: Any, picture: Path) -> None:
-    """Draw the mechanism at its start with what its responses measure."""
+    """Draw the mechanism at its start, with what its responses measure."""
     from campaign.cli.output_files import PLOTS, check_output, replacing
     from campaign.pictures.measurements import plot_measurements
 
@@ -86,7 +86,7 @@ def _draw(mechanism: Any, picture: Path) -> None:
 
 
 def _description(mechanism: Any) -> dict[str, Any]:
-    """Return what a mechanism is made of, as plain data."""
+    """Return the contents of a mechanism as plain data."""
     from engine.mechanism import get_value, unit_of
 
     units = mechanism.response_units()

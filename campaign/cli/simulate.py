@@ -25,7 +25,9 @@ def simulate(
     horizon: Annotated[float | None, typer.Option(help="Longest simulated time, instead of the file's.")] = None,
     full_horizon: Annotated[bool, typer.Option("--full-horizon", help="Go on after rest.")] = False,
     trajectory: Annotated[Path | None, typer.Option(help="Write the motion to an HDF5 file: .h5.")] = None,
-    every: Annotated[int | None, typer.Option(min=1, help="Of the motion, keep every so many-th step; 1: all.")] = None,
+    every: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Keep only every N-th step of the motion; 1: all.")
+    ] = None,
     plot: Annotated[
         Path | None,
         typer.Option(help="Draw curves over time, on a bench its loop: .png, .svg or .pdf; on a bench by default."),

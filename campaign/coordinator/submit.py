@@ -12,7 +12,7 @@ from campaign.coordinator.lease import is_alive, is_coordinated
 from campaign.coordinator.reuse import reuse_rows
 from campaign.coordinator.run_time import seconds_per_run
 from campaign.coordinator.state import state_of, write_state
-from campaign.plan import Plan, make_plan, size_is_sure
+from campaign.plan import Plan, batch_size_is_fixed, make_plan
 from campaign.spec.load import Campaign
 from campaign.store import Store
 from campaign.store.layout import CANCEL, LEASE, LOG, SERVICE
@@ -41,7 +41,7 @@ def submit(store: Store, campaign: Campaign, batch_size: int | None = None, simu
     if wanted.campaign_id in store.campaigns():
         plan = store.plan(wanted.campaign_id)
     else:
-        sure = batch_size is not None or size_is_sure(campaign.spec.samples)
+        sure = batch_size is not None or batch_size_is_fixed(campaign.spec.samples)
         seconds = None if sure else seconds_per_run(wanted, simulate)
         plan = store.create_plan(make_plan(campaign, batch_size, seconds))
         if rows := reuse_rows(store, plan):

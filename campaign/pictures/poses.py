@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from campaign.pictures.view import Rows, start_rotation
+from campaign.pictures.view import start_rotation
 from engine import Mechanism, Trajectory
-from engine.arrays import Array
+from engine.arrays import Array, Integers
 
 TIME_SHARE = 0.3  # of an animation's frames that are even in time; the others are even in motion
 FAR = 1e100  # positions beyond count as infinite: their squares overflow
@@ -41,7 +41,7 @@ class Pose:
         return np.asarray(self.rotation @ vector)
 
 
-def poses(trajectory: Trajectory, mechanism: Mechanism, rows: Rows) -> dict[str, Pose]:
+def poses(trajectory: Trajectory, mechanism: Mechanism, rows: Integers) -> dict[str, Pose]:
     """Return the pose of every body of the file, by name.
 
     Parameters
@@ -51,7 +51,7 @@ def poses(trajectory: Trajectory, mechanism: Mechanism, rows: Rows) -> dict[str,
     mechanism : Mechanism
         What ran.
     rows : ndarray of int, shape (m,)
-        Rows of the trajectory.
+        Integers of the trajectory.
     """
     by_name = {}
     for name, body in mechanism.bodies.items():
@@ -110,7 +110,7 @@ def _lengths(vectors: Array) -> Array:
     return np.asarray(np.linalg.norm(vectors, axis=1))
 
 
-def spread_rows(done: Array, count: int) -> Rows:
+def spread_rows(done: Array, count: int) -> Integers:
     """Return at most ``count`` rows, the first and the last among them, spread as evenly as they allow.
 
     Parameters

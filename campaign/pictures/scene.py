@@ -7,9 +7,9 @@ import numpy as np
 from campaign.pictures.body_shapes import body_shape, linear_loads
 from campaign.pictures.play import Play, plays
 from campaign.pictures.poses import Pose, finite_rows, poses, progress, spread_rows
-from campaign.pictures.view import Rows, View, choose_view
+from campaign.pictures.view import View, choose_view
 from engine import Mechanism, Trajectory
-from engine.arrays import Array
+from engine.arrays import Array, Integers
 
 NEAR = 0.02  # a contact marks its plane where its gap is smaller than this, in sizes of the mechanism
 
@@ -44,7 +44,7 @@ class Scene:
     Attributes
     ----------
     rows, time : ndarray, shape (m,)
-        Rows of the trajectory, and their time.
+        Integers of the trajectory, and their time.
     bodies : dict of str to BodyFrames
         By name.
     springs : tuple of ndarray, each of shape (m, 2, 2)
@@ -57,7 +57,7 @@ class Scene:
         Lower left and upper right corner of all bodies in all frames.
     """
 
-    rows: Rows
+    rows: Integers
     time: Array
     bodies: dict[str, BodyFrames]
     springs: tuple[Array, ...]
@@ -101,7 +101,7 @@ def _size(mechanism: Mechanism, body_poses: dict[str, Pose], points: Array) -> f
     return float(np.ptp(np.vstack([points[0], *meeting]), axis=0).max())
 
 
-def _touched(trajectory: Trajectory, rows: Rows, points: Array, reach: float) -> dict[str, Array]:
+def _touched(trajectory: Trajectory, rows: Integers, points: Array, reach: float) -> dict[str, Array]:
     """Return the point of each contact in the world, shape (m, 3); NaN where it is neither near nor at its nearest."""
     by_contact = {}
     for i, (name, history) in enumerate(trajectory.contacts.items()):

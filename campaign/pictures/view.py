@@ -3,13 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from engine import Mechanism
 from engine.arrays import Array
-
-Rows = NDArray[np.int64]
 
 _TIE_BREAK = np.diag([2e-3, 1e-3, 0.0])  # between equally good directions: z before y before x
 

@@ -14,7 +14,7 @@ from campaign.errors import SpecError
 from campaign.inputs.distributions import Distribution
 from campaign.inputs.sampling import SAMPLERS, sampler_named
 from campaign.inputs.sampling.correlation import matrix
-from campaign.plan import dump
+from campaign.plan import dump_spec
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.messages import structure_faults
 from engine.arrays import Array
@@ -44,7 +44,7 @@ def changed_variables(spec: CampaignSpec, settings: Sequence[str]) -> dict[str, 
     SpecError
         If a setting names no variable or no key of it, or a distribution is not possible.
     """
-    tables = dump(spec)
+    tables = dump_spec(spec)
     for setting in settings:
         _apply(tables["variables"], setting)
     try:

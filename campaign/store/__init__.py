@@ -1,12 +1,12 @@
-"""The store of campaigns: files are the truth about what has been computed.
+"""The store of campaigns: its files alone decide what has been computed.
 
 STORE/CAMPAIGN_ID/campaign.toml   the spec
                   plan.json       the plan, immutable
-                  manifest.json   what the parts were when last looked at; losing it costs time only
-                  stopped.json    where the table ends, if the campaign stopped when it was sure
-                  parts/part-000123.parquet          the rows of batch 123, whole or not there
-                        rows-000000-000999.parquet   the rows of batches 0 to 999, merged of their parts
-                  report/         what reporting wrote
+                  manifest.json   the parts as last checked; without it a survey takes longer
+                  stopped.json    where the table ends, if the stopping rule ended the campaign
+                  parts/part-000123.parquet          the rows of batch 123, written whole or not at all
+                        rows-000000-000999.parquet   the rows of batches 0 to 999, merged from their parts
+                  report/         the report
 """
 
 from campaign.store.parts import BadPart, Part, part_name

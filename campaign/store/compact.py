@@ -1,7 +1,8 @@
 """Parts merged into files of about 100,000 rows: the same rows, read twenty times as fast.
 
-A merged file is written whole and read back before any file it replaces goes. Killed anywhere, every row is there at
-least once, and readers take it once: from a batch's own part, else from the longest merged file.
+A merged file is written whole and read back before any file that it replaces is removed. If the process is killed,
+every row is still in the store at least once. Readers take each row once: from the batch's own part, or else from the
+longest merged file.
 """
 
 import logging
@@ -18,24 +19,24 @@ from campaign.store.parts import BadPart, Part, batches_of, encode, file_name, f
 from campaign.store.rows import cut
 from campaign.store.survey import check_file, read_file, survey
 
-ROWS = 100_000  # of a merged file: those of samples 0 to 99,999 and so on
+ROWS = 100_000  # of a merged file: samples 0 to 99,999, and so on
 logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Compacted:
-    """What merging the parts of a campaign did.
+    """Result of merging the parts of a campaign.
 
     Attributes
     ----------
     written : list of str
-        Merged files, within the folder of the parts.
+        Merged files, relative to the folder of the parts.
     removed : int
-        Files whose rows they hold.
+        Number of files that they replace.
     files : int
-        Sound files of rows there are now.
+        Number of sound files of rows now.
     bad : dict of int to str
-        Batches of files that are not sound; these files stay as they are.
+        Batches of files that are not sound, and what is wrong; these files stay as they are.
     parts : dict of int to Part
         Where the rows of each batch are now.
     """
@@ -49,44 +50,44 @@ class Compacted:
 
 def compact(files: Files, plan: PlanHeader) -> Compacted:
     """Merge the parts of a campaign; see `Store.compact`."""
-    found = survey(files, plan, sum(plan.batches[-1]), verify=False)
-    parts, written, removed = dict(found.parts), [], 0
-    for run in runs(plan, found.parts):
+    before = survey(files, plan, sum(plan.batches[-1]), verify=False)
+    parts, written, removed = dict(before.parts), [], 0
+    for run in runs(plan, before.parts):
         target = file_name(run[0].batch, run[-1].batch, merged=True)
         if {part.file for part in run} != {target} and len(run) > 1:
             try:
                 merged = _merge(files, plan, run, target)
             except (FileNotFoundError, BadPart) as error:
-                logger.warning("%s: not merged, for a part changed meanwhile: %s", target, error)
+                logger.warning("%s: not merged, because a part changed meanwhile: %s", target, error)
                 continue
             written.append(target)
             parts.update((part.batch, part) for part in merged)
         if parts[run[0].batch].file == target:
             removed += _remove_replaced(files, plan, target)
-    return Compacted(written, removed, len({part.file for part in parts.values()}), found.bad, parts)
+    return Compacted(written, removed, len({part.file for part in parts.values()}), before.bad, parts)
 
 
 def runs(plan: PlanHeader, parts: dict[int, Part]) -> Iterator[list[Part]]:
-    """Yield parts that are to be one file: of successive batches, that begin in the same 100,000 samples."""
+    """Yield the parts of each merged file: successive batches that begin in the same 100,000 samples."""
 
-    def place(numbered: tuple[int, Part]) -> tuple[int, int]:
+    def run_and_block(numbered: tuple[int, Part]) -> tuple[int, int]:
         position, part = numbered
         return part.batch - position, plan.batches[part.batch][0] // ROWS
 
-    for _, group in groupby(enumerate(parts[batch] for batch in sorted(parts)), key=place):
+    for _, group in groupby(enumerate(parts[batch] for batch in sorted(parts)), key=run_and_block):
         yield [part for _, part in group]
 
 
 def _merge(files: Files, plan: PlanHeader, run: list[Part], target: str) -> list[Part]:
-    """Write the rows of a run of batches into one file, and return what it holds once it has been read back."""
+    """Write the rows of a run of batches into one file, read it back, and return its parts."""
     pieces = []
     for name, group in groupby(run, key=lambda part: part.file):
         batches = [part.batch for part in group]
         pieces.append(cut(plan, name, read_file(files, plan, name), batches[0], batches[-1]))
     rows = pa.concat_tables(pieces)
     files.write(f"{folder(plan)}/{target}", encode(plan, rows, run[0].batch, run[-1].batch))
-    back = read_file(files, plan, target)
-    if not back.combine_chunks().equals(rows.combine_chunks()):
+    written = read_file(files, plan, target)
+    if not written.combine_chunks().equals(rows.combine_chunks()):
         raise StoreError(
             f"store {files.url}: {target} does not read back as it was written; its parts stay. Check the disk"
         )
@@ -94,7 +95,7 @@ def _merge(files: Files, plan: PlanHeader, run: list[Part], target: str) -> list
 
 
 def _remove_replaced(files: Files, plan: PlanHeader, target: str) -> int:
-    """Remove the sound files all of whose batches are in a merged file."""
+    """Remove the sound files whose batches are all in a merged file; return their number."""
     first, last = batches_of(target, plan) or (0, -1)
     removed = 0
     for name in files.names(folder(plan)):

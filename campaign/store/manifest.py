@@ -1,6 +1,6 @@
-"""``manifest.json``: what the files of rows were when they were last checked, so that they need not be read again.
+"""``manifest.json``: the parts as they were when last checked, so that they need not be read again.
 
-It is a memory of the store and no part of its truth: what it does not know, or no longer knows rightly, is read.
+The manifest only saves time. A file that it does not name, or names with another size, is read.
 """
 
 import hashlib
@@ -26,12 +26,20 @@ def dump(plan: PlanHeader, parts: Iterable[Part]) -> bytes:
 
 
 def load(plan: PlanHeader, content: bytes) -> dict[str, list[Part]]:
-    """Return the parts a manifest knows, by the name of their file.
+    """Return the parts that a manifest names, by file.
+
+    Parameters
+    ----------
+    plan : PlanHeader
+        The campaign.
+    content : bytes
+        Of the manifest.
+
 
     Raises
     ------
     ValueError
-        If it is not a manifest of this plan as it was written.
+        If it is not a manifest of this plan, or was changed after it was written.
     """
     document = json.loads(content)
     try:
@@ -46,6 +54,7 @@ def load(plan: PlanHeader, content: bytes) -> dict[str, list[Part]]:
 
 
 def _parts(plan: PlanHeader, name: str, entry: dict[str, Any]) -> list[Part]:
+    """Return the parts in a file, as its entry names them; none if it does not name all of them."""
     span = batches_of(name, plan)
     size, sha256 = int(entry["size"]), str(entry["sha256"])
     if span is None or size <= 0 or not re.fullmatch("[0-9a-f]{64}", sha256):
@@ -61,4 +70,5 @@ def _parts(plan: PlanHeader, name: str, entry: dict[str, Any]) -> list[Part]:
 
 
 def _digest(files: dict[str, Any]) -> str:
+    """Return a digest of the entries of a manifest."""
     return hashlib.sha256(json.dumps(files, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

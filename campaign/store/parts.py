@@ -1,8 +1,8 @@
-"""Files of rows: their names, their content, and the seal that tells a sound one from any other.
+"""Parts, the files of rows: their names, their content, and the seal that tells a sound file from any other.
 
-Each is a Parquet file with a seal among its metadata: whose rows it holds, which, in what columns, how they ended, and
-a SHA-256 over the whole file. So a file says by itself whether it is whole, wherever damage may have hit it, and
-counting rows does not take reading them. A merged file holds the rows of several batches and is otherwise the same.
+Each is a Parquet file with a seal among its metadata: campaign, samples, columns, statuses, and a SHA-256 over the
+whole file. So every file proves by itself that it is whole, and rows are counted without reading them. A merged file
+holds the rows of several batches and is otherwise the same.
 """
 
 import hashlib
@@ -20,17 +20,17 @@ from campaign.store.layout import PARTS
 if TYPE_CHECKING:
     import pyarrow as pa
 
-ROW_GROUP = 10_000  # rows: what a reader of a merged file must hold at least
-FEW_STRINGS = ("status", "message", "earlier_attempts")  # columns with few distinct values, written once each
+ROW_GROUP = 10_000  # rows that a reader of a merged file must hold in memory at least
+FEW_STRINGS = ("status", "message", "earlier_attempts")  # columns of few distinct values, each written once
 SEAL = "clearcap.seal"  # key of the metadata
 _HEAD = b'{"clearcap":1,"sha256":"'
-_UNSEALED = b"0" * 64  # in place of the digest, while it is taken
+_UNSEALED = b"0" * 64  # in place of the digest, while it is computed
 _PART = re.compile(r"part-(\d{6,9})\.parquet")
 _MERGED = re.compile(r"rows-(\d{6,9})-(\d{6,9})\.parquet")
 
 
 class BadPart(Exception):
-    """A file of rows that is not what its name says; the message says why."""
+    """A file of rows is not what its name says; the message says why."""
 
 
 @dataclass(frozen=True)
@@ -40,17 +40,17 @@ class Part:
     Attributes
     ----------
     batch : int
-        Which.
+        Batch number.
     rows : int
-        How many.
+        Number of rows.
     statuses : dict of str to int
-        How many ended in which status.
+        Number of rows by status.
     size : int
-        Of the file that holds them [bytes].
+        Size of the file that holds them [bytes].
     sha256 : str
-        Digest in that file's seal.
+        Digest in the seal of that file.
     merged : tuple of (int, int) or None
-        First and last batch of the merged file that holds them; None if they have a file of their own.
+        First and last batch of the merged file that holds them; None if the batch has a file of its own.
     """
 
     batch: int
@@ -62,7 +62,7 @@ class Part:
 
     @property
     def file(self) -> str:
-        """Name of the file, within the folder of the parts."""
+        """Name of the file, relative to the folder of the parts."""
         return file_name(*(self.merged or (self.batch, self.batch)), merged=self.merged is not None)
 
 
@@ -77,12 +77,12 @@ def part_name(plan: PlanHeader, batch: int) -> str:
 
 
 def file_name(first: int, last: int, *, merged: bool = False) -> str:
-    """Return the name of the file of some batches within the folder of the parts."""
+    """Return the name of the file of batches ``first`` to ``last``, relative to the folder of the parts."""
     return f"rows-{first:06d}-{last:06d}.parquet" if merged else f"part-{first:06d}.parquet"
 
 
 def batches_of(name: str, plan: PlanHeader) -> tuple[int, int] | None:
-    """Return first and last batch that a file of this name holds; None if it is no file of rows of this plan."""
+    """Return the first and last batch in a file of this name; None if no file of rows of this plan has such a name."""
     if match := _PART.fullmatch(name):
         first = last = int(match[1])
     elif match := _MERGED.fullmatch(name):
@@ -94,7 +94,22 @@ def batches_of(name: str, plan: PlanHeader) -> tuple[int, int] | None:
 
 
 def encode(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> bytes:
-    """Return the rows of batches ``first`` to ``last``, in the plan's columns, as the content of their file."""
+    """Return the content of the file of batches ``first`` to ``last``.
+
+    Parameters
+    ----------
+    plan : PlanHeader
+        The campaign.
+    table : pyarrow.Table
+        The rows of these batches, in the plan's columns.
+    first, last : int
+        Batch numbers.
+
+    Raises
+    ------
+    ValueError
+        If these are not the rows of these batches.
+    """
     import pyarrow.parquet as pq
 
     rows = table if table.schema.equals(plan.schema, check_metadata=True) else table.cast(plan.schema)
@@ -105,7 +120,7 @@ def encode(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> bytes:
         "first": plan.batches[first][0],
         "statuses": _statuses(plan, rows, first, last),
     }
-    codec = "lz4" if first == last else "zstd"  # a batch's few rows get no smaller by zstd, and it takes thrice as long
+    codec = "lz4" if first == last else "zstd"  # zstd makes a batch's few rows no smaller, in three times the time
     writer = pq.ParquetWriter(
         buffer, plan.schema, compression=codec, use_dictionary=list(FEW_STRINGS), write_statistics=False
     )
@@ -113,13 +128,24 @@ def encode(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> bytes:
         writer.write_table(rows, row_group_size=ROW_GROUP)
         writer.add_key_value_metadata({SEAL: (_HEAD + _UNSEALED).decode() + '",' + json.dumps(seal)[1:]})
     content = buffer.getbuffer()
-    place = bytes(content).rindex(_HEAD) + len(_HEAD)
-    content[place : place + len(_UNSEALED)] = hashlib.sha256(content).hexdigest().encode()
+    digest_at = bytes(content).rindex(_HEAD) + len(_HEAD)
+    content[digest_at : digest_at + len(_UNSEALED)] = hashlib.sha256(content).hexdigest().encode()
     return bytes(content)
 
 
 def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bool) -> list[Part]:
-    """Return what is to be known of batches ``first`` to ``last`` from the content of their file.
+    """Return the parts of batches ``first`` to ``last`` in the content of their file.
+
+    Parameters
+    ----------
+    plan : PlanHeader
+        The campaign.
+    content : bytes
+        Of the file.
+    first, last : int
+        Batch numbers.
+    merged : bool
+        Whether it is a merged file.
 
     Raises
     ------
@@ -143,22 +169,34 @@ def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bo
 
 
 def decode(plan: PlanHeader, content: bytes, columns: Sequence[str] | None = None) -> "pa.Table":
-    """Return the rows of a file that has been checked; BadPart if there are none that this version can read.
+    """Return the rows in the content of a file that has been checked.
 
-    Only the ``columns`` named are read, in that order; all of them by default.
+    Parameters
+    ----------
+    plan : PlanHeader
+        The campaign.
+    content : bytes
+        Of the file.
+    columns : sequence of str, optional
+        Columns to read, in this order; by default all.
+
+    Raises
+    ------
+    BadPart
+        If this version cannot read the rows.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     names = plan.schema.names if columns is None else list(columns)
-    wanted = pa.schema([plan.schema.field(name) for name in names], plan.schema.metadata)
+    schema = pa.schema([plan.schema.field(name) for name in names], plan.schema.metadata)
     try:
         table = pq.ParquetFile(pa.BufferReader(content)).read(columns, use_threads=False)
         table = table if columns is None else table.select(names)
     except (pa.ArrowException, OSError, KeyError) as error:
         raise BadPart(f"no Parquet file that can be read here ({str(error).splitlines()[0]})") from error
     table = table.replace_schema_metadata(plan.schema.metadata)
-    if not table.schema.equals(wanted, check_metadata=True):
+    if not table.schema.equals(schema, check_metadata=True):
         raise BadPart("has other columns or units than the plan")
     return table
 
@@ -169,11 +207,11 @@ def _seal(content: bytes) -> tuple[str, dict[str, Any]]:
     The digest is over the file with zeros in its own place.
     """
     start = content.rfind(_HEAD)
-    place = start + len(_HEAD)
-    stated = content[place : place + len(_UNSEALED)]
-    digest = hashlib.sha256(memoryview(content)[:place])
+    digest_at = start + len(_HEAD)
+    stated = content[digest_at : digest_at + len(_UNSEALED)]
+    digest = hashlib.sha256(memoryview(content)[:digest_at])
     digest.update(_UNSEALED)
-    digest.update(memoryview(content)[place + len(_UNSEALED) :])
+    digest.update(memoryview(content)[digest_at + len(_UNSEALED) :])
     if start < 0 or digest.hexdigest().encode() != stated:
         raise BadPart(f"is not whole ({len(content)} bytes, {'without a seal' if start < 0 else 'seal broken'})")
     seal, _ = json.JSONDecoder().raw_decode(content[start:].decode("latin-1"))

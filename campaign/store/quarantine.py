@@ -1,4 +1,4 @@
-"""Files that are not what their names say: kept under another name, for somebody to look at."""
+"""Quarantine of bad files: each gets another name, so that its rows are computed again and a person can look at it."""
 
 import logging
 from collections.abc import Iterable
@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from campaign.plan_header import PlanHeader
 from campaign.store.files.files import Files
 from campaign.store.parts import BadPart, folder
-from campaign.store.rows import holders
+from campaign.store.rows import files_by_batch
 from campaign.store.survey import check_file
 
 logger = logging.getLogger(__name__)
@@ -14,8 +14,8 @@ logger = logging.getLogger(__name__)
 
 def quarantine(files: Files, plan: PlanHeader, bad: Iterable[int]) -> list[str]:
     """Rename the unsound files of some batches; see `Store.quarantine`."""
-    held, moved = holders(files, plan), []
-    suspects = dict.fromkeys(name for batch in bad for name in held.get(batch, []))
+    by_batch, moved = files_by_batch(files, plan), []
+    suspects = dict.fromkeys(name for batch in bad for name in by_batch.get(batch, []))
     taken = set(files.names(folder(plan))) if suspects else set()
     for name in suspects:
         try:
@@ -23,7 +23,7 @@ def quarantine(files: Files, plan: PlanHeader, bad: Iterable[int]) -> list[str]:
         except FileNotFoundError:
             continue
         except BadPart as error:
-            new = _free(f"{name}.bad", taken)
+            new = _free_name(f"{name}.bad", taken)
             taken.add(new)
             files.move(f"{folder(plan)}/{name}", f"{folder(plan)}/{new}")
             moved.append(new)
@@ -31,7 +31,7 @@ def quarantine(files: Files, plan: PlanHeader, bad: Iterable[int]) -> list[str]:
     return moved
 
 
-def _free(name: str, taken: set[str]) -> str:
+def _free_name(name: str, taken: set[str]) -> str:
     """Return the name, or the first of ``name-2``, ``name-3``, ... that is not taken."""
     number, free = 1, name
     while free in taken:

@@ -1,4 +1,4 @@
-"""Rows in the order of the samples, some at a time, wherever they are and while they are being merged."""
+"""Rows in the order of the samples, some at a time, whatever file they are in and while parts are merged."""
 
 import logging
 from collections.abc import Iterator, Sequence
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from campaign.plan_header import PlanHeader
 from campaign.store.files.files import Files
-from campaign.store.parts import ROW_GROUP, BadPart, batches_of, folder, part_name
+from campaign.store.parts import ROW_GROUP, BadPart, batches_of, file_name, folder, part_name
 from campaign.store.survey import read_file
 
 if TYPE_CHECKING:
@@ -15,28 +15,31 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 
-def holders(files: Files, plan: PlanHeader) -> dict[int, list[str]]:
-    """Return for each batch the names of the files that hold it, the one to read first: its own, then the longest."""
+def files_by_batch(files: Files, plan: PlanHeader) -> dict[int, list[str]]:
+    """Return the names of the files that hold each batch, in the order in which to try them.
+
+    A batch's own part comes first, then the longest merged file.
+    """
     spans = {name: span for name in files.names(folder(plan)) if (span := batches_of(name, plan))}
-    held: dict[int, list[str]] = {}
+    by_batch: dict[int, list[str]] = {}
     for name in sorted(spans, key=lambda name: (name.startswith("rows"), spans[name][0] - spans[name][1], name)):
         for batch in range(spans[name][0], spans[name][1] + 1):
-            held.setdefault(batch, []).append(name)
-    return held
+            by_batch.setdefault(batch, []).append(name)
+    return by_batch
 
 
-def batch_rows(files: Files, plan: PlanHeader, batch: int) -> "pa.Table":
+def read_batch(files: Files, plan: PlanHeader, batch: int) -> "pa.Table":
     """Return the rows of a batch; see `Store.read_part`."""
     reasons = []
-    own = part_name(plan, batch).rsplit("/", 1)[-1]
+    own_part = file_name(batch, batch)
     try:
-        return read_file(files, plan, own)
+        return read_file(files, plan, own_part)
     except FileNotFoundError:
         pass
     except BadPart as error:
         reasons.append(f"{error}")
-    for name in holders(files, plan).get(batch, []):
-        if name == own:
+    for name in files_by_batch(files, plan).get(batch, []):
+        if name == own_part:
             continue
         try:
             return cut(plan, name, read_file(files, plan, name), batch, batch)
@@ -54,49 +57,48 @@ def stream(files: Files, plan: PlanHeader, end: int, columns: Sequence[str] | No
     import pyarrow as pa
 
     pieces: list[pa.Table] = []
-    for table in _by_file(files, plan, end, columns):
+    for table in _tables_of_files(files, plan, end, columns):
         pieces.append(table)
-        if sum(map(len, pieces)) >= ROW_GROUP:  # small files together: each table has its price for whoever reads it
+        if sum(map(len, pieces)) >= ROW_GROUP:  # small files together: each table costs its reader some time
             yield pa.concat_tables(pieces)
             pieces = []
     if pieces:
         yield pa.concat_tables(pieces)
 
 
-def _by_file(files: Files, plan: PlanHeader, end: int, columns: Sequence[str] | None) -> "Iterator[pa.Table]":
-    """Yield rows in the order of the samples, a file at a time."""
-    held = holders(files, plan)
+def _tables_of_files(files: Files, plan: PlanHeader, end: int, columns: Sequence[str] | None) -> "Iterator[pa.Table]":
+    """Yield rows in the order of the samples, those of a file at a time."""
+    by_batch = files_by_batch(files, plan)
     batch, last = 0, max(number for number, (first, _) in enumerate(plan.batches) if first < end)
     listed_for = -1
     bad: set[str] = set()
     while batch <= last:
-        names = [name for name in held.get(batch, []) if name not in bad]
-        if not names and listed_for != batch and batch in held:  # its file was merged since, or is bad: look again
-            held, listed_for = holders(files, plan), batch
+        names = [name for name in by_batch.get(batch, []) if name not in bad]
+        if not names and listed_for != batch and batch in by_batch:  # its file was merged since, or is bad: list anew
+            by_batch, listed_for = files_by_batch(files, plan), batch
             continue
         if not names:
             batch += 1
             continue
-        to = _until(plan, held, names[0], batch, last)
+        last_in_file = _last_from_file(by_batch, names[0], batch, last)
         try:
-            table = cut(plan, names[0], read_file(files, plan, names[0], columns), batch, to)
+            table = cut(plan, names[0], read_file(files, plan, names[0], columns), batch, last_in_file)
         except FileNotFoundError:
-            held[batch].remove(names[0])
+            by_batch[batch].remove(names[0])
             continue
         except BadPart as error:
             logger.warning("%s %s: left out; run the campaign again to replace it", names[0], error)
             bad.add(names[0])
             continue
         yield table.slice(0, end - plan.batches[batch][0])
-        batch = to + 1
+        batch = last_in_file + 1
 
 
-def _until(plan: PlanHeader, held: dict[int, list[str]], name: str, batch: int, last: int) -> int:
-    """Return the last of the batches from ``batch`` on that are best read from this file."""
-    to = batch
-    while to < last and held.get(to + 1, [None])[0] == name:
-        to += 1
-    return to
+def _last_from_file(by_batch: dict[int, list[str]], name: str, batch: int, last: int) -> int:
+    """Return the last of the successive batches from ``batch`` on that are best read from this file."""
+    while batch < last and by_batch.get(batch + 1, [None])[0] == name:
+        batch += 1
+    return batch
 
 
 def cut(plan: PlanHeader, name: str, table: "pa.Table", first: int, last: int) -> "pa.Table":

@@ -1,4 +1,4 @@
-"""The store's face: plans, parts, tables and small documents of campaigns under one root."""
+"""The store: plans, parts, tables and small documents of campaigns under one root."""
 
 import json
 import re
@@ -12,7 +12,7 @@ from campaign.store.files.files import Files
 from campaign.store.layout import CAMPAIGN_FILE, MANIFEST, PLAN, STOPPED
 from campaign.store.parts import Part, check, encode, file_name, part_name
 from campaign.store.quarantine import quarantine
-from campaign.store.rows import batch_rows, stream
+from campaign.store.rows import read_batch, stream
 from campaign.store.survey import Survey, read_file, survey
 
 if TYPE_CHECKING:
@@ -26,14 +26,20 @@ P = TypeVar("P", bound=PlanHeader)
 
 
 class Store:
-    """Campaigns under one folder or URL; see the package's text for the layout."""
+    """Campaigns under one folder or URL; see `campaign.store.layout` for the files.
+
+    Parameters
+    ----------
+    files : Files
+        Files under the root.
+    """
 
     def __init__(self, files: Files) -> None:
         self.files = files
 
     @property
     def url(self) -> str:
-        """What the store was opened with."""
+        """Folder or URL that the store was opened with."""
         return self.files.url
 
     # -- campaigns ---------------------------------------------------------------------------------------------------
@@ -44,30 +50,36 @@ class Store:
         return [name for name in names if self.files.exists(f"{name}/{PLAN}")]
 
     def find(self, campaign_id: str | None) -> str:
-        """Return the id of the campaign meant: the one named, or the only one there is.
+        """Return the id of a campaign, after checking that it exists.
+
+        Parameters
+        ----------
+        campaign_id : str or None
+            Not needed if the store holds only one campaign.
+
 
         Raises
         ------
         SpecError
-            If there is no such campaign, or no id was given and there are several.
+            If there is no such campaign, or no id was given and there is not exactly one campaign.
         """
-        known = self.campaigns()
-        there = f"campaigns there: {', '.join(known) or 'none'}"
-        if campaign_id is None and len(known) != 1:
-            raise SpecError(f"store {self.url}: say which campaign; {there}")
-        if campaign_id is not None and campaign_id not in known:
-            raise SpecError(f"store {self.url}: no campaign {campaign_id}; {there}")
-        return campaign_id or known[0]
+        ids = self.campaigns()
+        listed = f"campaigns there: {', '.join(ids) or 'none'}"
+        if campaign_id is None and len(ids) != 1:
+            raise SpecError(f"store {self.url}: say which campaign; {listed}")
+        if campaign_id is not None and campaign_id not in ids:
+            raise SpecError(f"store {self.url}: no campaign {campaign_id}; {listed}")
+        return campaign_id or ids[0]
 
     def create_plan(self, plan: "Plan") -> "Plan":
-        """Put a plan into the store, unless it is there already; return the one that is there then."""
+        """Write a plan, unless the store has one of this id already; return the plan that the store then has."""
         name = f"{plan.campaign_id}/{PLAN}"
         if not self.files.exists(name):
             import tomli_w
 
-            from campaign.plan import dump
+            from campaign.plan import dump_spec
 
-            self.files.write(f"{plan.campaign_id}/{CAMPAIGN_FILE}", tomli_w.dumps(dump(plan.spec)).encode())
+            self.files.write(f"{plan.campaign_id}/{CAMPAIGN_FILE}", tomli_w.dumps(dump_spec(plan.spec)).encode())
             self.files.create(name, plan.to_json().encode())
         return self.plan(plan.campaign_id)
 
@@ -94,7 +106,22 @@ class Store:
     # -- rows --------------------------------------------------------------------------------------------------------
 
     def write_part(self, plan: PlanHeader, batch: int, table: "pa.Table") -> Part:
-        """Write the rows of a batch, replacing those there are; ``table`` has the plan's columns."""
+        """Write the rows of a batch, replacing earlier ones.
+
+        Parameters
+        ----------
+        plan : PlanHeader
+            The campaign.
+        batch : int
+            Batch number.
+        table : pyarrow.Table
+            The rows, in the plan's columns.
+
+        Returns
+        -------
+        Part
+            What was written.
+        """
         content = encode(plan, table, batch, batch)
         self.files.write(part_name(plan, batch), content)
         return check(plan, content, batch, batch, merged=False)[0]
@@ -107,66 +134,66 @@ class Store:
         FileNotFoundError
             If no file holds the batch.
         BadPart
-            If none of those that do is sound: truncated, damaged, or from elsewhere.
+            If every file that holds it is truncated, damaged, or from elsewhere.
         """
-        return batch_rows(self.files, plan, batch)
+        return read_batch(self.files, plan, batch)
 
     def read_own_part(self, plan: PlanHeader, batch: int) -> "pa.Table":
-        """Read the rows of a batch from its own part; errors as of `read_part`, which lists the folder as well."""
+        """Read the rows of a batch from its own part only; errors as of `read_part`."""
         return read_file(self.files, plan, file_name(batch, batch))
 
     def survey(self, plan: PlanHeader, verify: bool = False) -> Survey:
-        """Return what there is of a plan.
+        """Return what the store holds of a plan.
 
         Parameters
         ----------
         plan : PlanHeader
             The campaign.
         verify : bool
-            Check every file in full, and not only those that the manifest does not know, or knows with another size.
+            Read and check every file, and not only those that the manifest does not know or knows with another size.
         """
         return survey(self.files, plan, self.end(plan), verify=verify)
 
     def record(self, plan: PlanHeader, parts: Iterable[Part]) -> None:
-        """Replace the manifest, so that the next survey need not read these parts."""
+        """Write the manifest, so that the next survey need not read these parts."""
         self.files.write(f"{plan.campaign_id}/{MANIFEST}", manifest.dump(plan, parts))
 
     def quarantine(self, plan: PlanHeader, bad: Iterable[int]) -> list[str]:
-        """Rename the files of bad batches to ``.bad``, so that the batches are computed again, and say so.
+        """Rename the files of bad batches to ``.bad``, with a warning, so that the batches are computed again.
 
         Parameters
         ----------
         plan : PlanHeader
             The campaign.
         bad : iterable of int
-            Batches, such as a survey's ``bad``. Each file is read once more: one that is sound by now stays.
+            Batch numbers, such as a survey's ``bad``. Each file is read once more: one that is sound by now stays.
 
         Returns
         -------
         list of str
-            The names the files have now, within the folder of the parts.
+            The new names of the files, relative to the folder of the parts.
         """
         return quarantine(self.files, plan, bad)
 
     def compact(self, plan: PlanHeader) -> "Compacted":
-        """Merge the parts there are into files of about 100,000 rows, and record them.
+        """Merge the parts into files of about 100,000 rows, and write the manifest.
 
-        It may be killed and repeated at any time, and while the campaign goes on: what is computed later is merged
-        by the next call. Bad files stay; running the campaign quarantines them.
+        It may be killed and repeated at any time, also while the campaign runs: the next call merges later parts. Bad
+        files stay; running the campaign quarantines them.
         """
-        from campaign.store.compact import compact
+        from campaign.store.compact import compact  # loads pyarrow, which `status` does without
 
-        done = compact(self.files, plan)
-        self.record(plan, done.parts.values())
-        return done
+        compacted = compact(self.files, plan)
+        self.record(plan, compacted.parts.values())
+        return compacted
 
     def end(self, plan: PlanHeader) -> int:
-        """Return the number of the sample before which the table ends: all samples, unless the campaign stopped.
+        """Return the number of samples in the table: all that are planned, unless the stopping rule ended the campaign.
 
         Raises
         ------
         StoreError
-            If the document that says where it stopped does not.
+            If ``stopped.json`` does not say where the campaign ended.
         """
         samples = sum(plan.batches[-1])
         stopped = self.read_json(plan.campaign_id, STOPPED)
@@ -181,20 +208,20 @@ class Store:
         return end
 
     def stream(self, plan: PlanHeader, columns: Sequence[str] | None = None) -> "Iterator[pa.Table]":
-        """Yield the rows of a campaign in the order of the samples, some thousands at a time.
+        """Yield the rows of a campaign in the order of the samples, some ten thousand at a time.
 
         Parameters
         ----------
         plan : PlanHeader
             The campaign.
         columns : sequence of str, optional
-            Only these.
+            Columns to read; by default all.
 
         Yields
         ------
         pyarrow.Table
-            Rows that follow those before, of a file or of several small ones. Batches that are missing are left out;
-            bad ones too, with a warning.
+            The next rows, of one file or of several small ones. Missing batches are left out; bad ones too, with a
+            warning.
         """
         return stream(self.files, plan, self.end(plan), columns)
 
@@ -204,12 +231,12 @@ class Store:
         Parameters
         ----------
         campaign_id : str, optional
-            Which; not needed when the store holds only one.
+            Not needed if the store holds only one campaign.
 
         Returns
         -------
         pyarrow.Table
-            The rows there are: one a sample, units in the field metadata. Bad parts are logged and left out.
+            One row a sample, units in the field metadata. Bad parts are left out, with a warning.
         """
         import pyarrow as pa
 
@@ -219,7 +246,7 @@ class Store:
     # -- small documents ---------------------------------------------------------------------------------------------
 
     def read_json(self, campaign_id: str, name: str) -> dict[str, Any] | None:
-        """Return a document of a campaign, None if there is none; StoreError if it cannot be read."""
+        """Return a document of a campaign; None if it does not exist, StoreError if it cannot be read."""
         path = f"{campaign_id}/{name}"
         try:
             content = json.loads(self.files.read(path))
@@ -232,25 +259,37 @@ class Store:
         return content
 
     def write_json(self, campaign_id: str, name: str, content: dict[str, Any]) -> None:
-        """Write a document of a campaign, whole or not at all, replacing one that is there."""
+        """Write a document of a campaign, whole or not at all, replacing an earlier one."""
         self.files.write(f"{campaign_id}/{name}", _json(content))
 
     def create_json(self, campaign_id: str, name: str, content: dict[str, Any]) -> bool:
-        """Write a document of a campaign unless it is there; of several who try at once, one is told True.
+        """Write a document of a campaign unless it exists; of several writers at once, one gets True.
 
-        Behind a URL the content must name its writer: two who try the same content may both be told True.
+        Behind a URL the content must name its writer: two writers of the same content may both get True.
         """
         return self.files.create(f"{campaign_id}/{name}", _json(content))
 
     def remove(self, campaign_id: str, name: str) -> None:
-        """Remove a document of a campaign; nothing happens if it is not there."""
+        """Remove a document of a campaign, if it exists."""
         self.files.remove(f"{campaign_id}/{name}")
 
 
 def open_store(url: str) -> Store:
-    """Open a store by the path of a folder or by an fsspec URL; nothing is read or written yet."""
+    """Open a store; nothing is read or written yet.
+
+    Parameters
+    ----------
+    url : str
+        Path of a folder, or an fsspec URL.
+
+    Raises
+    ------
+    SpecError
+        If the URL names no file system that is installed here.
+    """
     return Store(Files(url))
 
 
 def _json(content: dict[str, Any]) -> bytes:
+    """Return the content of a JSON file."""
     return (json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n").encode()

@@ -1,4 +1,4 @@
-"""What a store holds of a plan: a listing, the manifest, and a look into the files that the manifest does not know."""
+"""What a store holds of a plan: from a listing, the manifest, and the files that the manifest does not know."""
 
 import logging
 from collections.abc import Iterable, Sequence
@@ -34,9 +34,9 @@ class Survey:
         Batches of files that are not sound, and what is wrong with them. Such a batch is missing, unless another
         file holds it too.
     statuses : dict of str to int
-        How many rows of the table there are in which status.
+        Number of rows of the table by status.
     rows : int
-        How many rows of the table there are.
+        Number of rows of the table.
     """
 
     parts: dict[int, Part]
@@ -47,27 +47,57 @@ class Survey:
 
 
 @dataclass
-class Holdings:
-    """The sound files of a plan and what is wrong with the others, while a survey goes on."""
+class PartIndex:
+    """The sound parts of a plan and the bad files, while a survey goes on.
+
+    Attributes
+    ----------
+    parts : dict of int to Part
+        The part to read each batch from.
+    bad : dict of int to str
+        What is wrong with the bad files, by batch.
+    """
 
     parts: dict[int, Part] = field(default_factory=dict)
     bad: dict[int, str] = field(default_factory=dict)
 
     def add(self, parts: Iterable[Part]) -> None:
-        """Add the parts of a file; a batch's own file comes before a merged one, a longer one before a shorter."""
+        """Add the parts of a file; of two parts of a batch the one that `rank` puts first stays."""
         for part in parts:
-            known = self.parts.get(part.batch)
-            if known is None or rank(part) < rank(known):
+            other = self.parts.get(part.batch)
+            if other is None or rank(part) < rank(other):
                 self.parts[part.batch] = part
 
 
 def rank(part: Part) -> tuple[int, int]:
-    """Return a key by which the file to read a batch from comes first."""
+    """Return a key that orders files to read a batch from: its own file first, then longer merged files first."""
     return (0, 0) if part.merged is None else (1, part.merged[0] - part.merged[1])
 
 
+def survey(files: Files, plan: PlanHeader, end: int, *, verify: bool) -> Survey:
+    """Return what a store holds of a plan; see `Store.survey`.
+
+    Parameters
+    ----------
+    files : Files
+        Files of the store.
+    plan : PlanHeader
+        The campaign.
+    end : int
+        The table ends before this sample.
+    verify : bool
+        Whether to read every file.
+    """
+    index = _index_parts(files, plan, verify=verify)
+    parts = dict(sorted(index.parts.items()))
+    needed = [batch for batch, (first, _) in enumerate(plan.batches) if first < end]
+    statuses = total(_count_statuses(files, plan, parts[batch], end) for batch in needed if batch in parts)
+    missing = [batch for batch in needed if batch not in parts]
+    return Survey(parts, missing, dict(sorted(index.bad.items())), statuses, sum(statuses.values()))
+
+
 def load_manifest(files: Files, plan: PlanHeader) -> dict[str, list[Part]]:
-    """Return what the manifest knows by file; nothing if there is none that can be used, and say so."""
+    """Return the parts that the manifest knows, by file; nothing, with a warning, if it cannot be used."""
     name = f"{plan.campaign_id}/{MANIFEST}"
     try:
         return manifest.load(plan, files.read(name))
@@ -78,32 +108,69 @@ def load_manifest(files: Files, plan: PlanHeader) -> dict[str, list[Part]]:
         return {}
 
 
-def holdings(files: Files, plan: PlanHeader, *, verify: bool) -> Holdings:
-    """Return what a plan's folder of parts holds.
+def check_file(files: Files, plan: PlanHeader, name: str) -> list[Part]:
+    """Return the parts in a file of rows.
 
-    A folder is not listed in an instant: what is merged meanwhile may be in neither place. So if a batch is not
-    found, it is listed once more.
+    Raises
+    ------
+    FileNotFoundError
+        If the file does not exist, or no file of rows of this plan has such a name.
+    BadPart
+        If it is truncated, damaged, too large, or from elsewhere.
     """
-    known, found = load_manifest(files, plan), Holdings()
-    looked: set[str] = set()
+    return _read_checked(files, plan, name)[1]
+
+
+def read_file(files: Files, plan: PlanHeader, name: str, columns: Sequence[str] | None = None) -> "pa.Table":
+    """Return the rows of a file, all columns or those named; errors as of `check_file`."""
+    return decode(plan, _read_checked(files, plan, name)[0], columns)
+
+
+def _read_checked(files: Files, plan: PlanHeader, name: str) -> tuple[bytes, list[Part]]:
+    """Return the content of a file of rows, and the parts in it."""
+    span = batches_of(name, plan)
+    if span is None:
+        raise FileNotFoundError(name)
+    content = _read_content(files, plan, name)
+    return content, check(plan, content, *span, merged=name.startswith("rows"))
+
+
+def _read_content(files: Files, plan: PlanHeader, name: str) -> bytes:
+    """Return the content of a file of rows; BadPart if it is too large for one."""
+    path = f"{folder(plan)}/{name}"
+    size = files.size(path)
+    if size > LARGEST:
+        raise BadPart(f"has {size} bytes, more than any file of rows")
+    return files.read(path)
+
+
+def _index_parts(files: Files, plan: PlanHeader, *, verify: bool) -> PartIndex:
+    """Return the sound and the bad files in a plan's folder of parts.
+
+    While a folder is listed, parts may be merged, so that the listing misses both the part and the merged file. If a
+    batch is missing, the folder is therefore listed a second time.
+    """
+    recorded, index = load_manifest(files, plan), PartIndex()
+    done: set[str] = set()
     for _ in range(2):
         sizes = files.sizes(folder(plan))
-        if files.local:  # a shared folder's listing may lag behind what is there
-            sizes |= _unlisted(files, plan, known.keys() - sizes.keys())
-        unread = []
-        for name in sorted(sizes.keys() - looked):
-            if not verify and _unchanged(plan, name, known.get(name), sizes[name]):
-                found.add(known[name])
+        if files.local:  # the listing of a shared folder may lag behind its files
+            sizes |= _sizes_of_unlisted(files, plan, recorded.keys() - sizes.keys())
+        to_read = []
+        for name in sorted(sizes.keys() - done):
+            if not verify and _unchanged(plan, name, recorded.get(name), sizes[name]):
+                index.add(recorded[name])
             else:
-                unread.append(name)
-        _check(files, plan, unread, found)
-        looked |= sizes.keys()
-        if len(found.parts) == len(plan.batches):
+                to_read.append(name)
+        _check_files(files, plan, to_read, index)
+        done |= sizes.keys()
+        if len(index.parts) == len(plan.batches):
             break
-    return found
+    return index
 
 
-def _unlisted(files: Files, plan: PlanHeader, names: Iterable[str]) -> dict[str, int]:
+def _sizes_of_unlisted(files: Files, plan: PlanHeader, names: Iterable[str]) -> dict[str, int]:
+    """Return the sizes of those files that exist though the listing lacks them."""
     sizes = {}
     for name in names:
         try:
@@ -113,16 +180,15 @@ def _unlisted(files: Files, plan: PlanHeader, names: Iterable[str]) -> dict[str,
     return sizes
 
 
-def _unchanged(plan: PlanHeader, name: str, known: list[Part] | None, size: int) -> bool:
-    """Return whether a file is, by its size, still the one that the manifest knows."""
-    span = batches_of(name, plan)
-    return span is not None and known is not None and known[0].size == size
+def _unchanged(plan: PlanHeader, name: str, recorded: list[Part] | None, size: int) -> bool:
+    """Return whether a file still has the size that the manifest recorded."""
+    return batches_of(name, plan) is not None and recorded is not None and recorded[0].size == size
 
 
-def _check(files: Files, plan: PlanHeader, names: list[str], found: Holdings) -> None:
-    """Add files to what was found that must be checked, some at a time: an object store answers slowly."""
+def _check_files(files: Files, plan: PlanHeader, names: list[str], index: PartIndex) -> None:
+    """Read files and add them to the index, some at a time: an object store answers slowly."""
 
-    def look(name: str) -> list[Part] | str:
+    def check_one(name: str) -> list[Part] | str:
         try:
             return check_file(files, plan, name)
         except FileNotFoundError:  # merged or quarantined since it was listed
@@ -130,64 +196,18 @@ def _check(files: Files, plan: PlanHeader, names: list[str], found: Holdings) ->
         except BadPart as error:
             return f"{name} {error}"
 
-    rows = [name for name in names if batches_of(name, plan)]
+    files_of_rows = [name for name in names if batches_of(name, plan)]
     with ThreadPoolExecutor(READERS) as pool:
-        for name, result in zip(rows, pool.map(look, rows), strict=True):
+        for name, result in zip(files_of_rows, pool.map(check_one, files_of_rows), strict=True):
             if isinstance(result, str):
                 first, last = batches_of(name, plan) or (0, -1)
-                found.bad.update(dict.fromkeys(range(first, last + 1), result))
+                index.bad.update(dict.fromkeys(range(first, last + 1), result))
             else:
-                found.add(result)
+                index.add(result)
 
 
-def check_file(files: Files, plan: PlanHeader, name: str) -> list[Part]:
-    """Return what is to be known of the batches of a file of rows.
-
-    Raises
-    ------
-    FileNotFoundError
-        If it is not there.
-    BadPart
-        If it is truncated, damaged, too large, or from elsewhere.
-    """
-    return _checked(files, plan, name)[1]
-
-
-def read_file(files: Files, plan: PlanHeader, name: str, columns: Sequence[str] | None = None) -> "pa.Table":
-    """Return the rows of a file, of all columns or these; errors as in `check_file`."""
-    return decode(plan, _checked(files, plan, name)[0], columns)
-
-
-def _checked(files: Files, plan: PlanHeader, name: str) -> tuple[bytes, list[Part]]:
-    """Return the content of a file of rows, and what is to be known of its batches."""
-    span = batches_of(name, plan)
-    if span is None:
-        raise FileNotFoundError(name)
-    content = _content(files, plan, name)
-    return content, check(plan, content, *span, merged=name.startswith("rows"))
-
-
-def _content(files: Files, plan: PlanHeader, name: str) -> bytes:
-    path = f"{folder(plan)}/{name}"
-    size = files.size(path)
-    if size > LARGEST:
-        raise BadPart(f"has {size} bytes, more than any file of rows")
-    return files.read(path)
-
-
-def survey(files: Files, plan: PlanHeader, end: int, *, verify: bool) -> Survey:
-    """Return what a store holds of a plan whose table ends at sample ``end``."""
-    found = holdings(files, plan, verify=verify)
-    parts = dict(sorted(found.parts.items()))
-    needed = [batch for batch, (first, _) in enumerate(plan.batches) if first < end]
-    there = [parts[batch] for batch in needed if batch in parts]
-    statuses = total(_counted(files, plan, part, end) for part in there)
-    missing = [batch for batch in needed if batch not in parts]
-    return Survey(parts, missing, dict(sorted(found.bad.items())), statuses, sum(statuses.values()))
-
-
-def _counted(files: Files, plan: PlanHeader, part: Part, end: int) -> dict[str, int]:
-    """Return the statuses of a part's rows before ``end``."""
+def _count_statuses(files: Files, plan: PlanHeader, part: Part, end: int) -> dict[str, int]:
+    """Return the number of rows of a part before sample ``end``, by status."""
     first, count = plan.batches[part.batch]
     if first + count <= end:
         return part.statuses

@@ -11,9 +11,9 @@ if TYPE_CHECKING:
     from campaign.store.files.object_store import ObjectStore
 
 TEMPORARY = ".tmp"  # ending of files that are being written
-LARGEST = 256 * 2**20  # bytes that are read into memory at once: ten times the largest file a store should hold
+LARGEST = 256 * 2**20  # bytes read into memory at once: ten times the largest file that a store should hold
 LONGEST_NAME = 500  # characters of a name relative to the root
-DEAD_AFTER = 3600.0  # s: no write of one file takes so long
+DEAD_AFTER = 3600.0  # s: no write of one file takes this long
 
 T = TypeVar("T")
 
@@ -44,7 +44,7 @@ class Files:
 
     @property
     def root(self) -> str:
-        """The path or URL under which every process finds the same files, whatever folder it stands in."""
+        """The path or URL under which every process finds the same files, whatever its working folder."""
         return self._backend.root if isinstance(self._backend, LocalFolder) else self.url
 
     @property
@@ -58,7 +58,7 @@ class Files:
         Raises
         ------
         StoreError
-            If the name leads out of the root, or is none a file could have.
+            If the name leads out of the root, or no file can have such a name.
         """
         if (
             len(name) > LONGEST_NAME
@@ -75,20 +75,20 @@ class Files:
         return self._backend.path(name)
 
     def address(self, name: str) -> str:
-        """Return the path or URL by which others open a file."""
+        """Return the path or URL by which other programs open a file."""
         return self._backend.address(self.path(name))
 
     def check_writable(self) -> None:
-        """Make sure that files can be written, leaving none.
+        """Check that files can be written; none is left.
 
         Raises
         ------
         SpecError
-            If not.
+            If they cannot.
         """
         try:
             self._backend.probe()
-        except Exception as error:  # every file system has its own
+        except Exception as error:  # every file system has its own errors
             raise SpecError(
                 f"store {self.url}: not writable ({_reason(error)}); name a folder you may write to"
             ) from error
@@ -99,7 +99,7 @@ class Files:
         Raises
         ------
         FileNotFoundError
-            If it is not there.
+            If it does not exist.
         StoreError
             If it cannot be read, or has more than ``at_most`` bytes.
         """
@@ -112,7 +112,7 @@ class Files:
         return self._do(self._backend.read, name, "read")
 
     def size(self, name: str) -> int:
-        """Return a file's size in bytes; FileNotFoundError if it is not there."""
+        """Return a file's size in bytes; FileNotFoundError if it does not exist."""
         return self._do(self._backend.size, name, "read")
 
     def exists(self, name: str) -> bool:
@@ -132,31 +132,31 @@ class Files:
         return self._do(self._backend.names, folder, "listed")
 
     def write(self, name: str, content: bytes) -> None:
-        """Write a file whole or not at all, replacing one that is there."""
+        """Write a file whole or not at all, replacing an earlier one."""
         self._do(lambda path: self._backend.write(path, content), name, "written")
 
     def create(self, name: str, content: bytes) -> bool:
-        """Write a file whole or not at all, unless it is there; return whether it was written."""
+        """Write a file whole or not at all, unless it exists; return whether it was written."""
         return self._do(lambda path: self._backend.create(path, content), name, "written")
 
     def move(self, old: str, new: str) -> None:
-        """Give a file another name; FileNotFoundError if it is not there.
+        """Give a file another name; FileNotFoundError if it does not exist.
 
-        Behind a URL it is copied and then removed: killed between, both are there.
+        Behind a URL it is copied and then removed: if the process is killed between, both exist.
         """
         target = self.path(new)
         self._do(lambda path: self._backend.move(path, target), old, "moved")
 
     def remove(self, name: str) -> None:
-        """Remove a file; nothing happens if it is not there."""
+        """Remove a file, if it exists."""
         self._do(lambda path: self._backend.remove(path), name, "removed")
 
     def sweep(self, folder: str) -> None:
-        """Remove what writers that are surely dead left behind in a folder."""
+        """Remove the temporary files of dead writers from a folder."""
         self._do(lambda path: self._backend.sweep(path, TEMPORARY, DEAD_AFTER), folder, "swept")
 
     def _do(self, action: Callable[[str], T], name: str, what: str) -> T:
-        """Do something with a file; what the file system says against it is an error that tells what to do."""
+        """Apply an action to a file; turn the errors of the file system into a StoreError that names a remedy."""
         try:
             return action(self.path(name))
         except (FileNotFoundError, NotADirectoryError) as error:
@@ -173,6 +173,7 @@ class Files:
 
 
 def _reason(error: Exception) -> str:
+    """Return in words why something failed."""
     return (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
 
 

@@ -1,7 +1,8 @@
-"""Files in a folder of this machine, or one that many machines share.
+"""Files in a folder of this machine, or in one that many machines share.
 
-Nothing here needs locks, which shared folders do not always have: a file is written under a temporary name, forced to
-the disk, and renamed; of two who create the same one, the first ``link`` wins. Folders are listed anew each time.
+Nothing here needs locks, which shared folders do not always have. A file is written under a temporary name, forced to
+the disk, and renamed. Of two writers that create the same file, the first ``link`` wins. Folders are listed anew each
+time.
 """
 
 import contextlib
@@ -16,7 +17,13 @@ from pathlib import Path
 
 
 class LocalFolder:
-    """Files under a folder; paths are full, errors those of the operating system."""
+    """Files under a folder. Paths are full; errors are those of the operating system.
+
+    Parameters
+    ----------
+    root : str
+        Path of the folder.
+    """
 
     shared = True
 
@@ -32,7 +39,7 @@ class LocalFolder:
         return path
 
     def probe(self) -> None:
-        """Write and remove a file in the folder, or in the nearest one above it that exists."""
+        """Write and remove a file in the folder, or in its nearest parent that exists."""
         existing = Path(self.root)
         while not existing.exists():
             existing = existing.parent
@@ -56,51 +63,51 @@ class LocalFolder:
 
     def sizes(self, path: str) -> dict[str, int]:
         """Return the size of each file in a folder."""
-        found = {}
+        sizes = {}
         for name in self.names(path):
             try:
                 status = os.stat(os.path.join(path, name))
             except FileNotFoundError:  # renamed since it was listed
                 continue
-            found[name] = status.st_size
-        return found
+            sizes[name] = status.st_size
+        return sizes
 
     def write(self, path: str, content: bytes) -> None:
         """Write a file whole or not at all."""
-        temporary = _written(path, content)
+        temporary = _write_temporary(path, content)
         try:
             os.replace(temporary, path)
         except OSError:
             _discard(temporary)
             raise
-        _keep_names(path)
+        _sync_names(path)
 
     def create(self, path: str, content: bytes) -> bool:
-        """Write a file unless it is there."""
-        temporary = _written(path, content)
+        """Write a file unless it exists; return whether it was written."""
+        temporary = _write_temporary(path, content)
         try:
             os.link(temporary, path)
         except FileExistsError:
             return False
         finally:
             _discard(temporary)
-        _keep_names(path)
+        _sync_names(path)
         return True
 
     def move(self, path: str, new: str) -> None:
         """Rename a file."""
         os.rename(path, new)
-        _keep_names(new)
+        _sync_names(new)
 
     def remove(self, path: str) -> None:
         """Remove a file."""
         _discard(path)
 
     def sweep(self, path: str, ending: str, dead_after: float) -> None:
-        """Remove the temporary files of writers that are surely dead.
+        """Remove the temporary files of dead writers.
 
-        A writer on this machine is dead when its process is gone. One elsewhere, or from before this machine
-        started, is dead when its file is older than ``dead_after`` seconds by the clock that dates the files.
+        A writer on this machine is dead when its process is gone. Any other writer is dead when its file is older than
+        ``dead_after`` seconds by the clock that dates the files.
         """
         leftovers = [os.path.join(path, name) for name in self.names(path) if name.endswith(ending)]
         if not leftovers:
@@ -117,23 +124,23 @@ class LocalFolder:
 
 
 @cache
-def _place() -> str:
-    """Return a name of what gives out process numbers: this machine since it started, or a container on it."""
+def _process_space() -> str:
+    """Return a name for what numbers processes: this machine since it started, or a container on it."""
     boot = Path("/proc/sys/kernel/random/boot_id")
     identity = f"{socket.gethostname()} {boot.read_text()}{os.stat('/proc/self/ns/pid').st_ino}"
     return hashlib.sha256(identity.encode()).hexdigest()[:12]
 
 
 def _writer_is_gone(temporary: str) -> bool:
-    """Return whether a temporary file was begun by a process of this place that is no more."""
+    """Return whether the process that began a temporary file was of this process space and has ended."""
     writer = re.search(r"\.([0-9a-f]{12})-(\d+)-[0-9a-f]{8}\.tmp$", temporary)
-    return writer is not None and writer[1] == _place() and not os.path.exists(f"/proc/{writer[2]}")
+    return writer is not None and writer[1] == _process_space() and not os.path.exists(f"/proc/{writer[2]}")
 
 
-def _written(path: str, content: bytes) -> str:
-    """Write a temporary file next to ``path``, down to the disk, and return its path."""
+def _write_temporary(path: str, content: bytes) -> str:
+    """Write a temporary file beside ``path``, forced to the disk, and return its path."""
     os.makedirs(os.path.dirname(path), exist_ok=True)
-    temporary = f"{path}.{_place()}-{os.getpid()}-{secrets.token_hex(4)}.tmp"
+    temporary = f"{path}.{_process_space()}-{os.getpid()}-{secrets.token_hex(4)}.tmp"
     try:
         with open(temporary, "xb") as file:
             file.write(content)
@@ -145,8 +152,8 @@ def _written(path: str, content: bytes) -> str:
     return temporary
 
 
-def _keep_names(path: str) -> None:
-    """Force the names in the folder of ``path`` to the disk, without which a file is lost with its name."""
+def _sync_names(path: str) -> None:
+    """Force the names in the folder of ``path`` to the disk: a file whose name is lost is lost."""
     descriptor = os.open(os.path.dirname(path), os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -155,5 +162,6 @@ def _keep_names(path: str) -> None:
 
 
 def _discard(path: str) -> None:
+    """Remove a file, if it exists."""
     with contextlib.suppress(FileNotFoundError):
         os.unlink(path)

@@ -1,4 +1,4 @@
-"""Files behind a URL that fsspec opens, such as an object store: one PUT writes one file whole, nothing is renamed."""
+"""Files behind a URL that fsspec opens, such as an object store: one PUT writes one file whole."""
 
 import errno
 import secrets
@@ -8,8 +8,8 @@ from typing import Any, TypeVar
 
 import fsspec
 
-PAUSES = (0.5, 1.0, 2.0)  # s before each repetition of what failed; s3fs and botocore repeat on their own before that
-ANSWERS = (  # no faults of the way there: they would be the same if asked again
+PAUSES = (0.5, 1.0, 2.0)  # s, before each repetition; s3fs and botocore repeat on their own before
+FINAL = (  # errors that would be the same if the request were repeated
     FileNotFoundError,
     FileExistsError,
     IsADirectoryError,
@@ -25,9 +25,14 @@ T = TypeVar("T")
 
 
 class ObjectStore:
-    """Files under a URL; paths are the file system's, errors are OSError whatever the file system raised.
+    """Files under a URL. Paths are those of the file system; errors are OSError whatever the file system raised.
 
-    Whatever may be a fault of the moment (a timeout, a server error, "slow down") is tried four times.
+    What may be a passing fault (a timeout, a server error, "slow down") is tried four times.
+
+    Parameters
+    ----------
+    url : str
+        An fsspec URL.
     """
 
     def __init__(self, url: str) -> None:
@@ -52,12 +57,12 @@ class ObjectStore:
 
     def read(self, path: str) -> bytes:
         """Return a file's content."""
-        return bytes(_patiently(lambda: self.fs.cat_file(path)))
+        return bytes(_retry(lambda: self.fs.cat_file(path)))
 
     def size(self, path: str) -> int:
         """Return a file's size in bytes."""
         self.fs.invalidate_cache()
-        entry = _patiently(lambda: self.fs.info(path))
+        entry = _retry(lambda: self.fs.info(path))
         if entry["type"] != "file":
             raise FileNotFoundError(path)
         return int(entry["size"])
@@ -72,62 +77,63 @@ class ObjectStore:
 
     def write(self, path: str, content: bytes) -> None:
         """Put a file."""
-        _patiently(lambda: self.fs.pipe_file(path, content))
+        _retry(lambda: self.fs.pipe_file(path, content))
 
     def create(self, path: str, content: bytes) -> bool:
-        """Put a file unless it is there.
+        """Put a file unless it exists; return whether it was written.
 
-        The server decides (on S3 by ``If-None-Match``). One that says it cannot is asked first whether the file is
-        there: then two who create it in the same moment may both be told True.
+        The server decides (on S3 by ``If-None-Match``). A server that cannot is first asked whether the file exists:
+        then two writers at the same moment may both get True.
         """
         try:
-            _patiently(lambda: self.fs.pipe_file(path, content, mode="create"))
+            _retry(lambda: self.fs.pipe_file(path, content, mode="create"))
         except FileExistsError:
             # the answer to our own PUT may have been lost, and the PUT repeated
             return self.read(path) == content
         except (NotImplementedError, ValueError):
-            if _patiently(lambda: self.fs.exists(path)):
+            if _retry(lambda: self.fs.exists(path)):
                 return False
             self.write(path, content)
         return True
 
     def move(self, path: str, new: str) -> None:
         """Copy a file, then remove it."""
-        _patiently(lambda: self.fs.cp_file(path, new))
+        _retry(lambda: self.fs.cp_file(path, new))
         self.remove(path)
 
     def remove(self, path: str) -> None:
         """Remove a file."""
         try:
-            _patiently(lambda: self.fs.rm_file(path))
+            _retry(lambda: self.fs.rm_file(path))
         except FileNotFoundError:
             return
 
     def sweep(self, path: str, ending: str, dead_after: float) -> None:
-        """Do nothing: a PUT that is not finished leaves no name behind."""
+        """Do nothing: a PUT that does not finish leaves no file."""
 
     def _entries(self, path: str) -> list[dict[str, Any]]:
+        """Return what the file system lists in a folder."""
         self.fs.invalidate_cache()
         try:
-            return list(_patiently(lambda: self.fs.ls(path, detail=True)))
+            return list(_retry(lambda: self.fs.ls(path, detail=True)))
         except (FileNotFoundError, NotADirectoryError):
             return []
 
 
-def _patiently(action: Callable[[], T]) -> T:
-    """Do something, again and again if it fails for what may be a reason of the moment.
+def _retry(action: Callable[[], T]) -> T:
+    """Return the result of an action, repeating it after passing faults.
 
     Raises
     ------
     OSError
-        If it still fails; what the file system answers otherwise is raised at once.
+        If it fails four times. Errors in `FINAL` are raised at once.
     """
     for pause in (*PAUSES, None):
         try:
             return action()
-        except ANSWERS:
+        except FINAL:
             raise
-        except Exception as error:  # every file system has its own
+        except Exception as error:  # every file system has its own errors
             if isinstance(error, OSError) and error.errno == errno.ENOSYS:
                 raise NotImplementedError(str(error)) from error
             if pause is None:
@@ -137,4 +143,5 @@ def _patiently(action: Callable[[], T]) -> T:
 
 
 def _name(entry: dict[str, Any]) -> str:
+    """Return the name of an entry within its folder."""
     return str(entry["name"]).rstrip("/").rsplit("/", 1)[-1]

@@ -7,7 +7,7 @@ import pytest
 
 from campaign.coordinator.run_time import RUNS, seconds_per_run
 from campaign.coordinator.submit import submit
-from campaign.plan import make_plan, size_is_sure
+from campaign.plan import batch_size_is_fixed, make_plan
 from campaign.store import open_store
 from tests.campaign import fake_engine
 
@@ -44,8 +44,8 @@ def test_nothing_is_tried_where_it_decides_nothing(samples, tmp_path, campaign, 
     spec = campaign.spec.model_copy(update={"samples": samples})
     asked = type(campaign)(spec, campaign.mechanism)
     sizes = {make_plan(asked, None, seconds).batches for seconds in (None, 1e-6, 0.1, 20.0)}
-    assert (len(sizes) == 1) == size_is_sure(samples)
+    assert (len(sizes) == 1) == batch_size_is_fixed(samples)
     tried = []
     monkeypatch.setattr("campaign.coordinator.submit.seconds_per_run", lambda *_: tried.append(1))
     submit(open_store(str(tmp_path / "s")), asked)
-    assert len(tried) == (0 if size_is_sure(samples) else 1)
+    assert len(tried) == (0 if batch_size_is_fixed(samples) else 1)

@@ -1,6 +1,5 @@
 """What there is of a campaign: the manifest saves time and decides nothing; where the table ends."""
 
-import json
 import os
 from pathlib import Path
 
@@ -17,8 +16,10 @@ from tests.campaign.store.test_store import fill
 def checked(monkeypatch):
     """Return a list of the files of rows that are read, as they are."""
     seen = []
-    read = surveys._content
-    monkeypatch.setattr(surveys, "_content", lambda files, plan, name: seen.append(name) or read(files, plan, name))
+    read = surveys._read_content
+    monkeypatch.setattr(
+        surveys, "_read_content", lambda files, plan, name: seen.append(name) or read(files, plan, name)
+    )
     return seen
 
 
@@ -210,26 +211,3 @@ def test_documents(store, plan):
         store.files.write(f"{name}/state.json", content)
         with pytest.raises(StoreError, match=r"state\.json (is not JSON|holds no JSON object).*restore or remove it"):
             store.read_json(name, "state.json")
-
-
-def test_header_is_the_plan(store, plan):
-    """The quick reading of a plan agrees with the plan."""
-    header = store.plan_header(plan.campaign_id)
-    assert header.schema.equals(plan.schema, check_metadata=True)
-    assert (header.batches, header.columns, header.samples) == (plan.batches, plan.columns, 25)
-    fill(store, plan)
-    assert store.survey(header) == store.survey(plan)
-
-
-@pytest.mark.parametrize("key", ["batches", "spec", "schema", "campaign"])
-def test_header_of_a_damaged_plan(store, plan, key):
-    """A plan that lacks something, or whose batches have a hole, is refused."""
-    content = json.loads(plan.to_json())
-    del content[key]
-    name = f"{plan.campaign_id}/plan.json"
-    store.files.write(name, json.dumps(content).encode())
-    with pytest.raises(StoreError, match=r"plan\.json cannot be read"):
-        store.plan_header(plan.campaign_id)
-    store.files.write(name, plan.to_json().replace("[\n   10,\n   10\n  ],", "").encode())
-    with pytest.raises(StoreError, match="a batch begins at sample 20 where 10 is next"):
-        store.plan_header(plan.campaign_id)
