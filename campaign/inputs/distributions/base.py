@@ -1,44 +1,46 @@
-"""What every distribution of an input can tell: quantiles, probabilities, moments, ends, itself in words."""
+"""What every distribution of an input can do, and what the distributions check in common."""
 
 from abc import abstractmethod
 from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from engine.arrays import Array
 from engine.mechanism.base import Number, TableModel
 
-Array = NDArray[np.float64]
 PositiveNumber = Annotated[Number, Field(gt=0.0)]
 
 TAIL = 1e-6  # probability beyond the ends at which an unbounded variable is tried on the mechanism
 
 
 class Distribution(TableModel, strict=True):
-    """A random input of the mechanism.
+    """The distribution of an input of the mechanism.
 
-    Attributes
-    ----------
-    target : str or None
-        Key of the mechanism it sets; None means the variable's own name.
+    Values, bounds and parameters are in the unit of the key that the variable sets. Methods that take an array return
+    one of the same shape, and an element of the result depends on its own argument alone, bit for bit.
     """
 
     kind_key: ClassVar[str] = "distribution"
 
-    target: Annotated[str | None, Field(min_length=1)] = None
+    target: Annotated[str | None, Field(min_length=1)] = Field(
+        default=None, description="Key of the mechanism that the variable sets; the variable's own name if absent."
+    )
 
     @abstractmethod
     def ppf(self, u: Array) -> Array:
-        """Return the quantiles at probabilities ``u``, each in (0, 1); same shape, in the target's unit."""
+        """Return the quantiles at probabilities ``u``, each in (0, 1)."""
 
     @abstractmethod
     def cdf(self, x: Array) -> Array:
-        """Return the probability of values up to ``x``; same shape."""
+        """Return the probability of values up to ``x``."""
 
     @abstractmethod
     def logpdf(self, x: Array) -> Array:
-        """Return the logarithm of the density [1/unit] at ``x``, of the probability if discrete; same shape."""
+        """Return the logarithm of the density [1/unit] at ``x``, or of the probability if the values are separate.
+
+        It is minus infinity for a value that is never drawn.
+        """
 
     @abstractmethod
     def support(self) -> tuple[float, float]:
@@ -46,7 +48,7 @@ class Distribution(TableModel, strict=True):
 
     @abstractmethod
     def moments(self) -> tuple[float, float]:
-        """Return mean and standard deviation of what is drawn: truncation and production batches included."""
+        """Return mean and standard deviation of what is drawn, cuts and production batches included."""
 
     @abstractmethod
     def text(self) -> str:
@@ -64,28 +66,36 @@ class Distribution(TableModel, strict=True):
 
 
 def check_order(lower: float, upper: float) -> None:
-    """Raise ValueError unless two bounds leave room between them."""
+    """Raise ValueError unless the lower of two bounds is below the upper one."""
     if not lower < upper:
         raise ValueError(f"lower = {lower:g} is not below upper = {upper:g}; exchange or widen the bounds")
 
 
-def chosen(table: TableModel, *groups: tuple[str, ...], hint: str = "") -> tuple[str, ...]:
-    """Return which of several groups of keys a distribution is given by; ``hint`` says what else to do if by none.
+def check_parameter_groups(table: TableModel, *groups: tuple[str, ...], hint: str = "") -> None:
+    """Check that a distribution is given by exactly one of several groups of keys.
+
+    Parameters
+    ----------
+    table : TableModel
+        The distribution.
+    *groups : tuple of str
+        The groups of keys.
+    hint : str
+        What else to do if no group is given, for the message.
 
     Raises
     ------
     ValueError
-        If it is none of them, more than one, or one in part.
+        If no group is given, or more than one, or one in part.
     """
     given = [key for group in groups for key in group if getattr(table, key) is not None]
-    ways = " or ".join(" and ".join(group) for group in groups)
+    choices = " or ".join(" and ".join(group) for group in groups)
     if not given:
-        raise ValueError(f"nothing says how it is spread; give {ways}{hint}")
+        raise ValueError(f"nothing says how it is spread; give {choices}{hint}")
     group = next(group for group in groups if given[0] in group)
     other = [key for key in given if key not in group]
     if other:
-        raise ValueError(f"{given[0]} and {other[0]} are two ways to say the same; give {ways}, not both")
+        raise ValueError(f"{given[0]} and {other[0]} are two ways to say the same; give {choices}, not both")
     missing = [key for key in group if key not in given]
     if missing:
-        raise ValueError(f"{given[0]} needs {' and '.join(missing)} beside it; give {ways}")
-    return group
+        raise ValueError(f"{given[0]} needs {' and '.join(missing)} beside it; give {choices}")

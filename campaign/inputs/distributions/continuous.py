@@ -1,12 +1,12 @@
 """Distributions with a density: cut to bounds, shifted from production batch to production batch.
 
-Both are done here for all of them. A *parent* distribution says its probabilities and quantiles from either tail, so
-that no digit is lost where the bounds leave only a far tail. What is drawn in a production batch is the parent moved by
-the batch's shift d and then cut to the bounds:
+Both are done here for all of them. A *parent* distribution has its probabilities and quantiles from either tail, so
+that no digit is lost where the bounds leave only a far tail. The distribution in a production batch is the parent,
+moved by the shift d of the batch and then cut to the bounds:
 
     X | d  =  d + X0, given lower <= d + X0 <= upper,    d normal with mean 0, cut at 6 standard deviations
 
-so that the bounds hold in every batch, as if every batch were inspected; over all batches, the mixture is drawn.
+So the bounds hold in every production batch, as if each were inspected. Over all batches, the mixture is drawn.
 """
 
 from abc import abstractmethod
@@ -14,18 +14,19 @@ from collections.abc import Iterator
 from functools import cached_property
 from math import exp as exp_of
 from math import inf, isfinite, sqrt
-from typing import Annotated, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from campaign.inputs.distributions.base import TAIL, Array, Distribution, PositiveNumber, check_order
-from engine.mechanism.base import Number, TableModel
+from campaign.inputs.distributions.base import TAIL, Distribution, check_order
+from campaign.inputs.distributions.production_batch import LARGEST_SHIFT, ProductionBatch
+from engine.arrays import Array
+from engine.mechanism.base import Number
 
 LEAST_PROBABILITY = 1e-290  # between bounds: below, quantiles lose their digits
-LARGEST_SHIFT = 6.0  # of a production batch, in its standard deviations; two in a thousand million would be larger
-SHIFTS = 97  # at which mixtures over production batches are evaluated
+SHIFTS = 97  # number of shifts at which a mixture over production batches is evaluated
 # probabilities of the pieces over which moments are integrated; the decades resolve any tail, the others a corner
 DECADES = np.array([300, 250, 200, 150, 100, 70, 50, 40, 30, 25, *range(20, 0, -1)], dtype=np.float64)
 EDGES = np.concatenate([[0.0], 10.0**-DECADES, np.linspace(0.12, 0.5, 20)])
@@ -34,78 +35,50 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
 Window = tuple[Array, Array, Array, NDArray[np.bool_]]
 
 
-class ProductionBatch(TableModel, strict=True):
-    """How parts vary from one production batch to the next.
-
-    Attributes
-    ----------
-    size : int
-        Consecutive samples that share their shift.
-    std : float
-        Standard deviation of the shift, in the target's unit.
-    """
-
-    size: Annotated[int, Field(ge=1)]
-    std: PositiveNumber
-
-    @property
-    def reach(self) -> float:
-        """The largest shift."""
-        return LARGEST_SHIFT * self.std
-
-    def shifts(self, u: Array) -> Array:
-        """Return the shifts at probabilities ``u`` inside (0, 1), in the target's unit; same shape."""
-        from scipy.special import ndtri
-
-        return np.asarray(self.std * np.clip(ndtri(u), -LARGEST_SHIFT, LARGEST_SHIFT), dtype=np.float64)
-
-
 class Continuous(Distribution):
-    """A distribution with a density.
+    """A distribution with a density."""
 
-    Attributes
-    ----------
-    lower, upper : float or None
-        Bounds to which it is cut; parameters describe it before the cut.
-    batch : ProductionBatch or None
-        Shift of whole production batches.
-    """
-
-    lower: Number | None = None
-    upper: Number | None = None
-    batch: ProductionBatch | None = None
+    lower: Number | None = Field(
+        default=None, description="Lower bound to which values are cut, in the target's unit; no bound if absent."
+    )
+    upper: Number | None = Field(
+        default=None, description="Upper bound to which values are cut, in the target's unit; no bound if absent."
+    )
+    batch: ProductionBatch | None = Field(
+        default=None, description="Shifts of whole production batches; all parts are of one batch if absent."
+    )
 
     @abstractmethod
     def parent_cdf(self, x: Array) -> Array:
-        """Return the probability of values up to ``x``, before cut and shift; same shape."""
+        """Return the parent's probability of values up to ``x``."""
 
     @abstractmethod
     def parent_sf(self, x: Array) -> Array:
-        """Return the probability of values above ``x``, with all its digits; same shape."""
+        """Return the parent's probability of values above ``x``, with all its digits."""
 
     @abstractmethod
     def parent_ppf(self, p: Array) -> Array:
-        """Return the value with probability ``p`` below it; same shape."""
+        """Return the parent's value with probability ``p`` below it."""
 
     @abstractmethod
     def parent_isf(self, q: Array) -> Array:
-        """Return the value with probability ``q`` above it; same shape."""
+        """Return the parent's value with probability ``q`` above it."""
 
     @abstractmethod
     def parent_logpdf(self, x: Array) -> Array:
-        """Return the logarithm of the density at ``x``; same shape."""
+        """Return the logarithm of the parent's density at ``x``."""
 
     @abstractmethod
     def parent_moments(self) -> tuple[float, float]:
-        """Return mean and standard deviation before cut and shift."""
+        """Return the parent's mean and standard deviation."""
 
     @abstractmethod
     def parent_support(self) -> tuple[float, float]:
-        """Return the ends before cut and shift."""
+        """Return the parent's ends; infinite where there is no end."""
 
     @abstractmethod
     def words(self) -> str:
-        """Return name and parameters, without bounds and batches."""
+        """Return name and parameters of the parent."""
 
     def check_parameters(self) -> None:
         """Raise ValueError if the parameters contradict each other."""
@@ -133,51 +106,45 @@ class Continuous(Distribution):
         return self
 
     def ppf(self, u: Array, shift: float | Array = 0.0) -> Array:
-        """Return the quantiles at probabilities ``u`` in production batches moved by ``shift``; same shape."""
-        still = isinstance(shift, float) and shift == 0.0
-        below, above, probability, from_above = self._standing if still else self._window(shift)
+        """Return the quantiles at probabilities ``u``, in production batches with these shifts."""
+        unshifted = isinstance(shift, float) and shift == 0.0
+        below, above, probability, from_above = self._unshifted_window if unshifted else self._window(shift)
         x = self.parent_ppf(below + u * probability)
         if from_above.any():
             x = np.where(from_above, self.parent_isf(above + (1.0 - u) * probability), x)
         return np.clip(np.asarray(x + shift, dtype=np.float64), *self.cut())
 
     def cdf(self, x: Array) -> Array:
-        """Return the probability of values up to ``x``; same shape."""
         x = np.asarray(x, dtype=np.float64)
         return np.asarray(sum(share * self._cdf(x, shift) for shift, share in self._shifts()), dtype=np.float64)
 
     def logpdf(self, x: Array) -> Array:
-        """Return the logarithm of the density [1/unit] at ``x``; same shape, minus infinity outside of the support."""
         x = np.asarray(x, dtype=np.float64)
         result, (low, high) = np.full_like(x, -inf), self.cut()
         for shift, share in self._shifts():
             probability = float(self._window(shift)[2])
-            there = self.parent_logpdf(x - shift) + float(np.log(share / probability))
-            result = np.logaddexp(result, np.where((x >= low) & (x <= high), there, -inf))
+            inside = self.parent_logpdf(x - shift) + float(np.log(share / probability))
+            result = np.logaddexp(result, np.where((x >= low) & (x <= high), inside, -inf))
         return result
 
     def support(self) -> tuple[float, float]:
-        """Return the ends between which every value lies; infinite where there is no end."""
         reach = self.batch.reach if self.batch else 0.0
         (low, high), (lower, upper) = self.parent_support(), self.cut()
         return max(low - reach, lower), min(high + reach, upper)
 
     def moments(self) -> tuple[float, float]:
-        """Return mean and standard deviation of what is drawn: truncation and production batches included."""
-        found = [(share, *self._moments(shift)) for shift, share in self._shifts()]
-        mean = sum(share * m for share, m, _ in found)
-        return mean, sqrt(sum(share * (s * s + (m - mean) ** 2) for share, m, s in found))
+        of_shifts = [(share, *self._moments(shift)) for shift, share in self._shifts()]
+        mean = sum(share * m for share, m, _ in of_shifts)
+        return mean, sqrt(sum(share * (s * s + (m - mean) ** 2) for share, m, s in of_shifts))
 
     def density_points(self, count: int = 101) -> tuple[tuple[float, float], ...]:
-        """Return ``count`` points (x, density) between the ends, for drawing."""
         low, high = self.ends()
         x = np.linspace(low, high, count)
-        if not np.all(self.logpdf(x[[0, -1]]) < inf):  # shown a little beside the end
+        if not np.all(self.logpdf(x[[0, -1]]) < inf):  # an infinite density is shown a little inside of its end
             x = np.clip(x, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
         return tuple(zip(x.tolist(), np.exp(self.logpdf(x)).tolist(), strict=True))
 
     def ends(self) -> tuple[float, float]:
-        """Return the support, an infinite end replaced by the quantile with probability 1e-6 beyond it."""
         if self.batch is None:
             return super().ends()
         from scipy.optimize import brentq
@@ -190,20 +157,19 @@ class Continuous(Distribution):
         return (low if isfinite(low) else quantile(TAIL)), (high if isfinite(high) else quantile(1.0 - TAIL))
 
     def text(self) -> str:
-        """Return the distribution in words and numbers."""
         words, (low, high) = [self.words()], self.cut()
         if isfinite(low) or isfinite(high):
-            words.append(f"between {low:g} and {high:g}" if isfinite(low) and isfinite(high) else _half(low, high))
+            words.append(f"between {low:g} and {high:g}" if isfinite(low) and isfinite(high) else _one_bound(low, high))
         if self.batch:
             words.append(f"batches of {self.batch.size} shifted with sd {self.batch.std:g}")
         return ", ".join(words)
 
     @cached_property
-    def _standing(self) -> Window:
+    def _unshifted_window(self) -> Window:
         return self._window(0.0)
 
     def _window(self, shift: float | Array) -> Window:
-        """Return probability below and above the bounds and between them, and from which end it is counted."""
+        """Return the probabilities below, above and between the bounds, and whether the last is counted from above."""
         lower, upper = (np.asarray(bound - shift) for bound in self.cut())
         below, above = self.parent_cdf(lower), self.parent_sf(upper)
         from_above = below > 0.5
@@ -253,5 +219,5 @@ class Continuous(Distribution):
         return np.clip(x + shift, *self.cut())
 
 
-def _half(low: float, high: float) -> str:
+def _one_bound(low: float, high: float) -> str:
     return f"from {low:g}" if isfinite(low) else f"up to {high:g}"

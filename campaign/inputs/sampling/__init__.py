@@ -4,7 +4,6 @@ A sampler is one object in one module; `SAMPLERS` is the only place that lists t
 variables' distributions (`inverse_transform`), the others enumerate values (`enumerating`).
 """
 
-from campaign.inputs.distributions import Array
 from campaign.inputs.sampling.correlation import check_correlations
 from campaign.inputs.sampling.grid import Grid
 from campaign.inputs.sampling.halton import Halton
@@ -16,6 +15,7 @@ from campaign.inputs.sampling.saltelli import Saltelli
 from campaign.inputs.sampling.sampler import SampledInputs, Sampler
 from campaign.inputs.sampling.sobol import Sobol
 from campaign.inputs.sampling.worst_case import Corners
+from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
 
 __all__ = ["SAMPLERS", "SampledInputs", "Sampler", "check_sampling", "draw", "production_batch", "sampler_named"]

@@ -11,9 +11,11 @@ from functools import lru_cache
 from math import pi, sin, sqrt
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
-from campaign.inputs.distributions import Array, Constant
+from campaign.inputs.distributions import Constant
 from campaign.inputs.sampling.sampler import Correlations, SampledInputs
+from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
 
 LEAST_EIGENVALUE = 1e-9  # of the scores' correlation matrix: below, one variable is a function of the others
@@ -59,8 +61,6 @@ def correlated(u: Mapping[str, Array], correlations: Correlations) -> dict[str, 
     correlations : tuple of (str, str, float)
         Pairs of variables with their rank correlation.
     """
-    from scipy.special import ndtr, ndtri
-
     names = [name for name in u if any(name in pair for pair in correlations)]
     scores, mixed = [ndtri(u[name]) for name in names], {names[0]: u[names[0]]}
     for name, row in zip(names[1:], _factor(tuple(names), correlations)[1:], strict=True):

@@ -4,9 +4,10 @@ from math import prod
 
 import numpy as np
 
-from campaign.inputs.distributions import Array, Constant, Distribution
+from campaign.inputs.distributions import Constant, Distribution
 from campaign.inputs.sampling.enumerating import EnumeratingSampler, check_bounds, check_names
 from campaign.inputs.sampling.sampler import SampledInputs, varied
+from engine.arrays import Array
 
 
 class Grid(EnumeratingSampler):

@@ -10,10 +10,10 @@ from math import floor, log
 import numpy as np
 from numpy.typing import NDArray
 
-from campaign.inputs.distributions import Array
 from campaign.inputs.sampling.inverse_transform import EVENLY_SPREAD, InverseTransformSampler
 from campaign.inputs.sampling.sampler import SampledInputs
 from campaign.inputs.sampling.streams import SCRAMBLE, permutation
+from engine.arrays import Array
 
 BITS = 52  # a point keeps as many digits as fit
 

@@ -6,10 +6,10 @@ distribution turns it into a value, moved by the shift of the sample's productio
 
 from abc import abstractmethod
 
-from campaign.inputs.distributions import Array
 from campaign.inputs.sampling.correlation import correlated
 from campaign.inputs.sampling.production_batches import quantiles
 from campaign.inputs.sampling.sampler import SampledInputs, Sampler, varied
+from engine.arrays import Array
 
 EVENLY_SPREAD = (
     "the intervals are those of independent samples. Means and sigmas of responses close to a sum of effects of single "

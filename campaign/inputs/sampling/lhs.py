@@ -9,10 +9,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from campaign.inputs.distributions import Array
 from campaign.inputs.sampling.inverse_transform import EVENLY_SPREAD, InverseTransformSampler
 from campaign.inputs.sampling.sampler import SampledInputs
 from campaign.inputs.sampling.streams import PLACE, STRATA, permutation, words
+from engine.arrays import Array
 
 LARGEST = 10_000_000  # samples: the permutation of a variable is kept in memory
 

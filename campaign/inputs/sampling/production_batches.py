@@ -3,9 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from campaign.inputs.distributions import Array, Continuous, Distribution
+from campaign.inputs.distributions import Continuous, Distribution
 from campaign.inputs.sampling.sampler import SampledInputs
 from campaign.inputs.sampling.streams import BATCH, uniforms
+from engine.arrays import Array
 
 
 def production_batch(inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArray[np.int64] | None:

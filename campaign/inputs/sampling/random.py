@@ -1,9 +1,9 @@
 """Independent random samples."""
 
-from campaign.inputs.distributions import Array
 from campaign.inputs.sampling.inverse_transform import InverseTransformSampler
 from campaign.inputs.sampling.sampler import SampledInputs
 from campaign.inputs.sampling.streams import uniforms
+from engine.arrays import Array
 
 
 class RandomSampler(InverseTransformSampler):

@@ -10,10 +10,10 @@ variable j of B. So more samples keep the first ones, and a row of A is that of 
 import numpy as np
 from numpy.typing import NDArray
 
-from campaign.inputs.distributions import Array
 from campaign.inputs.sampling.inverse_transform import EVENLY_SPREAD, InverseTransformSampler
 from campaign.inputs.sampling.sampler import SampledInputs, dependence, varied
 from campaign.inputs.sampling.sobol import sobol
+from engine.arrays import Array
 
 MOST_VARIABLES = 10_600  # two dimensions each, and 21,201 have direction numbers
 

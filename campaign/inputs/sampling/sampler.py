@@ -7,7 +7,8 @@ from typing import ClassVar, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from campaign.inputs.distributions import Array, Constant, Continuous, Distribution
+from campaign.inputs.distributions import Constant, Continuous, Distribution
+from engine.arrays import Array
 
 Correlations = tuple[tuple[str, str, float], ...]
 Levels = Mapping[str, int | tuple[float, ...]]

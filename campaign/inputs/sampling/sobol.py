@@ -14,10 +14,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from campaign.inputs.distributions import Array
 from campaign.inputs.sampling.inverse_transform import EVENLY_SPREAD, InverseTransformSampler
 from campaign.inputs.sampling.sampler import SampledInputs
 from campaign.inputs.sampling.streams import SCRAMBLE, words
+from engine.arrays import Array
 
 DIGITS = 52  # of a point, binary
 OWN_DIGITS = 30  # of an unscrambled point: as many as its number may have; scipy cannot go forward with more than 32

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from campaign.inputs.distributions import Array
+from engine.arrays import Array
 
 Words = NDArray[np.uint64]
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from campaign.inputs.distributions import Array
 from campaign.inputs.sampling.enumerating import EnumeratingSampler
 from campaign.inputs.sampling.sampler import SampledInputs
+from engine.arrays import Array
 
 
 class Corners(EnumeratingSampler):

@@ -1,13 +1,12 @@
-"""Distributions without a law: measured values, and a constant."""
+"""Measured values."""
 
-from math import inf
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
-from campaign.inputs.distributions.base import Array, Distribution
 from campaign.inputs.distributions.discrete import Discrete
+from engine.arrays import Array
 from engine.mechanism.base import Number
 
 LARGEST_SAMPLE = 100_000  # measured values
@@ -16,23 +15,20 @@ Values = Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_len
 
 
 class Empirical(Discrete):
-    """Measured values, drawn again with equal probability each.
+    """Measured values, each drawn with equal probability and any number of times."""
 
-    Attributes
-    ----------
-    values : tuple of float or None
-        The values.
-    file, column : str or None
-        Instead: a CSV or Parquet file, relative to the campaign file, and its column; read when the campaign is loaded.
-    source : str
-        Where the values come from.
-    """
-
-    distribution: Literal["empirical"]
-    values: Values | None = None
-    file: Annotated[str | None, Field(min_length=1)] = None
-    column: Annotated[str | None, Field(min_length=1)] = None
-    source: str = ""
+    distribution: Literal["empirical"] = Field(description="Name of the distribution.")
+    values: Values | None = Field(
+        default=None, description="The measured values, in the target's unit; 1 to 100,000 numbers."
+    )
+    file: Annotated[str | None, Field(min_length=1)] = Field(
+        default=None,
+        description="CSV or Parquet file with the values, instead of them; its path is relative to the campaign file.",
+    )
+    column: Annotated[str | None, Field(min_length=1)] = Field(
+        default=None, description="The column of the file that holds the values."
+    )
+    source: str = Field(default="", description="Where the values come from, in words.")
 
     def check_parameters(self) -> None:
         """Raise ValueError unless there are values, within the bounds if there are any."""
@@ -65,37 +61,5 @@ class Empirical(Discrete):
         return values[inside], times[inside].astype(np.float64)
 
     def text(self) -> str:
-        """Return the distribution in words and numbers."""
         origin = f" of {self.source}" if self.source else ""
         return f"one of {len(self.values or ())} values{origin}{self.between()}"
-
-
-class Constant(Distribution):
-    """One fixed value: sets a target for the whole campaign and documents it as an input."""
-
-    distribution: Literal["constant"]
-    value: Number
-
-    def ppf(self, u: Array) -> Array:
-        """Return the value, in the shape of ``u``."""
-        return np.full_like(u, self.value)
-
-    def support(self) -> tuple[float, float]:
-        """Return the value twice."""
-        return self.value, self.value
-
-    def moments(self) -> tuple[float, float]:
-        """Return the value and zero."""
-        return self.value, 0.0
-
-    def cdf(self, x: Array) -> Array:
-        """Return 0 below the value, 1 from it on."""
-        return np.asarray(x >= self.value, dtype=np.float64)
-
-    def logpdf(self, x: Array) -> Array:
-        """Return 0 at the value, minus infinity elsewhere."""
-        return np.where(x == self.value, 0.0, -inf)
-
-    def text(self) -> str:
-        """Return the distribution in words and numbers."""
-        return f"constant {self.value:g}"
