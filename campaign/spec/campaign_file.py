@@ -30,35 +30,39 @@ def _known_sampler(name: str) -> str:
     return name
 
 
-SamplerName = Annotated[
-    str,
-    AfterValidator(_known_sampler),
-    Field(json_schema_extra=lambda schema: schema.update(enum=list(SAMPLERS))),
-]
+def _describe_samplers(schema: dict[str, Any]) -> None:
+    """Put the samplers into the JSON Schema of the key."""
+    summaries = "; ".join(f"{name}: {sampler.summary}" for name, sampler in SAMPLERS.items())
+    schema.update(enum=list(SAMPLERS), description=f"How samples are drawn. {summaries}.")
+
+
+SamplerName = Annotated[str, AfterValidator(_known_sampler)]
 Column = Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_length=LARGEST_LIST)]
 
 
 class Response(TableModel, strict=True):
-    """Limits of one functional condition, in its unit; all optional.
+    """Limits of one functional condition, in its unit; all of them are optional."""
 
-    Attributes
-    ----------
-    lsl, usl : float or None
-        Lower and upper limit.
-    nominal, tolerance : float or None
-        Instead of the limits: nominal - tolerance and nominal + tolerance, with the nominal as target.
-    target : float or None
-        What production aims at.
-    source : str
-        Where the limits come from; begins with "assumption" when nobody has published them.
-    """
-
-    lsl: Number | None = None
-    usl: Number | None = None
-    nominal: Number | None = None
-    tolerance: PositiveNumber | None = None
-    target: Number | None = None
-    source: str = ""
+    lsl: Number | None = Field(
+        default=None, description="Lower specification limit, in the response's unit; no limit if absent."
+    )
+    usl: Number | None = Field(
+        default=None, description="Upper specification limit, in the response's unit, above lsl; no limit if absent."
+    )
+    nominal: Number | None = Field(
+        default=None,
+        description="With tolerance, instead of lsl and usl: the middle between them, in the response's unit.",
+    )
+    tolerance: PositiveNumber | None = Field(
+        default=None, description="Distance of both limits from the nominal, in the response's unit, above 0."
+    )
+    target: Number | None = Field(
+        default=None, description="Value that production aims at, in the response's unit; the nominal if absent."
+    )
+    source: str = Field(
+        default="",
+        description='Where the limits come from; begins with "assumption" if nobody has published them.',
+    )
 
     @model_validator(mode="after")
     def _limits_make_sense(self) -> Self:
@@ -81,22 +85,17 @@ class Response(TableModel, strict=True):
 
 
 class SampleTable(TableModel, strict=True):
-    """The samples of a user's table.
+    """The samples of a user's table."""
 
-    Attributes
-    ----------
-    file : str or None
-        A CSV or Parquet file, relative to the campaign file, with a column for each variable; read when the campaign is
-        loaded.
-    columns : dict of str to tuple of float, or None
-        Instead: the values of each variable by its name.
-    source : str
-        Where the values come from.
-    """
-
-    file: Annotated[str | None, Field(min_length=1)] = None
-    columns: dict[ShortName, Column] | None = None
-    source: str = ""
+    file: Annotated[str | None, Field(min_length=1)] = Field(
+        default=None,
+        description="CSV or Parquet file with a column for each variable; its path is relative to the campaign file.",
+    )
+    columns: dict[ShortName, Column] | None = Field(
+        default=None,
+        description="Instead of a file: the values of each variable by its name, in the unit of its target.",
+    )
+    source: str = Field(default="", description="Where the values come from, in words.")
 
     @model_validator(mode="after")
     def _one_origin(self) -> Self:
@@ -110,68 +109,58 @@ class SampleTable(TableModel, strict=True):
 
 
 class CampaignSpec(TableModel, strict=True):
-    """A campaign: which mechanism, which inputs vary and how, the limits of its responses, how many samples.
+    """A campaign: which mechanism, which inputs vary and how, the limits of its responses, how many samples."""
 
-    Attributes
-    ----------
-    format : int
-        Version of this file format.
-    name : str
-        Letters, digits, ``-`` and ``_``: the beginning of the campaign's id, which names its folder.
-    title : str
-        Title of the report.
-    mechanism : str
-        ShortName of a shipped mechanism, or path of a file relative to the campaign file.
-    bench : str or None
-        The test bench of the mechanism it is simulated on.
-    samples : int
-        Number of samples, the first of an endless sequence.
-    seed : int
-        Seed of that sequence.
-    sampler : str
-        How samples are drawn: ``random`` (independent); ``lhs``, ``sobol``, ``halton`` (evenly spread); ``saltelli``
-        (designed for total indices); ``worst_case`` (all corners of the variables' ranges, and their middle);
-        ``grid``; ``list`` (a user's table).
-    simulation : SimulationSettings
-        Settings of every run that replace the mechanism's own.
-    failures : Failures
-        What to do about runs that fail.
-    execution : Execution
-        What one run may cost.
-    stop : Stop or None
-        When the campaign ends before its last sample.
-    header : dict of str to str
-        Free lines for the head of the report: part, author, revision, ...
-    variables : dict of str to Distribution
-        The inputs that vary. The name is the key of the mechanism it sets, unless ``target`` says another.
-    correlations : tuple of (str, str, float), or None
-        Pairs of variables with Spearman's rank correlation.
-    grid : dict of str to int or tuple of float, or None
-        Of sampler ``grid``: how many levels each variable has, or which.
-    table : SampleTable or None
-        Of sampler ``list``: the samples.
-    responses : dict of str to Response
-        Limits by name of the mechanism's response. Responses not named are reported without limits.
-    """
-
-    format: Literal[1]
-    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$")]
-    title: str = ""
-    mechanism: ShortName
-    bench: ShortName | None = None
-    samples: Annotated[int, Field(ge=1, le=100_000_000)]
-    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
-    sampler: SamplerName = "random"
-    simulation: SimulationSettings = SimulationSettings()
-    failures: Failures = Failures()
-    execution: Execution = Execution()
-    stop: Stop | None = None
-    header: Annotated[dict[str, str], Field(default_factory=dict)]
-    variables: Annotated[dict[ShortName, Variable], Field(min_length=1)]
-    correlations: Annotated[tuple[Correlation, ...], Field(strict=False)] | None = None
-    grid: dict[ShortName, Levels] | None = None
-    table: SampleTable | None = None
-    responses: Annotated[dict[ShortName, Response], Field(default_factory=dict)]
+    format: Literal[1] = Field(description="Version of this file format: 1.")
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,59}$")] = Field(
+        description="Beginning of the campaign's id, which names its folder: up to 60 letters, digits, - and _."
+    )
+    title: str = Field(default="", description="Title of the report; the name if absent.")
+    mechanism: ShortName = Field(
+        description="Name of a shipped mechanism, or path of a mechanism file relative to the campaign file."
+    )
+    bench: ShortName | None = Field(
+        default=None, description="Test bench of the mechanism to simulate it on; without a bench if absent."
+    )
+    samples: Annotated[int, Field(ge=1, le=100_000_000)] = Field(
+        description="Number of samples, from 1 to 100 million."
+    )
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(
+        default=0, description="Seed of all that is drawn at random, from 0, below 2^63."
+    )
+    sampler: SamplerName = Field(default="random", json_schema_extra=_describe_samplers)
+    simulation: SimulationSettings = Field(
+        default=SimulationSettings(),
+        description="Step, horizon and tolerance of every run; the mechanism's own if absent.",
+    )
+    failures: Failures = Field(
+        default=Failures(),
+        description="Further attempts at failed runs, and how many runs may fail.",
+    )
+    execution: Execution = Field(default=Execution(), description="Limits of the time and memory of one run.")
+    stop: Stop | None = Field(
+        default=None, description="When the campaign ends before its last sample; never if absent."
+    )
+    header: Annotated[dict[str, str], Field(default_factory=dict)] = Field(
+        description="Free lines for the head of the report: part, author, revision, ..."
+    )
+    variables: Annotated[dict[ShortName, Variable], Field(min_length=1)] = Field(
+        description="Distribution of each input that varies. Its name is the key of the mechanism that it sets, unless"
+        " target names another key."
+    )
+    correlations: Annotated[tuple[Correlation, ...], Field(strict=False)] | None = Field(
+        default=None,
+        description="Pairs of variables with Spearman's rank correlation, each [variable, variable, correlation] with a"
+        " correlation between -1 and 1.",
+    )
+    grid: dict[ShortName, Levels] | None = Field(
+        default=None,
+        description="Only for sampler grid: the number of levels of each variable, at least 2, or the levels.",
+    )
+    table: SampleTable | None = Field(default=None, description="Only for sampler list: the samples.")
+    responses: Annotated[dict[ShortName, Response], Field(default_factory=dict)] = Field(
+        description="Limits of each response of the mechanism by its name; other responses are reported without limits."
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -14,21 +14,19 @@ GROWTH = 4  # the next checkpoint of a stopping rule is a quarter further on
 
 
 class SimulationSettings(TableModel, strict=True):
-    """Settings of every run that replace the mechanism's own.
+    """Settings of every run that replace the mechanism's own."""
 
-    Attributes
-    ----------
-    step : float or None
-        Time step, in the mechanism's unit of time.
-    horizon : float or None
-        Longest simulated time, same unit.
-    tolerance : float or None
-        Relative residual of the friction problems, 0 to 1e-3.
-    """
-
-    step: PositiveNumber | None = None
-    horizon: PositiveNumber | None = None
-    tolerance: Annotated[float | None, Field(gt=0.0, le=1e-3, allow_inf_nan=False)] = None
+    step: PositiveNumber | None = Field(
+        default=None, description="Time step, in the mechanism's unit of time, above 0; the mechanism's own if absent."
+    )
+    horizon: PositiveNumber | None = Field(
+        default=None,
+        description="Longest simulated time, in the mechanism's unit of time, above 0; the mechanism's own if absent.",
+    )
+    tolerance: Annotated[float | None, Field(gt=0.0, le=1e-3, allow_inf_nan=False)] = Field(
+        default=None,
+        description="Relative residual of the friction problems, above 0, at most 1e-3; the mechanism's own if absent.",
+    )
 
     def values(self) -> dict[str, float]:
         """Return those settings that are set as keys of the mechanism."""
@@ -41,22 +39,21 @@ class SimulationSettings(TableModel, strict=True):
 
 
 class Failures(TableModel, strict=True):
-    """What to do about runs that fail.
+    """What happens when runs fail."""
 
-    Attributes
-    ----------
-    retry : tuple of SimulationSettings
-        Settings of further attempts at a run that did not converge, diverged or took too long, in turn.
-    max_failed : int or float or None
-        The campaign ends as failed once more rows than this have failed: a number of rows, or, below 1, a share
-        of all samples.
-    min_ok : float
-        Least share of good rows of a campaign that ends well.
-    """
-
-    retry: Annotated[tuple[SimulationSettings, ...], Field(max_length=10, strict=False)] = ()
-    max_failed: Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0.0, lt=1.0)] | None = None
-    min_ok: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
+    retry: Annotated[tuple[SimulationSettings, ...], Field(max_length=10, strict=False)] = Field(
+        default=(),
+        description="Settings of further attempts at a run that did not converge, diverged or took too long, one after"
+        " the other; at most 10.",
+    )
+    max_failed: Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0.0, lt=1.0)] | None = Field(
+        default=None,
+        description="The campaign ends as failed once more rows than this have failed: a number of rows, or, below 1, a"
+        " share of all samples; it never does if absent.",
+    )
+    min_ok: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
+        default=0.0, description="Least share of good rows of a campaign that ends well, from 0 to 1."
+    )
 
     def most_failed(self, samples: int) -> float:
         """Return how many of ``samples`` rows may fail."""
@@ -66,18 +63,15 @@ class Failures(TableModel, strict=True):
 
 
 class Execution(TableModel, strict=True):
-    """What one run may cost.
+    """What one run may cost."""
 
-    Attributes
-    ----------
-    time_limit : float or None
-        Longest real time of a run [s]; default: the mechanism's ``simulation.wall_limit``.
-    memory_limit : float
-        Most memory of a process that simulates [GiB].
-    """
-
-    time_limit: PositiveNumber | None = None
-    memory_limit: Annotated[float, Field(ge=0.5, allow_inf_nan=False)] = 4.0
+    time_limit: PositiveNumber | None = Field(
+        default=None,
+        description="Longest real time of a run [s], above 0; the mechanism's simulation.wall_limit if absent.",
+    )
+    memory_limit: Annotated[float, Field(ge=0.5, allow_inf_nan=False)] = Field(
+        default=4.0, description="Most memory of a process that simulates [GiB], at least 0.5."
+    )
 
     def values(self) -> dict[str, float]:
         """Return those limits that are set as keys of the mechanism."""
@@ -87,31 +81,29 @@ class Execution(TableModel, strict=True):
 class Stop(TableModel, strict=True):
     """Stop when sure: the campaign ends at the first checkpoint where an interval is narrow enough.
 
-    Checkpoints are numbers of samples, and the rule looks at the first so many samples: where a campaign stops
-    does not depend on how many workers computed it, nor on the order in which rows arrived.
-
-    Attributes
-    ----------
-    response : str
-        Which response.
-    statistic : str
-        Which number of it: ``mean``, ``std``, ``cp``, ``cpk``, or ``ppm`` (the observed share out of limits).
-    half_width : float
-        Half the width of its confidence interval, in the statistic's unit, at which the campaign stops.
-    confidence : float
-        Of that interval, two-sided.
-    min_samples : int
-        The first checkpoint; each later one is a quarter further on.
-    max_samples : int or None
-        Where the campaign ends at the latest; default: its ``samples``.
+    Checkpoints are numbers of samples, and the rule looks at the first so many samples. So the end of a campaign
+    depends neither on the number of workers nor on the order in which rows arrived.
     """
 
-    response: Annotated[str, Field(min_length=1)]
-    statistic: Literal["mean", "std", "cp", "cpk", "ppm"]
-    half_width: PositiveNumber
-    confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.95
-    min_samples: Annotated[int, Field(ge=2)] = 100
-    max_samples: Annotated[int | None, Field(ge=2)] = None
+    response: Annotated[str, Field(min_length=1)] = Field(description="Name of the response that the rule is about.")
+    statistic: Literal["mean", "std", "cp", "cpk", "ppm"] = Field(
+        description="Statistic of the response: mean, std, cp, cpk, or ppm (the observed share out of limits)."
+    )
+    half_width: PositiveNumber = Field(
+        description="Half the width of the statistic's confidence interval at which the campaign stops, in its unit,"
+        " above 0."
+    )
+    confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
+        default=0.95, description="Confidence of the two-sided interval, between 0 and 1."
+    )
+    min_samples: Annotated[int, Field(ge=2)] = Field(
+        default=100, description="First checkpoint, at least 2 samples; each later one is a quarter further on."
+    )
+    max_samples: Annotated[int | None, Field(ge=2)] = Field(
+        default=None,
+        description="Number of samples at which the campaign ends at the latest, at least min_samples; the campaign's"
+        " samples if absent.",
+    )
 
     @model_validator(mode="after")
     def _least_and_most(self) -> Self:
