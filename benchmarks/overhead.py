@@ -15,7 +15,7 @@ from typing import Any
 from benchmarks.machine import processor_s
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.local import cores
-from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
 from campaign.store import open_store

@@ -11,7 +11,7 @@ from campaign.cli.output import number, print_json, say
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
-    from campaign.coordinator.coordinator import Outcome
+    from campaign.coordinator.coordinate import Outcome
     from campaign.plan import Plan
     from campaign.store import Store
 
@@ -29,7 +29,7 @@ def drive(
     from rich.console import Console
 
     from campaign.cli.progress import shown
-    from campaign.coordinator.coordinator import coordinate
+    from campaign.coordinator.coordinate import coordinate
 
     try:
         with nullcontext(lambda _: None) if quiet else shown(Console(stderr=True)) as show:

@@ -13,8 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from campaign.coordinator.heartbeat import Heartbeat
-    from campaign.coordinator.results import Show
+    from campaign.coordinator.heartbeat import Heartbeat, Show
 
 LINE_EVERY = 10.0  # s, between two lines where there is no terminal
 BAR = 40  # characters

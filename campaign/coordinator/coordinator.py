@@ -1,227 +1,280 @@
-"""Drive a campaign to its end: what is missing is computed on workers; the store says what is missing.
+"""Coordinate a campaign: dispatch the batches that the store lacks, until it lacks none.
 
-The one dask client. It keeps a bounded window of batches in flight, releases each future on arrival, and after any
-loss connects anew and looks into the store. What happens when something fails:
+What happens when something fails:
 
-- a run fails: a row with its status; the others go on;
-- a batch takes its worker with it: it is computed again with a process for its runs alone;
-- a worker has another engine build: it gets no more batches, and its name is said;
-- the store fails: the batch is tried again a few times, ever more rarely, then the campaign pauses with a message;
-- the scheduler is lost: connect anew, scan the store, go on.
+- a run fails: it becomes a row with its status, and the others go on;
+- a batch kills its worker: it is computed again with its runs in an isolated subprocess;
+- a worker has another engine build: it gets no more batches, and a message names it;
+- the store fails: the batch is tried again, ever more rarely; in the end the campaign pauses with a message;
+- the scheduler is lost: connect again, survey the store, and go on.
 """
 
 import logging
+import os
 import time
-from contextlib import suppress
-from dataclasses import dataclass
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import AbstractContextManager
+from dataclasses import replace
 
-from distributed import Client
-
-from campaign.cluster.cluster import Cluster
-from campaign.cluster.connect import connect
-from campaign.coordinator.dispatch import beat, compute, look_for_checkpoint
-from campaign.coordinator.heartbeat import Progress
-from campaign.coordinator.lease import LeaseLost, hold_lease
-from campaign.coordinator.results import TRIES, Drive, Lost, Show, pause
-from campaign.coordinator.state import write_state
-from campaign.coordinator.stopping_rule import Verdict
+from campaign.cluster.workers import SchedulerLost, WorkerDied, Workers
+from campaign.coordinator.backoff import TRIES, Backoff
+from campaign.coordinator.dispatch import Window
+from campaign.coordinator.heartbeat import Progress, Show
+from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseLost, lease_holder
+from campaign.coordinator.stopping_rule import Checkpoints
 from campaign.coordinator.work_queue import WorkQueue
-from campaign.errors import StoreError, UnreachableError
+from campaign.errors import CampaignError, StoreError, UnreachableError
 from campaign.plan import Plan
 from campaign.store import Store, Survey
-from campaign.store.layout import PARTS, STOPPED
-from campaign.worker.messages import BatchResult, CampaignAddress, Cancelled, Simulate
+from campaign.store.layout import CANCEL, HEARTBEAT, PARTS
+from campaign.worker.messages import (
+    BatchRequest,
+    BatchResult,
+    CampaignAddress,
+    Cancelled,
+    Simulate,
+    WrongBuild,
+)
 from campaign.worker.moments import moments
-from engine import simulate, warm_up
+from engine import simulate
 
 logger = logging.getLogger(__name__)
 
-LOADS_WITHIN = 4.0  # s: an engine that takes longer is not in the cache
-RECONNECTS_FOR = 600.0  # s, after a scheduler was lost
+RECONNECTS_FOR = 600.0  # s after a scheduler was lost
+RECORD_INTERVAL = 30.0  # s between two manifests, which only save time
+
+Connect = Callable[[], AbstractContextManager[Workers]]
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """A campaign that has been driven to its end.
-
-    Attributes
-    ----------
-    plan : Plan
-        What was computed.
-    survey : Survey
-        What the store holds.
-    samples : int
-        How many samples the campaign has: those planned, or fewer if it stopped when sure.
-    computed : int
-        Rows computed by this call; the others were there.
-    wall_s : float
-        How long it took [s].
-    verdict : Verdict or None
-        Of the stopping rule, if there is one.
-    """
-
-    plan: Plan
-    survey: Survey
-    samples: int
-    computed: int
-    wall_s: float
-    verdict: Verdict | None = None
+class TooManyFailed(CampaignError):
+    """More runs failed than the campaign allows."""
 
 
-def coordinate(
-    store: Store,
-    plan: Plan,
-    cluster: Cluster,
-    show: Show = lambda _: None,
-    simulate: Simulate = simulate,
-    *,
-    report_due: bool = False,
-) -> Outcome:
-    """Compute what is missing of a campaign.
+class Coordinator:
+    """Computes the missing batches of a campaign on workers, and says how far it is.
 
     Parameters
     ----------
     store : Store
         Where the plan is and the rows go.
     plan : Plan
-        What to compute.
-    cluster : Cluster
-        Where to compute it.
+        The campaign.
+    token : str
+        Of the lease that this process holds.
     show : callable
-        Told every two seconds how far the campaign is.
+        Called with each heartbeat.
     simulate : callable
-        `engine.simulate`, or what stands in its place.
-    report_due : bool
-        Leave the campaign open at its end, for a service that still has to write its report and may be killed in it.
+        `engine.simulate`, or a function with the same parameters that takes its place.
 
-    Returns
-    -------
-    Outcome
-        With a row for every sample.
-
-    Raises
-    ------
-    LeaseHeld, LeaseLost
-        If another process drives the campaign.
-    Cancelled
-        If the campaign was cancelled.
-    TooManyFailed
-        If more runs failed than its policy allows.
-    StoreError, UnreachableError
-        If the store or the cluster fails and stays so; what the store holds stays.
-    KeyboardInterrupt
-        On Ctrl-C; coordinating the campaign again goes on from there.
+    Attributes
+    ----------
+    queue : WorkQueue
+        The batches to compute, and the parts of those that are completed.
+    progress : Progress
+        Counts and moments of the rows.
+    checkpoints : Checkpoints
+        When the stopping rule is asked, and its last verdict.
     """
-    start = time.perf_counter()
-    with hold_lease(store, plan.campaign_id) as token:
-        write_state(store, plan.campaign_id, "running")
+
+    def __init__(self, store: Store, plan: Plan, token: str, show: Show, simulate: Simulate = simulate) -> None:
+        self.store, self.plan = store, plan
+        self.address = CampaignAddress.of(store, plan, simulate)
+        self.show = show
+        survey = self._survey(verify=True)
+        self.queue = WorkQueue(plan, survey.parts, store.end(plan))
+        self.progress = Progress(store, plan, survey)
+        self.checkpoints = Checkpoints(store, plan)
+        self._token = token
+        self._heartbeats = 0
+        self._store_failures = Backoff()
+        self._recorded_at = 0.0
+
+    def run(self, connect: Connect) -> None:
+        """Compute until the store lacks no batch; parts that are damaged meanwhile are computed again.
+
+        Parameters
+        ----------
+        connect : callable
+            Returns a context manager that yields workers; called again after a loss.
+
+        Raises
+        ------
+        LeaseLost, Cancelled, TooManyFailed, StoreError, UnreachableError, CampaignError
+            What ends the campaign; see `campaign.coordinator.coordinate.coordinate`.
+        """
+        self._stop_at_checkpoint()
+        for _ in range(TRIES):
+            if not self.queue:
+                break
+            self._compute_through_losses(connect)
+            self.store.record(self.plan, self.queue.parts.values())
+            self._rescan(verify=True)
+        else:
+            raise StoreError(
+                f"store {self.store.url}: parts that were written whole are damaged when they are read, {TRIES} times"
+                " in a row; check the disk"
+            )
+        self.store.record(self.plan, self.queue.parts.values())
+        self.store.files.sweep(f"{self.plan.campaign_id}/{PARTS}")
+
+    def compute(self, workers: Workers) -> None:
+        """Keep batches in flight until all are completed, or the stopping rule ends the campaign.
+
+        Raises
+        ------
+        SchedulerLost
+            If the connection to the workers is gone.
+        LeaseLost, Cancelled, TooManyFailed, StoreError, CampaignError
+            What ends the campaign.
+        """
+        window = Window(workers, self.address)
+        next_check = time.monotonic()
         try:
-            task = CampaignAddress.of(store, plan, simulate)
-            drive = _begin(store, plan, task, token, show)
-            _to_the_end(drive, cluster)
-        except BaseException as error:
-            _end(store, plan.campaign_id, error)
-            raise
-        told = drive.verdict.text() if drive.verdict else ""
-        write_state(store, plan.campaign_id, "completed", told, to_go_on=report_due)
-        beat(drive, "completed")
-    wall = time.perf_counter() - start
-    survey = store.survey(plan)
-    return Outcome(plan, survey, store.end(plan), drive.ledger.computed, wall, drive.verdict)
+            while True:
+                self.checkpoints.limit(self.queue, window.size)
+                window.fill(self.queue)
+                if not window:
+                    return
+                if time.monotonic() >= next_check:
+                    self._check(window)
+                    next_check = time.monotonic() + HEARTBEAT_INTERVAL
+                finished = window.next_finished(next_check - time.monotonic())
+                if finished is None:
+                    continue
+                self._handle_result(window, *finished)
+                if self._stop_at_checkpoint():
+                    return
+        finally:
+            workers.cancel()
+
+    def publish_heartbeat(self, state: str) -> None:
+        """Write how far the campaign is into the store, and show it."""
+        self._heartbeats += 1
+        heartbeat = self.progress.heartbeat(state, token=self._token, beat=self._heartbeats, pid=os.getpid())
+        self.store.write_json(self.plan.campaign_id, HEARTBEAT, heartbeat.to_json())
+        self.show(heartbeat)
+
+    def _compute_through_losses(self, connect: Connect) -> None:
+        """Connect and compute; connect again when the scheduler is lost."""
+        lost_at: float | None = None
+        pauses = Backoff()
+        while self.queue:
+            try:
+                with connect() as workers:
+                    lost_at = None
+                    pauses.reset()
+                    self.compute(workers)
+            except UnreachableError as error:
+                if lost_at is None and not isinstance(error, SchedulerLost):
+                    raise  # it was never reached, so there is nothing to reconnect to
+                lost_at = lost_at or time.monotonic()
+                if time.monotonic() - lost_at > RECONNECTS_FOR:
+                    raise UnreachableError(f"{error}; gave up after {RECONNECTS_FOR:.0f} s, nothing is lost") from error
+                logger.warning("lost the scheduler (%s); connecting anew", error)
+                pauses.fail()
+                pauses.wait()
+                self.publish_heartbeat("running")
+                self._rescan()
+
+    def _check(self, window: Window) -> None:
+        """Check workers, cancellation and lease, record the manifest and publish a heartbeat; every two seconds."""
+        self.progress.workers = window.count_workers()
+        campaign_id = self.plan.campaign_id
+        if self.store.files.exists(f"{campaign_id}/{CANCEL}"):
+            raise Cancelled(f"campaign {campaign_id} is cancelled; clearcap resume {campaign_id} goes on")
+        if lease_holder(self.store, campaign_id) not in (self._token, None):
+            raise LeaseLost(f"campaign {campaign_id} was taken over by another process")
+        if time.monotonic() - self._recorded_at > RECORD_INTERVAL:
+            self.store.record(self.plan, self.queue.parts.values())
+            self._recorded_at = time.monotonic()
+        self.publish_heartbeat("running")
+
+    def _handle_result(self, window: Window, requests: list[BatchRequest], future: Future[list[BatchResult]]) -> None:
+        """Take in the batches of a finished call, or requeue them for another attempt."""
+        try:
+            results = future.result()
+        except WorkerDied:
+            logger.warning("%s took its worker with it: its runs get a process of their own", _text(requests))
+            self.queue.requeue([_isolated(request) for request in requests])
+        except WrongBuild as error:
+            window.refuse(error.worker)
+            logger.warning("worker %s: %s; it gets no more batches", error.worker, error)
+            self.queue.requeue(requests)
+        except Cancelled:
+            self.queue.requeue(requests)  # the next check finds the marker and ends the campaign
+        except (StoreError, OSError) as error:
+            self._handle_store_failure(requests, error)
+        except Exception as error:
+            raise CampaignError(f"{_text(requests)} cannot be computed: {type(error).__name__}: {error}") from error
+        else:
+            self._take_in(window, results)
+
+    def _take_in(self, window: Window, results: list[BatchResult]) -> None:
+        """Count batches whose rows are in the store."""
+        self._store_failures.reset()
+        for result in results:
+            self.queue.complete(result.part)
+            self.progress.add(result)
+        window.batch_seconds = max((r.seconds for r in results if r.computed), default=window.batch_seconds)
+        most = self.plan.spec.failures.most_failed(self.plan.spec.samples)
+        if self.progress.failed > most:
+            raise TooManyFailed(
+                f"{self.progress.failed} of {self.progress.done} runs failed, and failures.max_failed allows {most:g};"
+                " look at their messages with clearcap status, mend the cause, or raise the limit"
+            )
+
+    def _handle_store_failure(self, requests: list[BatchRequest], error: Exception) -> None:
+        """Requeue batches that the store refused and wait; after too many failures in a row raise the store's error."""
+        self.queue.requeue(requests)
+        self._store_failures.fail()
+        if self._store_failures.failures >= TRIES:
+            raise error if isinstance(error, StoreError) else StoreError(f"{_text(requests)}: {error}") from error
+        if self._store_failures.failures == 1:
+            logger.warning("%s; trying again", error)
+        self._store_failures.wait()
+
+    def _stop_at_checkpoint(self) -> bool:
+        """Ask the stopping rule, if a checkpoint is completed; return whether the campaign ends there."""
+        if not self.checkpoints.reached_end(self.queue):
+            return False
+        self.queue = WorkQueue(self.plan, self.queue.parts, self.store.end(self.plan))
+        self.progress.recount(self.store, self.store.survey(self.plan))
+        return True
+
+    def _rescan(self, *, verify: bool = False) -> None:
+        """Survey the store anew; what was in flight is forgotten."""
+        survey = self._survey(verify=verify)
+        end = self.store.end(self.plan)
+        if self.queue.parts.keys() <= survey.parts.keys():
+            needed = range(self.queue.batches_for(end))
+            for batch in (survey.parts.keys() - self.queue.parts.keys()).intersection(needed):
+                rows = self.store.read_part(self.plan, batch)  # written while the connection was lost
+                moments_of = moments(rows, self.plan.mechanism.responses)
+                self.progress.add(BatchResult(survey.parts[batch], moments_of, computed=False))
+        else:
+            self.progress.recount(self.store, survey)
+        self.queue = WorkQueue(self.plan, survey.parts, end)
+        self._stop_at_checkpoint()
+
+    def _survey(self, *, verify: bool) -> Survey:
+        """Return what the store holds; files that are damaged are quarantined."""
+        survey = self.store.survey(self.plan, verify=verify)
+        self.store.quarantine(self.plan, survey.bad)
+        return survey
 
 
-def _begin(store: Store, plan: Plan, task: CampaignAddress, token: str, show: Show) -> Drive:
-    """Look at what is there, every part of it; what is not sound is quarantined."""
-    survey = store.survey(plan, verify=True)
-    store.quarantine(plan, survey.bad)
-    ledger = Progress(store, plan, survey)
-    queue = WorkQueue(plan, survey.parts, store.end(plan))
-    drive = Drive(store, plan, task, ledger, dict(survey.parts), queue, token, show)
-    if plan.spec.stop and not store.read_json(plan.campaign_id, STOPPED):
-        drive.checkpoints = list(plan.spec.stop.checkpoints(plan.spec.samples))
-    return drive
+def _text(requests: list[BatchRequest]) -> str:
+    """Return what messages call batches that travelled together."""
+    first, last = requests[0].batch, requests[-1].batch
+    return f"batch {first}" if first == last else f"one of batches {first} to {last}"
 
 
-def _to_the_end(drive: Drive, cluster: Cluster) -> None:
-    """Compute until nothing is missing; what was damaged meanwhile is computed again."""
-    look_for_checkpoint(drive)
-    for _ in range(TRIES):
-        if not drive.queue:
-            break
-        _through_losses(drive, cluster)
-        drive.store.record(drive.plan, drive.parts.values())
-        _rescan(drive, verify=True)
-    else:
-        raise StoreError(
-            f"store {drive.store.url}: parts that were written whole are damaged when they are read, {TRIES} times in a"
-            " row; check the disk"
+def _isolated(request: BatchRequest) -> BatchRequest:
+    """Return the next attempt at a batch that killed its worker."""
+    if request.attempt >= TRIES:
+        raise CampaignError(
+            f"batch {request.batch} was given to {TRIES} workers and all of them ended, although its runs had a process"
+            " of their own; look at the workers' logs and their memory, then resume"
         )
-    drive.store.record(drive.plan, drive.parts.values())
-    drive.store.files.sweep(f"{drive.plan.campaign_id}/{PARTS}")
-
-
-def _through_losses(drive: Drive, cluster: Cluster) -> None:
-    """Connect and compute what is missing; after a loss, connect anew."""
-    lost_at: float | None = None
-    losses = 0
-    while drive.queue:
-        try:
-            with connect(cluster) as client:
-                lost_at, losses = None, 0
-                if cluster.scheduler is None and cluster.kind == "local":
-                    _compile(client, drive.task)
-                compute(drive, client)
-        except (Lost, UnreachableError) as error:
-            if lost_at is None and isinstance(error, UnreachableError):
-                raise  # never reached: nothing to go on with
-            lost_at = lost_at or time.monotonic()
-            if time.monotonic() - lost_at > RECONNECTS_FOR:
-                raise UnreachableError(f"{error}; gave up after {RECONNECTS_FOR:.0f} s, nothing is lost") from error
-            logger.warning("lost the scheduler (%s); connecting anew", error)
-            losses += 1
-            time.sleep(pause(losses))
-            beat(drive, "running")
-            _rescan(drive)
-
-
-def _rescan(drive: Drive, *, verify: bool = False) -> None:
-    """Ask the store what is missing, forgetting what was in flight."""
-    survey = drive.store.survey(drive.plan, verify=verify)
-    drive.store.quarantine(drive.plan, survey.bad)
-    if drive.parts.keys() <= survey.parts.keys():
-        needed = range(drive.queue.batches_for(drive.store.end(drive.plan)))
-        for batch in (survey.parts.keys() - drive.parts.keys()).intersection(needed):  # written while nobody listened
-            rows = drive.store.read_part(drive.plan, batch)
-            found = moments(rows, drive.plan.mechanism.responses)
-            drive.ledger.add(BatchResult(survey.parts[batch], found, computed=False))
-    else:
-        drive.ledger.recount(drive.store, survey)
-    drive.parts = dict(survey.parts)
-    drive.queue = WorkQueue(drive.plan, survey.parts, drive.store.end(drive.plan))
-    look_for_checkpoint(drive)
-
-
-def _compile(client: Client, task: CampaignAddress) -> None:
-    """Have one worker compile the engine, so that the others load what it compiled."""
-    if task.simulate is not simulate:
-        return
-    compiled = client.submit(warm_up, pure=False)
-    try:
-        compiled.result(timeout=LOADS_WITHIN)
-    except TimeoutError:
-        logger.info("compiling the engine: once after each change of version, about a minute")
-        compiled.result()
-
-
-def _end(store: Store, campaign_id: str, error: BaseException) -> None:
-    """Leave word of how it ended; a store that cannot take it is not to hide the error.
-
-    What a supervisor ended, and what the store or the cluster ended, is open for the next coordinator.
-    """
-    to_go_on = isinstance(error, SystemExit | StoreError | UnreachableError)
-    if isinstance(error, LeaseLost):
-        return
-    state = "cancelled" if isinstance(error, Cancelled) else "failed"
-    state = "interrupted" if to_go_on or isinstance(error, KeyboardInterrupt) else state
-    with suppress(StoreError):
-        write_state(store, campaign_id, state, str(error), to_go_on=to_go_on)
+    return replace(request, attempt=request.attempt + 1, isolated=True)

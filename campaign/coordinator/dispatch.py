@@ -1,163 +1,110 @@
-"""A bounded window of batches in flight on a cluster: handed out, taken back, and watched meanwhile."""
+"""Dispatch batches to workers, and keep as many in flight as the workers can use."""
 
 import logging
-import os
 import time
-from queue import Empty, SimpleQueue
-from typing import Any
+from concurrent.futures import Future
 
-from distributed import Client
-
-from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseLost, lease_holder
-from campaign.coordinator.results import Drive, Handed, Lost, settle
-from campaign.coordinator.stopping_rule import judge
+from campaign.cluster.workers import NoWorkerLeft, Workers
 from campaign.coordinator.work_queue import WorkQueue
 from campaign.errors import CampaignError
-from campaign.store.layout import CANCEL, HEARTBEAT, STOPPED
 from campaign.worker.batch import run_batches
-from campaign.worker.messages import BatchRequest, Cancelled
+from campaign.worker.messages import BatchRequest, BatchResult, CampaignAddress
 
 logger = logging.getLogger(__name__)
 
-BATCHES_PER_WORKER = 3  # in flight: one runs, one waits at the worker, one at the scheduler
-RECORD_EVERY = 30.0  # s, the manifest: it only saves time
-TASK_TAKES, LARGEST_TASK = 0.5, 20  # s, batches: shorter ones go together, for dask takes milliseconds a task
-SOUND_WITHIN = 8.0  # s: a worker of the right build that was killed is back by then
-MISSED_AFTER = 60.0  # s without a worker, until it is said
+CALLS_PER_WORKER = 3  # in flight: one runs, one waits at the worker, one at the scheduler
+CALL_SECONDS = 0.5  # s, that batches which travel together take at most: dask spends milliseconds on each call
+LARGEST_CALL = 20  # batches
+WARN_AFTER = 60.0  # s without a worker
 
 
-def compute(drive: Drive, client: Client) -> None:
-    """Keep a window of batches in flight until none is left to hand out and all have arrived, or it stops when sure.
+class Window:
+    """The calls in flight: a bounded number, so that a lost worker or a cancelled campaign costs little.
 
-    Raises
-    ------
-    Lost
-        If the scheduler is gone.
-    LeaseLost, Cancelled, TooManyFailed, StoreError, CampaignError
-        What ends the campaign; see `campaign.coordinator.coordinator.coordinate`.
+    Parameters
+    ----------
+    workers : Workers
+        Where the batches are computed.
+    address : CampaignAddress
+        The campaign.
+
+    Attributes
+    ----------
+    worker_count : int
+        Number of workers when they were last counted.
+    batch_seconds : float or None
+        How long one of the last batches took [s]; None before the first.
     """
-    finished: SimpleQueue[Handed] = SimpleQueue()
-    in_flight: dict[str, tuple[list[BatchRequest], Handed]] = {}
-    next_beat = time.monotonic()
-    try:
-        while True:
-            _refill(drive, client, in_flight, finished)
-            if not in_flight:
-                return
-            if time.monotonic() >= next_beat:
-                _watch(drive, client)
-                next_beat = time.monotonic() + HEARTBEAT_INTERVAL
+
+    def __init__(self, workers: Workers, address: CampaignAddress) -> None:
+        self.worker_count = workers.count()
+        self.batch_seconds: float | None = None
+        self._workers = workers
+        self._address = address
+        self._in_flight: dict[Future[list[BatchResult]], list[BatchRequest]] = {}
+        self._idle_since: float | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of calls that may be in flight."""
+        return CALLS_PER_WORKER * max(self.worker_count, 1)
+
+    def __len__(self) -> int:
+        return len(self._in_flight)
+
+    def fill(self, queue: WorkQueue) -> None:
+        """Submit batches until the window is full or the queue hands out none.
+
+        Raises
+        ------
+        SchedulerLost
+            If the connection to the workers is gone.
+        CampaignError
+            If every worker runs another engine build.
+        """
+        while len(self) < self.size and (requests := self._next_requests(queue)):
+            key = f"batch-{requests[0].batch:06d}"
             try:
-                future = finished.get(timeout=max(next_beat - time.monotonic(), 0.0))
-            except Empty:
-                continue
-            orders, _ = in_flight.pop(str(future.key))
-            settle(drive, orders, future)
-            future.release()
-            if look_for_checkpoint(drive):
-                return
-    finally:
-        if in_flight and client.status == "running":
-            client.cancel([future for _, future in in_flight.values()], force=True)
+                future = self._workers.submit(key, run_batches, self._address, requests)
+            except NoWorkerLeft as error:
+                raise CampaignError(
+                    f"no worker left with engine build {self._address.engine_build}, which campaign"
+                    f" {self._address.campaign_id} is planned for; install that version on the workers, or run the"
+                    " campaign anew"
+                ) from error
+            self._in_flight[future] = requests
 
+    def next_finished(self, timeout: float) -> tuple[list[BatchRequest], Future[list[BatchResult]]] | None:
+        """Wait for a call that is finished; return what was requested and its future, or None after ``timeout`` [s]."""
+        future = self._workers.next_finished(timeout)
+        return None if future is None else (self._in_flight.pop(future), future)
 
-def _refill(drive: Drive, client: Client, in_flight: dict[str, Any], finished: "SimpleQueue[Handed]") -> None:
-    """Submit batches until the window is full."""
-    window = BATCHES_PER_WORKER * max(drive.workers, 1)
-    _reach_ahead(drive, window)
-    while len(in_flight) < window and (orders := _next(drive)):
-        drive.submitted += 1
-        trusted = _trusted(drive, client)
-        future = client.submit(
-            run_batches,
-            drive.task,
-            orders,
-            key=f"batch-{orders[0].batch:06d}-{drive.token}-{drive.submitted}",
-            pure=False,
-            workers=trusted,
-            allow_other_workers=trusted is not None,  # one that ends is back under another address
-        )
-        in_flight[str(future.key)] = orders, future
-        future.add_done_callback(finished.put)
+    def refuse(self, worker: str) -> None:
+        """Give a worker no more batches."""
+        self._workers.refuse(worker)
 
+    def count_workers(self) -> int:
+        """Count the workers, and warn every minute that there is none.
 
-def _next(drive: Drive) -> list[BatchRequest]:
-    """Return what to hand out next: a batch, or several that are short as yet; not so many that others would wait."""
-    share = len(drive.queue) // (BATCHES_PER_WORKER * max(drive.workers, 1))
-    fitting = 1 if drive.seconds is None else int(TASK_TAKES / max(drive.seconds, 1e-3))
-    orders: list[BatchRequest] = []
-    while len(orders) < max(min(fitting, share, LARGEST_TASK), 1) and (order := drive.queue.next()) is not None:
-        orders.append(order)
-    return orders
+        Raises
+        ------
+        SchedulerLost
+            If the connection to them is gone.
+        """
+        self.worker_count = self._workers.count()
+        now = time.monotonic()
+        self._idle_since = None if self.worker_count else (self._idle_since or now)
+        if self._idle_since is not None and now - self._idle_since > WARN_AFTER:
+            logger.warning("%s has no workers; waiting for some to join it", self._workers.name)
+            self._idle_since = now
+        return self.worker_count
 
-
-def _trusted(drive: Drive, client: Client) -> list[str] | None:
-    """Return the workers that may compute, waiting a while for one if there is none; None for all."""
-    if not drive.refused:
-        return None
-    until = time.monotonic() + SOUND_WITHIN
-    while not (known := set(client.scheduler_info(n_workers=-1)["workers"]) - drive.refused):
-        if client.status != "running":
-            raise Lost(f"client {client.status}")
-        if time.monotonic() > until:
-            raise CampaignError(
-                f"no worker left with engine build {drive.plan.engine_build}, which campaign {drive.plan.campaign_id}"
-                " is planned for; install that version on the workers, or run the campaign anew"
-            )
-        time.sleep(HEARTBEAT_INTERVAL / 4)
-    return sorted(known)
-
-
-def _reach_ahead(drive: Drive, window: int) -> None:
-    """With a stopping rule, compute no further than one window beyond the next checkpoint."""
-    if drive.checkpoints:
-        drive.queue.limit = drive.queue.batches_for(drive.checkpoints[0]) + window
-
-
-def look_for_checkpoint(drive: Drive) -> bool:
-    """Ask the stopping rule at each checkpoint that is complete; return whether the campaign ends there."""
-    while drive.checkpoints and drive.queue.completed(drive.checkpoints[0]):
-        drive.verdict = judge(drive.store, drive.plan, drive.checkpoints.pop(0))
-        logger.info("%s", drive.verdict.text())
-        if drive.verdict.sure:
-            drive.store.write_json(drive.plan.campaign_id, STOPPED, drive.verdict.to_json())
-            drive.queue = WorkQueue(drive.plan, drive.parts, drive.verdict.samples)
-            drive.ledger.recount(drive.store, drive.store.survey(drive.plan))
-            drive.checkpoints = []
-            return True
-    return False
-
-
-def _watch(drive: Drive, client: Client) -> None:
-    """Every two seconds: is the scheduler there, is the lease ours, is it cancelled? And say how far it is."""
-    if client.status != "running":
-        raise Lost(f"client {client.status}")
-    drive.workers = len(client.scheduler_info(n_workers=-1)["workers"])
-    _miss_workers(drive, client)
-    campaign_id = drive.plan.campaign_id
-    if drive.store.files.exists(f"{campaign_id}/{CANCEL}"):
-        raise Cancelled(f"campaign {campaign_id} is cancelled; clearcap resume {campaign_id} goes on")
-    if lease_holder(drive.store, campaign_id) not in (drive.token, None):
-        raise LeaseLost(f"campaign {campaign_id} was taken over by another process")
-    if time.monotonic() - drive.recorded > RECORD_EVERY:
-        drive.store.record(drive.plan, drive.parts.values())
-        drive.recorded = time.monotonic()
-    beat(drive, "running")
-
-
-def _miss_workers(drive: Drive, client: Client) -> None:
-    """Say now and then that nobody computes."""
-    now = time.monotonic()
-    drive.alone_since = None if drive.workers else (drive.alone_since or now)
-    if drive.alone_since is not None and now - drive.alone_since > MISSED_AFTER:
-        address = client.scheduler_info(n_workers=0)["address"]
-        logger.warning("scheduler %s has no workers; waiting for some to join it", address)
-        drive.alone_since = now
-
-
-def beat(drive: Drive, state: str) -> None:
-    """Say how far the campaign is."""
-    drive.beats += 1
-    said = drive.ledger.heartbeat(state, drive.workers, token=drive.token, beat=drive.beats, pid=os.getpid())
-    drive.store.write_json(drive.plan.campaign_id, HEARTBEAT, said.to_json())
-    drive.show(said)
+    def _next_requests(self, queue: WorkQueue) -> list[BatchRequest]:
+        """Return what travels next: one batch, or several short ones, but not so many that other workers would wait."""
+        share = len(queue) // self.size
+        fitting = 1 if self.batch_seconds is None else int(CALL_SECONDS / max(self.batch_seconds, 1e-3))
+        most = max(min(fitting, share, LARGEST_CALL), 1)
+        requests: list[BatchRequest] = []
+        while len(requests) < most and (request := queue.next()) is not None:
+            requests.append(request)
+        return requests

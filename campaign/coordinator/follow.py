@@ -1,4 +1,4 @@
-"""Follow a campaign from outside, by what its coordinator writes into the store."""
+"""Follow a campaign by the heartbeats that its coordinator writes into the store."""
 
 import time
 from collections.abc import Iterator
@@ -12,21 +12,22 @@ from campaign.store.layout import HEARTBEAT
 
 
 def heartbeats(store: Store, campaign_id: str) -> Iterator[Heartbeat]:
-    """Yield a campaign's heartbeats as they come, the last with the state in which it ended.
+    """Yield the heartbeats of a campaign as they are written, the last with the state in which the campaign ended.
 
-    A campaign that is queued is waited for.
+    A queued campaign is waited for.
     """
     while True:
         state = state_of(store, campaign_id)
-        heartbeat = Heartbeat.from_json(store.read_json(campaign_id, HEARTBEAT) or {}) or _none_yet(store, campaign_id)
+        written = Heartbeat.from_json(store.read_json(campaign_id, HEARTBEAT) or {})
+        heartbeat = written or _before_first(store, campaign_id)
         yield replace(heartbeat, state=state["state"], message=state["message"])
         if state["state"] not in ("running", "queued"):
             return
         time.sleep(HEARTBEAT_INTERVAL / 2)
 
 
-def _none_yet(store: Store, campaign_id: str) -> Heartbeat:
-    """Return what is known of a campaign that nobody has driven yet."""
+def _before_first(store: Store, campaign_id: str) -> Heartbeat:
+    """Return a heartbeat for a campaign that no coordinator has written one for."""
     plan = store.plan(campaign_id)
     survey = store.survey(plan)
     ok = survey.statuses.get("ok", 0)

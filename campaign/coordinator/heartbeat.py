@@ -1,8 +1,8 @@
-"""How far a campaign is, as its coordinator says it: one small JSON file, replaced every two seconds."""
+"""Say how far a campaign is: a small JSON file that its coordinator replaces every two seconds."""
 
 import time
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -11,7 +11,7 @@ from campaign.store import Store, Survey
 from campaign.worker.messages import BatchResult
 from campaign.worker.moments import Moments, add_moments, moments, running_cpk
 
-RATE_OVER = 60.0  # s
+RATE_WINDOW = 60.0  # s, over which the rate of runs is taken
 
 
 @dataclass(frozen=True)
@@ -21,25 +21,32 @@ class Heartbeat:
     Attributes
     ----------
     campaign : str
-        Its id.
+        Id of the campaign.
     state : str
         ``running``, and at the end ``completed``, ``cancelled``, ``failed`` or ``interrupted``.
     samples, done, ok, failed, left : int
-        Rows planned (or fewer, once it stopped when sure), there, good, not good, and to come.
+        Rows: planned (or fewer, once the stopping rule ended the campaign), stored, with status ``ok``, with another
+        status, and to be computed.
     statuses : dict of str to int
-        Rows there by status.
+        Stored rows by status.
     rate : float
         Runs a second over the last minute.
     eta_s : float or None
-        Time to go at that rate [s].
+        Remaining time at that rate [s]; None while the rate is unknown.
     workers : int
-        Processes that compute.
+        Number of workers.
     responses : dict
-        By name: ``n``, ``mean``, ``std``, ``cpk`` of the rows there, in the order they came.
-    token, pid, beat, time
-        Of the coordinator: its lease, its process, how often it has said so, and when [s since 1970].
+        By name: ``n``, ``mean``, ``std`` and ``cpk`` of the stored rows.
+    token : str
+        Of the coordinator's lease.
+    pid : int
+        Process number of the coordinator.
+    beat : int
+        Number of this heartbeat, from 1.
+    time : float
+        When it was written [s since 1970].
     message : str
-        What is worth saying about the state.
+        Details of the state, if there are any.
     """
 
     campaign: str
@@ -66,24 +73,40 @@ class Heartbeat:
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> "Heartbeat | None":
-        """Read what a coordinator said; None if it is of another format."""
+        """Return the heartbeat that ``to_json`` wrote; None if it has another format."""
         try:
             return cls(**content)
         except TypeError:
             return None
 
 
+Show = Callable[[Heartbeat], None]
+
+
 class Progress:
-    """Counts and moments of the rows there are, and the rate at which they come.
+    """Counts and moments of the stored rows of a campaign, and the rate at which rows are computed.
 
     Parameters
     ----------
     store : Store
-        Where the rows are that were there from the start.
+        Where the rows are.
     plan : Plan
         The campaign.
     survey : Survey
-        What was there from the start.
+        What the store holds at the start.
+
+    Attributes
+    ----------
+    statuses : Counter of str
+        Stored rows by status.
+    moments : dict of str to Moments
+        Of each response.
+    samples : int
+        Number of samples of the campaign, as far as it is known.
+    computed : int
+        Rows computed since the start.
+    workers : int
+        Number of workers when they were last counted.
     """
 
     def __init__(self, store: Store, plan: Plan, survey: Survey) -> None:
@@ -92,11 +115,12 @@ class Progress:
         self.moments: dict[str, Moments] = {}
         self.samples = plan.spec.samples
         self.computed = 0
+        self.workers = 0
         self._times: deque[tuple[float, int]] = deque([(time.monotonic(), 0)])
         self.recount(store, survey)
 
     def recount(self, store: Store, survey: Survey) -> None:
-        """Forget what was told, and count what is there, up to where the campaign ends by now."""
+        """Count anew what the store holds, up to where the campaign ends by now."""
         self.statuses, self.moments = Counter(survey.statuses), {}
         self.samples = store.end(self.plan)
         if survey.parts:
@@ -104,27 +128,27 @@ class Progress:
             for table in store.stream(self.plan, names):
                 add_moments(self.moments, moments(table, names))
 
-    def add(self, done: BatchResult) -> None:
-        """Take note of a batch."""
-        self.statuses.update(done.part.statuses)
-        add_moments(self.moments, done.moments)
-        self.computed += done.part.rows if done.computed else 0
+    def add(self, result: BatchResult) -> None:
+        """Count the rows of a batch."""
+        self.statuses.update(result.part.statuses)
+        add_moments(self.moments, result.moments)
+        self.computed += result.part.rows if result.computed else 0
         self._times.append((time.monotonic(), self.computed))
-        while len(self._times) > 2 and self._times[0][0] < self._times[-1][0] - RATE_OVER:
+        while len(self._times) > 2 and self._times[0][0] < self._times[-1][0] - RATE_WINDOW:
             self._times.popleft()
 
     @property
     def done(self) -> int:
-        """Rows there."""
+        """Number of stored rows."""
         return sum(self.statuses.values())
 
     @property
     def failed(self) -> int:
-        """Rows there that are not good."""
+        """Number of stored rows whose status is not ``ok``."""
         return self.done - self.statuses.get("ok", 0)
 
-    def heartbeat(self, state: str, workers: int = 0, **of_coordinator: Any) -> Heartbeat:
-        """Return how far the campaign is."""
+    def heartbeat(self, state: str, **of_coordinator: Any) -> Heartbeat:
+        """Return a heartbeat; ``of_coordinator`` are its ``token``, ``pid`` and ``beat``."""
         (first, before), rate = self._times[0], 0.0
         if self.computed > before:
             rate = (self.computed - before) / max(time.monotonic() - first, 1e-9)
@@ -140,13 +164,13 @@ class Progress:
             statuses=dict(sorted(self.statuses.items())),
             rate=rate,
             eta_s=left / rate if rate else None,
-            workers=workers,
+            workers=self.workers,
             responses={name: self._response(name, m) for name, m in self.moments.items()},
             time=time.time(),
             **of_coordinator,
         )
 
     def _response(self, name: str, m: Moments) -> dict[str, float | None]:
-        asked = self.plan.spec.responses.get(name)
-        lsl, usl, _ = asked.limits() if asked else (None, None, None)
+        response = self.plan.spec.responses.get(name)
+        lsl, usl, _ = response.limits() if response else (None, None, None)
         return {"n": m.n, "mean": m.mean if m.n else None, "std": m.std, "cpk": running_cpk(m, lsl, usl)}

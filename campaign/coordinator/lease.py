@@ -1,8 +1,8 @@
-"""Who drives a campaign: a lease in its folder, so that two coordinators do not double the work.
+"""The lease of a campaign: a file in its folder that keeps two coordinators from doing the same work.
 
-If they did, nothing would break: parts are written whole under their own names, and equal. A lease is stale when the
-process that holds it is gone, if it ran on this machine, or when its heartbeat no longer changes. No clock of two
-machines is ever compared.
+If they did, nothing would break: parts are written whole, under names of their own, and are equal. A lease is stale
+when the process that holds it has ended, if that process ran on this machine, and otherwise when its heartbeat no
+longer changes. Clocks of two machines are never compared.
 """
 
 import os
@@ -19,12 +19,12 @@ from campaign.store import Store
 from campaign.store.layout import HEARTBEAT, LEASE
 
 HEARTBEAT_INTERVAL = 2.0  # s, between two heartbeats
-PATIENCE = 5 * HEARTBEAT_INTERVAL  # s without a new one, until its process counts as gone
-SETTLE = 0.3  # s, for another one that takes the same stale lease to be seen
+STALE_AFTER = 5 * HEARTBEAT_INTERVAL  # s without a new heartbeat
+RACE_WAIT = 0.3  # s, in which another process that takes the same stale lease becomes visible
 
 
 class LeaseHeld(CampaignError):
-    """Another process drives the campaign."""
+    """Another process coordinates the campaign."""
 
 
 class LeaseLost(CampaignError):
@@ -33,7 +33,7 @@ class LeaseLost(CampaignError):
 
 @contextmanager
 def hold_lease(store: Store, campaign_id: str) -> Iterator[str]:
-    """Hold the lease of a campaign, and yield the token that says whose it is.
+    """Hold the lease of a campaign in the block; yield the token that identifies it.
 
     Raises
     ------
@@ -48,11 +48,11 @@ def hold_lease(store: Store, campaign_id: str) -> Iterator[str]:
             if lease_holder(store, campaign_id) == token:
                 store.remove(campaign_id, LEASE)
         except StoreError:
-            pass  # a lease that stays is stale when this process is gone
+            pass  # a lease that stays becomes stale when this process ends
 
 
 def take_lease(store: Store, campaign_id: str) -> str:
-    """Take the lease of a campaign, a stale one too, and return its token."""
+    """Take the lease of a campaign, if it is free or stale, and return its token; `LeaseHeld` otherwise."""
     mine = {"token": secrets.token_hex(8), **this_process()}
     if store.create_json(campaign_id, LEASE, mine):
         return str(mine["token"])
@@ -63,24 +63,24 @@ def take_lease(store: Store, campaign_id: str) -> str:
             " follow it with clearcap watch, or end it with clearcap cancel"
         )
     store.write_json(campaign_id, LEASE, mine)
-    time.sleep(SETTLE)
+    time.sleep(RACE_WAIT)
     if lease_holder(store, campaign_id) != mine["token"]:
         raise LeaseHeld(f"campaign {campaign_id} was taken by another process at the same time; it drives it")
     return str(mine["token"])
 
 
 def lease_holder(store: Store, campaign_id: str) -> str | None:
-    """Return the token of who holds the lease, if anybody does."""
+    """Return the token of the lease; None if there is no lease."""
     lease = store.read_json(campaign_id, LEASE)
     return None if lease is None else str(lease.get("token"))
 
 
 def is_alive(store: Store, folder: str, lease: dict[str, Any], heartbeat: str = HEARTBEAT) -> bool:
-    """Return whether the process of a lease lives; looks at its heartbeat for a while if it is not on this machine."""
+    """Return whether the process of a lease lives; watch its heartbeat for a while if it is on another machine."""
     here = this_process()
     if lease.get("host") == here["host"]:
         return _lives(lease)
-    before, end = store.read_json(folder, heartbeat), time.monotonic() + PATIENCE
+    before, end = store.read_json(folder, heartbeat), time.monotonic() + STALE_AFTER
     while time.monotonic() < end:
         time.sleep(HEARTBEAT_INTERVAL / 2)
         if store.read_json(folder, heartbeat) != before:
@@ -89,23 +89,23 @@ def is_alive(store: Store, folder: str, lease: dict[str, Any], heartbeat: str = 
 
 
 def is_coordinated(store: Store, campaign_id: str) -> bool:
-    """Return whether somebody holds the lease of a campaign who is not known to be gone; answers at once."""
+    """Return whether a process that is not known to have ended holds the lease of a campaign; answers at once."""
     lease = store.read_json(campaign_id, LEASE)
     return lease is not None and (lease.get("host") != _host() or _lives(lease))
 
 
 def _lives(lease: dict[str, Any]) -> bool:
-    """Return whether the process of a lease of this machine is still that process."""
+    """Return whether the process of a lease of this machine is alive, and not another one of the same number."""
     return lease.get("started") is not None and lease.get("started") == _started(lease.get("pid"))
 
 
 def this_process() -> dict[str, Any]:
-    """Return what tells this process from every other on any machine."""
+    """Return what identifies this process among those of all machines."""
     return {"name": socket.gethostname(), "host": _host(), "pid": os.getpid(), "started": _started(os.getpid())}
 
 
 def _host() -> str:
-    """Return what is the same for two processes just when one sees the other's number."""
+    """Return an identifier that two processes share exactly when one can see the other's process number."""
     try:
         boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
         return f"{boot} {os.stat('/proc/self/ns/pid').st_ino}"
@@ -114,18 +114,18 @@ def _host() -> str:
 
 
 def _started(pid: Any) -> str | None:
-    """Return when a process was started, in ticks since the machine was; None if it is gone or only a zombie."""
+    """Return when a process started, in ticks since the machine did; None if it has ended or is a zombie."""
     try:
         fields = Path(f"/proc/{int(pid)}/stat").read_text().rpartition(")")[2].split()
         return None if fields[0] in "ZX" else fields[19]
     except FileNotFoundError:
-        return _alive_elsewhere(pid) if not Path("/proc/self/stat").exists() else None
+        return _alive_without_proc(pid) if not Path("/proc/self/stat").exists() else None
     except (OSError, ValueError, TypeError, IndexError):
         return None
 
 
-def _alive_elsewhere(pid: Any) -> str | None:
-    """Return a word for a living process where there is no /proc."""
+def _alive_without_proc(pid: Any) -> str | None:
+    """Return a fixed word for a living process, on systems without /proc."""
     try:
         os.kill(int(pid), 0)
     except ProcessLookupError:

@@ -1,7 +1,7 @@
-"""More samples of a campaign that is there: its rows are taken over, not computed again.
+"""Reuse the rows of another campaign, when a new one has more samples or other limits.
 
-A row is a function of what is varied and simulated, and of its number; not of how many rows there are, what their
-limits are, or what the campaign is called.
+A row depends on what is varied, on what is simulated, and on the number of its sample. It does not depend on how many
+samples there are, on the limits, or on the name of the campaign.
 """
 
 import json
@@ -20,47 +20,47 @@ from campaign.store.layout import PLAN
 
 logger = logging.getLogger(__name__)
 
-DOES_NOT_MATTER = ("name", "title", "header", "samples", "responses", "stop", "format")  # to a row
-DETERMINED = ("ok", "not_converged", "diverged", "invalid")  # statuses that any machine would come to
+IRRELEVANT = ("name", "title", "header", "samples", "responses", "stop", "format")  # keys that no row depends on
+DETERMINED = ("ok", "not_converged", "diverged", "invalid")  # statuses that do not depend on the machine
 
 
 def reuse_rows(store: Store, plan: Plan) -> int:
-    """Write those parts of a new plan whose rows another campaign of the store has; return how many rows.
+    """Write the parts of a new plan whose rows another campaign of the store has; return the number of rows.
 
-    Where the sampler's first samples are others when there are more of them, nothing is taken over, and it is said why.
+    With a sampler whose first samples change with their number, nothing is reused, and a message says why.
     """
-    taken = 0
-    for other in _akin(store, plan):
+    reused = 0
+    for other in _plans_with_same_rows(store, plan):
         if reason := sampler_named(plan.spec.sampler).not_extendable:
             logger.info("the rows of %s cannot be taken over: %s", other.campaign_id, reason)
             return 0
-        taken += _copy(store, other, plan)
-    return taken
+        reused += _copy(store, other, plan)
+    return reused
 
 
-def _akin(store: Store, plan: Plan) -> Iterator[Plan]:
-    """Yield the plans whose rows are rows of this one."""
-    wanted = _what_rows_depend_on(json.loads(plan.to_json()))
+def _plans_with_same_rows(store: Store, plan: Plan) -> Iterator[Plan]:
+    """Yield the plans of the store whose rows are rows of this one."""
+    required = _what_rows_depend_on(json.loads(plan.to_json()))
     for campaign_id in store.campaigns():
         try:
             content = store.read_json(campaign_id, PLAN) or {}
-            if campaign_id != plan.campaign_id and _what_rows_depend_on(content) == wanted:
+            if campaign_id != plan.campaign_id and _what_rows_depend_on(content) == required:
                 yield store.plan(campaign_id)
         except StoreError:
-            continue  # broken, or of another version: none of ours
+            continue  # the plan is damaged, or of another version
 
 
 def _what_rows_depend_on(content: Mapping[str, Any]) -> list[Any]:
-    """Return, of a plan's document, all that a row is a function of, but its number."""
+    """Return all of a plan's document that a row depends on, besides the number of its sample."""
     said = content.get("spec", {})
-    spec = {key: value for key, value in said.items() if key not in DOES_NOT_MATTER}
+    spec = {key: value for key, value in said.items() if key not in IRRELEVANT}
     spec["failures"] = said.get("failures", {}).get("retry", [])
     order = list(said.get("variables", {}))  # of columns, and of the dimensions of a sampler
     return [spec, order, *(content.get(key) for key in ("engine_build", "mechanism_digest"))]
 
 
 def _copy(store: Store, other: Plan, plan: Plan) -> int:
-    """Write the parts of a plan that another campaign's rows fill; return how many rows."""
+    """Write the parts of a plan that the rows of another campaign fill; return the number of rows."""
     waiting = iter([b for b in range(len(plan.batches)) if b not in store.survey(plan).parts])
     batch, copied, kept = next(waiting, None), 0, plan.schema.empty_table()
     for rows in store.stream(other):

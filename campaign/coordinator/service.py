@@ -1,4 +1,4 @@
-"""Serve a store: drive every campaign that is queued, one after the other."""
+"""Serve a store: coordinate every queued campaign, one after the other."""
 
 import logging
 import threading
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from campaign.cluster.cluster import Cluster
-from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseHeld, hold_lease
 from campaign.coordinator.state import close_campaign, state_of
 from campaign.errors import CampaignError, StoreError
@@ -19,45 +19,45 @@ logger = logging.getLogger(__name__)
 
 
 def serve(store: Store, cluster: Cluster, *, once: bool = False, with_report: bool = True) -> list[str]:
-    """Drive the campaigns of a store that are queued, and those whose coordinator died.
+    """Coordinate the campaigns of a store that are queued, and those whose coordinator died.
 
     Parameters
     ----------
     store : Store
-        Where they are.
+        Where the campaigns are.
     cluster : Cluster
         Where to compute.
     once : bool
-        Return when there is none; otherwise look for more for ever.
+        Return when no campaign is queued; otherwise wait for more, for ever.
     with_report : bool
-        Write a report at the end of each.
+        Write the report of each campaign at its end.
 
     Returns
     -------
     list of str
-        Their ids.
+        Ids of the campaigns that were completed.
 
     Raises
     ------
     LeaseHeld
         If another process serves the store.
     """
-    done: list[str] = []
-    with hold_lease(store, SERVICE), _beating(store):
+    completed: list[str] = []
+    with hold_lease(store, SERVICE), _service_heartbeats(store):
         while True:
-            waiting = [c for c in store.campaigns() if state_of(store, c)["open"]]
-            for campaign_id in waiting:
+            queued = [c for c in store.campaigns() if state_of(store, c)["open"]]
+            for campaign_id in queued:
                 logger.info("driving %s", campaign_id)
-                if _drive(store, campaign_id, cluster, with_report):
-                    done.append(campaign_id)
-            if once and not waiting:
-                return done
-            if not waiting:
+                if _coordinate(store, campaign_id, cluster, with_report):
+                    completed.append(campaign_id)
+            if once and not queued:
+                return completed
+            if not queued:
                 time.sleep(HEARTBEAT_INTERVAL)
 
 
-def _drive(store: Store, campaign_id: str, cluster: Cluster, with_report: bool) -> bool:
-    """Drive one campaign and write its report; what goes wrong with it is said and does not end the service."""
+def _coordinate(store: Store, campaign_id: str, cluster: Cluster, with_report: bool) -> bool:
+    """Coordinate one campaign and write its report; its failure is logged and does not end the service."""
     try:
         outcome = coordinate(store, store.plan(campaign_id), cluster, report_due=with_report)
         if with_report:
@@ -74,17 +74,20 @@ def _drive(store: Store, campaign_id: str, cluster: Cluster, with_report: bool) 
 
 
 def _report(store: Store, plan: Plan) -> None:
-    """Write the report of a completed campaign; only then is it closed, so that a service that is killed writes it."""
+    """Write the report of a completed campaign, then close it: a service that is killed before starts over.
+
+    A report that cannot be written closes the campaign with the reason, so that the next one gets its turn.
+    """
     from campaign.reports.report import report
 
     try:
         report(store, plan)
     except StoreError:
-        raise  # the campaign stays open, and the store is asked again
+        raise  # the campaign stays open, and the service tries again
     except CampaignError as error:
         logger.warning("campaign %s: %s", plan.campaign_id, error)
         close_campaign(store, plan.campaign_id, str(error))
-    except Exception as error:  # a fault in one report keeps no other campaign waiting
+    except Exception as error:  # a fault in one report must not stop the service
         logger.exception("report of %s", plan.campaign_id)
         close_campaign(store, plan.campaign_id, f"no report, a fault in clearcap: {error!r}")
     else:
@@ -92,11 +95,11 @@ def _report(store: Store, plan: Plan) -> None:
 
 
 @contextmanager
-def _beating(store: Store) -> Iterator[None]:
-    """Say every two seconds that the service is there."""
+def _service_heartbeats(store: Store) -> Iterator[None]:
+    """Write a heartbeat of the service every two seconds while the block runs."""
     over = threading.Event()
 
-    def beat() -> None:
+    def write_heartbeats() -> None:
         count = 0
         while not over.is_set():
             count += 1
@@ -106,7 +109,7 @@ def _beating(store: Store) -> Iterator[None]:
                 logger.warning("%s", error)
             over.wait(HEARTBEAT_INTERVAL)
 
-    thread = threading.Thread(target=beat, name="service", daemon=True)
+    thread = threading.Thread(target=write_heartbeats, name="service", daemon=True)
     thread.start()
     try:
         yield

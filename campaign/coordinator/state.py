@@ -1,4 +1,4 @@
-"""What a campaign is doing, as whoever did it last said: ``state.json`` in its folder."""
+"""The state of a campaign: ``state.json`` in its folder, replaced whenever the state changes."""
 
 import time
 from typing import Any
@@ -10,33 +10,33 @@ from campaign.store.layout import STATE
 STATES = ("queued", "running", "completed", "cancelled", "failed", "interrupted")
 
 
-def write_state(store: Store, campaign_id: str, state: str, message: str = "", *, to_go_on: bool = False) -> None:
-    """Write down a new state, and whether a coordinator that serves the store is to go on from it."""
+def write_state(store: Store, campaign_id: str, state: str, message: str = "", *, is_open: bool = False) -> None:
+    """Write a new state, and whether a coordinator that serves the store is to continue the campaign."""
     process = this_process()
-    content = {"state": state, "since": time.time(), "message": message, "open": to_go_on}
+    content = {"state": state, "since": time.time(), "message": message, "open": is_open}
     content |= {"pid": process["pid"], "on": process["name"]}
     store.write_json(campaign_id, STATE, content)
 
 
 def close_campaign(store: Store, campaign_id: str, message: str | None = None) -> None:
-    """Say that nothing is left to do for a completed campaign, and perhaps why its report is missing."""
-    said = store.read_json(campaign_id, STATE) or {}
+    """Mark a completed campaign as done; ``message`` says why its report is missing, if it is."""
+    state = store.read_json(campaign_id, STATE) or {}
     added = {} if message is None else {"message": message}
-    store.write_json(campaign_id, STATE, {**said, **added, "open": False})
+    store.write_json(campaign_id, STATE, {**state, **added, "open": False})
 
 
 def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
-    """Return what a campaign is doing: ``state``, ``message``, ``since``, and whether it is ``open`` for a service.
+    """Return the state of a campaign: ``state``, ``message``, ``since``, and whether it is ``open`` for a service.
 
-    One that is said to run and that nobody drives any more is ``interrupted``, and open like one that is queued; one of
-    which nothing is said is ``planned``.
+    A campaign that is running by its file but has no living coordinator is ``interrupted``, and open like a queued one.
+    A campaign without the file is ``planned``.
     """
-    said = store.read_json(campaign_id, STATE) or {}
-    state = said.get("state") if said.get("state") in STATES else "planned"
+    content = store.read_json(campaign_id, STATE) or {}
+    state = content.get("state") if content.get("state") in STATES else "planned"
     orphaned = state == "running" and not is_coordinated(store, campaign_id)
     return {
         "state": "interrupted" if orphaned else state,
-        "message": str(said.get("message", "")),
-        "since": said.get("since"),
-        "open": orphaned or state == "queued" or said.get("open") is True,
+        "message": str(content.get("message", "")),
+        "since": content.get("since"),
+        "open": orphaned or state == "queued" or content.get("open") is True,
     }

@@ -1,19 +1,24 @@
-"""Stop when sure: whether the first so many samples say a number narrowly enough.
+"""Stop a campaign when a number is known narrowly enough.
 
-The rule sees nothing but rows of the first samples, so it decides alike wherever it is asked. Intervals are those of
-a fixed number of samples; a rule on their width, asked a few dozen times, keeps their coverage nearly (Chow and Robbins
-1965: exactly, as the width goes to zero).
+The rule sees nothing but the rows of the first samples, so it decides alike for any number of workers. Its intervals
+are those of a fixed number of samples; a rule on their width that is asked a few dozen times nearly keeps their
+coverage (Chow and Robbins 1965: exactly, as the width goes to zero).
 """
 
+import logging
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
+from campaign.coordinator.work_queue import WorkQueue
 from campaign.plan import Plan
 from campaign.spec.campaign_file import Response
 from campaign.store import Store
+from campaign.store.layout import STOPPED
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -23,15 +28,15 @@ class Verdict:
     Attributes
     ----------
     samples : int
-        How many were looked at.
+        Number of samples that were judged.
     statistic : str
-        What of which response.
+        The statistic and its response, such as ``mean of FC-1``.
     value : float or None
-        Its value; None if these rows do not define it.
+        Value of the statistic; None if the rows do not define it.
     low, high : float or None
         Its confidence interval.
     sure : bool
-        Whether half the interval is as narrow as asked.
+        Whether half the interval is as narrow as the rule asks.
     """
 
     samples: int
@@ -52,21 +57,66 @@ class Verdict:
         return f"{self.statistic} = {self.value:.5g}, {self.low:.5g} to {self.high:.5g}, after {self.samples} samples"
 
 
+class Checkpoints:
+    """The numbers of samples at which a campaign's stopping rule is asked, and its last verdict.
+
+    Parameters
+    ----------
+    store : Store
+        Where the rows are.
+    plan : Plan
+        The campaign; without a stopping rule, or when it has stopped already, there is no checkpoint.
+
+    Attributes
+    ----------
+    verdict : Verdict or None
+        Of the last checkpoint; None before the first.
+    """
+
+    def __init__(self, store: Store, plan: Plan) -> None:
+        self.verdict: Verdict | None = None
+        self._store, self._plan = store, plan
+        rule = plan.spec.stop
+        is_open = rule is not None and not store.read_json(plan.campaign_id, STOPPED)
+        self._remaining = list(rule.checkpoints(plan.spec.samples)) if rule is not None and is_open else []
+
+    @property
+    def next(self) -> int | None:
+        """Number of samples of the next checkpoint; None if there is none."""
+        return self._remaining[0] if self._remaining else None
+
+    def limit(self, queue: WorkQueue, ahead: int) -> None:
+        """Let a queue hand out no more than ``ahead`` batches beyond the next checkpoint."""
+        if self.next is not None:
+            queue.limit = queue.batches_for(self.next) + ahead
+
+    def reached_end(self, queue: WorkQueue) -> bool:
+        """Judge each checkpoint whose samples are completed; return whether the campaign ends at one of them."""
+        while self.next is not None and queue.completed(self.next):
+            self.verdict = judge(self._store, self._plan, self._remaining.pop(0))
+            logger.info("%s", self.verdict.text())
+            if self.verdict.sure:
+                self._store.write_json(self._plan.campaign_id, STOPPED, self.verdict.to_json())
+                self._remaining.clear()
+                return True
+        return False
+
+
 def judge(store: Store, plan: Plan, samples: int) -> Verdict:
-    """Ask a campaign's stopping rule about its first ``samples`` samples, which must be there."""
+    """Ask a campaign's stopping rule about its first ``samples`` samples, whose rows must be in the store."""
     rule = plan.spec.stop
     assert rule is not None
     name = f"{rule.statistic} of {rule.response}"
-    asked = plan.spec.responses.get(rule.response, Response())
-    found = _interval(rule.statistic, values(store, plan, rule.response, samples), asked, rule.confidence)
-    if found is None:
+    limits = plan.spec.responses.get(rule.response, Response())
+    estimate = _interval(rule.statistic, values(store, plan, rule.response, samples), limits, rule.confidence)
+    if estimate is None:
         return Verdict(samples, name, None, None, None, sure=False)
-    value, (low, high) = found
+    value, (low, high) = estimate
     return Verdict(samples, name, value, low, high, sure=high - low <= 2.0 * rule.half_width)
 
 
 def values(store: Store, plan: Plan, response: str, samples: int) -> np.ndarray:
-    """Return a response of the first ``samples`` samples, in their order; failed runs are left out."""
+    """Return the values of a response over the first ``samples`` samples, in their order; failed runs are left out."""
     pieces, count = [], 0
     for table in store.stream(plan, ["sample", response]):
         first: pa.Table = table.slice(0, samples - count)
@@ -78,13 +128,13 @@ def values(store: Store, plan: Plan, response: str, samples: int) -> np.ndarray:
 
 
 def _interval(
-    statistic: str, x: np.ndarray, asked: Response, confidence: float
+    statistic: str, x: np.ndarray, limits: Response, confidence: float
 ) -> tuple[float, tuple[float, float]] | None:
-    """Return a statistic of values and its interval; None where they do not define it."""
-    from reporting import capability
+    """Return a statistic of values and its interval; None where the values do not define it."""
+    from reporting import capability  # takes half a second, and few campaigns have a stopping rule
     from reporting.capability.intervals import mean_interval, share_interval, std_interval
 
-    lsl, usl, target = asked.limits()
+    lsl, usl, target = limits.limits()
     c = capability(x, lsl=lsl, usl=usl, target=target, confidence=confidence)
     if statistic == "ppm":
         if c.ppm_observed is None:

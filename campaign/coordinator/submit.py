@@ -1,4 +1,4 @@
-"""From a campaign to its plan in a store, and to somebody who drives it."""
+"""Write the plan of a campaign into a store, and see to it that a coordinator computes it."""
 
 import logging
 import os
@@ -23,29 +23,34 @@ logger = logging.getLogger(__name__)
 
 
 def submit(store: Store, campaign: Campaign, batch_size: int | None = None, simulate: Simulate = simulate) -> Plan:
-    """Put the plan of a campaign into a store, or find the one that is there.
+    """Write the plan of a campaign into a store, or return the one that the store has.
 
     Parameters
     ----------
     store : Store
-        Where.
+        Where to write it.
     campaign : Campaign
-        What.
+        The campaign.
     batch_size : int, optional
-        Samples in a batch of a new plan; default: as many as take about ten seconds, from a few runs that are tried.
-        A plan that is there keeps its own.
+        Samples in a batch of a new plan; default: as many as take about ten seconds, estimated from a few runs.
+        A plan that the store has keeps its batches.
     simulate : callable
-        `engine.simulate`, or what stands in its place.
+        `engine.simulate`, or a function with the same parameters that takes its place.
+
+    Returns
+    -------
+    Plan
+        The plan in the store.
     """
     wanted = make_plan(campaign, batch_size)
     if wanted.campaign_id in store.campaigns():
         plan = store.plan(wanted.campaign_id)
     else:
-        sure = batch_size is not None or batch_size_is_fixed(campaign.spec.samples)
-        seconds = None if sure else seconds_per_run(wanted, simulate)
+        is_size_known = batch_size is not None or batch_size_is_fixed(campaign.spec.samples)
+        seconds = None if is_size_known else seconds_per_run(wanted, simulate)
         plan = store.create_plan(make_plan(campaign, batch_size, seconds))
-        if rows := reuse_rows(store, plan):
-            logger.info("%d rows are there already, in a campaign of other length or limits: taken over", rows)
+        if reused := reuse_rows(store, plan):
+            logger.info("%d rows are there already, in a campaign of other length or limits: taken over", reused)
         write_state(store, plan.campaign_id, "queued")
     if batch_size is not None and plan.batches != wanted.batches:
         logger.warning("the campaign is planned already: its batches of %d samples are kept", plan.batches[0][1])
@@ -54,17 +59,17 @@ def submit(store: Store, campaign: Campaign, batch_size: int | None = None, simu
 
 @dataclass(frozen=True)
 class Assignment:
-    """Who drives a campaign.
+    """Which coordinator computes a campaign.
 
     Attributes
     ----------
     kind : str
-        ``service`` (a coordinator that serves the store), ``coordinator`` (one that was started or is there), or
-        ``none`` (it waits for a service).
+        ``service`` (a coordinator that serves the store), ``coordinator`` (one of the campaign's own), or ``none`` (it
+        waits for a service).
     pid : int or None
-        Process of a coordinator that was started.
+        Process number of a coordinator that was started for it.
     log : str or None
-        Where it writes.
+        Path of that coordinator's log.
     """
 
     kind: str
@@ -72,7 +77,7 @@ class Assignment:
     log: str | None = None
 
     def text(self) -> str:
-        """Return who it is in words."""
+        """Return the assignment in words."""
         if self.kind == "service":
             return "the coordinator that serves the store takes it over"
         if self.kind == "none":
@@ -87,7 +92,7 @@ class Assignment:
 
 
 def assign_coordinator(store: Store, plan: Plan, options: list[str], *, queue_only: bool = False) -> Assignment:
-    """See to it that somebody drives a campaign.
+    """See to it that a coordinator computes a campaign.
 
     Parameters
     ----------
@@ -96,9 +101,9 @@ def assign_coordinator(store: Store, plan: Plan, options: list[str], *, queue_on
     plan : Plan
         The campaign.
     options : list of str
-        Of ``clearcap coordinate``, if one is started: where to compute.
+        Options of ``clearcap coordinate``, if it is started here: where to compute.
     queue_only : bool
-        Leave it to a coordinator that serves the store, now or later.
+        Leave the campaign to a coordinator that serves the store, now or later.
     """
     store.remove(plan.campaign_id, CANCEL)
     if is_coordinated(store, plan.campaign_id):
@@ -113,27 +118,27 @@ def assign_coordinator(store: Store, plan: Plan, options: list[str], *, queue_on
 
 
 def has_service(store: Store) -> bool:
-    """Return whether a coordinator serves the store, and takes over what is queued."""
+    """Return whether a living coordinator serves the store."""
     lease = store.read_json(SERVICE, LEASE)
     return lease is not None and is_alive(store, SERVICE, lease)
 
 
 def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int, str]:
-    """Start ``clearcap coordinate`` as a process of its own that outlives this one.
+    """Start ``clearcap coordinate`` in a process that outlives this one.
 
     Parameters
     ----------
     store : Store
         Where the plan is.
     plan : Plan
-        What to drive.
+        The campaign.
     options : list of str
-        Of the command: where to compute.
+        Options of the command: where to compute.
 
     Returns
     -------
     (int, str)
-        Its process number, and the path of its log.
+        Number of the process, and path of its log.
     """
     folder = Path(store.files.path(plan.campaign_id)) if store.files.local else Path.cwd()
     log = folder / (LOG if store.files.local else f"{plan.campaign_id}.log")

@@ -2,9 +2,10 @@
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Mapping, Sequence
 
 from campaign.plan import Plan
+from campaign.store import Part
 from campaign.worker.messages import BatchRequest
 
 
@@ -15,23 +16,25 @@ class WorkQueue:
     ----------
     plan : Plan
         The campaign.
-    completed : iterable of int
-        Batches whose rows the store has.
+    parts : mapping of int to Part
+        What the store has, by batch number.
     end : int
         Number of samples to compute; batches beyond them are left out.
 
     Attributes
     ----------
+    parts : dict of int to Part
+        The parts of the completed batches.
     limit : int
         No batch from this number on is handed out yet.
     """
 
-    def __init__(self, plan: Plan, completed: Iterable[int], end: int) -> None:
+    def __init__(self, plan: Plan, parts: Mapping[int, Part], end: int) -> None:
         self._first_samples = [first for first, _ in plan.batches]
-        self._completed = set(completed)
+        self.parts = dict(parts)
         self._complete_prefix = 0  # number of batches from the first on that are completed without a gap
         self.limit = self.batches_for(end)
-        self._waiting = deque(BatchRequest(batch) for batch in range(self.limit) if batch not in self._completed)
+        self._waiting = deque(BatchRequest(batch) for batch in range(self.limit) if batch not in self.parts)
 
     def batches_for(self, samples: int) -> int:
         """Return how many batches from the first on hold the first ``samples`` samples."""
@@ -43,17 +46,17 @@ class WorkQueue:
             return None
         return self._waiting.popleft()
 
-    def requeue(self, request: BatchRequest) -> None:
-        """Put a batch back as the next one."""
-        self._waiting.appendleft(request)
+    def requeue(self, requests: Sequence[BatchRequest]) -> None:
+        """Put batches back as the next ones."""
+        self._waiting.extendleft(reversed(requests))
 
-    def complete(self, batch: int) -> None:
-        """Mark a batch as completed."""
-        self._completed.add(batch)
+    def complete(self, part: Part) -> None:
+        """Take in the part of a batch that is completed."""
+        self.parts[part.batch] = part
 
     def completed(self, samples: int) -> bool:
         """Return whether the rows of all the first ``samples`` samples are in the store."""
-        while self._complete_prefix in self._completed:
+        while self._complete_prefix in self.parts:
             self._complete_prefix += 1
         return self._complete_prefix >= self.batches_for(samples)
 

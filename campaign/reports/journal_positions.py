@@ -1,11 +1,9 @@
 """Where journals lie in their bearings at the ends of a campaign's first runs."""
 
-from concurrent.futures import ProcessPoolExecutor
-from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from campaign.cluster.process_workers import process_workers
 from campaign.inputs.sampling import draw
 from campaign.pictures.journals import JournalPositions, journal_positions, merge_runs
 from campaign.spec.load import Campaign
@@ -32,10 +30,13 @@ def campaign_journal_positions(campaign: Campaign, processes: int) -> list[Journ
     spec = campaign.spec
     drawn, targets = draw(spec, 0, spec.samples), spec.targets()
     values = [{targets[name]: float(x[i]) for name, x in drawn.items()} for i in range(spec.samples)]
-    end = partial(_positions_at_end, campaign.mechanism, spec.simulation.step, spec.simulation.horizon)
     warm_up()  # compiled once, for all processes
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        return merge_runs([positions for positions in pool.map(end, values, chunksize=4) if positions])
+    with process_workers(processes) as workers:
+        fixed = (campaign.mechanism, spec.simulation.step, spec.simulation.horizon)
+        runs = [workers.submit(f"sample-{i:06d}", _positions_at_end, *fixed, x) for i, x in enumerate(values)]
+        while workers.next_finished() is not None:
+            pass
+        return merge_runs([positions for run in runs if (positions := run.result())])
 
 
 def _positions_at_end(

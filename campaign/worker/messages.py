@@ -21,7 +21,7 @@ class WrongBuild(CampaignError):
     Attributes
     ----------
     worker : str
-        Address of the worker; empty in a process that is not a worker.
+        Name of the worker, as `campaign.cluster.workers.Workers.refuse` takes it; empty until the worker is known.
     """
 
     worker = ""

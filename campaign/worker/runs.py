@@ -24,12 +24,10 @@ def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
         If the store or the plan cannot be read.
     """
     if build_id() != address.engine_build:
-        error = WrongBuild(
+        raise WrongBuild(
             f"campaign {address.campaign_id} is planned for engine build {address.engine_build}, this process runs"
             f" {build_id()}; install that version here, or run the campaign anew"
         )
-        error.worker = _worker()
-        raise error
     if address.simulate is simulate:
         warm_up()  # compiling must not count as time of a run
     store = open_store(address.store)
@@ -71,13 +69,3 @@ def rows_in_process(address: CampaignAddress, samples: Sequence[int], attempt: i
             if cancel.flag[0]:
                 raise Cancelled(f"campaign {plan.campaign_id} is cancelled")
             yield row
-
-
-def _worker() -> str:
-    """Return the address of the worker this is; empty in any other process."""
-    from distributed import get_worker
-
-    try:
-        return str(get_worker().address)  # type: ignore[no-untyped-call]
-    except ValueError:
-        return ""

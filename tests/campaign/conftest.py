@@ -1,13 +1,14 @@
 """A small campaign on the C-60's description, for tests that need no physics."""
 
+import os
 from contextlib import contextmanager
 from functools import partial
 
 import pytest
 from typer.testing import CliRunner
 
-from campaign.cluster.local import local_client
-from campaign.coordinator import coordinator as coordinating
+from campaign.cluster.process_workers import process_workers
+from campaign.coordinator import coordinate as coordinating
 from campaign.coordinator import rerun as rerunning
 from campaign.coordinator import submit as submission
 from campaign.plan import make_plan
@@ -71,22 +72,27 @@ def store(tmp_path, plan):
 
 
 @pytest.fixture(scope="module")
-def kept_workers():
-    """Return a client of two workers that serve all tests of a module; they stand in another folder than the tests."""
-    with local_client(2) as client:
-        yield client
+def kept_workers(tmp_path_factory):
+    """Return two processes that compute for all tests of a module; they start in a folder of their own."""
+    with process_workers(2) as workers, pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("workers"))
+        for _ in range(2):
+            workers.submit("start", os.getpid)
+        while workers.next_finished():
+            pass
+        yield workers
 
 
 @pytest.fixture
 def workers(kept_workers, monkeypatch):
-    """Have campaigns computed by workers that are there, whatever cluster they ask for: starting some takes seconds."""
+    """Have campaigns computed by the module's processes, whatever cluster they name: starting workers takes seconds."""
 
     @contextmanager
-    def connect(_):
+    def connect_workers(_):
         yield kept_workers
 
     for module in (coordinating, rerunning):
-        monkeypatch.setattr(module, "connect", connect)
+        monkeypatch.setattr(module, "connect_workers", connect_workers)
 
 
 @pytest.fixture

@@ -1,7 +1,7 @@
 """What tests of the coordinator share: drive a campaign with a stand-in for the physics, and compare rows."""
 
 from campaign.cluster.cluster import Cluster
-from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.submit import submit
 from campaign.store import open_store
 from campaign.worker.batch import run_batch

@@ -1,7 +1,7 @@
 """A small campaign of a stand-in for the physics, planned in a store of its own."""
 
 from campaign.cluster.cluster import Cluster
-from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator.coordinate import coordinate
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store

@@ -9,7 +9,7 @@ import campaign.cluster.connect
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.connect import connect
 from campaign.cluster.tls import Tls
-from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator.coordinate import coordinate
 from campaign.errors import CampaignError
 from campaign.store import open_store
 from tests.campaign import fake_engine

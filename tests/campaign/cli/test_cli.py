@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-import campaign.coordinator.coordinator
+import campaign.coordinator.coordinate
 import campaign.coordinator.submit
 from campaign.cli import app, main
-from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator.coordinate import coordinate
 from engine import read_trajectory
 from tests.campaign import fake_engine
 from tests.campaign.commands import ROOT, clearcap, clearcap_here
@@ -130,7 +130,7 @@ def test_interrupt_says_how_to_go_on(faked, campaign_file, monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(campaign.coordinator.coordinator, "coordinate", interrupted)
+        patch.setattr(campaign.coordinator.coordinate, "coordinate", interrupted)
         done = faked.invoke(app, ["run", str(campaign_file), "--seed", "9", "--workers", "1"])
     assert done.exit_code == 130
     assert re.search(r"clearcap resume demo-[0-9a-f]{10} --store runs --workers 1", done.stderr)
@@ -141,7 +141,7 @@ def test_not_one_success_is_a_failure(faked, campaign_file, monkeypatch):
     """A campaign without one result exits 1 and says what most runs say; the rows stay."""
     raises = partial(fake_engine.raises_above, -1.0)
     monkeypatch.setattr(
-        campaign.coordinator.coordinator,
+        campaign.coordinator.coordinate,
         "coordinate",
         partial(coordinate, simulate=raises),
     )

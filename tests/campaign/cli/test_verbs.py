@@ -11,7 +11,7 @@ from functools import partial
 import pytest
 from typer.testing import CliRunner
 
-import campaign.coordinator.coordinator
+import campaign.coordinator.coordinate
 import campaign.coordinator.submit
 from campaign.cli import app
 from campaign.cluster.cluster import Cluster
@@ -132,8 +132,8 @@ def test_too_few_good_runs_fail(faked, campaign_file, monkeypatch):
     """With ``min_ok`` the command exits 1, says why, and the rows stay."""
     campaign_file.write_text(campaign_file.read_text() + "\n[failures]\nmin_ok = 0.9\n")
     some = partial(fake_engine.raises_above, 0.07)
-    real = campaign.coordinator.coordinator.coordinate.func
-    monkeypatch.setattr(campaign.coordinator.coordinator, "coordinate", partial(real, simulate=some))
+    real = campaign.coordinator.coordinate.coordinate.func
+    monkeypatch.setattr(campaign.coordinator.coordinate, "coordinate", partial(real, simulate=some))
     done = faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--no-report", "--json"])
     assert done.exit_code == 1
     assert "failures.min_ok asks for 0.9 of them" in done.stderr

@@ -6,13 +6,13 @@ from functools import partial
 
 import pytest
 
-import campaign.coordinator.coordinator as coordinating
+from campaign.cluster import dask_workers
 from campaign.cluster.cluster import Cluster
-from campaign.coordinator import dispatch as window
-from campaign.coordinator import results as settle
-from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator import backoff
+from campaign.coordinator import coordinate as coordinating
+from campaign.coordinator.coordinate import coordinate
+from campaign.coordinator.coordinator import TooManyFailed
 from campaign.coordinator.lease import LeaseHeld, hold_lease
-from campaign.coordinator.results import TooManyFailed
 from campaign.coordinator.state import state_of
 from campaign.coordinator.submit import submit
 from campaign.errors import CampaignError, StoreError
@@ -55,7 +55,7 @@ def test_finished_campaign_computes_nothing(tmp_path, campaign, monkeypatch, wor
     store, outcome = start(tmp_path / "a", campaign)
     before = rows(store, outcome)
     with monkeypatch.context() as patch:
-        patch.setattr(coordinating, "connect", None)
+        patch.setattr(coordinating, "connect_workers", None)
         store, outcome = start(tmp_path / "a", campaign)
     assert outcome.computed == 0
     name = part_name(outcome.plan, 2)
@@ -207,7 +207,7 @@ def test_too_many_failures_end_it(tmp_path, campaign_file, workers):
 
 def test_store_that_fails_is_tried_again_then_said(tmp_path, campaign, monkeypatch):
     """A store that refuses parts for good ends the campaign with its own words, after some tries."""
-    monkeypatch.setattr(settle, "PAUSES", (0.01, 0.01))
+    monkeypatch.setattr(backoff, "PAUSES", (0.01, 0.01))
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, campaign, 3)
     parts = tmp_path / "s" / plan.campaign_id / "parts"
@@ -222,7 +222,7 @@ def test_store_that_fails_is_tried_again_then_said(tmp_path, campaign, monkeypat
 
 def test_workers_of_another_build_are_named(tmp_path, campaign, monkeypatch):
     """No worker has the engine the campaign is planned for: their names are said and nothing is computed."""
-    monkeypatch.setattr(window, "SOUND_WITHIN", 1.0)
+    monkeypatch.setattr(dask_workers, "RETURNS_WITHIN", 1.0)
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, campaign, 3)
     other = replace(plan, engine_build="0123456789abcdef")

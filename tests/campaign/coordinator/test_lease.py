@@ -72,7 +72,7 @@ def test_killed_holder_is_known_at_once(store, other, monkeypatch):
     slept = []
     monkeypatch.setattr(leases.time, "sleep", slept.append)
     take_lease(store, "demo")
-    assert slept == [leases.SETTLE]
+    assert slept == [leases.RACE_WAIT]
 
 
 def test_number_used_again_is_another_process(store):
@@ -87,7 +87,7 @@ def test_number_used_again_is_another_process(store):
 def elsewhere(store, monkeypatch):
     """Put a lease of another machine into the store, and have little patience."""
     monkeypatch.setattr(leases, "HEARTBEAT_INTERVAL", 0.1)
-    monkeypatch.setattr(leases, "PATIENCE", 0.5)
+    monkeypatch.setattr(leases, "STALE_AFTER", 0.5)
     store.write_json("demo", LEASE, {"token": "x", **this_process(), "host": "another machine"})
 
 

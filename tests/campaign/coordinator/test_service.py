@@ -5,7 +5,7 @@ import pytest
 import campaign.reports.report
 from campaign.cluster.cluster import Cluster
 from campaign.coordinator import service
-from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.service import serve
 from campaign.coordinator.state import state_of
 from campaign.errors import CampaignError, StoreError

@@ -1,4 +1,6 @@
-"""What is still to be computed, in order."""
+"""The batches to compute, in order."""
+
+from types import SimpleNamespace
 
 import pytest
 
@@ -6,10 +8,15 @@ from campaign.coordinator.work_queue import WorkQueue
 from campaign.worker.messages import BatchRequest
 
 
+def part(batch):
+    """Return the part of a batch."""
+    return SimpleNamespace(batch=batch)
+
+
 @pytest.fixture
 def queue(plan):
-    """Return a queue of batches of 10, 10 and 5, of which the second is there."""
-    return WorkQueue(plan, [1], 25)
+    """Return the queue of a plan of batches of 10, 10 and 5, of which the second is completed."""
+    return WorkQueue(plan, {1: part(1)}, 25)
 
 
 def handed_out(queue):
@@ -21,26 +28,27 @@ def handed_out(queue):
 
 
 def test_missing_batches_in_order(queue):
-    """What is there is not asked for; what is put back comes first."""
+    """Completed batches are not handed out; batches that are put back come first, in their order."""
     assert len(queue) == 2
     assert handed_out(queue) == [BatchRequest(0), BatchRequest(2)]
-    queue.requeue(BatchRequest(2, 2, isolated=True))
-    assert handed_out(queue) == [BatchRequest(2, 2, isolated=True)]
+    requests = [BatchRequest(0, 2, isolated=True), BatchRequest(2)]
+    queue.requeue(requests)
+    assert handed_out(queue) == requests
     assert not queue
 
 
-def test_samples_beyond_the_end_are_not_asked_for(plan):
+def test_samples_beyond_the_end_are_not_computed(plan):
     """A campaign that stopped at sample 10 needs its first batch, one that stopped at 11 two."""
-    assert handed_out(WorkQueue(plan, [], 10)) == [BatchRequest(0)]
-    assert handed_out(WorkQueue(plan, [], 11)) == [BatchRequest(0), BatchRequest(1)]
+    assert handed_out(WorkQueue(plan, {}, 10)) == [BatchRequest(0)]
+    assert handed_out(WorkQueue(plan, {}, 11)) == [BatchRequest(0), BatchRequest(1)]
 
 
 def test_complete_from_the_beginning_on(queue):
-    """Samples are held when no batch before them is missing."""
+    """The first samples are completed when no batch among them is missing."""
     assert not queue.completed(1)
-    queue.complete(2)
+    queue.complete(part(2))
     assert not queue.completed(1)
-    queue.complete(0)
+    queue.complete(part(0))
     assert queue.completed(25)
 
 

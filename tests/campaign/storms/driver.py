@@ -12,7 +12,7 @@ from pathlib import Path
 from campaign.cli.output import show_logs
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.tls import Tls
-from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator.coordinate import coordinate
 from campaign.errors import CampaignError
 from campaign.store import open_store
 from tests.campaign import fake_engine

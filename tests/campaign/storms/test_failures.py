@@ -14,8 +14,8 @@ from random import Random
 import pytest
 
 from campaign.cluster.cluster import Cluster
-from campaign.coordinator.coordinator import coordinate
-from campaign.coordinator.results import TRIES
+from campaign.coordinator.backoff import TRIES
+from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.state import state_of
 from campaign.coordinator.submit import submit
 from campaign.errors import StoreError

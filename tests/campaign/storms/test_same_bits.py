@@ -8,7 +8,7 @@ import pytest
 
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.tls_certificates import make_certificates
-from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.submit import submit
 from campaign.spec.load import load_campaign
 from campaign.store import open_store

@@ -13,7 +13,7 @@ import pytest
 import s3fs
 
 from campaign.cluster.cluster import Cluster
-from campaign.coordinator.coordinator import coordinate
+from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.submit import submit
 from campaign.errors import SpecError, StoreError
 from campaign.store import open_store, part_name

@@ -1,0 +1,137 @@
+"""Workers of a dask cluster. No other module submits work to dask."""
+
+import secrets
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from queue import Empty, SimpleQueue
+from typing import Any, TypeVar
+
+import distributed
+from distributed import Client, KilledWorker, get_worker
+
+from campaign.cluster.cluster import Cluster
+from campaign.cluster.connect import connect
+from campaign.cluster.workers import NoWorkerLeft, SchedulerLost, WorkerDied, Workers
+from campaign.worker.messages import WrongBuild
+
+ANSWERS_WITHIN = 30.0  # s, in which the result of a finished call must arrive
+RETURNS_WITHIN = 8.0  # s, in which a killed worker is replaced
+RETRY_INTERVAL = 0.5  # s, between two looks for a worker that is not refused
+
+T = TypeVar("T")
+
+
+@contextmanager
+def connect_workers(cluster: Cluster) -> Iterator[Workers]:
+    """Start or reach a cluster and yield its workers; errors are those of `campaign.cluster.connect.connect`."""
+    with connect(cluster) as client:
+        yield DaskWorkers(client)
+
+
+class DaskWorkers:
+    """The workers that a dask client reaches; see `campaign.cluster.workers.Workers`.
+
+    Parameters
+    ----------
+    client : Client
+        Connected to the scheduler; it is not closed here.
+    """
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._token = secrets.token_hex(8)  # tells its keys from those of other clients of the scheduler
+        self._submitted = 0
+        self._refused: set[str] = set()
+        self._in_flight: dict[str, tuple[distributed.Future[Any], Future[Any]]] = {}
+        self._finished: SimpleQueue[distributed.Future[Any]] = SimpleQueue()
+
+    @property
+    def name(self) -> str:
+        """The scheduler and its address."""
+        return f"scheduler {self._client.scheduler_info(n_workers=0)['address']}"
+
+    def count(self) -> int:
+        """Return the number of workers that the scheduler knows, refused ones included."""
+        return len(self._addresses())
+
+    def submit(self, key: str, function: Callable[..., T], *arguments: Any) -> Future[T]:
+        """Submit a call to the scheduler; refused workers do not get it."""
+        accepted = self._accepted()
+        self._submitted += 1
+        task = self._client.submit(
+            _call,
+            function,
+            *arguments,
+            key=f"{key}-{self._token}-{self._submitted}",
+            pure=False,
+            workers=accepted,
+            allow_other_workers=accepted is not None,  # a worker that ends returns under another address
+        )
+        future: Future[T] = Future()
+        self._in_flight[str(task.key)] = task, future
+        task.add_done_callback(self._finished.put)
+        return future
+
+    def next_finished(self, timeout: float | None = None) -> Future[Any] | None:
+        """Wait for a call that is finished; its result is released from the cluster."""
+        if not self._in_flight:
+            return None
+        try:
+            task = self._finished.get(timeout=None if timeout is None else max(timeout, 0.0))
+        except Empty:
+            return None
+        _, future = self._in_flight.pop(str(task.key))
+        _finish(future, task)
+        task.release()
+        return future
+
+    def refuse(self, worker: str) -> None:
+        """Submit nothing more to the worker at this address."""
+        self._refused.add(worker)
+
+    def cancel(self) -> None:
+        """Take back all calls in flight; a worker still ends the one that it runs."""
+        if self._in_flight and self._client.status == "running":
+            self._client.cancel([task for task, _ in self._in_flight.values()], force=True)
+        self._in_flight, self._finished = {}, SimpleQueue()
+
+    def _accepted(self) -> list[str] | None:
+        """Return the workers that are not refused, waiting a while for one; None if none is refused."""
+        if not self._refused:
+            return None
+        end = time.monotonic() + RETURNS_WITHIN
+        while not (accepted := self._addresses() - self._refused):
+            if time.monotonic() > end:
+                raise NoWorkerLeft(f"{self.name} has only workers that are refused")
+            time.sleep(RETRY_INTERVAL)
+        return sorted(accepted)
+
+    def _addresses(self) -> set[str]:
+        if self._client.status != "running":
+            raise SchedulerLost(f"client {self._client.status}")
+        return set(self._client.scheduler_info(n_workers=-1)["workers"])
+
+
+def _call(function: Callable[..., T], *arguments: Any) -> T:
+    """Call a function on a worker; an error that says the worker is of the wrong build says which worker it is."""
+    try:
+        return function(*arguments)
+    except WrongBuild as error:
+        error.worker = str(get_worker().address)
+        raise
+
+
+def _finish(future: Future[Any], task: "distributed.Future[Any]") -> None:
+    """Finish a future as a task of dask did."""
+    if task.status == "cancelled":
+        raise SchedulerLost("connection closed")
+    try:
+        future.set_result(task.result(timeout=ANSWERS_WITHIN))
+    except TimeoutError as error:
+        raise SchedulerLost("a finished call does not answer") from error
+    except KilledWorker as error:
+        future.set_exception(WorkerDied(str(error)))
+    except Exception as error:
+        future.set_exception(error)

@@ -1,0 +1,184 @@
+"""Workers that are processes of this machine, joined to this one by pipes: no sockets, and no scheduler."""
+
+import signal
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
+from typing import Any, TypeVar
+
+from campaign.cluster.workers import NoWorkerLeft, WorkerDied
+from campaign.worker.messages import WrongBuild
+
+ENDS_WITHIN = 5.0  # s, in which an idle process ends when its pipe is closed
+
+T = TypeVar("T")
+Call = tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]
+
+
+@contextmanager
+def process_workers(count: int) -> Iterator["ProcessWorkers"]:
+    """Yield workers that are processes started here; they end with the block.
+
+    Parameters
+    ----------
+    count : int
+        Number of processes; each is started when it is first needed.
+    """
+    workers = ProcessWorkers(count)
+    try:
+        yield workers
+    finally:
+        workers.close()
+
+
+@dataclass
+class _Process:
+    """A spawned process, the pipes to and from it, and the future of the call that it runs."""
+
+    process: SpawnProcess
+    calls: "Connection[Any, Any]"
+    answers: "Connection[Any, Any]"
+    running: Future[Any] | None = None
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        return f"process {self.process.pid}"
+
+    def end(self) -> None:
+        """End the process: at once if it runs a call, otherwise in order."""
+        if self.running:
+            self.process.kill()
+        self.calls.close()
+        self.process.join(ENDS_WITHIN)
+        self.process.kill()
+        self.process.join()
+        self.answers.close()
+
+
+class ProcessWorkers:
+    """Processes of this machine; see `campaign.cluster.workers.Workers`.
+
+    A process that dies is replaced by another.
+
+    Parameters
+    ----------
+    count : int
+        Number of processes.
+    """
+
+    name = "this machine"
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._processes: list[_Process] = []
+        self._waiting: deque[Call] = deque()
+
+    def count(self) -> int:
+        """Return the number of processes that calls may use."""
+        return self._count
+
+    def submit(self, key: str, function: Callable[..., T], *arguments: Any) -> Future[T]:
+        """Have the next free process call a function; ``key`` is not used, as there is no scheduler to show it."""
+        if not self._count:
+            raise NoWorkerLeft("every process is refused")
+        future: Future[T] = Future()
+        self._waiting.append((future, function, arguments))
+        self._start_waiting()
+        return future
+
+    def next_finished(self, timeout: float | None = None) -> Future[Any] | None:
+        """Wait for a call that is finished, and start the next one in its process."""
+        busy = {process.answers: process for process in self._processes if process.running}
+        if self._waiting and not busy:
+            raise NoWorkerLeft("every process is refused")
+        for answers in wait(list(busy), None if timeout is None else max(timeout, 0.0)) if busy else ():
+            process = busy[answers]  # type: ignore[index]  # these are the connections
+            future, process.running = process.running, None
+            assert future is not None
+            self._finish(future, process)
+            self._start_waiting()
+            return future
+        return None
+
+    def refuse(self, worker: str) -> None:
+        """End the process of this name; it is not replaced."""
+        for process in [process for process in self._processes if process.name == worker]:
+            process.end()
+            self._processes.remove(process)
+            self._count -= 1
+
+    def cancel(self) -> None:
+        """Take back all calls in flight, ending the processes that run them."""
+        self._waiting.clear()
+        for process in [process for process in self._processes if process.running]:
+            process.end()
+            self._processes.remove(process)
+
+    def close(self) -> None:
+        """End all processes."""
+        self.cancel()
+        for process in self._processes:
+            process.end()
+        self._processes.clear()
+
+    def _start_waiting(self) -> None:
+        """Give waiting calls to processes that are free, starting processes as far as there may be more."""
+        while self._waiting:
+            free = next((process for process in self._processes if not process.running), None)
+            if free is None:
+                if len(self._processes) == self._count:
+                    return
+                free = _start()
+                self._processes.append(free)
+            future, function, arguments = self._waiting.popleft()
+            free.running = future
+            with suppress(BrokenPipeError):  # if it died while it was idle, its other pipe tells `next_finished`
+                free.calls.send((function, arguments))
+
+    def _finish(self, future: Future[Any], process: _Process) -> None:
+        """Finish a future with what its process answered; a process that ended without an answer is dropped."""
+        try:
+            result, error = process.answers.recv()
+        except (EOFError, OSError):
+            process.end()
+            self._processes.remove(process)
+            future.set_exception(WorkerDied(f"{process.name} ended with exit status {process.process.exitcode}"))
+            return
+        if isinstance(error, WrongBuild):
+            error.worker = process.name
+        if error is None:
+            future.set_result(result)
+        else:
+            future.set_exception(error)
+
+
+def _start() -> _Process:
+    """Start a process that waits for calls."""
+    context = get_context("spawn")
+    calls_out, calls_in = context.Pipe(duplex=False)
+    answers_out, answers_in = context.Pipe(duplex=False)
+    process = context.Process(target=_serve, args=(calls_out, answers_in), daemon=True)
+    process.start()
+    calls_out.close()  # the process has its own; while this one is open, neither side would see the other end
+    answers_in.close()
+    return _Process(process, calls_in, answers_out)
+
+
+def _serve(calls: "Connection[Any, Any]", answers: "Connection[Any, Any]") -> None:
+    """Run calls one after the other until the pipe is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that talks to the user
+    while True:
+        try:
+            function, arguments = calls.recv()
+        except EOFError:
+            return
+        try:
+            answers.send((function(*arguments), None))
+        except Exception as error:
+            answers.send((None, error))

@@ -1,0 +1,32 @@
+"""Ever longer pauses between attempts at what fails."""
+
+import time
+
+TRIES = 10  # attempts in a row at a batch and at the store
+PAUSES = (0.5, 15.0)  # s, the first and the longest; each is twice as long as the one before
+
+
+class Backoff:
+    """Counts failures in a row and waits after each.
+
+    Attributes
+    ----------
+    failures : int
+        Failures since the last success.
+    """
+
+    def __init__(self) -> None:
+        self.failures = 0
+
+    def fail(self) -> None:
+        """Count a failure."""
+        self.failures += 1
+
+    def wait(self) -> None:
+        """Wait as long as the number of failures asks for."""
+        first, longest = PAUSES
+        time.sleep(min(first * 2.0 ** min(self.failures - 1, 20), longest))
+
+    def reset(self) -> None:
+        """Forget the failures, after a success."""
+        self.failures = 0

@@ -1,0 +1,140 @@
+"""Drive a campaign to its end: hold its lease, connect to the cluster, compute, and write down how it ended."""
+
+import logging
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+
+from campaign.cluster.cluster import Cluster
+from campaign.cluster.dask_workers import connect_workers
+from campaign.cluster.workers import Workers
+from campaign.coordinator.coordinator import Coordinator
+from campaign.coordinator.heartbeat import Show
+from campaign.coordinator.lease import LeaseLost, hold_lease
+from campaign.coordinator.state import write_state
+from campaign.coordinator.stopping_rule import Verdict
+from campaign.errors import StoreError, UnreachableError
+from campaign.plan import Plan
+from campaign.store import Store, Survey
+from campaign.worker.messages import Cancelled, Simulate
+from engine import simulate, warm_up
+
+logger = logging.getLogger(__name__)
+
+LOADS_WITHIN = 4.0  # s: an engine that takes longer is being compiled
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A campaign that is completed.
+
+    Attributes
+    ----------
+    plan : Plan
+        The campaign.
+    survey : Survey
+        What the store holds.
+    samples : int
+        Number of samples: those planned, or fewer if the stopping rule ended the campaign.
+    computed : int
+        Rows that this call computed; the store had the others already.
+    wall_s : float
+        How long the call took [s].
+    verdict : Verdict or None
+        Of the stopping rule, if the campaign has one.
+    """
+
+    plan: Plan
+    survey: Survey
+    samples: int
+    computed: int
+    wall_s: float
+    verdict: Verdict | None = None
+
+
+def coordinate(
+    store: Store,
+    plan: Plan,
+    cluster: Cluster,
+    show: Show = lambda _: None,
+    simulate: Simulate = simulate,
+    *,
+    report_due: bool = False,
+) -> Outcome:
+    """Compute the missing rows of a campaign.
+
+    Parameters
+    ----------
+    store : Store
+        Where the plan is and the rows go.
+    plan : Plan
+        The campaign.
+    cluster : Cluster
+        Where to compute.
+    show : callable
+        Called every two seconds with a heartbeat.
+    simulate : callable
+        `engine.simulate`, or a function with the same parameters that takes its place.
+    report_due : bool
+        Leave the campaign open at its end, for a service that still has to write the report and may be killed before.
+
+    Returns
+    -------
+    Outcome
+        With a row for every sample.
+
+    Raises
+    ------
+    LeaseHeld, LeaseLost
+        If another process coordinates the campaign.
+    Cancelled
+        If the campaign is cancelled.
+    TooManyFailed
+        If more runs fail than the campaign's policy allows.
+    StoreError, UnreachableError
+        If the store or the cluster keeps failing; the rows that are stored stay.
+    KeyboardInterrupt
+        On Ctrl-C; coordinating the campaign again goes on from there.
+    """
+    start = time.perf_counter()
+    with hold_lease(store, plan.campaign_id) as token:
+        write_state(store, plan.campaign_id, "running")
+        try:
+            coordinator = Coordinator(store, plan, token, show, simulate)
+            coordinator.run(lambda: _ready_workers(cluster, simulate))
+        except BaseException as error:
+            _write_failure(store, plan.campaign_id, error)
+            raise
+        verdict = coordinator.checkpoints.verdict
+        write_state(store, plan.campaign_id, "completed", verdict.text() if verdict else "", is_open=report_due)
+        coordinator.publish_heartbeat("completed")
+    wall = time.perf_counter() - start
+    return Outcome(plan, store.survey(plan), store.end(plan), coordinator.progress.computed, wall, verdict)
+
+
+@contextmanager
+def _ready_workers(cluster: Cluster, simulated: Simulate) -> Iterator[Workers]:
+    """Connect to the workers; on this machine one compiles the engine first, so that the others load the result."""
+    with connect_workers(cluster) as workers:
+        if cluster.starts_here and simulated is simulate:
+            compiled = workers.submit("warm-up", warm_up)
+            if workers.next_finished(LOADS_WITHIN) is None:
+                logger.info("compiling the engine: once after each change of version, about a minute")
+                workers.next_finished()
+            compiled.result()
+        yield workers
+
+
+def _write_failure(store: Store, campaign_id: str, error: BaseException) -> None:
+    """Write down how a campaign ended; a store that cannot take it must not hide the error.
+
+    A campaign that a supervisor, the store or the cluster ended stays open for the next coordinator.
+    """
+    if isinstance(error, LeaseLost):
+        return
+    is_open = isinstance(error, SystemExit | StoreError | UnreachableError)
+    state = "cancelled" if isinstance(error, Cancelled) else "failed"
+    state = "interrupted" if is_open or isinstance(error, KeyboardInterrupt) else state
+    with suppress(StoreError):
+        write_state(store, campaign_id, state, str(error), is_open=is_open)

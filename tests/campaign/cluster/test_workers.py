@@ -1,0 +1,112 @@
+"""What every kind of workers does with a call, whether dask runs it or a process that was spawned here."""
+
+import os
+import signal
+import time
+
+import psutil
+import pytest
+
+from campaign.cluster.cluster import Cluster
+from campaign.cluster.dask_workers import connect_workers
+from campaign.cluster.process_workers import process_workers
+from campaign.cluster.workers import NoWorkerLeft, WorkerDied
+from campaign.worker.messages import WrongBuild
+
+KINDS = {"dask": lambda: connect_workers(Cluster(workers=2)), "processes": lambda: process_workers(2)}
+
+
+@pytest.fixture(scope="module", params=KINDS)
+def workers(request):
+    """Return two workers of a kind."""
+    with KINDS[request.param]() as workers:
+        yield workers
+
+
+def finished(workers):
+    """Return the futures of all calls in flight."""
+    futures = []
+    while (future := workers.next_finished()) is not None:
+        futures.append(future)
+    return futures
+
+
+def dies():
+    """End the process in which this runs."""
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def is_of_another_build():
+    """Refuse to compute, as a worker with another engine does."""
+    raise WrongBuild("another build")
+
+
+def test_results_and_errors_of_calls(workers):
+    """Each future holds what its call returned or raised; none is left at the end."""
+    calls = {workers.submit("power", pow, 2, n): 2**n for n in range(6)}
+    failing = workers.submit("division", divmod, 1, 0)
+    assert workers.count() == 2
+    assert set(finished(workers)) == {*calls, failing}
+    assert {call: call.result() for call in calls} == calls
+    with pytest.raises(ZeroDivisionError):
+        failing.result()
+    assert workers.next_finished() is None
+
+
+def test_waits_no_longer_than_asked(workers):
+    """A call that is not finished in time is returned by a later wait."""
+    workers.submit("sleep", time.sleep, 1.0)
+    start = time.monotonic()
+    assert workers.next_finished(0.2) is None
+    assert 0.1 < time.monotonic() - start < 0.9
+    assert len(finished(workers)) == 1
+
+
+def test_worker_that_dies_is_replaced(workers):
+    """Its call says so; others are computed."""
+    dead = workers.submit("dies", dies)
+    finished(workers)
+    with pytest.raises(WorkerDied):
+        dead.result()
+    after = workers.submit("power", pow, 2, 3)
+    finished(workers)
+    assert after.result() == 8
+
+
+def test_calls_that_are_taken_back_are_not_returned(workers):
+    """Later calls are computed as always."""
+    for _ in range(3):
+        workers.submit("sleep", time.sleep, 1.0)
+    workers.cancel()
+    assert workers.next_finished() is None
+    later = workers.submit("power", pow, 2, 4)
+    assert finished(workers) == [later]
+    assert later.result() == 16
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_refused_workers_get_no_calls(kind, monkeypatch):
+    """A worker of another build names itself; without the refused ones, the other computes, and none is left then."""
+    monkeypatch.setattr("campaign.cluster.dask_workers.RETURNS_WITHIN", 0.5)
+    with KINDS[kind]() as workers:
+        for _ in range(2):
+            call = workers.submit("build", is_of_another_build)
+            finished(workers)
+            workers.refuse(call.exception().worker)
+        with pytest.raises(NoWorkerLeft):
+            workers.submit("power", pow, 2, 3)
+
+
+def test_no_process_stays():
+    """Neither an idle one nor one that computes; and none listens on a socket."""
+    before = set(psutil.Process().children(recursive=True))
+    with process_workers(2) as workers:
+        first = workers.submit("pid", os.getpid)
+        finished(workers)
+        workers.submit("sleep", time.sleep, 60.0)
+        workers.submit("sleep", time.sleep, 60.0)
+        time.sleep(0.5)
+        children = set(psutil.Process().children(recursive=True)) - before
+        assert first.result() in {child.pid for child in children}
+        assert [c for child in children for c in child.net_connections() if c.status == psutil.CONN_LISTEN] == []
+    assert not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children)
