@@ -14,7 +14,6 @@ from distributed import Client, KilledWorker, get_worker
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.connect import connect
 from campaign.cluster.workers import NoWorkerLeft, SchedulerLost, WorkerDied, Workers
-from campaign.worker.messages import WrongBuild
 
 ANSWERS_WITHIN = 30.0  # s, in which the result of a finished call must arrive
 RETURNS_WITHIN = 8.0  # s, in which a killed worker is replaced
@@ -87,9 +86,11 @@ class DaskWorkers:
         task.release()
         return future
 
-    def refuse(self, worker: str) -> None:
-        """Submit nothing more to the worker at this address."""
+    def refuse(self, call: Future[Any]) -> str:
+        """Submit nothing more to the worker in which this call failed; return its address."""
+        worker = str(getattr(call.exception(), "worker", ""))
         self._refused.add(worker)
+        return worker
 
     def cancel(self) -> None:
         """Take back all calls in flight; a worker still ends the one that it runs."""
@@ -115,11 +116,11 @@ class DaskWorkers:
 
 
 def _call(function: Callable[..., T], *arguments: Any) -> T:
-    """Call a function on a worker; an error that says the worker is of the wrong build says which worker it is."""
+    """Call a function on a worker; its error takes the worker's address along, so that the worker can be refused."""
     try:
         return function(*arguments)
-    except WrongBuild as error:
-        error.worker = str(get_worker().address)
+    except Exception as error:
+        error.worker = str(get_worker().address)  # type: ignore[attr-defined]  # any exception takes attributes
         raise
 
 

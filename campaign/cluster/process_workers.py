@@ -12,7 +12,6 @@ from multiprocessing.context import SpawnProcess
 from typing import Any, TypeVar
 
 from campaign.cluster.workers import NoWorkerLeft, WorkerDied
-from campaign.worker.messages import WrongBuild
 
 ENDS_WITHIN = 5.0  # s, in which an idle process ends when its pipe is closed
 
@@ -106,12 +105,14 @@ class ProcessWorkers:
             return future
         return None
 
-    def refuse(self, worker: str) -> None:
-        """End the process of this name; it is not replaced."""
+    def refuse(self, call: Future[Any]) -> str:
+        """End the process in which this call failed, and do not replace it; return its name."""
+        worker = str(getattr(call.exception(), "worker", ""))
         for process in [process for process in self._processes if process.name == worker]:
             process.end()
             self._processes.remove(process)
             self._count -= 1
+        return worker
 
     def cancel(self) -> None:
         """Take back all calls in flight, ending the processes that run them."""
@@ -150,11 +151,10 @@ class ProcessWorkers:
             self._processes.remove(process)
             future.set_exception(WorkerDied(f"{process.name} ended with exit status {process.process.exitcode}"))
             return
-        if isinstance(error, WrongBuild):
-            error.worker = process.name
         if error is None:
             future.set_result(result)
         else:
+            error.worker = process.name
             future.set_exception(error)
 
 

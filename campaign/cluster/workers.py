@@ -86,8 +86,8 @@ class Workers(Protocol):
             If calls wait and every worker is refused.
         """
 
-    def refuse(self, worker: str) -> None:
-        """Give a worker no more calls."""
+    def refuse(self, call: Future[Any]) -> str:
+        """Give no more calls to the worker in which this call failed; return the worker's name."""
 
     def cancel(self) -> None:
         """Take back all calls in flight; their futures are never finished."""

@@ -198,8 +198,7 @@ class Coordinator:
             logger.warning("%s took its worker with it: its runs get a process of their own", _text(requests))
             self.queue.requeue([_isolated(request) for request in requests])
         except WrongBuild as error:
-            window.refuse(error.worker)
-            logger.warning("worker %s: %s; it gets no more batches", error.worker, error)
+            logger.warning("worker %s: %s; it gets no more batches", window.refuse(future), error)
             self.queue.requeue(requests)
         except Cancelled:
             self.queue.requeue(requests)  # the next check finds the marker and ends the campaign

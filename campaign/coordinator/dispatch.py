@@ -79,9 +79,9 @@ class Window:
         future = self._workers.next_finished(timeout)
         return None if future is None else (self._in_flight.pop(future), future)
 
-    def refuse(self, worker: str) -> None:
-        """Give a worker no more batches."""
-        self._workers.refuse(worker)
+    def refuse(self, future: Future[list[BatchResult]]) -> str:
+        """Give no more batches to the worker in which a call failed; return the worker's name."""
+        return self._workers.refuse(future)
 
     def count_workers(self) -> int:
         """Count the workers, and warn every minute that there is none.

@@ -16,15 +16,7 @@ Simulate = Callable[..., Run]
 
 
 class WrongBuild(CampaignError):
-    """A worker runs another engine build than the campaign is planned for.
-
-    Attributes
-    ----------
-    worker : str
-        Name of the worker, as `campaign.cluster.workers.Workers.refuse` takes it; empty until the worker is known.
-    """
-
-    worker = ""
+    """A worker runs another engine build than the campaign is planned for."""
 
 
 class Cancelled(CampaignError):

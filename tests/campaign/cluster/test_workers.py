@@ -11,7 +11,6 @@ from campaign.cluster.cluster import Cluster
 from campaign.cluster.dask_workers import connect_workers
 from campaign.cluster.process_workers import process_workers
 from campaign.cluster.workers import NoWorkerLeft, WorkerDied
-from campaign.worker.messages import WrongBuild
 
 KINDS = {"dask": lambda: connect_workers(Cluster(workers=2)), "processes": lambda: process_workers(2)}
 
@@ -38,7 +37,7 @@ def dies():
 
 def is_of_another_build():
     """Refuse to compute, as a worker with another engine does."""
-    raise WrongBuild("another build")
+    raise ValueError("another build")
 
 
 def test_results_and_errors_of_calls(workers):
@@ -92,7 +91,7 @@ def test_refused_workers_get_no_calls(kind, monkeypatch):
         for _ in range(2):
             call = workers.submit("build", is_of_another_build)
             finished(workers)
-            workers.refuse(call.exception().worker)
+            workers.refuse(call)
         with pytest.raises(NoWorkerLeft):
             workers.submit("power", pow, 2, 3)
 
