@@ -13,7 +13,7 @@ def bits(store, plan):
 
 
 def check_whole(store, plan, reference):
-    """Check that every row is there once with the bits of the fault-free table, and nothing else is."""
+    """Check that the store has every row once, with the bits of the fault-free table, and nothing else."""
     table = bits(store, plan)
     assert table["sample"].to_pylist() == list(range(plan.spec.samples))
     assert table.equals(reference)
@@ -22,8 +22,8 @@ def check_whole(store, plan, reference):
     known = load_manifest(store.files, plan)
     assert {part.batch: part for parts in known.values() for part in parts} == survey.parts
     root = plan.campaign_id
-    there = set(store.files.names(root)) - {"reports"}
+    names = set(store.files.names(root)) - {"reports"}
     kept = {"plan.json", "campaign.toml", "state.json", "heartbeat.json", "parts", layout.MANIFEST}
-    assert there == kept, there ^ kept  # no lease, no marker, nothing temporary
+    assert names == kept, names ^ kept  # no lease, no marker, nothing temporary
     assert [name for name in store.files.names(f"{root}/parts") if name.endswith(TEMPORARY)] == []
     assert store.read_json(root, "state.json")["state"] == "completed"

@@ -28,8 +28,8 @@ def start_cluster(supervisor, folder, workers=2, tls=None):
 
 def drive(supervisor, store, plan, address, seconds, *options, name="coordinator"):
     """Have a coordinator with the stand-in's runs started, until the campaign is complete."""
-    told = (store.url, plan.campaign_id, "--scheduler", address, "--seconds", seconds, *options)
-    supervisor.add(name, "tests.campaign.storms.driver", *told, once=True)
+    arguments = (store.url, plan.campaign_id, "--scheduler", address, "--seconds", seconds, *options)
+    supervisor.add(name, "tests.campaign.storms.driver", *arguments, once=True)
 
 
 def victims(supervisor, kind, chance):

@@ -1,4 +1,4 @@
-"""A coordinator for a campaign whose runs are the stand-in's: ``python -m tests.campaign.storms.driver``.
+"""A coordinator for a campaign whose runs are those of the stand-in: ``python -m tests.campaign.storms.driver``.
 
 It is ``clearcap coordinate`` but for the physics, which no option of the command replaces.
 """
@@ -19,7 +19,7 @@ from tests.campaign import fake_engine
 
 
 def main():
-    """Drive the campaign; exit as the command does."""
+    """Coordinate the campaign; exit as the command does."""
     parser = argparse.ArgumentParser()
     parser.add_argument("store")
     parser.add_argument("campaign")
@@ -27,15 +27,15 @@ def main():
     parser.add_argument("--workers", type=int)
     parser.add_argument("--seconds", type=float, default=0.0, help="that a run takes")
     parser.add_argument("--tls", type=Path, help="folder of certificates")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     show_logs()
-    store = open_store(asked.store)
-    tls = asked.tls and Tls(*(str(asked.tls / name) for name in ("ca.pem", "client.pem", "client.key")))
-    where = Cluster(scheduler=asked.scheduler, workers=asked.workers, tls=tls)
-    simulate = partial(fake_engine.takes, asked.seconds) if asked.seconds else fake_engine.simulate
+    store = open_store(options.store)
+    tls = options.tls and Tls(*(str(options.tls / name) for name in ("ca.pem", "client.pem", "client.key")))
+    where = Cluster(scheduler=options.scheduler, workers=options.workers, tls=tls)
+    simulate = partial(fake_engine.takes, options.seconds) if options.seconds else fake_engine.simulate
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     try:
-        coordinate(store, store.plan(asked.campaign), where, simulate=simulate)
+        coordinate(store, store.plan(options.campaign), where, simulate=simulate)
     except CampaignError as error:
         print(f"{type(error).__name__}: {error}", file=sys.stderr)
         sys.exit(error.exit_code)

@@ -184,10 +184,10 @@ def test_damage_without_end_is_said(tmp_path, asked, monkeypatch, workers):
     """A disk that never reads back what was written ends the campaign with these words, not in a loop."""
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, asked, 150)
-    asked_for = []
+    surveys = []
 
     def damaged(files, *_, **how):
-        asked_for.append(how)
+        surveys.append(how)
         return replace(sound(files, *_, **how), parts={}, missing=[0, 1])
 
     sound = type(store).survey
@@ -221,7 +221,7 @@ def test_a_sound_worker_is_waited_for(tmp_path, asked, reference):
 
 
 def test_cancel_then_resume(tmp_path, asked, reference, supervisor):
-    """``cancel`` ends the coordinator; taken back, another one goes on with what is there."""
+    """``cancel`` ends the coordinator; when the marker is removed, another one completes the campaign."""
     store, plan, _ = driven(tmp_path, asked, supervisor, 3, 0.02)
     wait(lambda: len(parts(store, plan)) > 5, lambda: supervisor.said("coordinator"))
     command = [sys.executable, "-m", "campaign", "cancel", plan.campaign_id, "--store", store.url]
@@ -249,17 +249,17 @@ def test_terminated_coordinator_leaves_it_open(tmp_path, asked, reference, super
     check_whole(store, plan, reference)
 
 
-def test_children_that_compute_apart_are_killed(tmp_path, asked, reference, supervisor):
-    """Kill -9 of a child: the run it was at is repeated, and no row blames it (three times in a row would)."""
+def test_isolated_subprocesses_are_killed(tmp_path, asked, reference, supervisor):
+    """Kill -9 of an isolated subprocess: its run is repeated, and no row blames it (three kills in a row would)."""
     store, plan, _ = driven(tmp_path, asked, supervisor, 30, 0.05)
     chance, struck = Random(1), 0
     wait(lambda: len(parts(store, plan)) > 1, lambda: supervisor.said("coordinator"))
     while struck < 2 and not supervisor.finished("coordinator"):
-        there = len(parts(store, plan))
+        before = len(parts(store, plan))
         strike(supervisor, "worker", chance)
         wait(lambda: strike(supervisor, "child", chance) or supervisor.finished("coordinator"), "no child")
         struck += 1
-        wait(lambda there=there: len(parts(store, plan)) > there + 1, lambda: supervisor.said("coordinator"))
+        wait(lambda before=before: len(parts(store, plan)) > before + 1, lambda: supervisor.said("coordinator"))
     assert struck
     finish(supervisor)
     check_whole(store, plan, reference)
