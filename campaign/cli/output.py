@@ -4,6 +4,7 @@ import json
 import logging
 import math
 import sys
+from collections.abc import Iterable, Sequence
 from typing import Annotated, Any
 
 import typer
@@ -34,6 +35,19 @@ class _MessageHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         say(record.getMessage())
+
+
+def print_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: bool = False) -> None:
+    """Print a table on standard output; with ``numbers`` all columns but the first are aligned right."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title)
+    for head in heads:
+        table.add_column(head, justify="right" if numbers and head != heads[0] else "left")
+    for row in rows:
+        table.add_row(*row)
+    Console().print(table)
 
 
 def number(value: float | None, digits: int = 5) -> str:

@@ -27,7 +27,7 @@ def check_output(option: str, path: Path, endings: tuple[str, ...]) -> None:
     Raises
     ------
     SpecError
-        If the ending is not allowed, or the folder is not there or not writable.
+        If the ending is not allowed, or the folder does not exist or is not writable.
     """
     if path.suffix not in endings:
         raise SpecError(f"{option} {path}: unknown ending; allowed: {', '.join(endings)}; name a file with one of them")

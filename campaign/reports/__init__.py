@@ -1,1 +1,1 @@
-"""What reporting is given: rows, limits and provenance of a campaign; what-if questions."""
+"""Reports of a campaign and questions to its samples: hands rows, limits and provenance to `reporting`."""

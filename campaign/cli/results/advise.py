@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from campaign.cli.options import Id, StoreUrl
-from campaign.cli.output import Json, number, print_json, say
+from campaign.cli.output import Json, number, print_json, print_table, say
 
 if TYPE_CHECKING:
     from reporting.tolerance.advice import Advice
@@ -51,41 +51,28 @@ def advise(
 
 def _print_advice(advice: "tuple[Advice, ...]", below: "dict[str, tuple[Advice, ...]]") -> None:
     """Print one row a variable: how far it may grow, and how far it must shrink for each response below Cpk 1.33."""
-    from rich.console import Console
-    from rich.table import Table
-
     if advice:
-        table = Table(title="how many times its sigma each variable may have, alone, with every Cpk of 1.33 staying so")
-        for head in ("variable", "factor", "ended by", "its Cpk there", "method"):
-            table.add_column(head)
+        rows = []
         for each in advice:
             factor = "none" if each.factor is None else f"{'' if each.bounded else 'at least '}{each.factor:.3g}"
             binding = (each.binding or "-") if each.bounded else "nothing"
-            table.add_row(each.variable, factor, binding, number(each.cpk, 4), each.method)
-        Console().print(table)
+            rows.append((each.variable, factor, binding, number(each.cpk, 4), each.method))
+        title = "how many times its sigma each variable may have, alone, with every Cpk of 1.33 staying so"
+        print_table(title, ("variable", "factor", "ended by", "its Cpk there", "method"), rows)
     for response, needed in below.items():
-        table = Table(title=f"{response} is below Cpk 1.33: how many times its sigma each variable must have, alone")
-        for head in ("variable", "factor", f"Cpk of {response} there", "method"):
-            table.add_column(head)
-        for each in needed:
-            factor = "none helps" if each.factor is None else f"{each.factor:.3g}"
-            table.add_row(each.variable, factor, number(each.cpk, 4), each.method)
-        Console().print(table)
+        factors = ["none helps" if each.factor is None else f"{each.factor:.3g}" for each in needed]
+        shrunk = [(e.variable, factor, number(e.cpk, 4), e.method) for e, factor in zip(needed, factors, strict=True)]
+        title = f"{response} is below Cpk 1.33: how many times its sigma each variable must have, alone"
+        print_table(title, ("variable", "factor", f"Cpk of {response} there", "method"), shrunk)
 
 
 def _print_allocation(proposal: "Allocation") -> None:
     """Print the proposal: sigmas, cost, Cpk of each response, and the campaign that confirms it."""
-    from rich.console import Console
-    from rich.table import Table
-
     if proposal.refusal:
         return
-    table = Table(title=f"cheapest standard deviations: cost {number(proposal.cost)}, now {number(proposal.cost_now)}")
-    for head in ("variable", "sigma", "times the present one"):
-        table.add_column(head)
-    for name, tolerance in proposal.tolerances.items():
-        table.add_row(name, number(tolerance, 4), f"{proposal.factors[name]:.3g}")
-    Console().print(table)
+    rows = [(name, number(sigma, 4), f"{proposal.factors[name]:.3g}") for name, sigma in proposal.tolerances.items()]
+    title = f"cheapest standard deviations: cost {number(proposal.cost)}, now {number(proposal.cost_now)}"
+    print_table(title, ("variable", "sigma", "times the present one"), rows)
     for r in proposal.responses:
         bound = f", which sets the tolerances; 0.01 more costs {number(r.price, 3)}" if r.binding else ""
         print(f"{r.response}: Cpk {r.cpk:.4g} (target {r.target:g}){bound}")

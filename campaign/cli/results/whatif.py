@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from campaign.cli.options import Id, StoreUrl
-from campaign.cli.output import Json, number, print_json, say
+from campaign.cli.output import Json, number, print_json, print_table, say
 
 if TYPE_CHECKING:
     from reporting.tolerance.whatif import Estimate, WhatIf
@@ -53,21 +53,13 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
 
 def _print(answers: "dict[str, WhatIf]", units: dict[str, str]) -> None:
     """Print one row a response."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title="under the new distributions, 95 % intervals")
-    for head in ("response", "mean", "sigma", "Cpk", "ppm out of limits", "worth samples"):
-        table.add_column(head, justify="left" if head == "response" else "right")
+    rows = []
     for name, answer in answers.items():
-        unit = units[name]
-        label = name if unit == "1" else f"{name} [{unit}]"
-        if answer.refusal:
-            table.add_row(label, *["-"] * 4, f"{answer.effective:.0f}")
-            continue
-        cells = (_cell(each) for each in (answer.mean, answer.std, answer.cpk, answer.ppm))
-        table.add_row(label, *cells, f"{answer.effective:.0f}")
-    Console().print(table)
+        label = name if units[name] == "1" else f"{name} [{units[name]}]"
+        estimates = [None] * 4 if answer.refusal else [answer.mean, answer.std, answer.cpk, answer.ppm]
+        rows.append((label, *map(_cell, estimates), f"{answer.effective:.0f}"))
+    heads = ("response", "mean", "sigma", "Cpk", "ppm out of limits", "worth samples")
+    print_table("under the new distributions, 95 % intervals", heads, rows, numbers=True)
 
 
 def _cell(estimate: "Estimate | None") -> str:
