@@ -1,9 +1,9 @@
-"""What a user writes in a campaign file, checked by models that name the key at fault."""
+"""The models of a campaign file: what a user may write, and what is refused."""
 
 from decimal import Decimal
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticKnownError
 
 from campaign.inputs.distributions import PositiveNumber, Variable
@@ -22,12 +22,12 @@ Levels = (
 )
 
 
-def _known_sampler(name: str) -> str:
-    """Return the name of a sampler; refuse any other, in pydantic's words for a choice."""
-    if name not in SAMPLERS:
-        *first, last = (f"'{sampler}'" for sampler in SAMPLERS)
+def _known_sampler(value: Any) -> Any:
+    """Return the name of a sampler; refuse any other value, in pydantic's words for a choice."""
+    if value not in list(SAMPLERS):
+        *first, last = (f"'{name}'" for name in SAMPLERS)
         raise PydanticKnownError("literal_error", {"expected": f"{', '.join(first)} or {last}"})
-    return name
+    return value
 
 
 def _describe_samplers(schema: dict[str, Any]) -> None:
@@ -36,7 +36,7 @@ def _describe_samplers(schema: dict[str, Any]) -> None:
     schema.update(enum=list(SAMPLERS), description=f"How samples are drawn. {summaries}.")
 
 
-SamplerName = Annotated[str, AfterValidator(_known_sampler)]
+SamplerName = Annotated[str, BeforeValidator(_known_sampler)]
 Column = Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_length=LARGEST_LIST)]
 
 
@@ -103,8 +103,8 @@ class SampleTable(TableModel, strict=True):
             raise ValueError("give either file or columns: the table's samples have one origin")
         lengths = {name: len(column) for name, column in (self.columns or {}).items()}
         if len(set(lengths.values())) > 1:
-            told = ", ".join(f"{name} {length}" for name, length in lengths.items())
-            raise ValueError(f"columns of different lengths ({told}); every row needs a value of each variable")
+            text = ", ".join(f"{name} {length}" for name, length in lengths.items())
+            raise ValueError(f"columns of different lengths ({text}); every row needs a value of each variable")
         return self
 
 
@@ -165,11 +165,13 @@ class CampaignSpec(TableModel, strict=True):
     @model_validator(mode="before")
     @classmethod
     def _samples_of_a_stop(cls, data: Any) -> Any:
-        """Let a stopping rule's ``max_samples`` be a number of samples too; the smaller of both holds."""
+        """Let a stopping rule's ``max_samples`` limit the number of samples, or be it if none is given."""
         stop = data.get("stop") if isinstance(data, dict) else None
-        most = stop.get("max_samples") if isinstance(stop, dict) else None
-        given = data.get("samples", most) if isinstance(most, int) else None
-        return {**data, "samples": min(given, most)} if isinstance(given, int) and isinstance(most, int) else data
+        largest = stop.get("max_samples") if isinstance(stop, dict) else None
+        samples = data.get("samples", largest) if isinstance(largest, int) else None
+        if not isinstance(samples, int) or not isinstance(largest, int):
+            return data
+        return {**data, "samples": min(samples, largest)}
 
     @model_validator(mode="after")
     def _samples_can_be_drawn(self) -> Self:
@@ -177,7 +179,7 @@ class CampaignSpec(TableModel, strict=True):
         return self
 
     def targets(self) -> dict[str, str]:
-        """Return which key of the mechanism each variable sets, by variable name."""
+        """Return the key of the mechanism that each variable sets, by variable name."""
         return {name: variable.target or name for name, variable in self.variables.items()}
 
 

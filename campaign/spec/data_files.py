@@ -1,4 +1,4 @@
-"""Values that a campaign file leaves in files beside it, read when it is loaded: the campaign is then complete."""
+"""Data files beside a campaign file: their values become part of the campaign when it is loaded."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,20 +17,22 @@ LARGEST_FILE = 100_000_000  # bytes
 FORMATS = (".csv", ".parquet")
 
 
-def with_values(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, Any], list[str]]:
-    """Return a campaign with the columns of the files it names in their place, and what is wrong with them.
+def read_data_files(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, Any], list[str]]:
+    """Return a campaign in which the columns of its data files replace the names of the files.
 
     Parameters
     ----------
     raw : mapping
-        The campaign as read, maybe faulty.
+        The campaign as read. It may have faults.
     folder : Path
-        Where relative paths begin.
+        The folder that relative paths start from.
 
     Returns
     -------
-    dict, list of str
-        The campaign, its tables left as they were where there is a fault; and the faults, one line each.
+    dict
+        The campaign; a table whose file cannot be read is left as it was.
+    list of str
+        What is wrong with the files, one line for each fault.
     """
     whole, faults = dict(raw), []
     variables, table = raw.get("variables"), raw.get("table")
@@ -59,17 +61,24 @@ def with_values(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, Any], l
 def read_columns(path: Path, names: list[str]) -> dict[str, list[float]]:
     """Return columns of numbers of a CSV or Parquet file by name.
 
+    Parameters
+    ----------
+    path : Path
+        The file.
+    names : list of str
+        The columns to read.
+
     Raises
     ------
     SpecError
-        If the file cannot be read, lacks a column, or holds something else than finite numbers; without the key.
+        If the file cannot be read, lacks a column, or holds anything but finite numbers. The message lacks the key.
     """
     content = _read(path)
     columns = {}
     for name in names:
-        present = content.column_names.count(name)
-        if present != 1:
-            what = f"no column {name}" if present == 0 else f"{present} columns {name}"
+        count = content.column_names.count(name)
+        if count != 1:
+            what = f"no column {name}" if count == 0 else f"{count} columns {name}"
             raise SpecError(
                 f"{what}; columns: {', '.join(content.column_names)}{did_you_mean(name, content.column_names)}"
             )
@@ -78,7 +87,7 @@ def read_columns(path: Path, names: list[str]) -> dict[str, list[float]]:
 
 
 def _names_file(entry: Any, content: str) -> TypeGuard[dict[str, Any]]:
-    """Return whether a table names a file in place of its content."""
+    """Return whether a table names a file instead of having its content under the key ``content``."""
     return (
         isinstance(entry, dict) and isinstance(entry.get("file"), str) and entry["file"] != "" and content not in entry
     )
@@ -104,7 +113,7 @@ def _read(path: Path) -> "pa.Table":
 
 
 def _numbers(column: "pa.ChunkedArray", name: str) -> list[float]:
-    """Return a column as numbers; every one must be finite."""
+    """Return a column as finite numbers."""
     import pyarrow as pa
 
     if not (pa.types.is_integer(column.type) or pa.types.is_floating(column.type)):

@@ -1,4 +1,7 @@
-"""From a campaign file to a campaign that can run: read, check everything at once, bind to its mechanism."""
+"""Loading a campaign file: read it, check everything at once, and load its mechanism.
+
+All faults of a file are collected before it is refused, so that a user can correct it in one go.
+"""
 
 import tomllib
 from collections import defaultdict
@@ -13,7 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 from campaign.errors import SpecError
 from campaign.inputs.distributions import Distribution, Empirical, Variable
 from campaign.spec.campaign_file import CampaignSpec
-from campaign.spec.data_files import with_values
+from campaign.spec.data_files import read_data_files
 from campaign.spec.messages import fault, structure_faults
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from engine import EngineError, MechanismError, check, load_mechanism
@@ -22,19 +25,19 @@ from engine.mechanism.faults import did_you_mean
 
 LARGEST_FILE = 1_000_000  # bytes
 
-_variable: TypeAdapter[Distribution] = TypeAdapter(Variable)
+_DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(Variable)
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """A checked campaign with the mechanism it is about.
+    """A checked campaign and its mechanism.
 
     Attributes
     ----------
     spec : CampaignSpec
-        What the user wrote, overrides applied.
+        What the user wrote, with the overrides of the command line.
     mechanism : Mechanism
-        The mechanism, at its own values.
+        The mechanism with its own values, on the campaign's bench if it names one.
     """
 
     spec: CampaignSpec
@@ -55,21 +58,21 @@ def load_campaign(name_or_path: str, *, samples: int | None = None, seed: int | 
     name_or_path : str
         Name of a shipped campaign, or path of a TOML file.
     samples, seed : int, optional
-        Replace the file's.
+        Number of samples and seed, instead of those of the file.
 
     Returns
     -------
     Campaign
-        The campaign, each variable tried at both ends on the mechanism.
+        The campaign; the mechanism accepts both ends of each variable.
 
     Raises
     ------
     SpecError
-        With all faults of the file, one a line, each with its key, value, what is allowed and the remedy.
+        With all faults of the file, one a line, each with its key, its value, what is allowed and the remedy.
     """
     path = _locate(name_or_path)
     raw = _read(path) | {k: v for k, v in (("samples", samples), ("seed", seed)) if v is not None}
-    raw, faults = with_values(raw, path.parent)
+    raw, faults = read_data_files(raw, path.parent)
     spec = None
     try:
         spec = CampaignSpec.model_validate(raw)
@@ -91,14 +94,14 @@ def load_campaign(name_or_path: str, *, samples: int | None = None, seed: int | 
 
 
 def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> list[str]:
-    """Return what is wrong between a campaign and its mechanism.
+    """Return what does not fit between a campaign and its mechanism, one line for each fault.
 
     Parameters
     ----------
     raw : mapping
-        The campaign as read, maybe faulty: only tables that are sound by themselves are looked at.
+        The campaign as read. It may have other faults; only tables that are sound by themselves are checked.
     mechanism : Mechanism
-        What the campaign is about.
+        The mechanism of the campaign.
     """
     variables = dict(_sound_variables(raw.get("variables")))
     faults = [*_name_faults(raw, mechanism), *_stop_faults(raw, mechanism)]
@@ -143,7 +146,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _mechanism(name: Any, folder: Path) -> Mechanism | None:
-    """Return the mechanism a campaign names; None if it names none that could be looked for."""
+    """Return the mechanism with a name or path; None if the campaign file has no usable name."""
     if not isinstance(name, str) or not name:
         return None
     is_path = Path(name).suffix == ".toml" or len(Path(name).parts) > 1
@@ -151,21 +154,21 @@ def _mechanism(name: Any, folder: Path) -> Mechanism | None:
 
 
 def _sound_variables(table: Any) -> Iterator[tuple[str, Distribution]]:
-    """Yield the variables that are right by themselves."""
+    """Yield the variables that are sound by themselves."""
     for name, entry in table.items() if isinstance(table, dict) else ():
         try:
-            variable = _variable.validate_python(entry)
+            variable = _DISTRIBUTION.validate_python(entry)
         except ValidationError:
             continue
-        if not isinstance(variable, Empirical) or variable.values:  # a file that could not be read is said already
+        if not isinstance(variable, Empirical) or variable.values:  # an unreadable file is a fault already
             yield name, variable
 
 
 def _name_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
-    """Yield variables whose name is taken as a column, and responses the mechanism lacks."""
-    known = list(mechanism.responses)
+    """Yield the faults of variables with the name of another column, and of responses that the mechanism lacks."""
+    responses = list(mechanism.responses)
     for table, taken in (
-        ("variables", {*CERTIFICATE_COLUMNS, *known}),
+        ("variables", {*CERTIFICATE_COLUMNS, *responses}),
         ("responses", set(CERTIFICATE_COLUMNS)),
     ):
         names = raw.get(table)
@@ -173,28 +176,31 @@ def _name_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
             if name in taken:
                 text = "name taken by another column of the results; rename it and give its key as target"
                 yield fault([table, name], None, text)
-            elif table == "responses" and name not in known:
-                allowed = ", ".join(known)
-                text = f"{mechanism.name} has no such response; allowed: {allowed}{did_you_mean(name, known)}"
-                yield fault([table, name], None, text)
+            elif table == "responses" and name not in responses:
+                yield fault([table, name], None, _no_response(name, mechanism))
 
 
 def _stop_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
-    """Yield what a stopping rule asks of a response that has not got it."""
+    """Yield the faults of a stopping rule whose response does not exist or lacks the limits that it needs."""
     rule, responses = raw.get("stop"), raw.get("responses")
     name = rule.get("response") if isinstance(rule, dict) else None
     if not isinstance(rule, dict) or not isinstance(name, str):
         return
-    known, statistic = list(mechanism.responses), rule.get("statistic")
-    if name not in known:
-        text = f"{mechanism.name} has no such response; allowed: {', '.join(known)}{did_you_mean(name, known)}"
-        yield fault(["stop", "response"], name, text)
+    statistic = rule.get("statistic")
+    if name not in mechanism.responses:
+        yield fault(["stop", "response"], name, _no_response(name, mechanism))
         return
     limits = responses.get(name) if isinstance(responses, dict) else None
     given = {"lsl", "usl", "nominal"} & set(limits if isinstance(limits, dict) else ())
     if statistic in ("cp", "cpk", "ppm") and (not given or (statistic == "cp" and given in ({"lsl"}, {"usl"}))):
         both = "both limits" if statistic == "cp" else "limits"
         yield fault(["stop", "statistic"], statistic, f"needs {both} of {name}; give them in [responses.{name}]")
+
+
+def _no_response(name: str, mechanism: Mechanism) -> str:
+    """Return that a mechanism has no response of a name, and which ones it has."""
+    allowed = ", ".join(mechanism.responses)
+    return f"{mechanism.name} has no such response; allowed: {allowed}{did_you_mean(name, mechanism.responses)}"
 
 
 def _extremes(raw: Mapping[str, Any], name: str) -> list[float]:
@@ -207,7 +213,7 @@ def _extremes(raw: Mapping[str, Any], name: str) -> list[float]:
 
 
 def _target_faults(name: str, target: str, values: set[float], mechanism: Mechanism) -> Iterator[str]:
-    """Yield what the mechanism says to a variable's target, or to some of its values."""
+    """Yield the faults of a variable whose target does not exist, or of values that the mechanism refuses."""
     keys = ["variables", name]
     try:
         get_value(mechanism, target)

@@ -1,4 +1,4 @@
-"""What a campaign does about failed runs, when it stops, and what a run may cost: tables of the campaign file."""
+"""Tables of the campaign file on failed runs, on the end of a campaign, and on the cost of a run."""
 
 from typing import Annotated, Literal, Self
 
@@ -8,9 +8,9 @@ from campaign.inputs.distributions import PositiveNumber
 from engine.mechanism.base import TableModel
 
 RETRIED = ("not_converged", "diverged", "timeout")
-"""Statuses that other settings could mend; an ``invalid`` run is a result, and a crash comes from elsewhere."""
+"""Statuses that other settings could avoid; an ``invalid`` run is a result, and settings do not cause a crash."""
 
-GROWTH = 4  # the next checkpoint of a stopping rule is a quarter further on
+GROWTH = 4  # the next checkpoint of a stopping rule is one part in so many further on
 
 
 class SimulationSettings(TableModel, strict=True):
@@ -29,7 +29,7 @@ class SimulationSettings(TableModel, strict=True):
     )
 
     def values(self) -> dict[str, float]:
-        """Return those settings that are set as keys of the mechanism."""
+        """Return the settings that are keys of the mechanism, where they are given."""
         return {} if self.tolerance is None else {"simulation.tolerance": self.tolerance}
 
     def text(self) -> str:
@@ -56,7 +56,7 @@ class Failures(TableModel, strict=True):
     )
 
     def most_failed(self, samples: int) -> float:
-        """Return how many of ``samples`` rows may fail."""
+        """Return how many rows of a campaign of ``samples`` samples may fail; infinite without a limit."""
         if self.max_failed is None:
             return float("inf")
         return self.max_failed if isinstance(self.max_failed, int) else self.max_failed * samples
@@ -74,7 +74,7 @@ class Execution(TableModel, strict=True):
     )
 
     def values(self) -> dict[str, float]:
-        """Return those limits that are set as keys of the mechanism."""
+        """Return the limits that are keys of the mechanism, where they are given."""
         return {} if self.time_limit is None else {"simulation.wall_limit": self.time_limit}
 
 
@@ -114,7 +114,7 @@ class Stop(TableModel, strict=True):
         return self
 
     def checkpoints(self, samples: int) -> tuple[int, ...]:
-        """Return the numbers of samples at which the rule is asked, the last of them ``samples``."""
+        """Return the numbers of samples at which the rule is evaluated, the last of them ``samples``."""
         points, n = [], self.min_samples
         while n < samples:
             points.append(n)

@@ -1,4 +1,4 @@
-"""Columns of the results: one row a sample, every number with its unit."""
+"""Columns of the results: one row for each sample, every number with its unit."""
 
 from collections.abc import Mapping
 
@@ -27,11 +27,11 @@ def results_schema(mechanism: Mechanism, targets: Mapping[str, str], campaign_id
     Parameters
     ----------
     mechanism : Mechanism
-        Gives the responses and all units.
+        The mechanism, which has the responses and all units.
     targets : mapping of str to str
         Key of the mechanism that each variable sets, by variable name.
     campaign_id : str
-        Kept in the metadata, so that a foreign part is known.
+        Id of the campaign, for the metadata: it shows which campaign a part belongs to.
     """
     length = Quantity("length").unit(mechanism.units)
     fields = [

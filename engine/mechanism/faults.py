@@ -71,9 +71,9 @@ class Location:
         return [field.alias or name for name, field in fields]
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return `; did you mean 'x'?` for the closest of ``known``, or nothing when none is close."""
-    close = difflib.get_close_matches(word, list(known), n=1, cutoff=0.6)
+def did_you_mean(word: str, words: Iterable[str]) -> str:
+    """Return `; did you mean 'x'?` for the one of ``words`` closest to ``word``, or nothing if none is close."""
+    close = difflib.get_close_matches(word, list(words), n=1, cutoff=0.6)
     return f"; did you mean '{close[0]}'?" if close else ""
 
 

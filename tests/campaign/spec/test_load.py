@@ -131,6 +131,12 @@ FAULTS = {
         "nominal = 9.0\ntolerance = 1.0",
         ["responses.FC-1: nominal and tolerance already"],
     ),
+    "retry misspelt": (
+        "seed = 7",
+        "seed = 7\nfailures = {retry = [{stp = 1e-3}]}",
+        ["failures.retry.0.stp = 0.001: unknown key; allowed: step, horizon, tolerance; did you mean 'step'?"],
+    ),
+    "sampler as a number": ("seed = 7", "seed = 7\nsampler = 2", ["sampler = 2: must be 'random', 'lhs'"]),
     "table misspelt": ("[responses.FC-1]", "[response.FC-1]", ["response: unknown key", "'responses'"]),
 }
 
