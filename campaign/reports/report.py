@@ -31,14 +31,7 @@ _CDF_POINTS = 401
 _CERTIFICATE = ("sample", "status", "message", "wall_s", "max_residual", "max_penetration", "settled")
 
 
-def report(
-    store: Store,
-    plan: Plan,
-    rows: "pa.Table | Iterable[pa.Table] | None" = None,
-    *,
-    kinds: Collection[str] = USUAL,
-    against: str | None = None,
-) -> dict[str, str]:
+def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against: str | None = None) -> dict[str, str]:
     """Write the report of a campaign into its folder of the store.
 
     Parameters
@@ -47,8 +40,6 @@ def report(
         Where the campaign is.
     plan : Plan
         The campaign.
-    rows : pyarrow.Table or iterable of pyarrow.Table, optional
-        Its rows; by default those of the store, read a file at a time.
     kinds : collection of str
         Files to write, see `reporting.write.NAMES`.
     against : str, optional
@@ -68,7 +59,7 @@ def report(
     comparison = None if other is None else (_rows(store, other), report_spec(other, store))
     options = {"kinds": kinds, "widen": partial(_scaled, plan), "against": comparison}
     try:
-        return _write(store, plan, _with_production_batch(plan, _rows(store, plan) if rows is None else rows), options)
+        return _write(store, plan, _with_production_batch(plan, _rows(store, plan)), options)
     except ReportError as error:
         raise CampaignError(f"report of {plan.campaign_id}: {error}") from error
 
@@ -78,26 +69,26 @@ def _scaled(plan: Plan, variable: str, columns: Mapping[str, Array], factor: flo
     return scale_spread(plan.spec, {variable: factor}, columns)
 
 
-def _rows(store: Store, plan: Plan) -> "Iterator[pa.Table]":
+def _rows(store: Store, plan: Plan) -> Iterator[pa.Table]:
     """Yield an empty table, then the columns of a campaign that a report reads, a file at a time."""
     columns = [*_CERTIFICATE, *plan.spec.variables, *plan.mechanism.responses]
     yield plan.schema.empty_table().select(columns)
     yield from store.stream(plan, columns)
 
 
-def _with_production_batch(plan: Plan, rows: "pa.Table | Iterable[pa.Table]") -> "pa.Table | Iterable[pa.Table]":
+def _with_production_batch(plan: Plan, tables: Iterable[pa.Table]) -> Iterable[pa.Table]:
     """Return the rows with the number of their production batch, if the campaign has production batches."""
     if not _has_production_batches(plan):
-        return rows
-    tables = [rows] if isinstance(rows, pa.Table) else rows
+        return tables
     return (t.append_column(BATCH, pa.array(production_batch(plan.spec, t["sample"].to_numpy()))) for t in tables)
 
 
 def _has_production_batches(plan: Plan) -> bool:
+    """Return whether a variable varies by production batch."""
     return production_batch(plan.spec, np.zeros(1, np.int64)) is not None
 
 
-def _write(store: Store, plan: Plan, rows: "pa.Table | Iterable[pa.Table]", options: dict[str, Any]) -> dict[str, str]:
+def _write(store: Store, plan: Plan, rows: Iterable[pa.Table], options: dict[str, Any]) -> dict[str, str]:
     """Write the report into the campaign's folder; behind a URL, upload it."""
     folder = f"{plan.campaign_id}/{REPORT}"
     spec = report_spec(plan, store)
