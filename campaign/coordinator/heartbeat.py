@@ -9,7 +9,7 @@ from typing import Any
 from campaign.plan import Plan
 from campaign.store import Store, Survey
 from campaign.worker.messages import BatchResult
-from campaign.worker.moments import Moments, add_moments, moments, running_cpk
+from campaign.worker.moments import Moments, add_moments, moments
 
 RATE_WINDOW = 60.0  # s, over which the rate of runs is taken
 
@@ -173,4 +173,13 @@ class Progress:
     def _response(self, name: str, m: Moments) -> dict[str, float | None]:
         response = self.plan.spec.responses.get(name)
         lsl, usl, _ = response.limits() if response else (None, None, None)
-        return {"n": m.n, "mean": m.mean if m.n else None, "std": m.std, "cpk": running_cpk(m, lsl, usl)}
+        return {"n": m.n, "mean": m.mean if m.n else None, "std": m.std, "cpk": _cpk(m, lsl, usl)}
+
+
+def _cpk(m: Moments, lsl: float | None, usl: float | None) -> float | None:
+    """Return Cpk of the values so far; None without limits or without a spread."""
+    if not m.std or (lsl is None and usl is None):
+        return None
+    from reporting.capability.indices import cpk  # loads all of reporting, which `clearcap status` does without
+
+    return cpk(m.mean, m.std, lsl, usl)

@@ -57,12 +57,3 @@ def add_moments(total: dict[str, Moments], more: dict[str, Moments]) -> None:
     """Add the moments of further rows to a total, response by response."""
     for name, m in more.items():
         total[name] = total.get(name, Moments()) + m
-
-
-def running_cpk(m: Moments, lsl: float | None, usl: float | None) -> float | None:
-    """Return Cpk of the values so far; None where it is not defined."""
-    if not m.std or (lsl is None and usl is None):
-        return None
-    sides = [usl - m.mean] if usl is not None else []
-    sides += [m.mean - lsl] if lsl is not None else []
-    return min(sides) / (3.0 * m.std)

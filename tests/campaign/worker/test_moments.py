@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from campaign.worker.moments import Moments, add_moments, moments, running_cpk
-from reporting import capability
+from campaign.worker.moments import Moments, add_moments, moments
 
 NUMBERS = st.lists(st.floats(-1e6, 1e6), min_size=0, max_size=30)
 
@@ -38,18 +37,3 @@ def test_digits_at_a_large_mean():
 def test_failed_runs_do_not_count():
     """A null is no value."""
     assert of([1.0, None, 3.0]) == Moments(2, 2.0, 2.0)
-
-
-@pytest.mark.parametrize(("lsl", "usl"), [(9.0, 16.0), (9.0, None), (None, 16.0), (None, None)])
-def test_cpk_is_that_of_the_report(lsl, usl):
-    """One- and two-sided limits; none without limits."""
-    x = np.random.default_rng(2).normal(12.5, 0.5, 200)
-    expected = capability(x, lsl=lsl, usl=usl).cpk if lsl or usl else None
-    found = running_cpk(of(x), lsl, usl)
-    assert found == (None if expected is None else pytest.approx(expected, rel=1e-12))
-
-
-def test_cpk_of_no_spread():
-    """One value, or all equal: none."""
-    assert running_cpk(of([1.0]), 0.0, 2.0) is None
-    assert running_cpk(of([1.0, 1.0]), 0.0, 2.0) is None
