@@ -1,10 +1,11 @@
-"""``clearcap coordinate``, ``resume`` and ``cancel``: who drives a campaign, and whether."""
+"""``clearcap coordinate``, ``resume`` and ``cancel``: continue a campaign, or end it."""
 
 import signal
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from campaign.cli.drive import drive, options_of
 from campaign.cli.options import Id, StoreUrl, on_cluster
 from campaign.cli.output import Json, print_json, say
 from campaign.cli.run import NoReport
@@ -22,9 +23,9 @@ def coordinate(
     no_report: NoReport = False,
     json: Json = False,
 ) -> None:
-    """Drive a campaign that is planned; without an id serve the store: drive every campaign that is queued.
+    """Compute a planned campaign; without an id serve the store: compute every campaign that is queued.
 
-    Made to be supervised: it may be killed at any time and started again.
+    Made for a supervisor: it may be killed at any time and started again.
     """
     from campaign.store import open_store
 
@@ -33,12 +34,10 @@ def coordinate(
     if campaign is None:
         from campaign.coordinator.service import serve
 
-        done = serve(opened, where, once=once, with_report=not no_report)
+        completed = serve(opened, where, once=once, with_report=not no_report)
         if json:
-            print_json({"store": opened.url, "campaigns": done})
+            print_json({"store": opened.url, "campaigns": completed})
         return
-    from campaign.cli.drive import drive
-
     drive(opened, opened.plan(opened.find(campaign)), where, with_report=not no_report, as_json=json)
 
 
@@ -52,6 +51,7 @@ def resume(
     json: Json = False,
 ) -> None:
     """Go on with a campaign that was interrupted or cancelled, or that failed."""
+    from campaign.coordinator.submit import assign_coordinator
     from campaign.store import open_store
     from campaign.store.layout import CANCEL
 
@@ -59,17 +59,12 @@ def resume(
     plan = opened.plan(opened.find(campaign))
     opened.remove(plan.campaign_id, CANCEL)
     if not detach:
-        from campaign.cli.drive import drive
-
         drive(opened, plan, where, with_report=not no_report, as_json=json)
         return
-    from campaign.cli.drive import options_of
-    from campaign.coordinator.submit import assign_coordinator
-
-    driver = assign_coordinator(opened, plan, options_of(where))
-    say(driver.text())
+    assignment = assign_coordinator(opened, plan, options_of(where))
+    say(assignment.text())
     if json:
-        print_json({"campaign": plan.campaign_id, "store": opened.url, **driver.to_json()})
+        print_json({"campaign": plan.campaign_id, "store": opened.url, **assignment.to_json()})
 
 
 def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
@@ -95,5 +90,5 @@ def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) ->
 
 
 def _terminate(*_: Any) -> None:
-    """End in order when a supervisor says so; the campaign is open for the next coordinator."""
+    """Exit in order on SIGTERM; the campaign stays open for the next coordinator."""
     raise SystemExit(143)

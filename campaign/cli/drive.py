@@ -1,4 +1,4 @@
-"""What the verbs that drive a campaign share: to the end with progress, then the report and the results."""
+"""What the verbs that compute a campaign share: show its progress, write its report, print its results."""
 
 import shlex
 from collections import Counter
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def drive(
     store: "Store", plan: "Plan", cluster: "Cluster", *, with_report: bool, as_json: bool, quiet: bool = False
 ) -> None:
-    """Drive a campaign to its end, write its report, and print the results.
+    """Compute a campaign to its end, write its report, and print the results.
 
     Raises
     ------
@@ -28,11 +28,11 @@ def drive(
     """
     from rich.console import Console
 
-    from campaign.cli.progress import shown
+    from campaign.cli.progress import display
     from campaign.coordinator.coordinate import coordinate
 
     try:
-        with nullcontext(lambda _: None) if quiet else shown(Console(stderr=True)) as show:
+        with nullcontext(lambda _: None) if quiet else display(Console(stderr=True)) as show:
             outcome = coordinate(store, plan, cluster, show)
     except KeyboardInterrupt:
         command = shlex.join(["clearcap", "resume", plan.campaign_id, "--store", store.url, *options_of(cluster)])
@@ -100,7 +100,7 @@ def _summary(store: "Store", outcome: "Outcome", files: dict[str, str]) -> dict[
 
 
 def _print_results(store: "Store", outcome: "Outcome") -> None:
-    """Print how the runs ended and what the responses are worth."""
+    """Print how the runs ended, and the capability of each response."""
     import pyarrow as pa
     from rich.console import Console
     from rich.table import Table
@@ -110,19 +110,19 @@ def _print_results(store: "Store", outcome: "Outcome") -> None:
     plan = outcome.plan
     names = list(plan.mechanism.responses)
     rows = pa.concat_tables([plan.schema.empty_table().select(names), *store.stream(plan, names)])
-    shown = Table(title=plan.spec.title or plan.spec.name)
+    table = Table(title=plan.spec.title or plan.spec.name)
     for head in ("response", "unit", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out"):
-        shown.add_column(head, justify="left" if head in ("response", "unit") else "right", no_wrap=True)
+        table.add_column(head, justify="left" if head in ("response", "unit") else "right", no_wrap=True)
     units = plan.mechanism.response_units()
     for name in names:
-        asked = plan.spec.responses.get(name)
-        lsl, usl, target = asked.limits() if asked else (None, None, None)
+        response = plan.spec.responses.get(name)
+        lsl, usl, target = response.limits() if response else (None, None, None)
         values = rows[name].drop_null().to_numpy()
         c = capability(values, lsl=lsl, usl=usl, target=target)
         ppm = "-" if c.ppm_observed is None else f"{c.ppm_observed:.0f}"
         cells = (number(c.mean), number(c.std, 3), number(lsl), number(usl), number(c.cpk, 3), ppm)
-        shown.add_row(name, units[name], *cells)
-    Console().print(shown)
+        table.add_row(name, units[name], *cells)
+    Console().print(table)
     counts = ", ".join(f"{count} {status}" for status, count in outcome.survey.statuses.items())
     print(f"{outcome.samples} runs: {counts}; {outcome.computed} computed in {outcome.wall_s:.1f} s")
     if outcome.verdict:

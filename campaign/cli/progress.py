@@ -1,4 +1,4 @@
-"""How far a campaign is, for a person: a live view on a terminal, a line now and then elsewhere; on standard error."""
+"""Show how far a campaign is: a live view on a terminal, a line every ten seconds elsewhere; on standard error."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,8 +20,8 @@ BAR = 40  # characters
 
 
 @contextmanager
-def shown(console: Console) -> Iterator["Show"]:
-    """Yield what shows each heartbeat it is told: the view on a terminal, lines elsewhere."""
+def display(console: Console) -> Iterator["Show"]:
+    """Yield a function that shows a heartbeat: in the live view on a terminal, in lines elsewhere."""
     if not console.is_terminal:
         yield Lines(console)
         return
@@ -40,19 +40,19 @@ class Lines:
 
     def __init__(self, console: Console) -> None:
         self._console = console
-        self._said, self._state = monotonic(), "running"
+        self._printed_at, self._state = monotonic(), "running"
 
     def __call__(self, heartbeat: "Heartbeat") -> None:
-        """Say how far the campaign is, if it is time to."""
+        """Print a line, if it is time to."""
         now = monotonic()
-        if now - self._said < LINE_EVERY and heartbeat.state == self._state:
+        if now - self._printed_at < LINE_EVERY and heartbeat.state == self._state:
             return
-        self._said, self._state = now, heartbeat.state
+        self._printed_at, self._state = now, heartbeat.state
         self._console.print(line(heartbeat), highlight=False, soft_wrap=True)
 
 
 def line(heartbeat: "Heartbeat") -> str:
-    """Return how far a campaign is, in a line."""
+    """Return a line that says how far a campaign is."""
     head = f"{heartbeat.done}/{heartbeat.samples} runs, {heartbeat.failed} failed"
     if heartbeat.state != "running":
         return f"{head}, {heartbeat.state}"
@@ -60,7 +60,7 @@ def line(heartbeat: "Heartbeat") -> str:
 
 
 def view(heartbeat: "Heartbeat") -> RenderableType:
-    """Return the live view: a bar, what a line says, and the responses so far."""
+    """Return the live view: a bar, the line beside it, and the responses so far."""
     bar = Table.grid(padding=(0, 1))
     bar.add_row(ProgressBar(total=max(heartbeat.samples, 1), completed=heartbeat.done, width=BAR), line(heartbeat))
     limited = {name: r for name, r in heartbeat.responses.items() if r["cpk"] is not None}

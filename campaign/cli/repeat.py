@@ -1,4 +1,4 @@
-"""``clearcap rerun`` and ``replay``: rows of a campaign once more."""
+"""``clearcap rerun`` and ``replay``: compute rows of a campaign again."""
 
 import math
 from functools import partial
@@ -37,17 +37,17 @@ def rerun(
 
     opened = open_store(store)
     plan = opened.plan(opened.find(campaign))
-    asked = sample or failed_samples(opened, plan, status or ())
-    if not asked:
+    selected = sample or failed_samples(opened, plan, status or ())
+    if not selected:
         print_json({"campaign": campaign, "samples": 0}) if json else print(f"{campaign}: no such run")
         return
-    say(f"computing {len(asked)} rows again")
-    again = compute(opened, plan, asked, where)
+    say(f"computing {len(selected)} rows again")
+    result = compute(opened, plan, selected, where)
     if json:
-        print_json({"campaign": campaign, "store": opened.url, **again.to_json()})
+        print_json({"campaign": campaign, "store": opened.url, **result.to_json()})
         return
-    counts = ", ".join(f"{count} {status}" for status, count in again.after.items())
-    print(f"{again.samples} rows computed again: {counts}; write the report anew with: clearcap report {campaign}")
+    counts = ", ".join(f"{count} {status}" for status, count in result.after.items())
+    print(f"{result.samples} rows computed again: {counts}; write the report anew with: clearcap report {campaign}")
 
 
 def replay(
@@ -109,8 +109,8 @@ def _stored(store: "Store", plan: "Plan", sample: int) -> dict[str, Any] | None:
         rows = store.read_part(plan, batch)
     except (FileNotFoundError, BadPart):
         return None
-    found: dict[str, Any] = rows.slice(sample - plan.batches[batch][0], 1).to_pylist()[0]
-    return found
+    row: dict[str, Any] = rows.slice(sample - plan.batches[batch][0], 1).to_pylist()[0]
+    return row
 
 
 def _same(row: dict[str, Any], stored: dict[str, Any], responses: list[str]) -> bool:

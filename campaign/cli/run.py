@@ -1,9 +1,10 @@
-"""``clearcap run`` and ``submit``: a new campaign, driven here or by somebody else."""
+"""``clearcap run`` and ``submit``: a new campaign, computed here or by a coordinator elsewhere."""
 
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from campaign.cli.drive import drive, options_of
 from campaign.cli.options import StoreUrl, on_cluster
 from campaign.cli.output import Json, print_json, say
 
@@ -32,12 +33,11 @@ def run(
 ) -> None:
     """Simulate a campaign to its end and write its capability report.
 
-    The same command goes on where an earlier one stopped, and computes nothing when all is there.
+    The same command goes on where an earlier one stopped, and computes nothing when the campaign is complete.
     """
-    opened, plan = _planned(campaign, store, samples, seed, batch_size)
-    from campaign.cli.drive import drive
     from campaign.store.layout import CANCEL
 
+    opened, plan = _planned(campaign, store, samples, seed, batch_size)
     opened.remove(plan.campaign_id, CANCEL)
     say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {store}")
     drive(opened, plan, where, with_report=not no_report, as_json=json)
@@ -56,19 +56,18 @@ def submit(
     ] = False,
     json: Json = False,
 ) -> None:
-    """Plan a campaign, see to it that somebody drives it, and return; prints its id.
+    """Plan a campaign, have a coordinator compute it, and return; prints its id.
 
-    A coordinator that serves the store takes it over; otherwise one is started, which this terminal may leave behind.
+    A coordinator that serves the store takes it over; otherwise one is started, which outlives this terminal.
     """
-    opened, plan = _planned(campaign, store, samples, seed, batch_size)
-    from campaign.cli.drive import options_of
     from campaign.coordinator.submit import assign_coordinator
 
-    driver = assign_coordinator(opened, plan, options_of(where), queue_only=queue_only)
-    say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {store}; {driver.text()}")
+    opened, plan = _planned(campaign, store, samples, seed, batch_size)
+    assignment = assign_coordinator(opened, plan, options_of(where), queue_only=queue_only)
+    say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {store}; {assignment.text()}")
     if json:
         print_json(
-            {"campaign": plan.campaign_id, "store": opened.url, "samples": plan.spec.samples, **driver.to_json()}
+            {"campaign": plan.campaign_id, "store": opened.url, "samples": plan.spec.samples, **assignment.to_json()}
         )
     else:
         print(plan.campaign_id)
@@ -77,7 +76,8 @@ def submit(
 def _planned(
     campaign: str, url: str, samples: int | None, seed: int | None, batch_size: int | None
 ) -> "tuple[Store, Plan]":
-    """Check everything a user gave, then write the plan."""
+    """Check all that the user gave, then write the plan."""
+    from campaign.coordinator.submit import submit
     from campaign.errors import SpecError
     from campaign.spec.load import load_campaign
     from campaign.store import open_store
@@ -85,8 +85,6 @@ def _planned(
     opened = open_store(url)
     if not opened.files.shared:
         raise SpecError(f"store {url}: workers cannot reach the memory of this process; name a folder or a URL")
-    asked = load_campaign(campaign, samples=samples, seed=seed)
+    loaded = load_campaign(campaign, samples=samples, seed=seed)
     opened.files.check_writable()
-    from campaign.coordinator.submit import submit
-
-    return opened, submit(opened, asked, batch_size)
+    return opened, submit(opened, loaded, batch_size)

@@ -10,7 +10,7 @@ def watch(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> 
     """Follow a campaign until its coordinator ends; the campaign goes on if you stop following."""
     from rich.console import Console
 
-    from campaign.cli.progress import shown
+    from campaign.cli.progress import display
     from campaign.coordinator.follow import heartbeats
     from campaign.store import open_store
 
@@ -18,7 +18,7 @@ def watch(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> 
     campaign_id = opened.find(campaign)
     heartbeat = None
     try:
-        with shown(Console(stderr=True)) as show:
+        with display(Console(stderr=True)) as show:
             for heartbeat in heartbeats(opened, campaign_id):
                 show(heartbeat)
     except KeyboardInterrupt:

@@ -4,7 +4,7 @@ import io
 
 from rich.console import Console
 
-from campaign.cli.progress import Lines, eta, line, shown, view
+from campaign.cli.progress import Lines, display, eta, line, view
 from campaign.coordinator.heartbeat import Heartbeat
 
 
@@ -56,7 +56,7 @@ def test_on_a_terminal_it_is_drawn_in_place():
     """And elsewhere as lines."""
     for terminal, kind in ((True, "function"), (False, "Lines")):
         console = Console(file=io.StringIO(), force_terminal=terminal)
-        with shown(console) as show:
+        with display(console) as show:
             assert type(show).__name__ == kind
             show(heartbeat())
 
