@@ -1,7 +1,7 @@
 """Workers as jobs of a batch system (SLURM, OAR, PBS) or of Kubernetes, through dask's own packages for these.
 
-What a job looks like (queue, project, walltime, memory, image) is in dask's configuration, as users of those packages
-have it: tables ``jobqueue.slurm``, ``jobqueue.oar``, ``jobqueue.pbs`` and ``kubernetes``.
+Dask's configuration says what a job looks like (queue, project, walltime, memory, image), as usual with those packages:
+tables ``jobqueue.slurm``, ``jobqueue.oar``, ``jobqueue.pbs`` and ``kubernetes``.
 """
 
 import importlib
@@ -23,7 +23,7 @@ from campaign.cluster.tls import NEEDED, Tls, security
 from campaign.errors import SpecError, UnreachableError
 
 _BATCH_SYSTEMS = {"slurm": "SLURMCluster", "oar": "OARCluster", "pbs": "PBSCluster"}
-# Neither is encrypted, nor does dask ask there who one is.
+# Dashboards are closed: they are neither encrypted nor authenticated.
 _NO_DASHBOARD = ("--no-dashboard", "--dashboard-address", "127.0.0.1:0")
 
 
@@ -55,7 +55,7 @@ def batch_jobs(cluster: Cluster) -> Iterator[Client]:
 
 @contextmanager
 def job_certificates(cluster: Cluster) -> Iterator[Security | None]:
-    """Yield the cluster's certificates, or some made for its jobs where these find them; none if insecure."""
+    """Yield the certificates of the cluster, or new ones in a folder that its jobs can read; None if insecure."""
     given = security(cluster.tls)
     if given or cluster.insecure:
         yield given
@@ -82,7 +82,7 @@ def _submit(jobs: Any, cluster: Cluster) -> None:
         jobs.scale(cluster.workers)
         await jobs._correct_state()  # scale alone would not wait
 
-    with _muted("tornado.application"), _muted("asyncio"):  # where the same refusal would be told with a traceback
+    with _muted("tornado.application"), _muted("asyncio"):  # which would log the same refusal with a traceback
         try:
             jobs.sync(answered)
         except (RuntimeError, OSError) as error:
@@ -94,7 +94,7 @@ def _submit(jobs: Any, cluster: Cluster) -> None:
 
 @contextmanager
 def _muted(name: str) -> Iterator[None]:
-    """Let a logger say nothing but what is critical."""
+    """Limit a logger to critical messages while the block runs."""
     logger = logging.getLogger(name)
     level = logger.level
     logger.setLevel(logging.CRITICAL)
@@ -129,7 +129,7 @@ def job_cluster(cluster: Cluster, certificates: Security | None) -> Any:
 
 
 def _needed(kind: str, key: str) -> Any:
-    """Return what dask's configuration must say of jobs of a kind."""
+    """Return a setting of jobs of a kind that dask's configuration must have."""
     value = _setting(kind, key)
     if not value:
         raise SpecError(
@@ -140,16 +140,16 @@ def _needed(kind: str, key: str) -> Any:
 
 
 def _setting(kind: str, key: str) -> Any:
-    """Return what dask's configuration says of jobs of a kind; dask takes ``-`` and ``_`` in keys for the same."""
+    """Return a setting of jobs of a kind from dask's configuration, where ``-`` and ``_`` in keys are the same."""
     return dask.config.get(f"jobqueue.{kind}.{key}", None)
 
 
 @contextmanager
 def kubernetes_resource(cluster: Cluster) -> Iterator[str]:
-    """Create the ``DaskCluster`` of dask's configuration, unless it is there, and yield its scheduler's address.
+    """Create the ``DaskCluster`` of dask's configuration, unless it exists, and yield the address of its scheduler.
 
     It is deleted at the end if it was created here and ``kubernetes.shutdown-on-close`` is set, as it is by default.
-    The address is one of the inside of Kubernetes: the campaign's coordinator runs there too.
+    The address is valid inside Kubernetes only, where the coordinator must run too.
 
     Raises
     ------
@@ -203,7 +203,7 @@ def _manifest() -> Any:
 
 
 def _package(name: str, extra: str, kind: str) -> Any:
-    """Return a package that only some need."""
+    """Return a package of an optional extra."""
     try:
         return importlib.import_module(name)
     except ImportError as error:

@@ -1,7 +1,7 @@
-"""Where a campaign is computed: workers started here, a dask scheduler that is there, or a cluster's own queue.
+"""Connect to workers: started here, of a running dask scheduler, or jobs of a batch system or of Kubernetes.
 
-Nothing speaks beyond this machine without mutual TLS unless the user says so: whoever reaches a dask scheduler can run
-any code on its workers, and dask asks for nothing but a certificate of the campaign's own authority.
+Traffic beyond this machine needs mutual TLS unless the user types ``--insecure``: anyone who reaches a dask scheduler
+can run any code on its workers, and dask asks for no more than a certificate of the cluster's own authority.
 """
 
 import asyncio
@@ -25,17 +25,17 @@ from campaign.cluster.local import SETTINGS, cores, interrupts_held, local_clien
 from campaign.cluster.tls import NEEDED, configured, security
 from campaign.errors import SpecError, UnreachableError
 
-REACHED_WITHIN = 30.0  # s: a scheduler that is being started answers by then
-PODS_WITHIN = 300.0  # s: images may have to be fetched
+REACHED_WITHIN = 30.0  # s, in which a scheduler that is being started answers
+PODS_WITHIN = 300.0  # s, in which images may have to be fetched
 
 
 def check_cluster(cluster: Cluster) -> None:
-    """Refuse a cluster that contradicts itself or would speak in the clear, before any work is done.
+    """Refuse options that contradict each other or allow traffic in the clear, before any work is done.
 
     Raises
     ------
     SpecError
-        Saying which option, and what to write instead.
+        It names the option and says what to write instead.
     """
     if cluster.kind not in KINDS:
         raise SpecError(f"--cluster {cluster.kind}: not a kind of cluster; allowed: {', '.join(KINDS)}")
@@ -57,8 +57,8 @@ def check_cluster(cluster: Cluster) -> None:
 def connect(cluster: Cluster) -> Iterator[Client]:
     """Start or reach a cluster and yield a dask client to it.
 
-    Whatever was started ends with the block; a scheduler that was there stays. After a scheduler was lost the block
-    ends as usual, and another one connects anew.
+    What was started here ends with the block; a scheduler that was running before stays. After a scheduler is lost the
+    block ends as usual, and another call connects again.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def connect(cluster: Cluster) -> Iterator[Client]:
 
 @contextmanager
 def _existing(scheduler: str, cluster: Cluster) -> Iterator[Client]:
-    """Yield a client to a scheduler that is there."""
+    """Yield a client to a running scheduler."""
     address = _address_in(Path(scheduler)) if _is_file(scheduler) else scheduler
     _check_address(address, cluster)
     with client_at(address, security(cluster.tls) if address.startswith("tls://") else None) as client:
@@ -97,7 +97,7 @@ def _existing(scheduler: str, cluster: Cluster) -> Iterator[Client]:
 
 @contextmanager
 def client_at(address: str, with_security: Security | None, within: float | None = None) -> Iterator[Client]:
-    """Yield a client to the scheduler at an address, waiting for it at most so long [s].
+    """Yield a client to the scheduler at an address, waiting for it at most ``within`` seconds.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def client_at(address: str, with_security: Security | None, within: float | None
                     address, security=with_security, timeout=within, set_as_default=False
                 )
         except OSError as error:
-            raise UnreachableError(_silence(address, error)) from error
+            raise UnreachableError(_unreached(address, error)) from error
         try:
             yield client
         finally:
@@ -142,7 +142,7 @@ def _address_in(path: Path) -> str:
 
 
 def _check_address(address: str, cluster: Cluster) -> None:
-    """Refuse what is not an address, and one that would be spoken to in the clear."""
+    """Refuse what is not an address, and an address beyond this machine without TLS."""
     try:
         parts = urlsplit(address)
         whole = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port and not parts.path
@@ -168,7 +168,7 @@ def _check_address(address: str, cluster: Cluster) -> None:
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether a host name or address is this machine's own."""
+    """Return whether a host name or address is a loopback one."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -176,7 +176,7 @@ def is_loopback(host: str) -> bool:
 
 
 def _reach(address: str, with_security: Security | None, within: float) -> None:
-    """Shake hands with the scheduler, or say why that fails; a client that fails would leave its thread behind."""
+    """Shake hands with the scheduler, and raise if that fails; a client that fails would leave its thread behind."""
     arguments = with_security.get_connection_args("client") if with_security else {}  # type: ignore[no-untyped-call]
 
     async def shake_hands() -> None:
@@ -189,11 +189,11 @@ def _reach(address: str, with_security: Security | None, within: float) -> None:
     try:
         asyncio.run(in_time())
     except (OSError, RuntimeError, ValueError) as error:
-        raise UnreachableError(_silence(address, error)) from error
+        raise UnreachableError(_unreached(address, error)) from error
 
 
-def _silence(address: str, error: BaseException) -> str:
-    """Return what to tell of a scheduler that did not answer: the innermost cause that has words."""
+def _unreached(address: str, error: BaseException) -> str:
+    """Return the message about a scheduler that did not answer: it tells the innermost cause that has a text."""
     reason = type(error).__name__
     cause: BaseException | None = error
     while cause is not None:

@@ -11,8 +11,8 @@ import dask
 from distributed import Client, LocalCluster, Security
 from distributed.system import MEMORY_LIMIT
 
-# Dotted, because setting a whole table replaces it. Independent tasks need no stealing and no rebalancing;
-# results are counts, so nothing is ever worth spilling to disk.
+# Keys are dotted, because setting a whole table would replace it. Independent tasks need neither stealing nor
+# rebalancing, and results are counts, which are never worth spilling to disk.
 SETTINGS = {
     "distributed.scheduler.allowed-failures": 0,
     "distributed.scheduler.work-stealing": False,
@@ -45,9 +45,9 @@ def cores() -> int:
 def local_client(workers: int, security: Security | None = None) -> Iterator[Client]:
     """Start ``workers`` single-threaded processes and yield a dask client to them; stop them at the end.
 
-    Each may use an equal share of the machine's memory, one share being left to this process: a worker that takes more
-    is restarted, and its batch counts as one that killed its worker. Their scratch folder is dask's own: what killed
-    ones left there goes at the next start.
+    Each may use an equal share of the machine's memory, and this process has one share too. A worker that takes more is
+    restarted, and its batch counts as one that killed its worker. The scratch folder is dask's: what killed workers
+    left in it is removed at the next start.
     """
     quiet = dask.config.set(SETTINGS)
     with quiet:
@@ -76,9 +76,9 @@ def local_client(workers: int, security: Security | None = None) -> Iterator[Cli
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Hold Ctrl-C back from this thread, and for good from the threads and processes it starts meanwhile.
+    """Block Ctrl-C for this thread while the block runs, and for good for the threads and processes it starts.
 
-    A terminal sends Ctrl-C to every process; only the one that talks to the user is to answer it.
+    A terminal sends Ctrl-C to every process; only the one that talks to the user should react.
     """
     resource_tracker.ensure_running()  # started later, it would let Ctrl-C through again
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

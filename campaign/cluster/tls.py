@@ -1,4 +1,4 @@
-"""Certificates of mutual TLS: which, and whether they can be used."""
+"""Files of mutual TLS, checked before they are used."""
 
 import os
 import ssl
@@ -26,7 +26,7 @@ class Tls:
     Attributes
     ----------
     ca : str
-        Certificate of the authority whose certificates are let in.
+        Certificate of the authority whose certificates are accepted.
     cert, key : str
         Certificate of this side and its private key.
     """
@@ -37,7 +37,7 @@ class Tls:
 
 
 def security(tls: Tls | None) -> Security | None:
-    """Return certificates for dask, checked; those of dask's configuration if none are given, None if it has none.
+    """Return certificates for dask, checked: those given, or those of dask's configuration; None without either.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def security(tls: Tls | None) -> Security | None:
 
 
 def _no_password() -> str:
-    """Answer OpenSSL, which would ask at the terminal for the password of a key that has one."""
+    """Raise where OpenSSL would ask at the terminal for the password of a key."""
     raise ValueError("the key has a password")
 
 

@@ -52,10 +52,10 @@ def _plans_with_same_rows(store: Store, plan: Plan) -> Iterator[Plan]:
 
 def _what_rows_depend_on(content: Mapping[str, Any]) -> list[Any]:
     """Return all of a plan's document that a row depends on, besides the number of its sample."""
-    said = content.get("spec", {})
-    spec = {key: value for key, value in said.items() if key not in IRRELEVANT}
-    spec["failures"] = said.get("failures", {}).get("retry", [])
-    order = list(said.get("variables", {}))  # of columns, and of the dimensions of a sampler
+    document = content.get("spec", {})
+    spec = {key: value for key, value in document.items() if key not in IRRELEVANT}
+    spec["failures"] = document.get("failures", {}).get("retry", [])
+    order = list(document.get("variables", {}))  # of columns, and of the dimensions of a sampler
     return [spec, order, *(content.get(key) for key in ("engine_build", "mechanism_digest"))]
 
 

@@ -1,4 +1,4 @@
-"""What tests of the coordinator share: drive a campaign with a stand-in for the physics, and compare rows."""
+"""Compute campaigns with a stand-in for the physics, and compare their rows."""
 
 from campaign.cluster.cluster import Cluster
 from campaign.coordinator.coordinate import coordinate
@@ -10,14 +10,14 @@ from tests.campaign import fake_engine
 
 
 def start(folder, asked, workers=2, batch_size=3, simulate=fake_engine.simulate, show=lambda _: None):
-    """Drive a campaign to its end in a store of its own; return the store and what came of it."""
+    """Coordinate a campaign to its end in a store of its own; return the store and the outcome."""
     store = open_store(str(folder))
     plan = submit(store, asked, batch_size)
     return store, coordinate(store, plan, Cluster(workers=workers), show, simulate)
 
 
 def rows(store, driven):
-    """Return what must not depend on how a campaign is driven, of an outcome or a plan."""
+    """Return the columns that must not depend on how a campaign is computed, of an outcome or a plan."""
     plan = getattr(driven, "plan", driven)
     return store.table(plan.campaign_id).drop_columns(["wall_s", "attempts"])
 
@@ -26,7 +26,7 @@ def computed(folder, asked, batch_size, simulate=fake_engine.simulate):
     """Compute a campaign in this process, without a cluster; return the store and the plan."""
     store = open_store(str(folder))
     plan = submit(store, asked, batch_size)
-    task = CampaignAddress.of(store, plan, simulate)
+    address = CampaignAddress.of(store, plan, simulate)
     for batch in range(len(plan.batches)):
-        run_batch(task, BatchRequest(batch))
+        run_batch(address, BatchRequest(batch))
     return store, plan

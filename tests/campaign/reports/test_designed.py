@@ -74,9 +74,9 @@ def test_a_hole_is_closed_by_a_rerun(tmp_path):
     assert found["J1"]["total"] is None
     assert found["J1"]["first_order"] is not None
     assert f"{len(failed)} of the design's 320 samples have no value (sample {failed[0]}" in notes[-1]
-    task = CampaignAddress.of(store, plan, partial(ishigami, 1.0))
+    address = CampaignAddress.of(store, plan, partial(ishigami, 1.0))
     for batch in {sample // 100 for sample in failed}:
-        rerun_batch(task, batch, tuple(sample for sample in failed if sample // 100 == batch))
+        rerun_batch(address, batch, tuple(sample for sample in failed if sample // 100 == batch))
     assert influences(store, plan)[0]["J1"]["total"] is not None
 
 

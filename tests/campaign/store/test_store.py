@@ -25,9 +25,9 @@ from tests.campaign.conftest import SPEC
 
 def fill(store, plan, batches=(0, 1, 2)):
     """Compute batches."""
-    task = CampaignAddress.of(store, plan, fake_engine.simulate)
+    address = CampaignAddress.of(store, plan, fake_engine.simulate)
     for batch in batches:
-        run_batch(task, BatchRequest(batch))
+        run_batch(address, BatchRequest(batch))
 
 
 @pytest.mark.parametrize("url", ["folder", "memory"])

@@ -11,13 +11,9 @@ from campaign.worker.messages import BatchRequest, CampaignAddress, WrongBuild
 from tests.campaign import fake_engine
 
 
-def address(store, plan, simulate):
-    return CampaignAddress.of(store, plan, simulate)
-
-
 def test_rows_hold_inputs_responses_and_certificate(store, plan):
     """A row is the sample's inputs, the responses of a run with them, and the run's certificate."""
-    done = run_batch(address(store, plan, fake_engine.simulate), BatchRequest(2))
+    done = run_batch(CampaignAddress.of(store, plan, fake_engine.simulate), BatchRequest(2))
     assert (done.part.batch, done.part.rows, done.part.statuses, done.computed) == (2, 5, {"ok": 5}, True)
     row = store.read_part(plan, 2).to_pylist()[3]
     drawn = {name: x[0] for name, x in draw(plan.spec, 23, 1).items()}
@@ -35,8 +31,8 @@ def test_rows_hold_inputs_responses_and_certificate(store, plan):
 
 def test_part_that_is_there_is_not_computed(store, plan):
     """A batch that arrives twice is computed once."""
-    first = run_batch(address(store, plan, fake_engine.simulate), BatchRequest(0))
-    again = run_batch(address(store, plan, partial(fake_engine.raises_above, -1.0)), BatchRequest(0))
+    first = run_batch(CampaignAddress.of(store, plan, fake_engine.simulate), BatchRequest(0))
+    again = run_batch(CampaignAddress.of(store, plan, partial(fake_engine.raises_above, -1.0)), BatchRequest(0))
     assert again.part.statuses == {"ok": 10}
     assert again.part.sha256 == first.part.sha256
     assert (first.computed, again.computed) == (True, False)
@@ -44,11 +40,11 @@ def test_part_that_is_there_is_not_computed(store, plan):
 
 def test_other_engine_build_is_refused(store, plan):
     """A worker with another engine refuses the campaign, naming both builds."""
-    task = CampaignAddress(store.url, plan.campaign_id, "0123456789abcdef", fake_engine.simulate)
+    address = CampaignAddress(store.url, plan.campaign_id, "0123456789abcdef", fake_engine.simulate)
     with pytest.raises(WrongBuild, match=f"build 0123456789abcdef, this process runs {plan.engine_build}"):
-        run_batch(task, BatchRequest(0))
+        run_batch(address, BatchRequest(0))
 
 
-def test_task_is_small(store, plan):
+def test_address_is_small(store, plan):
     """What travels to a worker stays under a kilobyte."""
     assert len(pickle.dumps(CampaignAddress(store.url, plan.campaign_id, plan.engine_build))) < 1000

@@ -1,4 +1,4 @@
-"""Runs in a process of their own: whatever a run does to it, the answer is a row, and no process stays."""
+"""Runs in an isolated subprocess: whatever a run does to it, it becomes a row, and no process stays."""
 
 import os
 import signal
@@ -18,23 +18,19 @@ from campaign.worker.subprocess_runs import TRIES, rows_in_subprocess
 from tests.campaign import fake_engine
 
 
-def address(store, plan, simulate):
-    return CampaignAddress.of(store, plan, simulate)
-
-
-def test_rows_are_the_same_as_here(store, plan):
+def test_rows_are_the_same_as_in_process(store, plan):
     """Another process, the same bits."""
-    task = address(store, plan, fake_engine.simulate)
-    assert list(rows_in_subprocess(task, range(3, 8), 1)) == list(rows_in_process(task, range(3, 8)))
-    assert [row["sample"] for row in rows_in_subprocess(task, [2, 9, 4], 1)] == [2, 9, 4]
+    address = CampaignAddress.of(store, plan, fake_engine.simulate)
+    assert list(rows_in_subprocess(address, range(3, 8), 1)) == list(rows_in_process(address, range(3, 8)))
+    assert [row["sample"] for row in rows_in_subprocess(address, [2, 9, 4], 1)] == [2, 9, 4]
 
 
 def test_a_run_that_kills_is_a_row(store, plan):
     """It is tried three times, as others send that signal too; the runs before and after it are untouched."""
-    here = list(rows_in_process(address(store, plan, fake_engine.simulate), range(6)))
+    here = list(rows_in_process(CampaignAddress.of(store, plan, fake_engine.simulate), range(6)))
     deadly = sorted(row["J1"] for row in here)[3]
-    task = address(store, plan, partial(fake_engine.kills_above, deadly))
-    rows = list(rows_in_subprocess(task, range(6), 2))
+    address = CampaignAddress.of(store, plan, partial(fake_engine.kills_above, deadly))
+    rows = list(rows_in_subprocess(address, range(6), 2))
     for row, before in zip(rows, here, strict=True):
         if row["J1"] > deadly:
             assert row["status"] == "crashed"
@@ -67,12 +63,12 @@ def test_child_ends_with_its_parent(store, plan, tmp_path):
 
 
 def test_cancelled_in_the_middle(store, plan):
-    """The marker ends it with the campaign's own word, as it does here."""
+    """The marker ends it in a subprocess as in this process."""
     store.files.write(f"{plan.campaign_id}/{CANCEL}", b"")
-    task = address(store, plan, partial(fake_engine.takes, 0.5))
+    address = CampaignAddress.of(store, plan, partial(fake_engine.takes, 0.5))
     for compute in (rows_in_process, rows_in_subprocess):
         with pytest.raises(Cancelled):
-            list(compute(task, range(25), 1))
+            list(compute(address, range(25), 1))
 
 
 def test_time_limit_ends_the_process():
