@@ -7,6 +7,7 @@ header, provenance. Whoever calls fills them in; reporting never reads a campaig
 from dataclasses import dataclass
 
 from reporting.designs import INDEPENDENT, Design
+from reporting.errors import ReportError
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,8 @@ class ReportSpec:
     sampler : str
         Name of the way in which the samples were drawn.
     design : Design
-        What the samples are, and how far the intervals of this report hold for them.
+        What the samples are, and how far the intervals of this report hold for them; samples of sampler "random" are
+        independent, samples of another one need a design of their own.
     corners : bool
         Whether the samples are the corners of the variables' ranges, over which the worst case is taken.
     replay : str
@@ -134,3 +136,9 @@ class ReportSpec:
     production_batch_column: str = ""
     stop: str = ""
     designed: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        """Raise ReportError if samples that are not independent would pass for such."""
+        independent = self.sampler == ReportSpec.sampler and not self.corners and self.designed is None
+        if not independent and self.design == INDEPENDENT:
+            raise ReportError(f"sampler {self.sampler}: nothing says what its samples are; give design")

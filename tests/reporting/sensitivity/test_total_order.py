@@ -21,7 +21,7 @@ from reporting.sensitivity.first_order import jackknife_quantile
 from reporting.sensitivity.polynomials import GROUPS
 from reporting.sensitivity.total_order import total_order_indices
 from tests.reporting.models import ISHIGAMI_FIRST, ISHIGAMI_TOTAL, LINEAR_FIRST, WEIGHTS, ishigami_of
-from tests.reporting.synthetic import analysis_of, drawn_by
+from tests.reporting.synthetic import analysis_of, c60_spec, drawn_by
 
 NAMES = ("x1", "x2", "x3")
 
@@ -218,6 +218,13 @@ def test_a_design_without_its_variables_is_refused(variables):
     x, y = ishigami_design(32, np.random.default_rng(12))
     with pytest.raises(ReportError, match="or None where the samples are no design"):
         analysis_of(*report_of(x, {"y": y}, designed=variables))
+
+
+@pytest.mark.parametrize("change", [{"sampler": "sobol"}, {"corners": True}, {"designed": NAMES}])
+def test_samples_that_are_not_independent_do_not_pass_for_such(change):
+    """Whoever gives no design for them has intervals that do not hold, or a verdict on no production."""
+    with pytest.raises(ReportError, match="nothing says what its samples are; give design"):
+        replace(c60_spec(10), **change)
 
 
 def test_sample_numbers_beyond_the_design_are_refused():
