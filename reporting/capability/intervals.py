@@ -17,8 +17,10 @@ number of degrees of freedom of sigma: ``n - 1`` for the overall sigma, values l
 
 import math
 
-from scipy.special import betaincinv, chdtri, log_ndtr, ndtri, ndtri_exp, stdtrit
+import numpy as np
+from scipy.special import betaincinv, chdtri, log_ndtr, ndtri, ndtri_exp, stdtr, stdtrit
 
+from reporting.arrays import Array
 from reporting.capability.noncentral import cpk_of_survival, noncentrality
 
 Interval = tuple[float, float]
@@ -135,6 +137,27 @@ def mean_interval(mean: float, std: float, n: int, confidence: float) -> Interva
     """Return the two-sided interval of the mean of `n` values, ``mean -+ t s / sqrt(n)``."""
     half = float(stdtrit(n - 1, 0.5 + confidence / 2)) * std / math.sqrt(n)
     return mean - half, mean + half
+
+
+def welch(a: Array, b: Array, confidence: float) -> tuple[float, Interval, float]:
+    """Return the difference of two means, its two-sided interval and the p-value of equal means (Welch 1947).
+
+    `scipy.stats.ttest_ind` gives the same numbers, but warns where a group is constant.
+
+    Parameters
+    ----------
+    a, b : array, shape (n,) and (m,)
+        At least two values each.
+    confidence : float
+        Of the interval.
+    """
+    squares = [float(np.var(x, ddof=1)) / x.size for x in (a, b)]
+    difference, error = float(a.mean() - b.mean()), math.sqrt(sum(squares))
+    if error == 0:
+        return difference, (difference, difference), 1.0 if difference == 0 else 0.0
+    freedom = sum(squares) ** 2 / (squares[0] ** 2 / (a.size - 1) + squares[1] ** 2 / (b.size - 1))
+    half = float(stdtrit(freedom, 0.5 + confidence / 2)) * error
+    return difference, (difference - half, difference + half), 2 * float(stdtr(freedom, -abs(difference) / error))
 
 
 def std_interval(std: float, n: int, confidence: float) -> Interval:

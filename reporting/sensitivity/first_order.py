@@ -1,16 +1,17 @@
 """First-order Sobol' indices of a given sample, and the conditional expectations behind them.
 
-The share of a response's variance that one variable explains alone, ``Var(E[y | x_i]) / Var(y)`` (Sobol' 1993), from
-the campaign's own sample. ``E[y | x_i]`` is a polynomial of x_i; its degree, the same for all variables, is the one
-that predicts left-out groups of rows best. Independent variables are fitted all at once, ``y = f_1(x_1) + ... +
-f_k(x_k)``: what the others explain is then no noise to the one. Correlated ones are fitted one at a time, so that the
-index keeps its meaning. The delete-a-group jackknife takes off the share that fitted noise adds, and gives the
-intervals (Efron, Stein 1981); near zero they are short by a few percent of confidence.
+The first-order index is the share of a response's variance that one variable explains alone,
+``Var(E[y | x_i]) / Var(y)`` (Sobol' 1993). It is estimated from the campaign's own sample. ``E[y | x_i]`` is a
+polynomial of x_i; its degree, the same for all variables, is the one with the smallest error on left-out groups of rows
+(cross-validation). Independent variables are fitted together, ``y = f_1(x_1) + ... + f_k(x_k)``, so that the effects of
+the others are not noise. Correlated variables are fitted one at a time, so that the index keeps its meaning. The
+delete-a-group jackknife (Efron, Stein 1981) removes the bias of fitted noise and gives the intervals; near zero their
+coverage is a few percent too low.
 
 Root mean square error, the largest over the variables (`tests/reporting/sensitivity/test_first_order.py`):
 
 =========================  ==========  ============  ============
-n, model                   all at once one at a time classes
+n, model                   together    one at a time classes
 =========================  ==========  ============  ============
 100, Ishigami              0.09        0.09          0.12
 500, Ishigami              0.035       0.035         0.045
@@ -18,8 +19,8 @@ n, model                   all at once one at a time classes
 500, linear, 7 variables   0.035       0.035         0.035
 =========================  ==========  ============  ============
 
-Classes are 2 n^(1/3) of equal probability with the unbiased variance within them. For the small shares, all at once is
-4 to 10 times closer than either.
+"Classes" are 2 n^(1/3) classes of equal probability with the unbiased variance within them. For small shares the joint
+fit is 4 to 10 times closer than either.
 """
 
 from dataclasses import dataclass
@@ -34,28 +35,29 @@ from reporting.sensitivity.polynomials import Sums
 MOST_DEGREE = 10
 _ROWS_PER_COEFFICIENT = 5
 CURVE_POINTS = 33
-# Added to the normal equations, whose diagonal is 1: variables that determine each other share their effect.
+# Added to the normal equations, whose diagonal is 1 and which collinear variables make singular.
 _RIDGE = 1e-10
-# Errors this close, as a share of the variance, are equal but for rounding: without noise, any degree may fit.
+# Errors that differ by a smaller share of the variance are equal but for rounding.
 _SAME_ERROR = 1e-9
 
 
 @dataclass(frozen=True)
 class Effects:
-    """What each variable explains alone of each response.
+    """What each of k variables explains alone of each of m responses.
 
     Attributes
     ----------
     degree : array of int, shape (m,)
         Degree of the polynomials.
     share, share_error : array, shape (m, k)
-        First-order index, which noise may bring below 0, and its standard error.
+        First-order index, possibly below 0 by chance, and its standard error.
     unexplained, unexplained_error : array, shape (m,)
-        Share of the variance that no sum of functions of single variables explains: interactions, and noise.
+        Share of the variance that is not a sum of functions of single variables (interactions, noise), and its
+        standard error.
     curve_x : array, shape (k, points)
-        From the 5th to the 95th percentile of each variable, evenly, in its unit.
+        Evenly spaced points from the 5th to the 95th percentile of each variable, in its unit.
     curve : array, shape (m, k, points)
-        ``E[y | x_i]`` there, in standard deviations of y from its mean.
+        ``E[y | x_i]`` at these points, less the mean of y, in standard deviations of y.
     swing_error : array, shape (m, k)
         Standard error of ``max - min`` of the curve, in standard deviations of y.
     """
@@ -71,7 +73,7 @@ class Effects:
 
 
 def most_degree(n: int, variables: int) -> int:
-    """Return the highest degree a sample of n rows is asked for: five rows to a coefficient."""
+    """Return the highest degree to fit to n rows: at least five rows for each coefficient."""
     return min(max((n // _ROWS_PER_COEFFICIENT - 1) // variables, 1), MOST_DEGREE)
 
 
@@ -81,11 +83,11 @@ def effects(sums: Sums, ends: tuple[Array, Array], *, independent: bool) -> Effe
     Parameters
     ----------
     sums : Sums
-        Of the sample, group by group.
+        Sums over the groups of rows.
     ends : pair of arrays, each of shape (k,)
         5th and 95th percentile of each variable.
     independent : bool
-        The variables are independent: fit all at once.
+        The variables are independent: fit them together.
     """
     degree = best_degree(sums)
     curve_x = np.linspace(*ends, CURVE_POINTS, axis=1)
@@ -119,7 +121,7 @@ def effects(sums: Sums, ends: tuple[Array, Array], *, independent: bool) -> Effe
 
 
 def best_degree(sums: Sums) -> NDArray[np.int64]:
-    """Return the lowest degree of least squared error on left-out groups, for each response, shape (m,)."""
+    """Return for each response the lowest degree with the smallest error on left-out groups, shape (m,)."""
     k, rest, errors = sums.basis.mean.size, sums.without_each(), []
     for degree in range(1, sums.basis.degree + 1):
         columns = np.arange(1 + k * degree)
@@ -144,14 +146,14 @@ def variance(parts: Sums) -> Array:
 
 
 def jackknife_error(estimates: Array) -> Array:
-    """Return the standard error; the first axis holds the estimate, then those without each group."""
+    """Return the standard error; the first axis holds the estimate, then the estimates without each group."""
     without = estimates[1:]
     g = without.shape[0]
     return np.asarray(np.sqrt((g - 1) / g * np.sum((without - without.mean(axis=0)) ** 2, axis=0)))
 
 
 def jackknife_quantile(groups: int, confidence: float) -> float:
-    """Return how many standard errors half an interval is wide: Student's t of the groups."""
+    """Return half the width of an interval in standard errors: Student's t for `groups` groups."""
     return float(stdtrit(groups - 1, 0.5 + confidence / 2))
 
 
@@ -164,7 +166,7 @@ def _variance_of(parts: Sums, own: NDArray[np.intp], b: Array) -> Array:
 
 
 def _unexplained(parts: Sums, b: Array, p: int) -> Array:
-    """Return residual over total variance, both with their degrees of freedom, shape (g, m)."""
+    """Return the ratio of residual and total variance, each with its degrees of freedom, shape (g, m)."""
     n = parts.rows[:, None]
     residual = np.maximum(parts.yy - np.sum(b * parts.by[:, :p], axis=1), 0.0)
     return np.asarray(residual / np.maximum(n - p, 1.0) / (variance(parts) * n / (n - 1)))

@@ -1,9 +1,4 @@
-"""The sensitivity of responses to variables, as data.
-
-A variable is *critical* for a response when it explains at least a tenth of its variance and that is no chance
-(Bonferroni over the variables); *not critical* when its interval ends below a tenth; *open* between, where more
-samples decide. What it explains is its total index where a design gives one, otherwise what it explains alone.
-"""
+"""The sensitivity of responses to variables, as data; `reporting.sensitivity.criticality` defines the verdicts."""
 
 from dataclasses import dataclass
 
@@ -17,7 +12,7 @@ CRITICAL, NOT_CRITICAL, OPEN = "critical", "not critical", "open"
 
 @dataclass(frozen=True)
 class Influence:
-    """One variable on one response; None where the response says nothing or the variable does not vary.
+    """The influence of one variable on one response; a number is None where it is undefined.
 
     Attributes
     ----------
@@ -25,7 +20,7 @@ class Influence:
     coefficient, coefficient_interval : float, (float, float)
         Standardised regression coefficient.
     contribution, contribution_interval : float, (float, float)
-        Share of the variance in linear regression, averaged over all orders of entering (LMG); None above 10 variables.
+        Share of the variance in linear regression, averaged over all orders (LMG); None above 10 variables.
     inflation : float
         Variance inflation; None where the other variables determine this one.
     spearman, spearman_interval : float, (float, float)
@@ -35,18 +30,18 @@ class Influence:
     first_order, first_order_interval : float, (float, float)
         First-order Sobol' index.
     total, total_interval : float, (float, float)
-        Total Sobol' index: with all interactions; None without a design.
+        Total-order Sobol' index, which includes all interactions; None without a design.
     interactions, interactions_interval : float, (float, float)
-        Total less first-order index, both from the design: the share of the interactions the variable has part in.
+        Total-order less first-order index, both from the design: the share of the variable's interactions.
     low, high : float
-        Least and largest expected response while the variable goes from its 5th to its 95th percentile, others
-        varying as they do; in the response's unit. The bar of a tornado.
+        Smallest and largest conditional expectation of the response for values of the variable from its 5th to its
+        95th percentile, in the unit of the response: the bar of a tornado chart.
     swing_interval : (float, float)
-        Of ``high - low``.
+        Interval of ``high - low``.
     curve : tuple of (float, float)
         Points (variable, expected response) from the 5th to the 95th percentile.
     significant : bool
-        Linear coefficient or Sobol' index differ from 0, Bonferroni over the variables.
+        The linear coefficient or a Sobol' index differs from 0 (Bonferroni over the variables).
     verdict : str
         "critical", "not critical" or "open".
     """
@@ -75,36 +70,36 @@ class Influence:
 
     @property
     def share(self) -> float | None:
-        """Return what the variable explains: with its interactions where that is known, otherwise alone."""
+        """Share of the variance: the total-order index if known, else the first-order index."""
         return self.first_order if self.total is None else self.total
 
 
 @dataclass(frozen=True)
 class ResponseSensitivity:
-    """What moves one response.
+    """Which variables move one response.
 
     Attributes
     ----------
     response : str
     n : int
-        Samples with a value; of more than 200,000, regressions and indices use as many, drawn at random.
+        Number of samples with a value; regressions and indices use at most 200,000 of them, drawn at random.
     independent : bool or None
-        The variables show no correlation; without that, the first-order indices do not add up.
+        The variables show no correlation; otherwise first-order indices overlap.
     degree : int or None
         Of the polynomials behind the first-order indices.
     r2, r2_rank : float or None
-        Share explained by linear regression (adjusted), and by the regression of ranks.
+        Share of the variance explained by linear regression (adjusted), and by the regression of ranks.
     interaction, interaction_interval : float, (float, float), or None
-        Share of the variance that no sum of functions of single variables explains.
+        Share of the variance that is not a sum of functions of single variables.
     influences : tuple of Influence
-        One a variable, in their order.
+        One for each variable, in their order.
     verdict : str
-        "critical" if any variable is, "not critical" if none is and no more than a tenth is left to
-        interactions that total indices do not count, else "open".
+        "critical" if a variable is; "not critical" if no variable is and less than a tenth of the variance is left to
+        interactions that total-order indices do not cover; else "open".
     rejects : RejectCauses or None
     worst : tuple of WorstSample
     notes : tuple of str
-        Why numbers are None, and what to mind.
+        Why numbers are None, and cautions.
     """
 
     response: str
@@ -129,7 +124,7 @@ class ResponseSensitivity:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """All responses over all variables.
+    """The sensitivity of all responses to all variables.
 
     Attributes
     ----------
@@ -141,6 +136,6 @@ class Sensitivity:
     responses: tuple[ResponseSensitivity, ...]
 
     def never_critical(self) -> tuple[str, ...]:
-        """Return the variables that are critical for no response, with nothing left open."""
+        """Return the variables that are "not critical" for every response."""
         verdicts = {v: {r.influences[i].verdict for r in self.responses} for i, v in enumerate(self.variables)}
         return tuple(name for name, seen in verdicts.items() if seen == {NOT_CRITICAL})

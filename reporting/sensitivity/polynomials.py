@@ -1,10 +1,10 @@
-"""Sums over a sample from which every regression of the report follows: one pass over the rows, no more.
+"""Sums over a sample, in one pass, from which every regression of the report follows.
 
-Each variable gets a basis of polynomials that are orthonormal under its own sample (Stieltjes' procedure,
-Gautschi 2004, section 2.2): a change of unit or of origin changes nothing, and the normal equations stay well
-conditioned at any degree used here. The rows are dealt into groups, and products are summed group by group: the sums
-without one group give both the error of prediction on that group and the delete-a-group jackknife. Groups are dealt at
-random: every 20th sample of a Sobol' sequence or of a grid is no sample of the whole.
+Each variable has a basis of polynomials that are orthonormal over its own sample (Stieltjes' procedure, Gautschi 2004,
+section 2.2): units and origins have no effect, and the normal equations are well conditioned at any degree used here.
+Products are summed over groups of rows. The sums without one group give both the error of prediction on that group
+and the delete-a-group jackknife. Rows must come in random order: every 20th sample of a Sobol' sequence or of a grid
+does not represent the whole.
 """
 
 from dataclasses import dataclass
@@ -16,22 +16,22 @@ from reporting.arrays import Array
 
 GROUPS = 20
 _CHUNK = 50_000  # rows whose basis is in memory at a time
-_RECURRENCE_ROWS = 20_000  # the basis only needs to be nearly orthonormal: the sums hold what it is
-# Below this norm a polynomial is zero on the sample: the variable has no more distinct values.
+_RECURRENCE_ROWS = 20_000  # a nearly orthonormal basis is enough: the sums contain its exact products
+# Below this norm a polynomial vanishes on the sample: the variable has no further distinct values.
 _VANISHES = 1e-7
 
 
 @dataclass(frozen=True)
 class Basis:
-    """Polynomials of k variables up to a degree; column order: constant, all of degree 1, all of degree 2, ...
+    """Polynomials of k variables up to a degree, in the order constant, all of degree 1, all of degree 2, ...
 
     Attributes
     ----------
     mean, std : array, shape (k,)
         Of the sample, in the variables' units.
     center, norm : array, shape (degree, k)
-        ``norm[j] p[j+1] = (t - center[j]) p[j] - norm[j-1] p[j-1]`` with ``t = (x - mean) / std``; a norm of 0 ends
-        the basis of that variable.
+        ``norm[j] p[j+1] = (t - center[j]) p[j] - norm[j-1] p[j-1]`` with ``t = (x - mean) / std``. The basis of a
+        variable ends at a norm of 0.
     """
 
     mean: Array
@@ -45,11 +45,11 @@ class Basis:
         return int(self.center.shape[0])
 
     def columns(self, variable: int, degree: int) -> NDArray[np.intp]:
-        """Return where the polynomials of a variable up to a degree are, constant left out."""
+        """Return the columns of the polynomials of a variable up to a degree, without the constant."""
         return 1 + variable + self.mean.size * np.arange(degree)
 
     def __call__(self, x: Array) -> Array:
-        """Return the basis at points, shape (n, k) -> (n, 1 + k degree)."""
+        """Return the basis at points of shape (n, k), shape (n, 1 + k degree)."""
         t = (x - self.mean) / self.std
         before, at, below = np.zeros_like(t), np.ones_like(t), np.zeros(t.shape[1])
         blocks = [np.ones((t.shape[0], 1))]
@@ -62,13 +62,13 @@ class Basis:
 
 @dataclass(frozen=True)
 class Sums:
-    """Products of basis and responses, summed over each group; responses are standardised.
+    """Products of the p basis functions and the m standardised responses, summed over each of g groups of rows.
 
     Attributes
     ----------
     basis : Basis
     rows : array, shape (g,)
-        Rows of each group.
+        Number of rows of each group.
     bb : array, shape (g, p, p)
     by : array, shape (g, p, m)
     yy : array, shape (g, m)
@@ -81,7 +81,7 @@ class Sums:
     yy: Array
 
     def without_each(self) -> "Sums":
-        """Return the sums over all rows, and over all rows but those of each group, shape (1 + g, ...)."""
+        """Return the sums over all rows, then over all rows except those of each group, shape (1 + g, ...)."""
         return Sums(self.basis, *(total_and_rest(a) for a in (self.rows, self.bb, self.by, self.yy)))
 
 
@@ -131,7 +131,7 @@ def group_sums(x: Array, y: Array, degree: int, groups: int = GROUPS) -> Sums:
 
 
 def _over(values: Array, norm: Array) -> Array:
-    """Return values / norm, zero where the basis of a variable has ended."""
+    """Return values / norm; zero where the basis of a variable has ended."""
     return values * np.where(norm > 0, 1.0 / np.where(norm > 0, norm, 1.0), 0.0)
 
 

@@ -1,11 +1,10 @@
-"""Linear and rank regression of responses on variables, and what each variable contributes to the variance.
+"""Linear and rank regression of responses on variables, and each variable's contribution to the variance.
 
-- Standardised coefficient: change of the response in its standard deviations for one of the variable.
-- Contribution (LMG: Lindeman, Merenda, Gold 1980; the Shapley value of R^2): what a variable adds to R^2, averaged over
-  all orders in which variables can enter. It is the squared standardised coefficient where variables are
-  independent, it sums to R^2 where they are not.
+- Standardised coefficient: change of the response, in its standard deviations, per standard deviation of the variable.
+- Contribution (LMG: Lindeman, Merenda, Gold 1980; the Shapley value of R^2): increase of R^2 by a variable, averaged
+  over all orders of variables. Contributions sum to R^2; of independent variables they are the squared coefficients.
 - Variance inflation: 1 / (1 - R^2 of the variable on the others).
-- Spearman's rank correlation, and the regression of ranks; its interval is Bonett and Wright's (2000).
+- Spearman's rank correlation with the interval of Bonett and Wright (2000), and the regression of ranks.
 """
 
 import math
@@ -17,27 +16,28 @@ from scipy.special import ndtri
 from reporting.arrays import Array
 from reporting.sensitivity.first_order import jackknife_error
 from reporting.sensitivity.polynomials import Sums
+from reporting.shape.order_statistics import centred_ranks
 
-MOST_SHARED = 10  # variables up to which all subsets are gone through
-# A variable whose variance is left to less than this share by the others is a combination of them.
+MOST_SHARED = 10  # variables whose 2^10 subsets are all fitted
+# Below this unexplained share of its variance a variable is a linear combination of the others.
 _COLLINEAR = 1e-10
-_RIDGE = 1e-12  # added to correlation matrices: variables that determine each other share their coefficient
+_RIDGE = 1e-12  # added to correlation matrices, which collinear variables make singular
 
 
 @dataclass(frozen=True)
 class Linear:
-    """Linear regression on standardised variables.
+    """Linear regression of m responses on k standardised variables.
 
     Attributes
     ----------
     coefficient, coefficient_error : array, shape (m, k)
         Standardised coefficients and their standard errors (delete-a-group jackknife).
     r2 : array, shape (m,)
-        Share of the variance that is explained, adjusted for the number of variables.
+        Explained share of the variance, adjusted for the number of variables.
     contribution, contribution_error : array, shape (m, k), or None
         Share of the variance by variable, and its standard error; None above 10 variables.
     inflation : array, shape (k,)
-        Variance inflation of each variable; infinite where the others determine it.
+        Variance inflation of each variable; infinite if the others determine it.
     correlation : array, shape (k, k)
         Pearson correlations between the variables.
     """
@@ -52,7 +52,7 @@ class Linear:
 
 
 def linear(sums: Sums) -> Linear:
-    """Return the linear regression, from the sums over groups of rows."""
+    """Return the linear regression from the sums over groups of rows."""
     parts = sums.without_each()
     k = sums.basis.mean.size
     among, with_response = _correlations(parts, k)
@@ -72,19 +72,19 @@ def linear(sums: Sums) -> Linear:
 
 
 def shapley_of_r2(among: Array, with_response: Array) -> Array:
-    """Return each variable's share of R^2 by averaging over all orders.
+    """Return each variable's contribution to R^2, averaged over all orders of variables.
 
     Parameters
     ----------
     among : array, shape (g, k, k)
         Correlations between the variables.
     with_response : array, shape (g, k, m)
-        Correlations of variables and responses.
+        Correlations of variables with responses.
 
     Returns
     -------
     array, shape (g, k, m)
-        The shares; their sum over the variables is R^2.
+        The contributions; their sum over the variables is R^2.
     """
     g, k, m = with_response.shape
     r2 = np.zeros((2**k, g, m))
@@ -104,16 +104,16 @@ def shapley_of_r2(among: Array, with_response: Array) -> Array:
 
 @dataclass(frozen=True)
 class Rank:
-    """Rank correlation and regression.
+    """Rank correlation and rank regression of m responses and k variables.
 
     Attributes
     ----------
     spearman, spearman_low, spearman_high : array, shape (m, k)
-        Rank correlation of each variable and response, and its interval.
+        Rank correlation, and its interval.
     coefficient : array, shape (m, k)
-        Standardised coefficients of the regression of ranks.
+        Coefficients of the regression of standardised ranks.
     r2 : array, shape (m,)
-        Share of the variance of ranks that is explained: near 1 where the response is monotone.
+        Explained share of the variance of ranks: near 1 for a monotone response.
     """
 
     spearman: Array
@@ -124,9 +124,9 @@ class Rank:
 
 
 def rank(x: Array, y: Array, confidence: float) -> Rank:
-    """Return the rank regression of the columns of y (n, m) on the columns of x (n, k)."""
+    """Return the rank regression of the columns of y, shape (n, m), on the columns of x, shape (n, k)."""
     k = x.shape[1]
-    columns = [_ranks(column) for column in (*x.T, *y.T)]
+    columns = [_standardised_ranks(column) for column in (*x.T, *y.T)]
     n = y.shape[0]
     correlation = np.array([[np.dot(a, b) / n for b in columns] for a in columns[:k]])
     among, spearman = correlation[:, :k], np.clip(correlation[:, k:].T, -1.0, 1.0)
@@ -143,24 +143,20 @@ def rank(x: Array, y: Array, confidence: float) -> Rank:
 
 
 def _solve(correlation: Array, right: Array) -> Array:
-    """Return the coefficients of a regression on standardised variables; also where some determine others."""
+    """Return the coefficients of a regression on standardised variables, which may be collinear."""
     return np.asarray(np.linalg.solve(correlation + _RIDGE * np.eye(correlation.shape[-1]), right))
 
 
-def _ranks(values: Array) -> Array:
-    """Return standardised ranks, equal values with their middle rank."""
-    _, where, count = np.unique(values, return_inverse=True, return_counts=True)
-    last = np.cumsum(count)
-    middle = last - (count + 1) / 2
-    ranks = middle[where]
-    centred = ranks - ranks.mean()
+def _standardised_ranks(values: Array) -> Array:
+    """Return the ranks of values with mean 0 and standard deviation 1."""
+    centred = centred_ranks(values)
     return np.asarray(centred / max(float(np.sqrt(np.mean(centred**2))), np.finfo(float).tiny))
 
 
 def _correlations(parts: Sums, k: int) -> tuple[Array, Array]:
     """Return the correlations between variables (g, k, k), and of variables with responses (g, k, m)."""
     n = parts.rows[:, None]
-    first = slice(1, 1 + k)  # polynomials of degree 1: the variables but for origin and unit
+    first = slice(1, 1 + k)  # polynomials of degree 1: the variables, shifted and scaled
     mean_x, mean_y = parts.bb[:, 0, first] / n, parts.by[:, 0] / n
     xx = parts.bb[:, first, first] / n[:, None] - mean_x[:, :, None] * mean_x[:, None, :]
     xy = parts.by[:, first] / n[:, None] - mean_x[:, :, None] * mean_y[:, None, :]
@@ -170,7 +166,7 @@ def _correlations(parts: Sums, k: int) -> tuple[Array, Array]:
 
 
 def _inflation(among: Array) -> Array:
-    """Return the variance inflation of each variable; infinite where the others determine it."""
+    """Return the variance inflation of each variable; infinite if the others determine it."""
     k = among.shape[0]
     inflation = np.ones(k)
     for i in range(k):

@@ -1,8 +1,8 @@
 """What rejects have in common, and which samples are the worst.
 
-For every variable: how far its mean among the rejects lies from its mean among the others, with Welch's interval, and
-the largest distance of its two distribution functions (Kolmogorov, Smirnov). Where there are too few rejects to ask,
-the samples with the least margin stand for them, and `group` says so.
+For each variable: the difference of its means among rejects and other samples with Welch's (1947) interval, and the
+distance of its two distribution functions (Kolmogorov, Smirnov). With too few rejects the samples nearest to a limit
+take their place, and `RejectCauses.group` says so.
 """
 
 import math
@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import kolmogorov, stdtrit
+from scipy.special import kolmogorov
 
 from reporting.arrays import Array, random_rows
-from reporting.capability.intervals import Interval
+from reporting.capability.intervals import Interval, welch
 
-FEWEST = 20  # rejects from which their means say something
+FEWEST = 20  # samples of a group to compare
 TAIL_SHARE = 0.01
 LISTED = 5
 REJECTS, TAIL = "rejects", "least margin"
@@ -29,15 +29,15 @@ class RejectDifference:
     ----------
     variable : str
     mean, mean_others : float
-        Among rejects and others, in the variable's unit.
+        Among rejects and other samples, in the unit of the variable.
     shift : float
-        Their difference in standard deviations of the variable.
+        Difference of the means in standard deviations of the variable.
     shift_interval : (float, float)
-        Welch's interval of it.
+        Welch's interval of the shift.
     distance : float
-        Largest distance of the distribution functions, 0 to 1; it also sees a spread that differs.
+        Kolmogorov's distance of the distribution functions, 0 to 1; a difference in spread shows in it too.
     p_value : float
-        Of a distance this large if there were no difference (asymptotic).
+        Probability of a distance at least as large without a difference (asymptotic).
     """
 
     variable: str
@@ -56,13 +56,13 @@ class RejectCauses:
     Attributes
     ----------
     group : str
-        "rejects", or "least margin": the 1 % (at least 20) nearest to a limit, where rejects are fewer than 20.
+        "rejects"; or, with fewer than 20 rejects, "least margin": the 1 % (at least 20) nearest to a limit.
     count, others : int
-        Samples of the group, and the rest.
+        Number of samples of the group, and of the other samples.
     rejects : int
-        Values out of limits.
+        Number of values out of limits.
     differences : tuple of RejectDifference
-        One a variable, the largest distance first.
+        One for each variable, the largest distance first.
     """
 
     group: str
@@ -74,18 +74,18 @@ class RejectCauses:
 
 @dataclass(frozen=True)
 class WorstSample:
-    """A sample nearest to, or farthest beyond, a limit.
+    """A sample near a limit or beyond it.
 
     Attributes
     ----------
     side : str
         "lower" or "upper" limit.
     sample : int
-        Its number.
+        Number of the sample.
     value, margin : float
-        Of the response, and to the limit: negative beyond it; in the response's unit.
+        Value of the response and its margin to the limit, negative beyond it, in the unit of the response.
     inputs : dict of str to float
-        The variables.
+        Values of the variables.
     """
 
     side: str
@@ -98,7 +98,7 @@ class WorstSample:
 def reject_causes(
     y: Array, inputs: dict[str, Array], lsl: float | None, usl: float | None, confidence: float
 ) -> RejectCauses | None:
-    """Return what rejects have in common; None without limits, or where group or rest are fewer than 20.
+    """Return what rejects have in common; None without limits, or with fewer than 20 samples in a group.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def reject_causes(
     confidence : float
         Of the intervals.
     """
-    margins = [m for m in (None if lsl is None else y - lsl, None if usl is None else usl - y) if m is not None]
+    margins = [*([] if lsl is None else [y - lsl]), *([] if usl is None else [usl - y])]
     if not margins:
         return None
     margin = np.min(margins, axis=0)
@@ -135,7 +135,7 @@ def reject_causes(
 def worst_samples(
     sample: NDArray[np.int64], y: Array, inputs: dict[str, Array], lsl: float | None, usl: float | None
 ) -> tuple[WorstSample, ...]:
-    """Return the five samples of least margin to each limit, the worst first, lower limit first.
+    """Return the five samples with the smallest margin to each limit, the lower limit and the worst sample first.
 
     Parameters
     ----------
@@ -160,18 +160,19 @@ def worst_samples(
 
 
 def _difference(name: str, a: Array, b: Array, confidence: float) -> RejectDifference:
-    """Compare one variable between two groups, of at least two values each."""
+    """Compare one variable between two groups of at least two values each."""
     whole = np.concatenate([a, b])
     std = float(np.std(whole, ddof=1))
-    part_a, part_b = float(np.var(a, ddof=1)) / a.size, float(np.var(b, ddof=1)) / b.size
-    shift = float(a.mean() - b.mean()) / std
-    both = part_a + part_b
-    freedom = both**2 / (part_a**2 / (a.size - 1) + part_b**2 / (b.size - 1)) if both > 0 else float(whole.size)
-    half = float(stdtrit(freedom, 0.5 + confidence / 2)) * math.sqrt(both) / std
+    shift, (low, high), _ = welch(a, b, confidence)
     distance = _distance(a, b)
-    p_value = float(kolmogorov(distance * math.sqrt(a.size * b.size / whole.size)))
     return RejectDifference(
-        name, float(a.mean()), float(b.mean()), shift, (shift - half, shift + half), distance, p_value
+        variable=name,
+        mean=float(a.mean()),
+        mean_others=float(b.mean()),
+        shift=shift / std,
+        shift_interval=(low / std, high / std),
+        distance=distance,
+        p_value=float(kolmogorov(distance * math.sqrt(a.size * b.size / whole.size))),
     )
 
 

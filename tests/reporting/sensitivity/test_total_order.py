@@ -147,7 +147,7 @@ def test_a_report_says_who_acts_through_interactions(tmp_path: Path):
     assert [i["first_order"] for i in first["influences"]] == pytest.approx(ISHIGAMI_FIRST, abs=0.02)
     assert all(i["total_interval"][0] < i["total"] < i["total_interval"][1] for i in first["influences"])
     assert [i["verdict"] for i in first["influences"]] == ["critical"] * 3
-    assert first["notes"][0].startswith("25 % of the variance is no sum")
+    assert first["notes"][0].startswith("25 % of the variance is not a sum")
     named = re.fullmatch(
         r"Acting through interactions: x1 explains (\d+) % with them and (\d+) % alone,"
         r" x3 explains (\d+) % with them and (\d+) % alone\.",
@@ -201,7 +201,7 @@ def test_a_hole_in_the_design_is_told_and_closed_by_a_rerun():
     found = analysis_of(*report_of(x, {"y": y}, failed)).responses[0].sensitivity
     assert all(i.total is None and i.first_order is not None for i in found.influences)
     assert found.notes[-1].startswith(
-        "No total indices: 7 of the design's 1\u202f280 samples have no value (sample 3, 17, 500, 501, 502 and 2 more)"
+        "No total-order indices: 7 of the design's 1\u202f280 samples have no value (sample 3, 17, 500, 501, 502 and 2 more)"
     )
     assert "clearcap rerun" in found.notes[-1]
     table, spec = report_of(x, {"y": y})

@@ -1,0 +1,108 @@
+"""From measures to verdicts: which variable is critical for which response.
+
+A variable is *critical* for a response when it explains at least a tenth of the variance and this is not by chance
+(Bonferroni over the variables). It is *not critical* when its interval ends below a tenth, and *open* otherwise: more
+samples decide. What a variable explains is its total-order index if a design gives one, else its first-order index.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from reporting.capability.intervals import Interval
+from reporting.sensitivity.first_order import jackknife_quantile
+from reporting.sensitivity.influence import CRITICAL, CRITICAL_SHARE, NEGLIGIBLE_SHARE, NOT_CRITICAL, OPEN, Influence
+from reporting.sensitivity.measures import Measures
+from reporting.sensitivity.polynomials import GROUPS
+from reporting.sensitivity.total_order import TotalOrder
+
+
+def influence_of(variable: str, at: int, measures: Measures, confidence: float) -> Influence:
+    """Return the influence of one variable on the response at position `at` of the measures."""
+    if variable not in measures.variables:
+        return Influence(variable, verdict=NOT_CRITICAL)
+    i, quantile = measures.variables[variable], jackknife_quantile(GROUPS, confidence)
+    line, ranks, alone, std = measures.linear, measures.rank, measures.effects, float(measures.std[at])
+    coefficient, error = float(line.coefficient[at, i]), float(line.coefficient_error[at, i])
+    share, share_error = float(alone.share[at, i]), float(alone.share_error[at, i])
+    contribution = None if line.contribution is None else float(line.contribution[at, i])
+    contribution_error = 0.0 if line.contribution_error is None else float(line.contribution_error[at, i])
+    curve = measures.mean[at] + std * alone.curve[at, i]
+    swing, swing_half = float(np.ptp(curve)), quantile * std * float(alone.swing_error[at, i])
+    errors_needed = needed_errors(len(measures.variables), confidence)
+    linear_effect = abs(coefficient) > errors_needed * error and coefficient**2 > NEGLIGIBLE_SHARE
+    significant = linear_effect or share > max(errors_needed * share_error, NEGLIGIBLE_SHARE)
+    interval = share_interval(share, quantile * share_error)
+    return Influence(
+        variable=variable,
+        coefficient=coefficient,
+        coefficient_interval=(coefficient - quantile * error, coefficient + quantile * error),
+        contribution=contribution,
+        contribution_interval=(
+            None if contribution is None else share_interval(contribution, quantile * contribution_error)
+        ),
+        inflation=float(line.inflation[i]) if np.isfinite(line.inflation[i]) else None,
+        spearman=float(ranks.spearman[at, i]),
+        spearman_interval=(float(ranks.spearman_low[at, i]), float(ranks.spearman_high[at, i])),
+        rank_coefficient=float(ranks.coefficient[at, i]),
+        first_order=as_share(share),
+        first_order_interval=interval,
+        low=float(curve.min()),
+        high=float(curve.max()),
+        swing_interval=(max(swing - swing_half, 0.0), swing + swing_half),
+        curve=tuple(zip(alone.curve_x[i].tolist(), curve.tolist(), strict=True)),
+        significant=bool(significant),
+        verdict=_word(share, interval, significant=bool(significant)),
+    )
+
+
+def with_total_order(influence: Influence, totals: TotalOrder, confidence: float) -> Influence:
+    """Return an influence with its total-order index, which then decides the verdict."""
+    if influence.first_order is None or influence.variable not in totals.variables:
+        return influence
+    i, quantile = totals.variables.index(influence.variable), jackknife_quantile(GROUPS, confidence)
+    total, error = float(totals.total[i]), float(totals.total_error[i])
+    interactions, half = float(totals.interactions[i]), quantile * float(totals.interactions_error[i])
+    errors_needed = needed_errors(len(totals.variables), confidence)
+    significant = bool(influence.significant) or total > max(errors_needed * error, NEGLIGIBLE_SHARE)
+    interval = share_interval(total, quantile * error)
+    return replace(
+        influence,
+        total=as_share(total),
+        total_interval=interval,
+        interactions=as_share(interactions),
+        interactions_interval=share_interval(interactions, half),
+        significant=significant,
+        verdict=_word(total, interval, significant=significant),
+    )
+
+
+def needed_errors(variables: int, confidence: float) -> float:
+    """Return by how many standard errors an effect must differ from 0 (Bonferroni over the variables)."""
+    # Two two-sided tests for each variable.
+    return jackknife_quantile(GROUPS, 1 - (1 - confidence) / (2 * variables))
+
+
+def _word(share: float, interval: Interval, *, significant: bool) -> str:
+    """Return the verdict on a variable that explains a share of the variance."""
+    if significant and share >= CRITICAL_SHARE:
+        return CRITICAL
+    return OPEN if interval[1] >= CRITICAL_SHARE else NOT_CRITICAL
+
+
+def response_verdict(influences: tuple[Influence, ...], interaction: float) -> str:
+    """Return the verdict of a response whose interactions explain at most the share `interaction`."""
+    verdicts = {influence.verdict for influence in influences}
+    if CRITICAL in verdicts:
+        return CRITICAL
+    return OPEN if OPEN in verdicts or interaction >= CRITICAL_SHARE else NOT_CRITICAL
+
+
+def as_share(value: float) -> float:
+    """Return an estimate of a share, within 0 and 1."""
+    return min(max(value, 0.0), 1.0)
+
+
+def share_interval(value: float, half: float) -> Interval:
+    """Return the interval of a share, within 0 and 1."""
+    return as_share(value - half), as_share(value + half)
