@@ -1,18 +1,19 @@
 """Two campaigns side by side: what differs, by how much, and whether chance explains it.
 
-Means: Welch's t. Standard deviations: their ratio, with Levene's test around the medians (Brown, Forsythe 1974), which
-holds for any distribution, beside the F test, which needs normal ones. Whole distributions: Mann and Whitney's test.
-With 30,000 samples everything differs "significantly"; so each comes with its size.
+Means are compared by Welch's t. Standard deviations are compared by their ratio and by Levene's test around the medians
+(Brown, Forsythe 1974), which holds for any distribution, beside the F test, which needs normal ones; distributions by
+the test of Mann and Whitney. With 30,000 samples every difference is significant, so each is given with its size.
 """
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import betainc, ndtr, ndtri, stdtr, stdtrit
+from scipy.special import betainc, ndtri
 
 from reporting.arrays import Array
-from reporting.capability.intervals import Interval
+from reporting.capability.indices import cpk_standard_error
+from reporting.capability.intervals import Interval, welch
 from reporting.capability.moments import ROUNDING
 from reporting.capability.summary import Capability, capability
 from reporting.errors import ReportError
@@ -20,42 +21,42 @@ from reporting.samples import Samples
 from reporting.shape.histogram import Histogram, histogram
 from reporting.spec import ReportSpec, ResponseSpec
 
-# Cohen's (1988) words for d; below the first the difference is of no use to anybody.
+# Cohen's (1988) words for d; below the first the difference has no practical importance.
 NEGLIGIBLE, SMALL, MEDIUM = 0.2, 0.5, 0.8
 
 
 @dataclass(frozen=True)
 class ResponseComparison:
-    """One response in this campaign and in the other; None where a number is undefined.
+    """One response in this campaign and in the other; a number is None where it is undefined.
 
     Attributes
     ----------
     response, unit : str
     n, n_other : int
-        Values.
+        Number of values.
     capability, capability_other : Capability
-        Each against its own campaign's limits.
+        Each with the limits of its own campaign.
     mean_difference, mean_interval : float, (float, float)
-        This less the other, in the response's unit (Welch).
+        This campaign less the other, in the unit of the response (Welch).
     t_p : float
-        Of Welch's test of equal means.
+        p-value of Welch's test of equal means.
     effect : float
-        Cohen's d: the difference in pooled standard deviations.
+        Cohen's d: the difference of the means in pooled standard deviations.
     effect_word : str
         "negligible", "small", "medium", "large".
     std_ratio, std_ratio_interval : float, (float, float)
-        This over the other; from kurtosis and n, for any distribution with a fourth moment.
+        This campaign over the other; the interval holds for any distribution with a fourth moment.
     f_p, levene_p : float
-        Of the F test and of Brown and Forsythe's.
+        p-values of the F test and of the test of Brown and Forsythe.
     superiority : float
-        Probability that a sample of this campaign lies above one of the other; 0.5 where nothing differs.
+        Probability that a value of this campaign is above one of the other; 0.5 without a difference.
     mann_whitney_p : float
     cpk_difference, cpk_interval : float, (float, float)
-        This less the other (delta method).
+        This campaign less the other (delta method).
     histogram, histogram_other : Histogram or None
-        Both with the same edges.
+        With the same edges.
     notes : tuple of str
-        Why numbers are None, and what to mind.
+        Why numbers are None, and cautions.
     """
 
     response: str
@@ -89,13 +90,13 @@ class Comparison:
     Attributes
     ----------
     campaign, title : str
-        The other one.
+        Of the other campaign.
     samples, failed : int
-        Its finished samples, and those without a result.
+        Number of its finished samples, and of its failed ones.
     responses : tuple of ResponseComparison
-        Those that both have, in this campaign's order.
+        Responses of both campaigns, in the order of this one.
     only_here, only_there : tuple of str
-        Responses that one of them has not.
+        Responses of only one campaign.
     """
 
     campaign: str
@@ -115,7 +116,7 @@ def compare(
     Raises
     ------
     ReportError
-        They have no response in common, or a response has another unit in the other campaign.
+        The campaigns have no response in common, or a response has different units.
     """
     theirs = {r.name: r for r in other_spec.responses}
     shared = [(r, theirs[r.name]) for r in spec.responses if r.name in theirs]
@@ -145,7 +146,7 @@ def _response(
     a, b = a[np.isfinite(a)], b[np.isfinite(b)]
     notes = []
     if (mine.lsl, mine.usl) != (their.lsl, their.usl):
-        notes.append("The campaigns have other limits: each index is against its own.")
+        notes.append("The campaigns have different limits; each index uses those of its own campaign.")
     base = ResponseComparison(
         mine.name, mine.unit, a.size, b.size,
         capability(a, mine.lsl, mine.usl, mine.target, confidence),
@@ -153,9 +154,9 @@ def _response(
     )  # fmt: skip
     fields: dict[str, object] = {}
     if a.size < 2 or b.size < 2:
-        notes.append("Fewer than two values on a side: nothing to compare.")
+        notes.append("Fewer than two values in a campaign: nothing to compare.")
     elif not (_varies(a) and _varies(b)):
-        notes.append("A side does not vary: nothing to test.")
+        notes.append("The response does not vary in one of the campaigns: nothing to test.")
         fields = {"mean_difference": float(a.mean() - b.mean())}
     else:
         fields = {**_means(a, b, confidence), **_spreads(a, b, confidence), **_order(a, b)}
@@ -169,69 +170,60 @@ def _response(
 
 
 def _varies(x: Array) -> bool:
+    """Return whether the values are more than a constant with rounding errors."""
     return float(np.std(x)) > ROUNDING * float(np.max(np.abs(x)))
 
 
 def _means(a: Array, b: Array, confidence: float) -> dict[str, object]:
-    """Return difference, interval, test and size of the means."""
-    parts = [float(np.var(x, ddof=1)) / x.size for x in (a, b)]
-    error = math.sqrt(sum(parts))
-    freedom = sum(parts) ** 2 / (parts[0] ** 2 / (a.size - 1) + parts[1] ** 2 / (b.size - 1))
-    difference = float(a.mean() - b.mean())
-    half = float(stdtrit(freedom, 0.5 + confidence / 2)) * error
-    pooled = math.sqrt(((a.size - 1) * parts[0] * a.size + (b.size - 1) * parts[1] * b.size) / (a.size + b.size - 2))
-    effect = difference / pooled
+    """Return the difference of the means with its interval, test and effect size."""
+    difference, interval, p_value = welch(a, b, confidence)
+    squares = sum((x.size - 1) * float(np.var(x, ddof=1)) for x in (a, b))
+    effect = difference / math.sqrt(squares / (a.size + b.size - 2))
     words = ((NEGLIGIBLE, "negligible"), (SMALL, "small"), (MEDIUM, "medium"))
     return {
         "mean_difference": difference,
-        "mean_interval": (difference - half, difference + half),
-        "t_p": 2 * float(stdtr(freedom, -abs(difference) / error)),
+        "mean_interval": interval,
+        "t_p": p_value,
         "effect": effect,
         "effect_word": next((word for bar, word in words if abs(effect) < bar), "large"),
     }
 
 
 def _spreads(a: Array, b: Array, confidence: float) -> dict[str, object]:
-    """Return ratio, interval and tests of the standard deviations."""
-    s, other = float(np.std(a, ddof=1)), float(np.std(b, ddof=1))
+    """Return the ratio of the standard deviations with its interval and tests."""
+    from scipy.stats import levene  # takes 1 s to import, which only a comparison needs
+
     errors = [math.sqrt(max(float(np.mean(((x - x.mean()) / x.std()) ** 4)) - 1, 0.0) / (4 * x.size)) for x in (a, b)]
     half = float(ndtri(0.5 + confidence / 2)) * math.hypot(*errors)
-    ratio, nu, nu_other = s / other, a.size - 1, b.size - 1
+    ratio, nu, nu_other = float(np.std(a, ddof=1)) / float(np.std(b, ddof=1)), a.size - 1, b.size - 1
     tail = float(betainc(nu / 2, nu_other / 2, nu * ratio**2 / (nu * ratio**2 + nu_other)))
-    off, off_other = np.abs(a - np.median(a)), np.abs(b - np.median(b))
-    t = off.mean() - off_other.mean()
-    pooled = (off.var() * a.size + off_other.var() * b.size) / (a.size + b.size - 2) * (1 / a.size + 1 / b.size)
+    with np.errstate(all="ignore"):  # two values on each side have equal deviations from their median
+        levene_p = float(levene(a, b, center="median").pvalue)
     return {
         "std_ratio": ratio,
         "std_ratio_interval": (ratio * math.exp(-half), ratio * math.exp(half)),
         "f_p": 2 * min(tail, 1 - tail),
-        "levene_p": 2 * float(stdtr(a.size + b.size - 2, -abs(t) / math.sqrt(pooled))) if pooled > 0 else None,
+        "levene_p": levene_p if math.isfinite(levene_p) else None,
     }
 
 
 def _order(a: Array, b: Array) -> dict[str, object]:
-    """Return Mann and Whitney's probability of superiority and test, ties counted half."""
-    ordered = np.sort(b)
-    below, up_to = np.searchsorted(ordered, a, "left"), np.searchsorted(ordered, a, "right")
-    n, m = a.size, b.size
-    share = float(np.mean(0.5 * (below + up_to))) / m
-    ties = np.unique(np.concatenate([a, b]), return_counts=True)[1].astype(np.float64)
-    total = n + m
-    variance = n * m / 12 * (total + 1 - float(np.sum(ties**3 - ties)) / (total * (total - 1)))
-    z = max(abs(share - 0.5) * n * m - 0.5, 0.0) / math.sqrt(variance) if variance > 0 else 0.0
-    return {"superiority": share, "mann_whitney_p": min(2 * float(ndtr(-z)), 1.0)}
+    """Return Mann and Whitney's probability of superiority and test; ties count half."""
+    from scipy.stats import mannwhitneyu  # see `_spreads`
+
+    test = mannwhitneyu(a, b, method="asymptotic")
+    return {"superiority": float(test.statistic) / (a.size * b.size), "mann_whitney_p": float(test.pvalue)}
 
 
 def _indices(a: Array, b: Array, base: ResponseComparison, confidence: float) -> dict[str, object]:
     """Return the difference of Cpk and its interval."""
-    mine, their = base.capability.cpk, base.capability_other.cpk
-    if mine is None or their is None:
+    cpk, cpk_other = base.capability.cpk, base.capability_other.cpk
+    if cpk is None or cpk_other is None:
         return {}
-    errors = []
-    for x, c in ((a, base.capability), (b, base.capability_other)):
-        off, std, cpk = x - x.mean(), float(np.std(x)), c.cpk or 0.0
-        sign = 1 if c.cpu is None or (c.cpl is not None and c.cpl <= c.cpu) else -1
-        influence = (sign * off / 3 - cpk * (off**2 - std**2) / (2 * std)) / std
-        errors.append(math.sqrt(float(np.mean(influence**2)) / x.size))
+    errors = [
+        cpk_standard_error(x, c.cpk or 0.0, lower=c.cpu is None or (c.cpl is not None and c.cpl <= c.cpu))
+        for x, c in ((a, base.capability), (b, base.capability_other))
+    ]
     half = float(ndtri(0.5 + confidence / 2)) * math.hypot(*errors)
-    return {"cpk_difference": mine - their, "cpk_interval": (mine - their - half, mine - their + half)}
+    difference = cpk - cpk_other
+    return {"cpk_difference": difference, "cpk_interval": (difference - half, difference + half)}

@@ -1,4 +1,4 @@
-"""How samples ended, and those that have no result."""
+"""How samples ended, and the samples that failed."""
 
 import shlex
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ STATUSES = {
 
 @dataclass(frozen=True)
 class StatusCount:
-    """How many samples ended with a status, and the first of them as example."""
+    """Number of samples with a status, and the first of them as an example."""
 
     status: str
     meaning: str
@@ -35,7 +35,7 @@ class StatusCount:
 
 @dataclass(frozen=True)
 class FailedSample:
-    """A sample without a result, and the command that repeats it."""
+    """A failed sample, and the command that repeats it."""
 
     sample: int
     status: str
@@ -44,7 +44,7 @@ class FailedSample:
 
 
 def count_statuses(samples: Samples) -> tuple[StatusCount, ...]:
-    """Count every known status, zero too, and any other that the rows hold."""
+    """Count the samples of every known status, also without samples, and of every other status in the rows."""
     counts = []
     for status in [*STATUSES, *sorted(set(samples.statuses) - set(STATUSES))]:
         rows = samples.rows_of(status)
@@ -63,7 +63,7 @@ def count_statuses(samples: Samples) -> tuple[StatusCount, ...]:
 
 
 def list_failures(spec: ReportSpec, samples: Samples) -> tuple[FailedSample, ...]:
-    """List the first failed samples, each with the command that repeats it to the last bit of its inputs."""
+    """List the first failed samples, each with the command that repeats it with exactly the same inputs."""
     start = spec.simulate or f"clearcap simulate {shlex.quote(spec.provenance.get('mechanism', spec.campaign))}"
     return tuple(
         FailedSample(

@@ -1,7 +1,6 @@
-"""Numbers as text: enough digits to read, never so few that a value crosses a limit.
+"""Numbers as text: few digits, but never so few that a value reaches or crosses a limit.
 
-A Cpk of 1.3299 is not printed as 1.33, a largest value of 15.9998 N not as 16.00 N, a yield of 99.9998 %
-not as 100 %.
+A Cpk of 1.3299 is not printed as 1.33, a largest value of 15.9998 N not as 16.00 N, a yield of 99.9998 % not as 100 %.
 """
 
 import math
@@ -27,7 +26,7 @@ def decimals_for(scale: float | None, significant: int = 3) -> int:
 
 
 def fixed(value: float | None, decimals: int = 3, limits: Iterable[float | None] = ()) -> str:
-    """Return `value` with `decimals` decimals, more if it would else land on or cross one of `limits`."""
+    """Return `value` with `decimals` decimals, or more if it would otherwise reach or cross one of `limits`."""
     if value is None:
         return NONE
     fences = [limit for limit in limits if limit is not None]
@@ -39,7 +38,7 @@ def fixed(value: float | None, decimals: int = 3, limits: Iterable[float | None]
 
 
 def index(value: float | None) -> str:
-    """Return a capability index with three decimals that keep it on its side of 1.00 and 1.33."""
+    """Return a capability index with three decimals, more if it would otherwise reach or cross 1.00 or 1.33."""
     return fixed(value, 3, (1.0, 1.33))
 
 
@@ -59,14 +58,14 @@ def percent(share: float | None) -> str:
 
 
 def part(share: float | None) -> str:
-    """Return an estimate of a share of a whole as percent: what is below a tenth of a percent is nothing."""
+    """Return an estimate of a share as percent with one decimal; below 0.05 % it is 0."""
     if share is None:
         return NONE
     return "0\u00a0%" if share < 0.0005 else f"{100 * share:.{0 if share >= 0.9995 else 1}f}\u00a0%"
 
 
 def significant(value: float | None, digits: int = 3) -> str:
-    """Return `value` with that many significant digits, with an exponent where it is very small or large."""
+    """Return `value` with `digits` significant digits, with an exponent if it is very small or large."""
     if value is None:
         return NONE
     if value == 0:
@@ -76,20 +75,20 @@ def significant(value: float | None, digits: int = 3) -> str:
 
 
 def grouped(number: int | str) -> str:
-    """Return a number with its thousands apart by a narrow space."""
+    """Return a number with a narrow space between thousands."""
     whole, point, rest = str(number).partition(".")
     return f"{int(whole):,}".replace(",", "\u202f") + point + rest
 
 
 def probability(value: float | None) -> str:
-    """Return a p-value: two digits, and no more than a bound where it is small."""
+    """Return a p-value with two digits, or a bound if it is small."""
     if value is None:
         return NONE
     return "< 0.0001" if value < 1e-4 else f"{value:.2g}"
 
 
 def duration(seconds: float | None) -> str:
-    """Return a time in the unit that fits it."""
+    """Return a time in a suitable unit."""
     if seconds is None:
         return NONE
     for size, unit in ((86400.0, "d"), (3600.0, "h"), (60.0, "min")):

@@ -1,4 +1,4 @@
-"""Were the variables drawn as asked: moments, bounds, distribution, correlations."""
+"""The drawn variables against the requested distributions: moments, bounds, distance, correlations."""
 
 import math
 from dataclasses import dataclass
@@ -11,33 +11,34 @@ from scipy.special import kolmogorov
 from reporting.arrays import Array
 from reporting.samples import Samples
 from reporting.shape.histogram import Histogram, histogram
+from reporting.shape.order_statistics import centred_ranks
 from reporting.spec import ReportSpec, VariableSpec
 
 _FEWEST = 30
-_ROWS = 200_000  # know a rank correlation to 0.002
+_ROWS = 200_000  # determine a rank correlation to 0.002
 
 
 @dataclass(frozen=True)
 class VariableAnalysis:
-    """A sampled input: what was asked and what was drawn, over all samples, failed ones too.
+    """A sampled variable as requested and as drawn, over all samples including failed ones.
 
     Attributes
     ----------
     spec : VariableSpec
     n : int
-        Finite values.
+        Number of finite values.
     mean, std, min, max : float or None
         In the variable's unit.
     outside : int
-        Values beyond the bounds, or missing.
+        Number of values beyond the bounds, or missing.
     histogram : Histogram or None
     mean_errors, std_errors : float or None
-        How many standard errors mean and sigma are off. Of production batches the standard errors are those of whole
-        batches. None below 30 values (batches), or for a constant.
+        Distance of mean and sigma from the requested ones in standard errors; with production batches these are the
+        standard errors of whole batches. None below 30 values (batches), or for a constant.
     distance : float or None
-        Largest difference between the share of values below any value and the probability asked for (Kolmogorov).
+        Kolmogorov's distance: the largest difference between drawn and requested share of values below a value.
     p_value : float or None
-        Of a distance this large by chance, for independent values; None with production batches.
+        Probability of a distance at least as large by chance, for independent values; None with production batches.
     """
 
     spec: VariableSpec
@@ -56,12 +57,13 @@ class VariableAnalysis:
 
 @dataclass(frozen=True)
 class CorrelationAnalysis:
-    """Spearman's rank correlation of two variables, as asked and as found.
+    """Spearman's rank correlation of two variables, as requested and as drawn.
 
     Attributes
     ----------
     first, second : str
     asked, found : float
+        Requested and drawn correlation.
     errors : float
         Their difference in standard errors, ``(1 - asked^2) / sqrt(n - 1)``.
     """
@@ -74,23 +76,23 @@ class CorrelationAnalysis:
 
 
 def analyse_variable(spec: VariableSpec, values: Array, sample: NDArray[np.int64]) -> VariableAnalysis:
-    """Compare what was drawn with what was asked.
+    """Compare the drawn values of a variable with the requested distribution.
 
     Parameters
     ----------
     spec : VariableSpec
-        What was asked.
+        The requested distribution.
     values : array, shape (n,)
-        What was drawn, NaN where it is missing.
+        Drawn values, NaN where missing.
     sample : array of int64, shape (n,)
-        Sample numbers, which say the production batch.
+        Sample numbers, which determine the production batch.
     """
-    kept = np.isfinite(values)
-    finite = values[kept]
+    is_finite = np.isfinite(values)
+    finite = values[is_finite]
     low = -math.inf if spec.lower is None else spec.lower
     high = math.inf if spec.upper is None else spec.upper
     n = int(finite.size)
-    mean_errors, std_errors = _errors(spec, finite, sample[kept])
+    mean_errors, std_errors = _errors(spec, finite, sample[is_finite])
     distance = _distance(spec, finite)
     return VariableAnalysis(
         spec=spec,
@@ -109,56 +111,49 @@ def analyse_variable(spec: VariableSpec, values: Array, sample: NDArray[np.int64
 
 
 def analyse_correlations(spec: ReportSpec, samples: Samples) -> tuple[CorrelationAnalysis, ...]:
-    """Return the rank correlations asked for, and the farthest from zero of the others; none below 30 samples."""
+    """Return the requested rank correlations, and the largest of the others; none below 30 samples."""
     names = [v.name for v in spec.variables if v.std > 0]
     rows = slice(0, _ROWS)
-    known = np.all([np.isfinite(samples.values[name][rows]) for name in names], axis=0) if names else np.zeros(0, bool)
-    n = int(np.count_nonzero(known))
-    if n < _FEWEST or len(names) < 2:
+    if len(names) < 2:
         return ()
-    ranks = {name: _ranks(samples.values[name][rows][known]) for name in names}
-    asked = {frozenset((a, b)): rank for a, b, rank in spec.correlations}
-    found = []
+    complete = np.all([np.isfinite(samples.values[name][rows]) for name in names], axis=0)
+    n = int(np.count_nonzero(complete))
+    if n < _FEWEST:
+        return ()
+    ranks = {name: centred_ranks(samples.values[name][rows][complete]) for name in names}
+    requests = {frozenset((a, b)): rank for a, b, rank in spec.correlations}
+    requested: list[CorrelationAnalysis] = []
+    others: list[CorrelationAnalysis] = []
     for a, b in combinations(names, 2):
         scale = float(np.linalg.norm(ranks[a]) * np.linalg.norm(ranks[b]))
-        rank, wanted = float(ranks[a] @ ranks[b]) / scale if scale else 0.0, asked.get(frozenset((a, b)), 0.0)
-        errors = (rank - wanted) / (1 - wanted**2) * math.sqrt(n - 1)
-        found.append(CorrelationAnalysis(a, b, wanted, rank, errors))
-    others = sorted((c for c in found if frozenset((c.first, c.second)) not in asked), key=lambda c: -abs(c.errors))
-    return (*(c for c in found if frozenset((c.first, c.second)) in asked), *others[:1])
+        drawn, asked = float(ranks[a] @ ranks[b]) / scale if scale else 0.0, requests.get(frozenset((a, b)), 0.0)
+        errors = (drawn - asked) / (1 - asked**2) * math.sqrt(n - 1)
+        pair = CorrelationAnalysis(a, b, asked, drawn, errors)
+        (requested if frozenset((a, b)) in requests else others).append(pair)
+    return (*requested, *sorted(others, key=lambda pair: -abs(pair.errors))[:1])
 
 
 def _errors(spec: VariableSpec, x: Array, sample: NDArray[np.int64]) -> tuple[float | None, float | None]:
-    """Return how many standard errors mean and sigma are off, from whole batches where there are any."""
+    """Return the distances of mean and sigma from the requested ones in standard errors (of batches, if any)."""
     if spec.std <= 0 or x.size < _FEWEST:
         return None, None
-    off, square = x - spec.mean, (x - spec.mean) ** 2 - spec.std**2
+    deviation, square = x - spec.mean, (x - spec.mean) ** 2 - spec.std**2
     if spec.batch:
         _, group = np.unique(sample // spec.batch, return_inverse=True)
         sizes = np.bincount(group)
         if sizes.size < _FEWEST:
             return None, None
-        columns: list[Array] = [np.bincount(group, weights=column).astype(np.float64) for column in (off, square)]
+        columns: list[Array] = [np.bincount(group, weights=column).astype(np.float64) for column in (deviation, square)]
     else:
-        columns = [off, square]
-    found = []
-    for column in columns:
-        error = float(np.std(column)) * math.sqrt(column.size)
-        found.append(abs(float(np.sum(column))) / error if error > 0 else 0.0)
-    return found[0], found[1]
+        columns = [deviation, square]
+    sums = [(abs(float(np.sum(column))), float(np.std(column)) * math.sqrt(column.size)) for column in columns]
+    mean_errors, std_errors = (total / error if error > 0 else 0.0 for total, error in sums)
+    return mean_errors, std_errors
 
 
 def _distance(spec: VariableSpec, x: Array) -> float | None:
-    """Return Kolmogorov's distance at the points where the probability is known; None below 30 values."""
+    """Return Kolmogorov's distance at the points of the requested distribution; None below 30 values."""
     if not spec.cdf or x.size < _FEWEST or spec.std <= 0:
         return None
     at, p = np.asarray(spec.cdf, np.float64).T
     return float(np.max(np.abs(np.searchsorted(np.sort(x), at, side="right") / x.size - p)))
-
-
-def _ranks(x: Array) -> Array:
-    """Return the ranks around their mean, equal values alike."""
-    _, where, count = np.unique(x, return_inverse=True, return_counts=True)
-    rank = np.cumsum(count) - 0.5 * (count + 1)
-    result: Array = rank[where] - 0.5 * (x.size - 1)
-    return result

@@ -1,7 +1,7 @@
-"""The rows of a campaign as checked arrays: the only place that knows their columns.
+"""The rows of a campaign as checked arrays; no other module knows their columns.
 
-Rows come as one table or as a stream of tables, so that a million of them never stand in memory with their texts: of a
-failure only the first messages of each status are kept.
+Rows come as one table or as a stream of tables. Of the messages only the first of each status are stored, so that the
+texts of a million rows are never in memory together.
 """
 
 from collections import Counter
@@ -37,23 +37,23 @@ class Samples:
     ----------
     sample : array of int64, shape (n,)
     status : array of int16, shape (n,)
-        Position in `statuses`.
+        Index into `statuses`.
     statuses : tuple of str
         Statuses that occur.
     messages : dict of int to str
-        By sample number; of each status but "ok" the first 20.
+        Messages by sample number: the first 20 of each status except "ok".
     ok : array of bool, shape (n,)
-        Where the status is "ok".
+        The status is "ok".
     values : dict of str to array of float64, shape (n,)
-        Variables and responses by name, NaN where the table holds none; a response counts only where `ok`.
+        Variables and responses by name, NaN where the table has none; a response is valid only where `ok`.
     max_residual, max_penetration : array of float64, shape (n,)
     settled : array of bool, shape (n,)
     penetration_unit : str
-        From the column's metadata; empty where there is none.
+        Unit in the metadata of the column; empty without one.
     production_batch : array of int64, shape (n,), or None
         Number of each sample's production batch; None without production batches.
     run_seconds : float or None
-        Time all runs took together [s]; None where the rows do not say it.
+        Total time of the runs [s]; None if the rows do not state it.
     """
 
     sample: NDArray[np.int64]
@@ -70,7 +70,7 @@ class Samples:
     run_seconds: float | None
 
     def rows_of(self, status: str) -> NDArray[np.intp]:
-        """Return the rows with a status."""
+        """Return the numbers of the rows with a status."""
         if status not in self.statuses:
             return np.zeros(0, np.intp)
         return np.flatnonzero(self.status == self.statuses.index(status))
@@ -82,31 +82,31 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
     Parameters
     ----------
     rows : pyarrow.Table or iterable of pyarrow.Table
-        One table in any order, or tables whose samples follow each other.
+        One table in any order, or tables in the order of the samples.
     spec : ReportSpec
-        What was asked.
+        Names of variables and responses, and the number of samples requested.
 
     Raises
     ------
     ReportError
-        A column is missing, double, or of the wrong kind; a sample number or status is missing; a sample
-        appears twice or out of order; more rows than samples asked for.
+        A column is missing, appears twice or has the wrong type; a sample number or status is missing; a sample
+        appears twice or out of order; there are more rows than requested samples.
     """
     names = [*(v.name for v in spec.variables), *(r.name for r in spec.responses)]
-    kept = [*names, "sample", "max_residual", "max_penetration", "settled"]
-    kept += [spec.production_batch_column] if spec.production_batch_column else []
-    pieces: dict[str, list[Array]] = {name: [np.zeros(0)] for name in kept}
+    needed = [*names, "sample", "max_residual", "max_penetration", "settled"]
+    needed += [spec.production_batch_column] if spec.production_batch_column else []
+    pieces: dict[str, list[Array]] = {name: [np.zeros(0)] for name in needed}
     codes, statuses, messages = [np.zeros(0, np.int16)], dict[str, int](), dict[int, str]()
     unit, seconds = "", None
     for table in _tables(rows):
-        _check_columns(table, spec, kept)
+        _check_columns(table, spec, needed)
         unit = _unit(table, "max_penetration") or unit
-        for name in kept:
+        for name in needed:
             pieces[name].append(_numbers(table, name))
         codes.append(_statuses(table, statuses, messages))
         if OPTIONAL in table.column_names:
             seconds = (seconds or 0.0) + float(np.nansum(_numbers(table, OPTIONAL)))
-    columns = {name: np.concatenate(pieces.pop(name)) for name in kept}
+    columns = {name: np.concatenate(pieces.pop(name)) for name in needed}
     sample, status = columns.pop("sample").astype(np.int64), np.concatenate(codes)
     _check_rows(sample, spec.requested)
     return Samples(
@@ -128,7 +128,7 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
 
 
 def _tables(rows: "Rows") -> "Iterable[pyarrow.Table]":
-    """Return the tables; a single one sorted."""
+    """Return the tables; a single table is sorted by sample."""
     import pyarrow
 
     if not isinstance(rows, pyarrow.Table):
@@ -136,14 +136,14 @@ def _tables(rows: "Rows") -> "Iterable[pyarrow.Table]":
     return [rows.sort_by("sample") if rows.column_names.count("sample") == 1 else rows]
 
 
-def _check_columns(table: "pyarrow.Table", spec: ReportSpec, kept: list[str]) -> None:
-    """Raise ReportError unless every column the report reads is there once."""
+def _check_columns(table: "pyarrow.Table", spec: ReportSpec, needed: list[str]) -> None:
+    """Raise ReportError unless the table has every column of the report once."""
     names = [variable.name for variable in spec.variables] + [response.name for response in spec.responses]
     repeated = [name for name, count in Counter([*names, *CERTIFICATE]).items() if count > 1]
     if repeated:
         raise ReportError(f"{repeated[0]!r} names more than one variable, response or column of the certificate")
     present = Counter(table.column_names)
-    for name in dict.fromkeys((*CERTIFICATE, *kept)):
+    for name in dict.fromkeys((*CERTIFICATE, *needed)):
         if present[name] != 1:
             what = "is missing from" if present[name] == 0 else f"appears {present[name]} times in"
             raise ReportError(
@@ -153,7 +153,7 @@ def _check_columns(table: "pyarrow.Table", spec: ReportSpec, kept: list[str]) ->
 
 
 def _check_rows(sample: NDArray[np.int64], requested: int) -> None:
-    """Raise ReportError for samples repeated or out of order, or more rows than were asked for."""
+    """Raise ReportError if samples are repeated or out of order, or if there are more than requested."""
     if requested < 1:
         raise ReportError(f"requested = {requested}: a campaign asks for at least 1 sample")
     steps = np.diff(sample)
@@ -166,8 +166,8 @@ def _check_rows(sample: NDArray[np.int64], requested: int) -> None:
         raise ReportError(f"the table has {sample.size} rows, the campaign asked for {requested}; extend the campaign")
 
 
-def _statuses(table: "pyarrow.Table", known: dict[str, int], messages: dict[int, str]) -> NDArray[np.int16]:
-    """Return the rows' statuses as positions in `known`, which grows with them, as do the first messages of each."""
+def _statuses(table: "pyarrow.Table", codes: dict[str, int], messages: dict[int, str]) -> NDArray[np.int16]:
+    """Return the status of each row as its code; add new statuses to `codes` and their first messages to `messages`."""
     import pyarrow
 
     words = _strings(table, "status")
@@ -177,20 +177,19 @@ def _statuses(table: "pyarrow.Table", known: dict[str, int], messages: dict[int,
         raise ReportError(f"sample {table['sample'][at].as_py()} has no status; repair or recompute its batch")
     encoded = words.dictionary_encode().combine_chunks()
     encoded = encoded if isinstance(encoded, pyarrow.DictionaryArray) else encoded.chunk(0)
-    translate = [known.setdefault(word, len(known)) for word in encoded.dictionary.to_pylist()]
-    codes: NDArray[np.int16] = np.array([*translate, 0], np.int16)[
+    translate = [codes.setdefault(word, len(codes)) for word in encoded.dictionary.to_pylist()]
+    status: NDArray[np.int16] = np.array([*translate, 0], np.int16)[
         encoded.indices.to_numpy(zero_copy_only=False).astype(np.int64)
     ]
-    told, sample = _strings(table, "message"), table["sample"]
-    for word, code in known.items():
-        # As many as may still be missing of this status: earlier tables may have given some.
-        for row in np.flatnonzero(codes == code)[:MESSAGES_KEPT] if word != OK else ():
-            messages[sample[int(row)].as_py()] = told[int(row)].as_py() or ""
-    return codes
+    texts, sample = _strings(table, "message"), table["sample"]
+    for word, code in codes.items():
+        for row in np.flatnonzero(status == code)[:MESSAGES_KEPT] if word != OK else ():
+            messages[sample[int(row)].as_py()] = texts[int(row)].as_py() or ""
+    return status
 
 
 def _numbers(table: "pyarrow.Table", name: str) -> Array:
-    """Return a column as floats, nulls as NaN."""
+    """Return a column as floats, with NaN for null."""
     import pyarrow
 
     column = table.column(name)
@@ -219,6 +218,6 @@ def _strings(table: "pyarrow.Table", name: str) -> "pyarrow.ChunkedArray":
 
 
 def _unit(table: "pyarrow.Table", name: str) -> str:
-    """Return the unit in a column's metadata, or the empty text."""
+    """Return the unit in the metadata of a column; empty without one."""
     metadata: dict[bytes, bytes] = table.schema.field(name).metadata or {}
     return metadata.get(b"unit", b"").decode()

@@ -1,7 +1,7 @@
-"""What the reporting room is told about a campaign: plain frozen data, no behaviour.
+"""What a report needs to know of a campaign besides its rows, as plain frozen data.
 
-The table of samples says what came out; these classes say what was asked: limits, requested distributions,
-header, provenance. Whoever calls fills them in; reporting never reads a campaign or a mechanism file.
+The rows hold the results; these classes hold the request: limits, distributions, header, provenance. The caller fills
+them in; reporting never reads a campaign or mechanism file.
 """
 
 from dataclasses import dataclass
@@ -19,13 +19,13 @@ class ResponseSpec:
     name : str
         Column of the table.
     title : str
-        What it is, in words.
+        Description in words.
     unit : str
         Unit of the column and of the limits, "1" if it has none.
     lsl, usl : float or None
-        Lower and upper specification limit; None where that side is free.
+        Lower and upper specification limit; None for a side without a limit.
     target : float or None
-        Wanted value, for Cpm.
+        Target value, for Cpm.
     source : str
         Where the limits come from. A text that starts with "assumption" marks them as assumed on the page.
     """
@@ -41,7 +41,7 @@ class ResponseSpec:
 
 @dataclass(frozen=True)
 class VariableSpec:
-    """A sampled input and the distribution that was asked for.
+    """A sampled variable and its requested distribution.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class VariableSpec:
     unit : str
         Unit of the column, "1" if it has none.
     distribution : str
-        The distribution in words, "truncated normal(0.07, 0.0175) on [0.01, 0.13]".
+        The distribution in words, such as "truncated normal(0.07, 0.0175) on [0.01, 0.13]".
     lower, upper : float or None
         Bounds of the distribution; None where it is unbounded.
     mean, std : float
@@ -58,11 +58,11 @@ class VariableSpec:
     density : tuple of (float, float)
         Points (value, density [1/unit]) of the requested density curve; empty for a constant.
     key : str
-        What `clearcap simulate --set` calls it; empty: the name.
+        Key of the variable in `clearcap simulate --set`; if empty, its name.
     cdf : tuple of (float, float)
-        Points (value, requested probability of values up to it), rising; empty where they are not known.
+        Points (value, requested probability of values up to it), rising; may be empty.
     batch : int
-        Consecutive samples that share a shift, a production batch; 0 without batches.
+        Number of consecutive samples in one production batch, which share a shift; 0 without batches.
     """
 
     name: str
@@ -93,9 +93,9 @@ class ReportSpec:
     responses : tuple of ResponseSpec
     variables : tuple of VariableSpec
     provenance : dict of str to str
-        Versions, hashes, seed, host, command: what is needed to repeat the campaign, in this order.
+        What is needed to repeat the campaign (versions, hashes, seed, host, command), in this order.
     requested : int
-        Number of samples asked for.
+        Number of samples requested.
     simulate : str
         The command that repeats a sample, without its `--set` options; empty: `clearcap simulate` with the
         provenance's "mechanism", or with the campaign's id where there is none.
@@ -107,17 +107,16 @@ class ReportSpec:
     corners : bool
         Whether the samples are the corners of the variables' ranges, over which the worst case is taken.
     replay : str
-        The command that repeats a sample of the campaign, without the sample's number; empty: there is none.
+        The command that repeats a sample of the campaign, without the sample number; may be empty.
     correlations : tuple of (str, str, float)
-        Pairs of variables and the rank correlation (Spearman) asked for.
+        Pairs of variables and their requested rank correlation (Spearman).
     production_batch_column : str
-        Column with the number of the production batch each sample is in; empty without batches.
+        Column with the number of each sample's production batch; empty without batches.
     stop : str
-        What the campaign's stopping rule said, in words; empty without a rule.
+        Result of the campaign's stopping rule, in words; empty without a rule.
     designed : tuple of str, or None
-        The k variables of Saltelli's design, in its order, where samples are one: sample s belongs to row s // (k + 2),
-        and s % (k + 2) says which of its runs it is, 0 A's, 1 B's, 2 + j A's with variable j of B. None where the
-        samples are no such design.
+        The k variables of Saltelli's design, in its order; None if the samples are not such a design. Sample s belongs
+        to row s // (k + 2). s % (k + 2) is the run within the row: 0 of A, 1 of B, 2 + j of A with variable j of B.
     """
 
     title: str

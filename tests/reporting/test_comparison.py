@@ -77,7 +77,7 @@ def test_other_limits_and_missing_responses_are_told() -> None:
     limits = (replace(spec.responses[0], lsl=10.0), *spec.responses[1:4])
     found, r, _, _ = compared(c60_table(100), c60_table(100, seed=2), responses=limits)
     assert found.only_here == ("FC-5", "FC-6", "latch_overlap")
-    assert "other limits" in r.notes[0]
+    assert "different limits" in r.notes[0]
     assert r.capability_other.lsl == 10.0
 
 

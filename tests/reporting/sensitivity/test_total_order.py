@@ -130,7 +130,7 @@ def test_intervals_cover_as_often_as_they_say(sobol):
 
 def test_what_is_no_design_is_refused_or_told():
     """Values that make no rows are an error of the caller; few rows and equal values are told in words."""
-    with pytest.raises(ReportError, match=r"98 values for 3 variables; a design has n \(3 \+ 2\)"):
+    with pytest.raises(ReportError, match=r"98 values for 3 variables, but a design has n \(3 \+ 2\)"):
         total_order_indices(np.zeros(98), NAMES)
     assert "10 rows is too small" in total_order_indices(np.arange(50.0), NAMES)
     assert "all values are equal" in total_order_indices(np.full(500, 0.1), NAMES)
@@ -201,7 +201,8 @@ def test_a_hole_in_the_design_is_told_and_closed_by_a_rerun():
     found = analysis_of(*report_of(x, {"y": y}, failed)).responses[0].sensitivity
     assert all(i.total is None and i.first_order is not None for i in found.influences)
     assert found.notes[-1].startswith(
-        "No total-order indices: 7 of the design's 1\u202f280 samples have no value (sample 3, 17, 500, 501, 502 and 2 more)"
+        "No total-order indices: 7 of the design's 1\u202f280 samples have no value"
+        " (sample 3, 17, 500, 501, 502 and 2 more)"
     )
     assert "clearcap rerun" in found.notes[-1]
     table, spec = report_of(x, {"y": y})
