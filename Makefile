@@ -2,7 +2,7 @@
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
-FILES  := --numprocesses auto --dist loadfile --no-loadscope-reorder
+PARALLEL := --numprocesses auto --dist loadfile --no-loadscope-reorder
 export MPLBACKEND := Agg
 
 .DEFAULT_GOAL := help
@@ -24,10 +24,10 @@ run: $(BIN)/clearcap ## install, simulate 500 C-60 circuit breakers on this mach
 	$(BIN)/clearcap run c60 --samples 500 --store runs
 
 test: $(VENV)/.dev ## prove the parts, one process a core
-	$(BIN)/python -m pytest $(FILES)
+	$(BIN)/python -m pytest $(PARALLEL)
 
 prove: $(VENV)/.dev ## the slow proofs: what fails while a campaign runs, scale, several hosts, a browser
-	$(BIN)/python -m pytest -m "slow and not storm and not alone" $(FILES)
+	$(BIN)/python -m pytest -m "slow and not storm and not alone" $(PARALLEL)
 	$(BIN)/python -m pytest -m alone
 
 storms: $(VENV)/.dev ## twenty campaigns whose processes are killed at random (about 8 minutes on two cores)
