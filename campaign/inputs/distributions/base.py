@@ -10,6 +10,17 @@ from engine.arrays import Array
 from engine.mechanism.base import Number, TableModel
 
 PositiveNumber = Annotated[Number, Field(gt=0.0)]
+LowerBound = Annotated[
+    Number | None,
+    Field(description="Lower bound to which values are cut, in the target's unit; no bound if absent."),
+]
+UpperBound = Annotated[
+    Number | None,
+    Field(description="Upper bound to which values are cut, in the target's unit; no bound if absent."),
+]
+StandardDeviation = Annotated[
+    PositiveNumber | None, Field(description="Standard deviation before any cut, in the target's unit, above 0.")
+]
 
 TAIL = 1e-6  # probability beyond the ends at which an unbounded variable is tried on the mechanism
 

@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 from scipy.special import betainc, betaincinv, betaln, xlog1py, xlogy
 
-from campaign.inputs.distributions.base import PositiveNumber, check_parameter_groups
+from campaign.inputs.distributions.base import PositiveNumber, StandardDeviation, check_parameter_groups
 from campaign.inputs.distributions.bounded import Cut
 from engine.arrays import Array
 from engine.mechanism.base import Number
@@ -23,9 +23,7 @@ class Beta(Cut):
     mean: Number | None = Field(
         default=None, description="Mean before any cut, in the target's unit; between lower and upper."
     )
-    std: PositiveNumber | None = Field(
-        default=None, description="Standard deviation before any cut, in the target's unit, above 0."
-    )
+    std: StandardDeviation = None
 
     def check_parameters(self) -> None:
         """Raise ValueError unless one set of parameters is complete and such a distribution exists."""

@@ -20,10 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from campaign.inputs.distributions.base import TAIL, Distribution, check_order
+from campaign.inputs.distributions.base import TAIL, Distribution, LowerBound, UpperBound, check_order
 from campaign.inputs.distributions.production_batch import LARGEST_SHIFT, ProductionBatch
 from engine.arrays import Array
-from engine.mechanism.base import Number
 
 LEAST_PROBABILITY = 1e-290  # between bounds: below, quantiles lose their digits
 SHIFTS = 97  # number of shifts at which a mixture over production batches is evaluated
@@ -38,12 +37,8 @@ Window = tuple[Array, Array, Array, NDArray[np.bool_]]
 class Continuous(Distribution):
     """A distribution with a density."""
 
-    lower: Number | None = Field(
-        default=None, description="Lower bound to which values are cut, in the target's unit; no bound if absent."
-    )
-    upper: Number | None = Field(
-        default=None, description="Upper bound to which values are cut, in the target's unit; no bound if absent."
-    )
+    lower: LowerBound = None
+    upper: UpperBound = None
     batch: ProductionBatch | None = Field(
         default=None, description="Shifts of whole production batches; all parts are of one batch if absent."
     )
@@ -147,7 +142,7 @@ class Continuous(Distribution):
     def ends(self) -> tuple[float, float]:
         if self.batch is None:
             return super().ends()
-        from scipy.optimize import brentq
+        from scipy.optimize import brentq  # heavy, and only a report of production batches needs it
 
         def quantile(p: float) -> float:
             bracket = (float(self.ppf(np.array([p]), shift)[0]) for shift in (-batch.reach, batch.reach))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from campaign.inputs.distributions.base import Distribution, PositiveNumber, check_order
+from campaign.inputs.distributions.base import Distribution, LowerBound, PositiveNumber, UpperBound, check_order
 from campaign.inputs.distributions.elementary import log
 from engine.arrays import Array
 from engine.mechanism.base import Number
@@ -20,12 +20,8 @@ ROUNDING = 1e-9  # of a step: a value this near to a bound lies within it
 class Discrete(Distribution):
     """A distribution of separate values."""
 
-    lower: Number | None = Field(
-        default=None, description="Lower bound to which values are cut, in the target's unit; no bound if absent."
-    )
-    upper: Number | None = Field(
-        default=None, description="Upper bound to which values are cut, in the target's unit; no bound if absent."
-    )
+    lower: LowerBound = None
+    upper: UpperBound = None
 
     @abstractmethod
     def outcomes(self) -> tuple[Array, Array]:

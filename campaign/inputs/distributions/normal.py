@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import Field
 from scipy.special import ndtr, ndtri
 
-from campaign.inputs.distributions.base import PositiveNumber, check_parameter_groups
+from campaign.inputs.distributions.base import PositiveNumber, StandardDeviation, check_parameter_groups
 from campaign.inputs.distributions.continuous import Continuous
 from campaign.inputs.distributions.elementary import HALF_LOG_TWO_PI
 from engine.arrays import Array
@@ -20,9 +20,7 @@ class Normal(Continuous):
 
     distribution: Literal["normal"] = Field(description="Name of the distribution.")
     mean: Number | None = Field(default=None, description="Mean before any cut, in the target's unit.")
-    std: PositiveNumber | None = Field(
-        default=None, description="Standard deviation before any cut, in the target's unit, above 0."
-    )
+    std: StandardDeviation = None
     nominal: Number | None = Field(
         default=None,
         description="Nominal value, which is the mean before any cut, in the target's unit; with tolerance and cpk,"

@@ -5,7 +5,7 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from campaign.inputs.distributions.base import PositiveNumber, check_parameter_groups
+from campaign.inputs.distributions.base import StandardDeviation, check_parameter_groups
 from campaign.inputs.distributions.continuous import Continuous
 from engine.arrays import Array
 from engine.mechanism.base import Number
@@ -20,9 +20,7 @@ class Skewed(Continuous):
     mean: Number | None = Field(
         default=None, description="Mean before any cut, origin included, in the target's unit; above the origin."
     )
-    std: PositiveNumber | None = Field(
-        default=None, description="Standard deviation before any cut, in the target's unit, above 0."
-    )
+    std: StandardDeviation = None
 
     def check_parameters(self) -> None:
         """Raise ValueError unless one set of parameters is complete and such a distribution exists."""

@@ -19,7 +19,7 @@ from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
 
 LEAST_EIGENVALUE = 1e-9  # of the scores' correlation matrix: below, one variable is a function of the others
-NEAREST = 1.0 - 2.0**-53  # to 1 of a uniform number
+LARGEST = 1.0 - 2.0**-53  # uniform number: the double next to 1
 
 
 def check_correlations(inputs: SampledInputs) -> None:
@@ -52,7 +52,7 @@ def check_correlations(inputs: SampledInputs) -> None:
 
 
 def correlated(u: Mapping[str, Array], correlations: Correlations) -> dict[str, Array]:
-    """Return the uniform numbers of the correlated variables, mixed, each in the shape it had.
+    """Return the uniform numbers of the correlated variables, mixed, each in its former shape.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def correlated(u: Mapping[str, Array], correlations: Correlations) -> dict[str, 
     for name, row in zip(names[1:], _factor(tuple(names), correlations)[1:], strict=True):
         # summed one by one: the bits of a matrix product depend on how many samples are drawn
         score = sum(share * z for share, z in zip(row, scores, strict=False) if share)
-        mixed[name] = np.clip(ndtr(score), 1.0 - NEAREST, NEAREST)
+        mixed[name] = np.clip(ndtr(score), 1.0 - LARGEST, LARGEST)
     return mixed
 
 
@@ -93,7 +93,7 @@ def largest_scale(correlations: Correlations) -> float:
 
 @lru_cache(maxsize=8)
 def _factor(names: tuple[str, ...], correlations: Correlations) -> tuple[tuple[float, ...], ...]:
-    """Return the rows of the lower Cholesky factor; in plain arithmetic, so that no library's blocking changes bits."""
+    """Return the rows of the lower Cholesky factor, computed in plain arithmetic: a library's blocking changes bits."""
     rows: list[tuple[float, ...]] = []
     for i, target in enumerate(matrix(names, correlations).tolist()):
         row: list[float] = []

@@ -1,7 +1,7 @@
 """Latin hypercube: each variable has as many strata of equal probability as there are samples, one sample in each.
 
 McKay, Beckman, Conover, "A comparison of three methods for selecting values of input variables in the analysis of
-output from a computer code", 1979. A random permutation per variable says which stratum a sample has.
+output from a computer code", 1979. A random permutation for each variable assigns the strata to the samples.
 """
 
 from functools import lru_cache
@@ -54,5 +54,5 @@ def stratified(seed: int, name: str, samples: int, first: int, count: int) -> Ar
 
 @lru_cache(maxsize=64)
 def _strata(seed: int, name: str, samples: int) -> NDArray[np.int32]:
-    """Return the stratum of each sample, shape (samples,); costs once per process what a batch of samples must not."""
+    """Return the stratum of each sample, shape (samples,); it is kept, so that a process makes it only once."""
     return permutation(seed, name, samples, 0, STRATA).astype(np.int32)

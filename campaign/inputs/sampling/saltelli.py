@@ -4,7 +4,7 @@ A. Saltelli et al., "Variance based sensitivity analysis of model output. Design
 index", 2010. The only samples that show what a variable does together with others: two runs that differ in it alone.
 A and B are the halves of one scrambled Sobol sequence with two dimensions a variable. With k variables, sample s
 belongs to row i = s // (k + 2) of the design; s % (k + 2) says which of its runs it is: 0 A's, 1 B's, 2 + j A's with
-variable j of B. So more samples keep the first ones, and a row of A is that of sampler sobol.
+variable j of B. So more samples keep the first ones, and the rows of A are the samples of sampler sobol.
 """
 
 import numpy as np
@@ -73,7 +73,7 @@ def saltelli(seed: int, names: list[str], first: int, count: int) -> dict[str, A
     width = len(names) + 2
     row, run = np.divmod(np.arange(first, first + count), width)
     begin, end = first // width, (first + count - 1) // width
-    of_b = [f"B\n{name}" for name in names]  # names key the scrambles: B's dimensions have their own
+    of_b = [f"B\n{name}" for name in names]  # scrambles depend on the name, so B's dimensions have their own
     points = sobol(seed, [*names, *of_b], begin, end - begin + 1)
     return {
         name: np.where((run == 1) | (run == 2 + j), points[other][row - begin], points[name][row - begin])
@@ -82,9 +82,10 @@ def saltelli(seed: int, names: list[str], first: int, count: int) -> dict[str, A
 
 
 def nearest_sizes(variables: int, samples: int) -> tuple[int, ...]:
-    """Return the numbers of samples nearest to one that a design can have; that one alone if it can.
+    """Return the sizes of a design next to ``samples``, below and above; only ``samples`` if it is such a size.
 
-    A design has ``n (variables + 2)`` samples with n a power of 2, to which a Sobol sequence is even.
+    A design has ``n (variables + 2)`` samples, n a power of 2: so many points of a Sobol sequence are evenly spread.
+    Below the smallest design there is only the next larger size.
     """
     width = variables + 2
     below = width << max((samples // width).bit_length() - 1, 0)

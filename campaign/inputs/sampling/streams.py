@@ -1,8 +1,8 @@
-"""Random words by number: any word of any stream at once, so that nothing depends on the order of drawing.
+"""Random words of 64 bits by number: any word of any stream at once, so the order of drawing does not matter.
 
 Counter-based (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", 2011): word ``i`` of a Philox stream, keyed
-by the campaign's seed and a variable's name, belongs to sample ``i``. So more samples keep the first ones, and another
-variable leaves the others alone.
+by the campaign's seed and a variable's name, belongs to sample ``i``. So more samples keep the first ones, and one more
+variable does not change the others.
 """
 
 import hashlib
@@ -17,22 +17,22 @@ from engine.arrays import Array
 Words = NDArray[np.uint64]
 
 WORDS_PER_BLOCK = 4  # Philox4x64 yields four words for each value of its counter
-VALUE, BATCH, SCRAMBLE, STRATA, PLACE = "", "batch\n", "scramble\n", "strata\n", "place\n"  # what a stream is for
+VALUE, BATCH, SCRAMBLE, STRATA, PLACE = "", "batch\n", "scramble\n", "strata\n", "place\n"  # purposes of streams
 
 
 class _Generator(threading.local):
-    """One generator a thread, put to another stream and place each time: making a new one costs seven times as much."""
+    """One generator for each thread, set to another stream each time: making a new one takes seven times as long."""
 
     def __init__(self) -> None:
         self.philox = np.random.Philox(key=0)
 
     def words(self, key: Words, block: int, count: int) -> Words:
-        nothing = np.zeros(WORDS_PER_BLOCK, dtype=np.uint64)
+        empty = np.zeros(WORDS_PER_BLOCK, dtype=np.uint64)
         counter = np.array([block, 0, 0, 0], dtype=np.uint64)
         self.philox.state = {
             "bit_generator": "Philox",
             "state": {"counter": counter, "key": key},
-            "buffer": nothing,
+            "buffer": empty,
             "buffer_pos": WORDS_PER_BLOCK,
             "has_uint32": 0,
             "uinteger": 0,
