@@ -1,4 +1,4 @@
-"""The cost file of `clearcap advise --cost`: what making a variable to a standard deviation costs."""
+"""The cost file of `clearcap advise --cost`: what a smaller standard deviation of a variable costs."""
 
 import tomllib
 from pathlib import Path
@@ -15,7 +15,7 @@ from reporting.capability.verdict import CAPABLE
 
 
 class Cost(TableModel, strict=True):
-    """What making one variable to a standard deviation costs: ``fixed + cost / std``."""
+    """What a standard deviation of one variable costs: ``fixed + cost / std``."""
 
     fixed: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = Field(
         default=0.0, description="Cost that does not depend on the standard deviation, in money, at least 0."

@@ -125,7 +125,7 @@ class LocalFolder:
 
 @cache
 def _process_space() -> str:
-    """Return a name for what numbers processes: this machine since it started, or a container on it."""
+    """Return an identity of the space of process numbers: this machine since its start, or a container on it."""
     boot = Path("/proc/sys/kernel/random/boot_id")
     identity = f"{socket.gethostname()} {boot.read_text()}{os.stat('/proc/self/ns/pid').st_ino}"
     return hashlib.sha256(identity.encode()).hexdigest()[:12]
