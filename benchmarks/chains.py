@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmarks.chain import chain
 from engine.assembly import assemble
-from engine.kernels.run import ITERATIONS, OK, REPEATED, STATUS, STEPS
+from engine.kernels.time_loop import ITERATIONS, OK, REPEATED, STATUS, STEPS
 from engine.loop import control_of, drive
 from engine.mechanism import mechanism_from
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 from engine.mechanism import Mechanism
-from engine.mechanism.derived import ConditionMet, Difference
+from engine.mechanism.derived import ConditionMet, ResponseDifference
 from engine.mechanism.responses import ContactForce
 
 Range = tuple[float, float]
@@ -35,7 +35,7 @@ def with_derived(mechanism: Mechanism, measured: Mapping[str, float], ranges: Ma
     """
     found = dict(measured)
     for name, response in mechanism.responses.items():
-        if isinstance(response, Difference):
+        if isinstance(response, ResponseDifference):
             found[name] = measured[response.of[0]] - measured[response.of[1]]
         elif isinstance(response, ConditionMet):
             known = not math.isnan(measured[response.condition.response])

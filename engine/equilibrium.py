@@ -14,12 +14,12 @@ from threadpoolctl import ThreadpoolController
 from engine.arrays import Array, Integers
 from engine.assembly import Assembly
 from engine.friction.arrays import CONVERGED, FrictionArrays, friction_arrays
-from engine.friction.bilateral import hold_ties, tie_down
+from engine.friction.bilateral import factorise_bilateral, hold_bilateral
 from engine.friction.indeterminacy import normal_force_range
 from engine.friction.solver import solve_friction
-from engine.kernels.bilateral import tie_targets, tie_velocity, tie_violations, whitened_ties
+from engine.kernels.bilateral import row_targets, row_velocity, row_violations, whitened_bilateral_rows
+from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
-from engine.kernels.gaps import find_contacts
 from engine.kernels.loads import apply_loads
 from engine.kernels.model import Bodies
 from engine.kernels.motion import free_twist
@@ -52,7 +52,7 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
     bodies, contacts = model.bodies, model.contacts
     h *= 1e-3  # so short that the free motion of an unloaded step has no gyroscopic part
     state.v[:] = 0
-    apply_loads(bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.a, work.b)
+    apply_loads(model, state, work, phase, t)
     free_twist(bodies, state.R, state.v, work.wrench, h, 0.5, False, work.free)
     falling = _energy_norm(bodies, work.free)
     _hold(assembly, t)
@@ -127,11 +127,12 @@ def _balance(assembly: Assembly, problem: FrictionArrays, touching: int) -> Arra
     """
     work = assembly.work
     H = np.zeros((3 * touching, problem.w.size))
-    J = np.zeros((work.held.violation.size, problem.w.size))
+    J = np.zeros((work.bilateral.violation.size, problem.w.size))
     for j in range(touching):
         H[3 * j : 3 * j + 3] += _spread(problem.rows.start[j], problem.rows.width[j], problem.rows.G[j], J.shape[1])
+    system = problem.bilateral
     for i in range(len(J)):
-        J[i] = _spread(problem.ties.start[i], problem.ties.width[i], problem.ties.J[i : i + 1], J.shape[1])[0]
+        J[i] = _spread(system.start[i], system.width[i], system.J[i : i + 1], J.shape[1])[0]
     if len(J):  # what the joints hold is no part of the balance
         H = H - (H @ np.linalg.pinv(J)) @ J
     return H
@@ -148,17 +149,18 @@ def _spread(start: Integers, width: Integers, rows: Array, n: int) -> Array:
 
 def _hold(assembly: Assembly, t: float) -> None:
     """Take out of the free twists what ideal joints and prescribed motions hold."""
-    model, state, work, held = assembly.model, assembly.state, assembly.work, assembly.work.held
-    tied, w = assembly.problem.ties, assembly.problem.w
-    if not held.violation.size:
+    model, work, x, R = assembly.model, assembly.work, assembly.state.x, assembly.state.R
+    rows, system, w = model.bilateral, assembly.problem.bilateral, assembly.problem.w
+    target, violation, point, direction = work.bilateral
+    if not violation.size:
         return
-    tie_targets(model.ties, model.time_laws, t, 0.0, held.target)
-    tie_violations(model.ties, state.x, state.R, held.target[1], held.violation, held.point, held.way)
-    for i in range(held.violation.size):
-        held.violation[i] = tie_velocity(model.ties, state.x, state.R, held.point, held.way, work.free, i)
-    whitened_ties(model.bodies, model.ties, state.x, state.R, held.point, held.way, tied.J)
-    tie_down(w.size, tied)
-    hold_ties(w.size, tied, held.violation, w)
+    row_targets(rows, model.time_laws, t, 0.0, target)
+    row_violations(rows, x, R, target[1], violation, point, direction)
+    for i in range(violation.size):
+        violation[i] = row_velocity(rows, x, R, point, direction, work.free, i)
+    whitened_bilateral_rows(model.bodies, rows, x, R, point, direction, system.J)
+    factorise_bilateral(w.size, system)
+    hold_bilateral(w.size, system, violation, w)
     add_whitened(model.bodies, w, work.free)
 
 
@@ -167,13 +169,13 @@ def _problem(assembly: Assembly, touching: Integers) -> FrictionArrays:
 
     They are the contact's compliance: a spring that only this contact touches; they are of width 0 at first.
     """
-    model, state, work, tied = assembly.model, assembly.state, assembly.work, assembly.problem.ties
+    model, state, work, system = assembly.model, assembly.state, assembly.work, assembly.problem.bilateral
     contacts, nc = model.contacts, touching.size
     n = assembly.problem.w.size + 3 * nc
-    problem = friction_arrays(n, nc, runs=3, k=15, band=n, ties=tied.at.size)
+    problem = friction_arrays(n, nc, runs=3, k=15, band=n, bilateral=system.at.size)
     for name in ("at", "start", "width", "J"):
-        getattr(problem.ties, name)[:] = getattr(tied, name)
-    tie_down(n, problem.ties)
+        getattr(problem.bilateral, name)[:] = getattr(system, name)
+    factorise_bilateral(n, problem.bilateral)
     for j, i in enumerate(touching):
         at = (contacts.a[i], contacts.b[i], work.point, work.frame)
         whitened_rows(model.bodies, state.x, state.R, *at, i, problem.rows, j)

@@ -8,7 +8,7 @@ from engine.arrays import Array
 from engine.assembly import Assembly
 from engine.derived import bounded_contacts, read_contacts, with_derived
 from engine.equilibrium import forces_at_rest, normal_force_ranges
-from engine.kernels import run
+from engine.kernels import time_loop
 from engine.kernels.model import CONTACT_FORCE, END
 from engine.kernels.responses import measure
 from engine.loop import Cancel, control_of, drive, prepare
@@ -33,28 +33,28 @@ def execute(
     course = drive(assembly, control, mechanism.simulation.wall_limit, cancel, sink, every)
     counts, reals = course.counts, course.reals
     certificate = Certificate(
-        steps=int(counts[run.STEPS]),
-        time=float(reals[run.TIME]),
+        steps=int(counts[time_loop.STEPS]),
+        time=float(reals[time_loop.TIME]),
         wall_s=time.perf_counter() - start,
-        max_residual=float(reals[run.RESIDUAL]),
-        max_penetration=float(reals[run.WORST]),
-        max_violation=float(reals[run.OFF]),
-        settled=bool(counts[run.SETTLED]),
-        iterations=int(counts[run.ITERATIONS]),
-        repeated=int(counts[run.REPEATED]),
+        max_residual=float(reals[time_loop.MAX_RESIDUAL]),
+        max_penetration=float(reals[time_loop.MAX_PENETRATION]),
+        max_violation=float(reals[time_loop.MAX_VIOLATION]),
+        settled=bool(counts[time_loop.SETTLED]),
+        iterations=int(counts[time_loop.ITERATIONS]),
+        repeated=int(counts[time_loop.REPEATED]),
     )
     ranges: dict[str, tuple[float, float]] = {}  # of contacts
     read = read_contacts(mechanism)
-    if counts[run.STATUS] == run.OK and certificate.settled:
-        forces = _measure_at_rest(mechanism, assembly, int(counts[run.PHASE]), certificate.time)
+    if counts[time_loop.STATUS] == time_loop.OK and certificate.settled:
+        forces = _measure_at_rest(mechanism, assembly, int(counts[time_loop.PHASE]), certificate.time)
         asked = [*bounded_contacts(mechanism), *(read.values() if indeterminacy else ())]
         if forces is not None and asked:
             ranges = _force_ranges(assembly, forces, list(dict.fromkeys(asked)))
     measured = dict(zip(mechanism.responses, map(float, assembly.work.reported), strict=True))
     measured = with_derived(mechanism, measured, ranges)
-    if counts[run.STATUS] == run.OK:
-        completed = bool(counts[run.COMPLETED]) or full_horizon
-        status, message = judge(mechanism, measured, completed, int(counts[run.PHASE]))
+    if counts[time_loop.STATUS] == time_loop.OK:
+        completed = bool(counts[time_loop.COMPLETED]) or full_horizon
+        status, message = judge(mechanism, measured, completed, int(counts[time_loop.PHASE]))
     else:
         status, message = failure(mechanism, assembly, course)
     responses = measured if status == "ok" else {}
@@ -74,9 +74,7 @@ def _measure_at_rest(mechanism: Mechanism, assembly: Assembly, phase: int, t: fl
     touching_gap = max(sim.penetration, sim.rest.drift)  # a gap that is no larger than what counts as unmoved is closed
     forces = forces_at_rest(assembly, phase, sim.step, touching_gap, t)
     state.r[:] = math.nan if forces is None else forces
-    measure(
-        model.responses, model.contacts, model.loads, state, work.point, work.frame, t, 1.0, work.values, work.a, work.b
-    )
+    measure(model, state, work, t, 1.0)
     responses, last = model.responses, len(mechanism.phases) - 1
     # a speed stays what it was, and so does what was read at the end of an earlier phase
     forces_at_end = (responses.at == END) & (responses.kind >= CONTACT_FORCE) & (responses.to_phase == last)

@@ -7,8 +7,9 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.assembly import Assembly
+from engine.kernels.context import Control
 from engine.kernels.record import record, row_length
-from engine.kernels.run import FULL, Control, Course, new_course, run
+from engine.kernels.time_loop import FULL, STATUS, STEP, TIME, Course, new_course, run_to_end
 from engine.mechanism import Mechanism
 
 TIMEOUT, CANCELLED = 1, 2  # what a stop flag says
@@ -53,10 +54,9 @@ def control_of(mechanism: Mechanism, full_horizon: bool) -> Control:
 
 def prepare(assembly: Assembly, control: Control) -> None:
     """Compile the time loop, or load it from the cache: a run to the horizon 0, which changes nothing."""
-    if not getattr(run, "signatures", True):
+    if not getattr(run_to_end, "signatures", True):
         nowhere = control._replace(horizon=0.0)
-        arrays = (assembly.model, assembly.state, assembly.work, assembly.problem)
-        run(*arrays, nowhere, new_course(nowhere), np.zeros((1, 1)), 0, np.zeros(1, np.uint8))
+        run_to_end(assembly.arrays, nowhere, new_course(nowhere), np.zeros((1, 1)), 0, np.zeros(1, np.uint8))
 
 
 def drive(
@@ -78,7 +78,7 @@ def drive(
     sink : called with blocks of rows (see `kernels.record`), every ``every``-th step and the last one
     every : see ``sink``
     """
-    model, state, work, problem = assembly.model, assembly.state, assembly.work, assembly.problem
+    model, state, work = assembly.model, assembly.state, assembly.work
     prepare(assembly, control)
     stop = (cancel or Cancel()).flag
     course = new_course(control)
@@ -89,18 +89,18 @@ def drive(
     timer.daemon = True
     timer.start()
     try:
-        run(model, state, work, problem, control, course, rows, stride, stop)
-        while course.counts[0] == FULL and sink:
+        run_to_end(assembly.arrays, control, course, rows, stride, stop)
+        while course.counts[STATUS] == FULL and sink:
             _hand_on(rows, sink)
-            run(model, state, work, problem, control, course, rows, stride, stop)
+            run_to_end(assembly.arrays, control, course, rows, stride, stop)
     finally:
         timer.cancel()
         if stop[0] == TIMEOUT:
             stop[0] = 0  # the limit was this run's; the flag may go on to the next
         if sink:
-            if record(model, state, work, course.reals[0], course.reals[1], rows):
+            if record(model, state, work, course.reals[TIME], course.reals[STEP], rows):
                 _hand_on(rows, sink)
-                record(model, state, work, course.reals[0], course.reals[1], rows)
+                record(model, state, work, course.reals[TIME], course.reals[STEP], rows)
             _hand_on(rows, sink)
     return course
 

@@ -4,8 +4,8 @@ import math
 from collections.abc import Mapping
 
 from engine.assembly import Assembly
-from engine.kernels import run
-from engine.kernels.run import Course
+from engine.kernels import time_loop
+from engine.kernels.time_loop import Course
 from engine.loop import CANCELLED
 from engine.mechanism import Mechanism
 from engine.mechanism.readout import Event
@@ -54,27 +54,27 @@ def judge(mechanism: Mechanism, measured: Mapping[str, float], completed: bool, 
 def failure(mechanism: Mechanism, assembly: Assembly, course: Course) -> tuple[Status, str]:
     """Say what ended a run before its end, and where."""
     sim, n, now = mechanism.simulation, course.counts, course.reals
-    length, code, contact = mechanism.unit("length"), int(n[run.STATUS]), int(n[run.CONTACT])
+    length, code, contact = mechanism.unit("length"), int(n[time_loop.STATUS]), int(n[time_loop.CONTACT])
     where = f"contact {assembly.contact_names[contact]}" if contact >= 0 else "no contact"
-    at = f"at step {n[run.STEPS]}, t = {now[run.TIME]:.6g} {mechanism.unit('time')}"
-    if code == run.DIVERGED:
+    at = f"at step {n[time_loop.STEPS]}, t = {now[time_loop.TIME]:.6g} {mechanism.unit('time')}"
+    if code == time_loop.DIVERGED:
         return "diverged", f"the motion is not finite {at} ({where}); a smaller simulation.step may help"
-    if code == run.NOT_CONVERGED:
+    if code == time_loop.NOT_CONVERGED:
         return "not_converged", (
-            f"friction problem: residual {now[run.RESIDUAL]:.3g} {at}, worst at {where}; "
+            f"friction problem: residual {now[time_loop.MAX_RESIDUAL]:.3g} {at}, worst at {where}; "
             f"allowed: simulation.tolerance = {sim.tolerance:g}"
         )
-    if code == run.PENETRATION:
+    if code == time_loop.PENETRATION:
         return "not_converged", (
-            f"{where}: penetration {now[run.WORST]:.3g} {length} {at}; "
+            f"{where}: penetration {now[time_loop.MAX_PENETRATION]:.3g} {length} {at}; "
             f"allowed: simulation.penetration = {sim.penetration:g}"
         )
-    if code == run.VIOLATION:
-        row = int(abs(assembly.work.held.violation).argmax())
+    if code == time_loop.VIOLATION:
+        row = int(abs(assembly.work.bilateral.violation).argmax())
         return "not_converged", (
-            f"joint {assembly.tie_names[row]}: off by {now[run.OFF]:.3g} {length} {at}; "
+            f"joint {assembly.row_names[row]}: off by {now[time_loop.MAX_VIOLATION]:.3g} {length} {at}; "
             f"allowed: simulation.joint_violation = {sim.joint_violation:g}; a smaller simulation.step may help"
         )
-    if n[run.STOPPED_BY] == CANCELLED:
+    if n[time_loop.STOPPED_BY] == CANCELLED:
         return "cancelled", f"cancelled {at}"
     return "timeout", f"stopped after {sim.wall_limit:g} s (simulation.wall_limit) {at}"

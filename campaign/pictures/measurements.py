@@ -161,7 +161,7 @@ def contacts_at_start(mechanism: Mechanism) -> dict[str, StartContact]:
     # compiled code, which other pictures do without
     from engine.assembly import assemble
     from engine.assembly.frames import order_bodies
-    from engine.kernels.gaps import find_contacts
+    from engine.kernels.contact_geometry.gaps import find_contacts
 
     assembly = assemble(mechanism)
     state, work, contacts = assembly.state, assembly.work, assembly.model.contacts

@@ -5,19 +5,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.arrays import Array, Integers
-from engine.assembly.bilateral import layout, tie_arrays, tie_runs
+from engine.assembly.bilateral import bilateral_arrays, layout, row_runs
 from engine.assembly.contacts import contact_arrays, contact_pairs
 from engine.assembly.frames import order_bodies, place_bodies
-from engine.assembly.ideal_joints import joint_ties
+from engine.assembly.ideal_joints import joint_rows
 from engine.assembly.joints import joint_pairs
 from engine.assembly.loads import load_arrays
-from engine.assembly.motions import motion_ties
+from engine.assembly.motions import motion_rows
 from engine.assembly.phases import phase_arrays
 from engine.assembly.responses import response_arrays
 from engine.assembly.start import refuse_open_joints, refuse_overlap
 from engine.assembly.time_laws import time_law_arrays
 from engine.friction.arrays import FrictionArrays, friction_arrays
-from engine.kernels.model import Bodies, Held, Kept, Model, Scratch, State, Watch
+from engine.kernels.context import RunArrays
+from engine.kernels.model import BilateralState, Bodies, BroadPhase, Model, Scratch, State, StepStart
 from engine.mechanism.models import Mechanism
 
 __all__ = ["Assembly", "assemble"]
@@ -32,7 +33,12 @@ class Assembly:
     work: Scratch
     problem: FrictionArrays
     contact_names: tuple[str, ...]
-    tie_names: tuple[str, ...]
+    row_names: tuple[str, ...]
+
+    @property
+    def arrays(self) -> RunArrays:
+        """The arrays, as the time loop takes them."""
+        return RunArrays(self.model, self.state, self.work, self.problem)
 
 
 def assemble(mechanism: Mechanism) -> Assembly:
@@ -50,16 +56,16 @@ def assemble(mechanism: Mechanism) -> Assembly:
     mass = np.array([b.mass for b in moving], float)
     pairs = [*joint_pairs(mechanism, frames, state.R), *contact_pairs(mechanism, frames)]
     time_laws, law_numbers = time_law_arrays(mechanism)
-    held = [*joint_ties(mechanism, frames, state.R)]
-    ties = [*held, *motion_ties(mechanism, frames, state, law_numbers)]
-    at, multiplier = layout(len(moving), ties)
+    joints = [*joint_rows(mechanism, frames, state.R)]
+    rows = [*joints, *motion_rows(mechanism, frames, state, law_numbers)]
+    at, multiplier = layout(len(moving), rows)
     contacts, laws = contact_arrays(pairs)
     names = [pair.name for pair in pairs]
     model = Model(
         bodies=Bodies(mass, inertia, np.linalg.inv(np.linalg.cholesky(inertia)) if moving else inertia, at),
         contacts=contacts,
         laws=laws,
-        ties=tie_arrays(ties, len(mechanism.phases)),
+        bilateral=bilateral_arrays(rows, len(mechanism.phases)),
         time_laws=time_laws,
         loads=load_arrays(mechanism, frames, law_numbers),
         responses=response_arrays(mechanism, frames, state, pairs),
@@ -69,25 +75,25 @@ def assemble(mechanism: Mechanism) -> Assembly:
     assembly = Assembly(
         model,
         state._replace(r=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc)),
-        _scratch(len(moving), nc, len(ties), model.responses.offset),
+        _scratch(len(moving), nc, len(rows), model.responses.offset),
         _problem(model, multiplier),
         tuple(names),
-        tuple(tie.name for tie in ties),
+        tuple(row.name for row in rows),
     )
-    refuse_open_joints(mechanism, held, state)
+    refuse_open_joints(mechanism, joints, state)
     refuse_overlap(mechanism, contacts, names, assembly.state, assembly.work)
     return assembly
 
 
 def _problem(model: Model, multiplier: Integers) -> FrictionArrays:
     """Allocate the friction problem of a step; the places of its bilateral rows never change."""
-    contacts, ties, at = model.contacts, model.ties, model.bodies.at
+    contacts, at = model.contacts, model.bodies.at
     nb, nt = at.size, multiplier.size
-    start, width = tie_runs(ties, at)
+    start, width = row_runs(model.bilateral, at)
     spans = [abs(at[a] - at[b]) + 5 for a, b in zip(contacts.a, contacts.b, strict=True) if a < nb and b < nb]
     spans += [place - min(start[i][width[i] > 0]) for i, place in enumerate(multiplier)]
     problem = friction_arrays(6 * nb + nt, contacts.a.size, 2, 12, int(max(spans, default=5)), nt)
-    problem.ties.at[:], problem.ties.start[:], problem.ties.width[:] = multiplier, start, width
+    problem.bilateral.at[:], problem.bilateral.start[:], problem.bilateral.width[:] = multiplier, start, width
     return problem
 
 
@@ -95,9 +101,9 @@ def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
     """Allocate the work space of a run."""
     bodies, contacts = np.zeros((3, nb + 1, 6)), np.zeros((4, nc, 3))
     return Scratch(
-        watch=Watch(np.zeros((nb + 1, 2)), np.zeros(nc), np.zeros(nc), np.zeros(nc, bool)),
-        held=Held(np.zeros((3, nt)), np.zeros(nt), np.zeros((nt, 3)), np.zeros((nt, 3))),
-        kept=Kept(np.zeros((nb + 1, 16)), bodies[2], contacts[3]),
+        broad_phase=BroadPhase(np.zeros((nb + 1, 2)), np.zeros(nc), np.zeros(nc), np.zeros(nc, bool)),
+        bilateral=BilateralState(np.zeros((3, nt)), np.zeros(nt), np.zeros((nt, 3)), np.zeros((nt, 3))),
+        start=StepStart(np.zeros((nb + 1, 16)), bodies[2], contacts[3]),
         wrench=bodies[0],
         free=bodies[1],
         gap=np.zeros(nc),

@@ -5,20 +5,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.arrays import Array, Integers
-from engine.kernels.model import Ties
+from engine.kernels.model import BilateralRows
 from engine.mechanism.models import Mechanism
 
 
 @dataclass(frozen=True)
-class Tie:
-    """One bilateral row between two bodies (`kernels.ties`).
+class BilateralRow:
+    """One bilateral row between two bodies (`kernels.bilateral`).
 
     Attributes
     ----------
     name : JOINT.ROW or the motion's name; what messages call it
     kind : SLIDE or TURN
     a, b : indices of the bodies
-    geometry : row of `kernels.ties`, shape (9,)
+    geometry : row of `kernels.bilateral`, shape (9,)
     arm : makes a TURN's angle a length; 1 for a SLIDE
     law : number of the time law of its target; -1: none
     phases : when it acts, shape (n_phase,) bool; None: always
@@ -43,45 +43,45 @@ def turning_arm(mechanism: Mechanism, bodies: list[str]) -> float:
     return float(min(np.sqrt(np.trace(np.array(b.inertia, float)) / (2 * (b.mass or 0.0))) for b in moving))
 
 
-def tie_arrays(ties: list[Tie], phases: int = 1) -> Ties:
+def bilateral_arrays(rows: list[BilateralRow], phases: int = 1) -> BilateralRows:
     """Return the rows as arrays, for a run of so many phases."""
-    acts = np.array([np.full(phases, True) if tie.phases is None else tie.phases for tie in ties], bool)
+    acts = np.array([np.full(phases, True) if row.phases is None else row.phases for row in rows], bool)
     acts = acts.reshape(-1, phases)
-    return Ties(
-        kind=np.array([tie.kind for tie in ties], np.int64),
-        a=np.array([tie.a for tie in ties], np.int64),
-        b=np.array([tie.b for tie in ties], np.int64),
-        geometry=np.array([tie.geometry for tie in ties]).reshape(-1, 9),
-        arm=np.array([tie.arm for tie in ties], float),
-        law=np.array([tie.law for tie in ties], np.int64),
+    return BilateralRows(
+        kind=np.array([row.kind for row in rows], np.int64),
+        a=np.array([row.a for row in rows], np.int64),
+        b=np.array([row.b for row in rows], np.int64),
+        geometry=np.array([row.geometry for row in rows]).reshape(-1, 9),
+        arm=np.array([row.arm for row in rows], float),
+        law=np.array([row.law for row in rows], np.int64),
         phase=acts,
-        offset=np.zeros(len(ties)),
+        offset=np.zeros(len(rows)),
         acts=acts[:, 0].copy(),
     )
 
 
-def layout(bodies: int, ties: list[Tie]) -> tuple[Integers, Integers]:
+def layout(bodies: int, rows: list[BilateralRow]) -> tuple[Integers, Integers]:
     """Return where each body's velocities start, shape (nb,), and where each row's multiplier is, shape (nt,).
 
     A multiplier comes right after the last body it touches: then the matrix of a step is banded, and elimination in
     that order finds a pivot for every row that is not redundant.
     """
-    at, row = np.zeros(bodies, np.int64), np.zeros(len(ties), np.int64)
-    last = [max((i for i in (tie.a, tie.b) if i < bodies), default=0) for tie in ties]
+    at, multiplier = np.zeros(bodies, np.int64), np.zeros(len(rows), np.int64)
+    last = [max((i for i in (row.a, row.b) if i < bodies), default=0) for row in rows]
     place = 0
     for body in range(bodies):
         at[body] = place
         place += 6
         for i, after in enumerate(last):
             if after == body:
-                row[i] = place
+                multiplier[i] = place
                 place += 1
-    return at, row
+    return at, multiplier
 
 
-def tie_runs(ties: Ties, at: Integers) -> tuple[Integers, Integers]:
+def row_runs(rows: BilateralRows, at: Integers) -> tuple[Integers, Integers]:
     """Return where the velocities of each row's two bodies start and how many they are (0: the ground), (nt, 2)."""
-    bodies = np.stack([ties.a, ties.b], axis=1).reshape(-1, 2)
+    bodies = np.stack([rows.a, rows.b], axis=1).reshape(-1, 2)
     moving = bodies < at.size
     start = np.where(moving, at[np.where(moving, bodies, 0)] if at.size else 0, 0)
     return start, np.where(moving, 6, 0)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from engine.arrays import Array
-from engine.assembly.frames import Frame
+from engine.assembly.frames import BodyFrame
 from engine.assembly.primitives import rows
 from engine.kernels.model import (
     ARC_PLANE,
@@ -66,7 +66,7 @@ class Pair:
     law: tuple[float, float]
 
 
-def contact_pairs(mechanism: Mechanism, frames: dict[str, Frame]) -> Iterator[Pair]:
+def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[Pair]:
     """Yield the contacts of the file's [contacts]."""
     for name, contact in mechanism.contacts.items():
         a, b = contact.sides

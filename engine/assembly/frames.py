@@ -13,7 +13,7 @@ from engine.mechanism.models import Mechanism
 
 
 @dataclass(frozen=True)
-class Frame:
+class BodyFrame:
     """A body's own frame inside the state's: index, position and rotation, from the state's origin."""
 
     index: int
@@ -78,22 +78,22 @@ def cuthill_mckee(near: Sequence[Collection[int]]) -> list[int]:
     return order[::-1]
 
 
-def place_bodies(mechanism: Mechanism, moving: list[str]) -> tuple[dict[str, Frame], State]:
+def place_bodies(mechanism: Mechanism, moving: list[str]) -> tuple[dict[str, BodyFrame], State]:
     """Place every body; fixed ones share the ground, whose frame is the world."""
     nb = len(moving)
     x, p, R, v = np.zeros((nb + 1, 3)), np.zeros((nb + 1, 4)), np.zeros((nb + 1, 3, 3)), np.zeros((nb + 1, 6))
     p[nb, 0] = 1.0
     R[nb] = np.eye(3)
-    frames = {"world": Frame(nb, np.zeros(3), np.eye(3), p[nb].copy())}
+    frames = {"world": BodyFrame(nb, np.zeros(3), np.eye(3), p[nb].copy())}
     for name, body in mechanism.bodies.items():
         q = quaternion(body.axis, body.angle)
         rotation = np.zeros((3, 3))
         rotation_matrix(q, rotation)
         if body.fixed:
-            frames[name] = Frame(nb, np.array(body.origin, float), rotation, q)
+            frames[name] = BodyFrame(nb, np.array(body.origin, float), rotation, q)
             continue
         i, centre = moving.index(name), np.array(body.center_of_mass, float)
-        frames[name] = Frame(i, -centre, np.eye(3), p[nb].copy())
+        frames[name] = BodyFrame(i, -centre, np.eye(3), p[nb].copy())
         x[i], p[i], R[i] = np.array(body.origin) + rotation @ centre, q, rotation
         v[i] = [*body.velocity, *body.angular_velocity]
     empty = np.zeros(0)

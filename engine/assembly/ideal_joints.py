@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from engine.arrays import Array
-from engine.assembly.bilateral import Tie, turning_arm
-from engine.assembly.frames import Frame, tangent
+from engine.assembly.bilateral import BilateralRow, turning_arm
+from engine.assembly.frames import BodyFrame, tangent
 from engine.assembly.joints import Mate, mate
 from engine.kernels.model import SLIDE, TURN
 from engine.mechanism.joints import Prismatic
@@ -25,7 +25,7 @@ HELD = {
 }
 
 
-def joint_ties(mechanism: Mechanism, frames: dict[str, Frame], R: Array) -> Iterator[Tie]:
+def joint_rows(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) -> Iterator[BilateralRow]:
     """Yield the rows of all joints: 6 less the degrees of freedom that an ideal joint leaves.
 
     Parameters
@@ -33,7 +33,7 @@ def joint_ties(mechanism: Mechanism, frames: dict[str, Frame], R: Array) -> Iter
     mechanism : Mechanism
         A joint with play has no rows, but for a shaft in a sleeve whose rotation is held.
     frames : dict
-        Frame of every body.
+        BodyFrame of every body.
     R : (nb + 1, 3, 3) array
         Rotations at the start.
     """
@@ -45,11 +45,11 @@ def joint_ties(mechanism: Mechanism, frames: dict[str, Frame], R: Array) -> Iter
         arm = turning_arm(mechanism, [side.body for side in joint.sides])
         for i, k in enumerate(slides):
             row = np.concatenate([place.point_a, way[k], place.point_b])
-            yield Tie(f"{name}.slide{i + 1}", SLIDE, *bodies, row)
+            yield BilateralRow(f"{name}.slide{i + 1}", SLIDE, *bodies, row)
         for i, k in enumerate(turns):
             d = "e" if k == "n" else "n"  # a direction across k, followed as k turns
             row = np.concatenate([way[d], way[k], other[d]])
-            yield Tie(f"{name}.turn{i + 1}", TURN, *bodies, row, arm=arm)
+            yield BilateralRow(f"{name}.turn{i + 1}", TURN, *bodies, row, arm=arm)
 
 
 def _held(joint: Any) -> tuple[str, str]:

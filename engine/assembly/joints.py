@@ -8,7 +8,7 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.assembly.contacts import KINDS, Pair
-from engine.assembly.frames import Frame, tangent
+from engine.assembly.frames import BodyFrame, tangent
 from engine.assembly.primitives import row_b
 from engine.kernels.model import GEOMETRY, POINT_PLANE, RING_BORE
 from engine.mechanism.contacts import Side
@@ -28,8 +28,8 @@ class Mate:
     relative : rotation from a's axes to b's at the start, shape (3, 3)
     """
 
-    a: Frame
-    b: Frame
+    a: BodyFrame
+    b: BodyFrame
     point_a: Array
     point_b: Array
     relative: Array
@@ -39,14 +39,14 @@ class Mate:
         return along_b if (self.relative @ along_a) @ along_b >= 0 else -along_b
 
 
-def mate(joint: Any, frames: dict[str, Frame], R: Array) -> Mate:
+def mate(joint: Any, frames: dict[str, BodyFrame], R: Array) -> Mate:
     """Return where the two sides of a joint are; R are the rotations of all bodies at the start."""
     first, second = joint.sides
     a, b = frames[first.body], frames[second.body]
     return Mate(a, b, a.point(first.point), b.point(second.point), R[b.index].T @ R[a.index])
 
 
-def joint_pairs(mechanism: Mechanism, frames: dict[str, Frame], R: Array) -> Iterator[Pair]:
+def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) -> Iterator[Pair]:
     """Yield the contacts of the joints with play.
 
     Parameters
@@ -54,7 +54,7 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, Frame], R: Array) -> Ite
     mechanism : Mechanism
         Ideal joints in it are passed over.
     frames : dict
-        Frame of every body.
+        BodyFrame of every body.
     R : (nb + 1, 3, 3) array
         Rotations at the start.
     """
@@ -76,7 +76,7 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, Frame], R: Array) -> Ite
             )
 
 
-FaceRow = tuple[str, int, tuple[Frame, Frame], Array, Array]
+FaceRow = tuple[str, int, tuple[BodyFrame, BodyFrame], Array, Array]
 
 
 def _faces(joint: Any, place: Mate) -> Iterator[FaceRow]:
@@ -141,7 +141,7 @@ def _block_in_slot(joint: Any, place: Mate) -> Iterator[FaceRow]:
                 yield f"{face}{i + 1}", POINT_PLANE, (place.b, place.a), _point(place.point_b + corner), plane
 
 
-def _edges(frame: Frame, side: Any) -> list[Array]:
+def _edges(frame: BodyFrame, side: Any) -> list[Array]:
     """Return the directions of a block's or slot's length, height and width."""
     along, up = frame.direction(side.axis), frame.direction(side.normal)
     up = up - (up @ along) * along

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from engine.arrays import Array
-from engine.assembly.frames import Frame, quaternion
+from engine.assembly.frames import BodyFrame, quaternion
 from engine.assembly.phases import active_phases
 from engine.kernels.model import Loads
 from engine.mechanism.loads import Force, ForceAction, LinearSpring, Torque, TorqueAction, TorsionDamper, TorsionSpring
@@ -14,7 +14,7 @@ from engine.mechanism.models import Mechanism
 ACTS = {"both": 0.0, "push": 1.0, "pull": -1.0}
 
 
-def load_arrays(mechanism: Mechanism, frames: dict[str, Frame], laws: dict[str, int]) -> Loads:
+def load_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], laws: dict[str, int]) -> Loads:
     """Return all loads as arrays; a damper is a spring without stiffness.
 
     ``laws`` has each time law's number by the key of its owner.
@@ -33,7 +33,7 @@ def _of_type(mechanism: Mechanism, kind: str) -> list[Any]:
     return [s for s in (*mechanism.springs.values(), *mechanism.dampers.values()) if s.type == kind]
 
 
-def _springs(mechanism: Mechanism, frames: dict[str, Frame]) -> dict[str, Any]:
+def _springs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, Any]:
     """Return the springs and dampers between two points."""
     springs = _of_type(mechanism, "linear")
     ends = [(frames[s.a.body], s.a.point, frames[s.b.body], s.b.point) for s in springs]
@@ -50,7 +50,7 @@ def _springs(mechanism: Mechanism, frames: dict[str, Frame]) -> dict[str, Any]:
     }
 
 
-def _torsion_springs(mechanism: Mechanism, frames: dict[str, Frame]) -> dict[str, Any]:
+def _torsion_springs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, Any]:
     """Return the torsion springs and dampers; the angle at the start picks the branch of the angle."""
     springs = _of_type(mechanism, "torsion")
     ends = [(frames[s.a], frames[s.b]) for s in springs]
@@ -78,7 +78,7 @@ def _start_angle(mechanism: Mechanism, spring: TorsionSpring | TorsionDamper) ->
     return float(2 * np.arctan2(vector @ np.array(spring.axis), qa @ qb))
 
 
-def _actions(mechanism: Mechanism, frames: dict[str, Frame]) -> dict[str, Any]:
+def _actions(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, Any]:
     """Return what is passed on of springs that do not act along their line or as their couple."""
     springs = [*_of_type(mechanism, "linear"), *_of_type(mechanism, "torsion")]
     actions = [getattr(spring, "actions", ()) for spring in springs]
@@ -91,14 +91,14 @@ def _actions(mechanism: Mechanism, frames: dict[str, Frame]) -> dict[str, Any]:
     }
 
 
-def _load_row(frame: Frame, load: Force | Torque | ForceAction | TorqueAction, turn: Array) -> list[float]:
+def _load_row(frame: BodyFrame, load: Force | Torque | ForceAction | TorqueAction, turn: Array) -> list[float]:
     """Return point, force and torque of a load, its vector turned by ``turn``."""
     if isinstance(load, Force | ForceAction):
         return [*frame.point(load.point), *(turn @ load.force), *np.zeros(3)]
     return [*np.zeros(6), *(turn @ load.torque)]
 
 
-def _forces(mechanism: Mechanism, frames: dict[str, Frame], laws: dict[str, int]) -> dict[str, Any]:
+def _forces(mechanism: Mechanism, frames: dict[str, BodyFrame], laws: dict[str, int]) -> dict[str, Any]:
     """Return forces (with their points) and torques, each with the phases in which it acts and its time law."""
     body, vector, in_body, active, law = [], [], [], [], []
     loads: dict[str, Force | Torque] = {f"forces.{name}": force for name, force in mechanism.forces.items()}

@@ -2,15 +2,17 @@
 
 import numpy as np
 
-from engine.assembly.bilateral import Tie, turning_arm
-from engine.assembly.frames import Frame, tangent
+from engine.assembly.bilateral import BilateralRow, turning_arm
+from engine.assembly.frames import BodyFrame, tangent
 from engine.assembly.phases import active_phases
 from engine.kernels.model import SLIDE, TURN, State
 from engine.mechanism.models import Mechanism
 from engine.mechanism.motions import Translation
 
 
-def motion_ties(mechanism: Mechanism, frames: dict[str, Frame], state: State, laws: dict[str, int]) -> list[Tie]:
+def motion_rows(
+    mechanism: Mechanism, frames: dict[str, BodyFrame], state: State, laws: dict[str, int]
+) -> list[BilateralRow]:
     """Return one row for each motion, in the order of the file; at the pose of ``state`` no target is missed.
 
     Parameters
@@ -18,19 +20,19 @@ def motion_ties(mechanism: Mechanism, frames: dict[str, Frame], state: State, la
     mechanism, frames, state : the description, the bodies' own frames, the start pose
     laws : each time law's number, by the key of its owner
     """
-    ties = []
+    rows = []
     for key, motion in mechanism.motions.items():
         against, moved = frames[motion.relative_to or "world"], frames[motion.body]
         a, b = against.index, moved.index
         if isinstance(motion, Translation):
             along, led = against.direction(motion.along.direction), moved.point(motion.along.point)
             start = state.R[a].T @ (state.x[b] + state.R[b] @ led - state.x[a])  # where the point is, seen from a
-            row, kind, arm = [*start, *along, *led], SLIDE, 1.0
+            geometry, kind, arm = [*start, *along, *led], SLIDE, 1.0
         else:
             axis = against.direction(motion.about.axis)
             mark = tangent(axis)
-            row, kind = [*mark, *axis, *(state.R[b].T @ state.R[a] @ mark)], TURN
+            geometry, kind = [*mark, *axis, *(state.R[b].T @ state.R[a] @ mark)], TURN
             arm = turning_arm(mechanism, [name for name in (motion.relative_to, motion.body) if name])
         acts = active_phases(mechanism, motion.phases)
-        ties.append(Tie(key, kind, a, b, np.array(row), arm, laws[f"motions.{key}"], acts))
-    return ties
+        rows.append(BilateralRow(key, kind, a, b, np.array(geometry), arm, laws[f"motions.{key}"], acts))
+    return rows

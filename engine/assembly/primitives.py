@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 
 from engine.arrays import Array
-from engine.assembly.frames import Frame, tangent
+from engine.assembly.frames import BodyFrame, tangent
 from engine.kernels.model import GEOMETRY
 from engine.mechanism.contacts import Contact, Side
 
 ENDLESS = math.inf
 
 
-def rows(contact: Contact, frame_a: Frame, frame_b: Frame) -> tuple[Array, Array, float]:
+def rows(contact: Contact, frame_a: BodyFrame, frame_b: BodyFrame) -> tuple[Array, Array, float]:
     """Return the rows of a contact's two sides, shape (GEOMETRY,) each, and what is added to their distance.
 
     That is minus the contact's offset and minus the skin of side a, the radius of a sphere or of a rounded edge; for a
@@ -28,7 +28,7 @@ def rows(contact: Contact, frame_a: Frame, frame_b: Frame) -> tuple[Array, Array
     return row, row_b(b, frame_b), -skin - contact.offset
 
 
-def _row_a(side: Side, frame: Frame) -> tuple[Array, float]:
+def _row_a(side: Side, frame: BodyFrame) -> tuple[Array, float]:
     """Return the row of side a, and its skin."""
     shape = side.primitive
     if side.kind == "point":
@@ -43,7 +43,7 @@ def _row_a(side: Side, frame: Frame) -> tuple[Array, float]:
     return _row(frame.point(shape.point), n, tangent(n), shape.radius, math.pi), 0.0
 
 
-def row_b(side: Side, frame: Frame) -> Array:
+def row_b(side: Side, frame: BodyFrame) -> Array:
     """Return the row of side b: place, axis, tangent and bounds."""
     shape = side.primitive
     if side.kind in ("sphere", "socket"):

@@ -6,7 +6,7 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.assembly.contacts import Pair
-from engine.assembly.frames import Frame
+from engine.assembly.frames import BodyFrame
 from engine.assembly.phases import event_limit
 from engine.errors import MechanismError
 from engine.kernels import model
@@ -33,7 +33,7 @@ KINDS = {
 MOTION = ("position", "angle", "gap")
 
 
-def response_arrays(mechanism: Mechanism, frames: dict[str, Frame], state: State, pairs: list[Pair]) -> Responses:
+def response_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], state: State, pairs: list[Pair]) -> Responses:
     """Return what is measured, and when it is reported.
 
     Parameters
@@ -65,7 +65,7 @@ def response_arrays(mechanism: Mechanism, frames: dict[str, Frame], state: State
 
 
 def _measured(
-    mechanism: Mechanism, response: Any, frames: dict[str, Frame], state: State, pairs: list[Pair]
+    mechanism: Mechanism, response: Any, frames: dict[str, BodyFrame], state: State, pairs: list[Pair]
 ) -> tuple[int, tuple[int, int, int], Array]:
     """Return kind, bodies (or contacts, or spring) and geometry of a response."""
     kind, body, point = KINDS[response.type], (0, 0, 0), np.zeros(12)
@@ -87,7 +87,7 @@ def _measured(
     return kind, body, point
 
 
-def _way(response: Any, frames: dict[str, Frame], point: Array) -> tuple[int, int, int]:
+def _way(response: Any, frames: dict[str, BodyFrame], point: Array) -> tuple[int, int, int]:
     """Write where a position or velocity is measured from, to and along; return the three bodies."""
     start, way = response.from_, response.direction
     a, b, turned = frames[start.body if start else "world"], frames[response.to.body], frames[way.body or "world"]
@@ -99,7 +99,7 @@ def _way(response: Any, frames: dict[str, Frame], point: Array) -> tuple[int, in
     return a.index, b.index, turned.index
 
 
-def _turning(response: Any, frames: dict[str, Frame], state: State, point: Array) -> tuple[int, int, int]:
+def _turning(response: Any, frames: dict[str, BodyFrame], state: State, point: Array) -> tuple[int, int, int]:
     """Write a rotation's axis, and the start orientation of a seen from b, conj(p_b) p_a, which makes the start 0."""
     a, b = frames[response.relative_to or "world"], frames[response.body]
     p, q = state.p[b.index], state.p[a.index]
@@ -110,7 +110,7 @@ def _turning(response: Any, frames: dict[str, Frame], state: State, point: Array
 
 
 def _joint(
-    mechanism: Mechanism, response: Any, frames: dict[str, Frame], pairs: list[Pair], point: Array
+    mechanism: Mechanism, response: Any, frames: dict[str, BodyFrame], pairs: list[Pair], point: Array
 ) -> tuple[int, int, int]:
     """Write the sign with which impulses act on the joint's second side, and the direction; return the contacts."""
     own = [i for i, pair in enumerate(pairs) if pair.name.startswith(f"{response.joint}.")]

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from engine.assembly.bilateral import Tie, tie_arrays, turning_arm
+from engine.assembly.bilateral import BilateralRow, bilateral_arrays, turning_arm
 from engine.errors import MechanismError
-from engine.kernels.bilateral import tie_violations
-from engine.kernels.gaps import find_contacts
+from engine.kernels.bilateral import row_violations
+from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.model import SLIDE, TURN, Contacts, Scratch, State
 from engine.mechanism.models import Mechanism
 from engine.mechanism.values import get_value
@@ -54,7 +54,7 @@ def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
     )
 
 
-def refuse_open_joints(mechanism: Mechanism, ties: list[Tie], state: State) -> None:
+def refuse_open_joints(mechanism: Mechanism, held: list[BilateralRow], state: State) -> None:
     """Check the rows of the ideal joints.
 
     Raises
@@ -63,12 +63,12 @@ def refuse_open_joints(mechanism: Mechanism, ties: list[Tie], state: State) -> N
         If the points of a joint are apart along a direction it holds, or its axes inclined (an angle times the arm),
         by more than 1e-5 of the arm and more than `simulation.penetration`: one line for each.
     """
-    if not ties:
+    if not held:
         return
-    rows, n = tie_arrays(ties), len(ties)
+    rows, n = bilateral_arrays(held), len(held)
     violation = np.zeros(n)
-    tie_violations(rows, state.x, state.R, np.zeros(n), violation, np.zeros((n, 3)), np.zeros((n, 3)))
-    joints = np.array([tie.name.partition(".")[0] for tie in ties])
+    row_violations(rows, state.x, state.R, np.zeros(n), violation, np.zeros((n, 3)), np.zeros((n, 3)))
+    joints = np.array([row.name.partition(".")[0] for row in held])
     faults: list[str] = []
     for joint in dict.fromkeys(joints.tolist()):
         slides, turns = (joints == joint) & (rows.kind == SLIDE), (joints == joint) & (rows.kind == TURN)

@@ -8,7 +8,7 @@ from engine.arrays import Array
 from engine.kernels.model import TimeLaws
 from engine.mechanism.models import Mechanism
 from engine.mechanism.motions import Led
-from engine.mechanism.time_laws import FactorSine, Law, Sine, Table
+from engine.mechanism.time_laws import FactorSine, Law, Sine, TableLaw
 
 
 def time_law_arrays(mechanism: Mechanism) -> tuple[TimeLaws, dict[str, int]]:
@@ -43,7 +43,7 @@ def _since(mechanism: Mechanism, entry: Any) -> int:
 
 def _pieces(law: Law) -> Array:
     """Return the time at which each piece begins and its four coefficients, shape (pieces, 5)."""
-    if isinstance(law, Table):
+    if isinstance(law, TableLaw):
         return _table(law)
     if isinstance(law, Sine):
         mean = law.mean + law.amplitude * np.sin(law.phase) if isinstance(law, FactorSine) else 0.0
@@ -51,7 +51,7 @@ def _pieces(law: Law) -> Array:
     return np.array([[0.0, 0.0, law.speed, 0.0, 0.0], [np.inf, 0.0, 0.0, 0.0, 0.0]])
 
 
-def _table(law: Table) -> Array:
+def _table(law: TableLaw) -> Array:
     """Return the pieces of a table; a smooth one is flat at both ends, where it goes on constant."""
     t, y = np.array(law.points).T
     rows = np.zeros((t.size, 5))

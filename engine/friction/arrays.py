@@ -11,14 +11,14 @@ from typing import NamedTuple
 import numpy as np
 
 from engine.friction.banded import PAIR, ROWS_AT_ONCE
-from engine.friction.bilateral import Ties, release
+from engine.friction.bilateral import BilateralSystem, solve_bilateral
 from engine.jit import inner
 
 CONVERGED = 0
 NOT_CONVERGED = 1
 
 
-class Rows(NamedTuple):
+class ContactRows(NamedTuple):
     """The rows of G. Contact i touches runs of velocities, one for each body: ``start[i, s]`` ... + ``width[i, s]``.
 
     ``G[i]`` holds the columns of its runs one after the other.
@@ -35,8 +35,8 @@ class FrictionArrays(NamedTuple):
     The unknowns w are velocities and, where there are ``ties``, the multipliers of the tied rows among them.
     """
 
-    rows: Rows
-    ties: Ties
+    rows: ContactRows
+    bilateral: BilateralSystem
     q: np.ndarray  # (nc, 3) relative velocity without impulses, plus the law's shift
     mu: np.ndarray  # (nc,)
     r: np.ndarray  # (nc, 3) impulses: start on entry, solution on return
@@ -59,7 +59,7 @@ class FrictionArrays(NamedTuple):
     kept: np.ndarray  # (nc, 3) impulses of the best attempt
 
 
-def friction_arrays(n: int, nc: int, runs: int, k: int, band: int, ties: int = 0) -> FrictionArrays:
+def friction_arrays(n: int, nc: int, runs: int, k: int, band: int, bilateral: int = 0) -> FrictionArrays:
     """Allocate ``nc`` contacts and ``ties`` tied rows on ``n`` unknowns.
 
     ``band``: the farthest two unknowns of one contact or one tied row, its multiplier included; a contact touches at
@@ -69,19 +69,34 @@ def friction_arrays(n: int, nc: int, runs: int, k: int, band: int, ties: int = 0
     shapes = {"mu": (nc,), "scale": (nc,), "A": (nc, 3, 3), "Q": (nc, 3, 3), "w": (n,), "dw": (n,), "K": (n, columns)}
     shapes["block"] = (PAIR * (PAIR + 3),)
     start, width = np.zeros((2, nc, runs), np.int64)
-    first, count = np.zeros((2, ties, 2), np.int64)
-    tied = Ties(
-        at=np.zeros(ties, np.int64),
+    first, count = np.zeros((2, bilateral, 2), np.int64)
+    system = BilateralSystem(
+        at=np.zeros(bilateral, np.int64),
         start=first,
         width=count,
-        J=np.zeros((ties, 12)),
-        length=np.zeros(ties),
-        factors=np.zeros((n if ties else 0, columns)),
-        asked=np.zeros(n if ties else 0),
-        miss=np.zeros(n if ties else 0),
+        J=np.zeros((bilateral, 12)),
+        length=np.zeros(bilateral),
+        factors=np.zeros((n if bilateral else 0, columns)),
+        right=np.zeros(n if bilateral else 0),
+        miss=np.zeros(n if bilateral else 0),
     )
-    rows = Rows(start, width, np.zeros((nc, 3, k)))
-    return FrictionArrays(rows, tied, *(np.zeros(shapes.get(name, (nc, 3))) for name in FrictionArrays._fields[2:]))
+    rows = ContactRows(start, width, np.zeros((nc, 3, k)))
+    return FrictionArrays(rows, system, *(np.zeros(shapes.get(name, (nc, 3))) for name in FrictionArrays._fields[2:]))
+
+
+class Goal(NamedTuple):
+    """When a problem counts as solved."""
+
+    tolerance: float  # relative residual to reach
+    scale: float  # mean diagonal of the Delassus operator, in which impulses are velocities
+
+
+class Effort(NamedTuple):
+    """How many steps a method may take."""
+
+    least: int
+    most: int
+    patience: int  # poor steps in a row after which the method is given up
 
 
 @inner
@@ -141,7 +156,7 @@ def finish(n, nc, p):
         p.w[k] = 0.0
     for i in range(nc):
         add_impulse(p.rows, i, p.r[i, 0], p.r[i, 1], p.r[i, 2], p.w)
-    release(n, p.ties, p.w)
+    solve_bilateral(n, p.bilateral, p.w)
     for i in range(nc):
         u0, u1, u2 = relative(p.rows, i, p.w)
         p.u[i, 0], p.u[i, 1], p.u[i, 2] = p.q[i, 0] + u0, p.q[i, 1] + u1, p.q[i, 2] + u2

@@ -1,5 +1,7 @@
 """Newton's method on the barrier of the friction cones, -sum log(s_0^2 - |s_T|^2), over forces s = start + basis y."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from engine.jit import inner, kernel
@@ -11,16 +13,37 @@ ROUNDING = 1e-16  # of the barrier's curvature: keeps Newton's matrix regular at
 ROOM = 1e4  # farthest y: where friction wedges forces would run away
 
 
+class Cones(NamedTuple):
+    """Forces s = start + basis y, with one cone s_0 >= |s_T| for each contact."""
+
+    start: np.ndarray  # (nc, 3)
+    basis: np.ndarray  # (nc, 3, d)
+
+
+class CentreWork(NamedTuple):
+    """Work space of `centre`."""
+
+    s: np.ndarray  # (nc, 3) forces
+    ds: np.ndarray  # (nc, 3) their change in a step
+    bend: np.ndarray  # (d, d) second derivatives
+    slope: np.ndarray  # (d,)
+    step: np.ndarray  # (d,)
+
+
 @kernel
-def centre(start, basis, push, y, s, ds, bend, slope, step):
+def centre(cones, push, y, work):
     """Move ``y`` to the minimum of push . y plus the barrier; it is inside the cones and stays there.
 
     Parameters
     ----------
-    start, basis : (nc, 3), (nc, 3, d)
-    push, y : (d,)
-    s, ds, bend, slope, step : work space, (nc, 3), (nc, 3), (d, d), (d,), (d,)
+    cones : Cones
+    push : (d,) array
+    y : (d,) array
+        Changed in place.
+    work : CentreWork
     """
+    start, basis = cones
+    s, ds, bend, slope, step = work
     nc, d = basis.shape[0], basis.shape[2]
     for i in range(nc):
         for k in range(3):

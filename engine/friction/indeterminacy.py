@@ -7,13 +7,11 @@ each other; the ends are found by Newton's method on the barrier -log(s_0^2 - |s
 ever closer to their boundary (Nesterov, Nemirovskii: a path-following method).
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from engine.arrays import Array
-from engine.friction.barrier import ROOM, centre
+from engine.friction.barrier import ROOM, CentreWork, Cones, centre
 from engine.friction.problem import FrictionError
 
 SLACK = 1e-8  # of the largest force: how exactly the known forces lie in their cones, and how far each is opened
@@ -21,13 +19,6 @@ FRICTIONLESS = 1e-12  # a smaller mu is none
 GAP = 1e-8  # of the largest force: how exactly an end is found
 SHARPER = 300.0  # from one barrier to the next
 ENDLESS = 1e-2 * ROOM  # largest forces away there is no end: friction wedges
-
-
-class Cones(NamedTuple):
-    """Forces s = start + basis y, one cone s_0 >= |s_T| for each contact."""
-
-    start: Array  # (nc, 3)
-    basis: Array  # (nc, 3, d)
 
 
 def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) -> tuple[float, float]:
@@ -98,6 +89,6 @@ def _least(cones: Cones, way: Array, y: Array) -> float:
 def _centred(cones: Cones, push: Array, y: Array) -> Array:
     """Return the minimum of push . y and the barrier, from ``y`` inside the cones."""
     y, d = y.copy(), y.size
-    work = (np.zeros_like(cones.start), np.zeros_like(cones.start), np.zeros((d, d)), np.zeros(d), np.zeros(d))
-    centre(cones.start, cones.basis, push, y, *work)
+    s, ds = np.zeros_like(cones.start), np.zeros_like(cones.start)
+    centre(cones, push, y, CentreWork(s, ds, np.zeros((d, d)), np.zeros(d), np.zeros(d)))
     return y

@@ -11,7 +11,7 @@ import numpy as np
 
 from engine.friction.arrays import add_impulse, copy, finish, relative
 from engine.friction.banded import add_blocks, factorise, start_system, substitute
-from engine.friction.bilateral import add_ties
+from engine.friction.bilateral import add_bilateral
 from engine.friction.cone import residual
 from engine.jit import inner
 
@@ -21,7 +21,7 @@ STALL = 12  # steps without halving the residual
 
 
 @inner
-def interior_point(n, nc, p, mean, tolerance, inside, limit):
+def interior_point(n, nc, p, goal, inside, limit):
     """Solve from the impulses given, moved inside the cones by ``inside`` times the load.
 
     Leaves the best impulses in ``p.r``; returns the steps spent and the residual reached.
@@ -37,12 +37,12 @@ def interior_point(n, nc, p, mean, tolerance, inside, limit):
         for i in range(nc):
             _to_impulse(i, p.mu[i], p.scale[i], p.x, p.r)
         finish(n, nc, p)
-        reached = residual(nc, p.mu, p.r, p.u, p.q, mean)
+        reached = residual(nc, p.mu, p.r, p.u, p.q, goal.scale)
         stalled = 0 if reached < 0.5 * best else stalled + 1
         if reached < best:
             best = reached
             copy(nc, p.r, p.best)
-        if not reached < np.inf or best <= tolerance or iteration == limit or stalled > STALL:
+        if not reached < np.inf or best <= goal.tolerance or iteration == limit or stalled > STALL:
             break
         iteration += 1
         gap = _scaled_system(n, nc, p)
@@ -98,7 +98,7 @@ def _scaled_system(n, nc, p):
     """Scale at the present point: write W, the misses and the factorised system; return the mean of x . y."""
     gap, x, y, u, W = 0.0, p.x, p.y, p.u, p.Q
     start_system(n, p.K)
-    add_ties(p.ties, p.K)
+    add_bilateral(p.bilateral, p.K)
     for i in range(nc):
         mu, c, f = p.mu[i], 1 / max(1.0, p.mu[i]), 1 / p.scale[i]
         gap += x[i, 0] * y[i, 0] + x[i, 1] * y[i, 1] + x[i, 2] * y[i, 2]

@@ -9,7 +9,7 @@ import numpy as np
 
 from engine.friction.arrays import add_impulse, finish, relative
 from engine.friction.banded import add_blocks, factorise, start_system, substitute
-from engine.friction.bilateral import add_ties
+from engine.friction.bilateral import add_bilateral
 from engine.friction.complementarity import eliminate, fischer_burmeister, mismatch, natural_map
 from engine.friction.cone import residual
 from engine.jit import inner
@@ -21,7 +21,7 @@ CREEP = 6  # poor steps in a row after which the smoothed equation is given up
 
 
 @inner
-def newton(n, nc, p, mean, tolerance, tau2, end, proximal, least, limit, patience):
+def newton(n, nc, p, goal, tau2, end, proximal, effort):
     """Improve ``p.r`` by ``least`` to ``limit`` steps; return the steps spent, the residual reached and tau^2.
 
     With ``tau2`` 0 the equation is the natural map. The line search is not monotone: a step may raise the merit above
@@ -31,12 +31,15 @@ def newton(n, nc, p, mean, tolerance, tau2, end, proximal, least, limit, patienc
     up above ``end``.
     """
     finish(n, nc, p)
-    reached = residual(nc, p.mu, p.r, p.u, p.q, mean)
+    reached = residual(nc, p.mu, p.r, p.u, p.q, goal.scale)
     natural, iteration, poor, m1, m2, m3 = tau2 == 0.0, 0, 0, 0.0, 0.0, 0.0
     halvings = 6 if natural else 12
-    patience = patience if natural else CREEP
+    tolerance, patience = goal.tolerance, effort.patience if natural else CREEP
     while (
-        (reached > tolerance or iteration < least) and iteration < limit and poor < patience and (natural or tau2 > end)
+        (reached > tolerance or iteration < effort.least)
+        and iteration < effort.most
+        and poor < patience
+        and (natural or tau2 > end)
     ):
         iteration += 1
         merit = _direction(n, nc, p, proximal, tau2)
@@ -45,10 +48,10 @@ def newton(n, nc, p, mean, tolerance, tau2, end, proximal, least, limit, patienc
             for k in range(3):
                 p.r[i, k] += step * p.dr[i, k]
                 p.u[i, k] += step * p.du[i, k]
-        reached = residual(nc, p.mu, p.r, p.u, p.q, mean)
+        reached = residual(nc, p.mu, p.r, p.u, p.q, goal.scale)
         if reached <= tolerance:  # u has followed its steps: once more from the impulses, to the last digit
             finish(n, nc, p)
-            reached = residual(nc, p.mu, p.r, p.u, p.q, mean)
+            reached = residual(nc, p.mu, p.r, p.u, p.q, goal.scale)
         m1, m2, m3 = merit, m1, m2
         if natural:
             poor = poor + 1 if after > POOR * merit else 0
@@ -64,7 +67,7 @@ def newton(n, nc, p, mean, tolerance, tau2, end, proximal, least, limit, patienc
 def _direction(n, nc, p, proximal, tau2):
     """Write Newton's direction: impulses into dr, relative velocities into du; return the merit, the sum of squares."""
     start_system(n, p.K)
-    add_ties(p.ties, p.K)
+    add_bilateral(p.bilateral, p.K)
     for k in range(n):
         p.dw[k] = 0.0
     merit = 0.0

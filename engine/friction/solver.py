@@ -13,7 +13,7 @@ A try that creeps is given up early, and another one costs less than its patienc
 
 import numpy as np
 
-from engine.friction.arrays import CONVERGED, NOT_CONVERGED, copy, finish, measure_scales
+from engine.friction.arrays import CONVERGED, NOT_CONVERGED, Effort, Goal, copy, finish, measure_scales
 from engine.friction.interior import interior_point
 from engine.friction.newton import newton
 from engine.jit import inner, kernel
@@ -47,7 +47,7 @@ def solve_friction(n, nc, p, tolerance):
     iterations : steps of all attempts together
     reached : relative residual (see `cone.residual`)
     """
-    mean = measure_scales(nc, p.rows, p.scale)
+    goal = Goal(tolerance, measure_scales(nc, p.rows, p.scale))
     load, warm = 0.0, False
     for i in range(nc):
         load += p.q[i, 0] * p.q[i, 0] + p.q[i, 1] * p.q[i, 1] + p.q[i, 2] * p.q[i, 2]
@@ -63,14 +63,14 @@ def solve_friction(n, nc, p, tolerance):
                 p.r[i, 0], p.r[i, 1], p.r[i, 2] = 0.0, 0.0, 0.0
         weight, smoothing, limit, patience, least = asked, 0.0, NATURAL_STEPS, NATURAL_PATIENCE, 0
         if attempt == -1 or attempt == last:
-            spent, _ = interior_point(n, nc, p, mean, tolerance, INSIDE, min(INTERIOR_STEPS, (budget + 1) // 2))
+            spent, _ = interior_point(n, nc, p, goal, INSIDE, min(INTERIOR_STEPS, (budget + 1) // 2))
             total += spent
             budget -= 2 * spent
             least = 1
         elif not given:
             smoothing, limit, patience = SMOOTHING[attempt], min(SMOOTHED_STEPS, budget), 1
         tau2, proximal = smoothing * smoothing * load, PROXIMAL_GIVEN if given else PROXIMAL
-        spent, reached = _follow(n, nc, p, mean, tolerance, tau2, load, proximal, least, limit, patience)
+        spent, reached = _follow(n, nc, p, goal, tau2, load, proximal, Effort(least, limit, patience))
         total += spent
         budget -= spent
         if reached < best:
@@ -87,19 +87,20 @@ def solve_friction(n, nc, p, tolerance):
 
 
 @inner
-def _follow(n, nc, p, mean, tolerance, tau2, load, proximal, least, limit, patience):
+def _follow(n, nc, p, goal, tau2, load, proximal, effort):
     """Follow the smoothed solutions down from tau^2, from each try the natural map; return steps and residual.
 
     A solution that comes from elsewhere than the natural map gets ``least`` one step of it, which makes of a residual
     just below the tolerance one of the last digits: forces are as good as the residual over the compliance.
     """
     copy(nc, p.r, p.base)
+    tolerance, least, limit, patience = goal.tolerance, effort.least, effort.most, effort.patience
     natural = tau2 == 0.0 or 3 * nc <= n  # from nothing only where impulses are hardly redundant: elsewhere it fails
     spent, end, before, stuck = 0, min(NEAR * load, 0.5 * tau2), np.inf, False
     while True:
         smoothed = 0.0 if natural else tau2  # one call for both: what is called twice is compiled twice
         most = NATURAL_STEPS if natural else limit - spent
-        steps, reached, smoothed = newton(n, nc, p, mean, tolerance, smoothed, end, proximal, least, most, patience)
+        steps, reached, smoothed = newton(n, nc, p, goal, smoothed, end, proximal, Effort(least, most, patience))
         if not natural:
             tau2, stuck = smoothed, smoothed > end
         spent += steps

@@ -19,30 +19,30 @@ from engine.kernels.time_laws import time_law, time_law_rate
 
 
 @kernel
-def tie_targets(ties, time_laws, t, h, target):
+def row_targets(rows, time_laws, t, h, target):
     """Write the target of every row at t, at t + h, and its rate there, shape (3, nt); 0 of rows that do not act."""
-    for i in range(ties.kind.shape[0]):
-        target[0, i], target[1, i], target[2, i] = ties.offset[i], ties.offset[i], 0.0
-        law = ties.law[i]
-        if law >= 0 and ties.acts[i]:
+    for i in range(rows.kind.shape[0]):
+        target[0, i], target[1, i], target[2, i] = rows.offset[i], rows.offset[i], 0.0
+        law = rows.law[i]
+        if law >= 0 and rows.acts[i]:
             target[0, i] += time_law(time_laws, law, t)
             target[1, i] += time_law(time_laws, law, t + h)
             target[2, i] = time_law_rate(time_laws, law, t + h)
 
 
 @kernel
-def tie_violations(ties, x, R, target, violation, point, way):
+def row_violations(rows, x, R, target, violation, point, direction):
     """Write every row's violation (nt,), its point P_b (nt, 3) and its world direction t (nt, 3) at the pose (x, R).
 
-    A row that does not act has the direction 0, and ties nothing.
+    A row that does not act has the direction 0, and constrains nothing.
     """
     for i in range(violation.shape[0]):
-        a, b, row, t, p = ties.a[i], ties.b[i], ties.geometry[i], way[i], point[i]
-        if not ties.acts[i]:
+        a, b, row, t, p = rows.a[i], rows.b[i], rows.geometry[i], direction[i], point[i]
+        if not rows.acts[i]:
             violation[i], t[0], t[1], t[2] = 0.0, 0.0, 0.0, 0.0
             continue
         turn_to_world(R, a, row, 3, t)
-        if ties.kind[i] == SLIDE:
+        if rows.kind[i] == SLIDE:
             to_world(x, R, a, row, 0, p)
             p0, p1, p2 = p[0], p[1], p[2]
             to_world(x, R, b, row, 6, p)
@@ -55,30 +55,41 @@ def tie_violations(ties, x, R, target, violation, point, way):
             sine = t[0] * (d1 * e2 - d2 * e1) + t[1] * (d2 * e0 - d0 * e2) + t[2] * (d0 * e1 - d1 * e0)
             cosine = d0 * e0 + d1 * e1 + d2 * e2
             cs, sn = np.cos(target[i]), np.sin(target[i])
-            violation[i] = ties.arm[i] * np.arctan2(sine * cs - cosine * sn, cosine * cs + sine * sn)
+            violation[i] = rows.arm[i] * np.arctan2(sine * cs - cosine * sn, cosine * cs + sine * sn)
 
 
 @inner
-def begin_ties(ties, x, R, target, violation, point, way, phase):
-    """Let act what acts in ``phase``; a motion that begins with it starts from where its coordinate is."""
+def begin_rows(rows, state, at_pose, phase):
+    """Let the rows act that act in ``phase``; a motion that begins with it starts from where its coordinate is.
+
+    Parameters
+    ----------
+    rows : BilateralRows
+        ``acts`` and ``offset`` are written.
+    state : State
+    at_pose : BilateralState
+        Written.
+    phase : int
+    """
+    violation, target = at_pose.violation, at_pose.target[1]
     for i in range(violation.shape[0]):
-        begins = phase > 0 and ties.phase[i, phase] and not ties.phase[i, phase - 1]
-        ties.acts[i], target[i] = begins, 0.0
-    tie_violations(ties, x, R, target, violation, point, way)
+        begins = phase > 0 and rows.phase[i, phase] and not rows.phase[i, phase - 1]
+        rows.acts[i], target[i] = begins, 0.0
+    row_violations(rows, state.x, state.R, target, violation, at_pose.point, at_pose.direction)
     for i in range(violation.shape[0]):
-        if ties.acts[i]:
-            ties.offset[i] = violation[i] / ties.arm[i]
-        ties.acts[i] = ties.phase[i, phase]
-        if not ties.acts[i]:
-            ties.offset[i] = 0.0
+        if rows.acts[i]:
+            rows.offset[i] = violation[i] / rows.arm[i]
+        rows.acts[i] = rows.phase[i, phase]
+        if not rows.acts[i]:
+            rows.offset[i] = 0.0
 
 
 @kernel
-def tie_velocity(ties, x, R, point, way, twist, i):
+def row_velocity(rows, x, R, point, direction, twist, i):
     """Return the rate of row i's violation at the twists, its target at rest."""
-    rate, t0, t1, t2 = 0.0, way[i, 0], way[i, 1], way[i, 2]
+    rate, t0, t1, t2 = 0.0, direction[i, 0], direction[i, 1], direction[i, 2]
     for side in range(2):
-        body = ties.a[i] if side == 0 else ties.b[i]
+        body = rows.a[i] if side == 0 else rows.b[i]
         if body >= x.shape[0] - 1:
             continue
         sign = 2.0 * side - 1.0
@@ -86,7 +97,7 @@ def tie_velocity(ties, x, R, point, way, twist, i):
         o0 = R[body, 0, 0] * v3 + R[body, 0, 1] * v4 + R[body, 0, 2] * v5
         o1 = R[body, 1, 0] * v3 + R[body, 1, 1] * v4 + R[body, 1, 2] * v5
         o2 = R[body, 2, 0] * v3 + R[body, 2, 1] * v4 + R[body, 2, 2] * v5
-        if ties.kind[i] == SLIDE:
+        if rows.kind[i] == SLIDE:
             d0, d1, d2 = point[i, 0] - x[body, 0], point[i, 1] - x[body, 1], point[i, 2] - x[body, 2]
             rate += sign * (
                 t0 * (twist[body, 0] + o1 * d2 - o2 * d1)
@@ -94,23 +105,23 @@ def tie_velocity(ties, x, R, point, way, twist, i):
                 + t2 * (twist[body, 2] + o0 * d1 - o1 * d0)
             )
         else:
-            rate += sign * ties.arm[i] * (t0 * o0 + t1 * o1 + t2 * o2)
+            rate += sign * rows.arm[i] * (t0 * o0 + t1 * o1 + t2 * o2)
     return rate
 
 
 @kernel
-def whitened_ties(bodies, ties, x, R, point, way, J):
+def whitened_bilateral_rows(bodies, rows, x, R, point, direction, J):
     """Write every row times M^-1/2, shape (nt, 12): six columns for each moving body, a's first."""
     root = bodies.inverse_root
-    for i in range(ties.kind.shape[0]):
-        n, t0, t1, t2 = 0, way[i, 0], way[i, 1], way[i, 2]
+    for i in range(rows.kind.shape[0]):
+        n, t0, t1, t2 = 0, direction[i, 0], direction[i, 1], direction[i, 2]
         for side in range(2):
-            body = ties.a[i] if side == 0 else ties.b[i]
+            body = rows.a[i] if side == 0 else rows.b[i]
             if body >= bodies.mass.shape[0]:
                 continue
             sign = 2.0 * side - 1.0
-            f, m0, m1, m2 = 0.0, ties.arm[i] * t0, ties.arm[i] * t1, ties.arm[i] * t2
-            if ties.kind[i] == SLIDE:
+            f, m0, m1, m2 = 0.0, rows.arm[i] * t0, rows.arm[i] * t1, rows.arm[i] * t2
+            if rows.kind[i] == SLIDE:
                 d0, d1, d2 = point[i, 0] - x[body, 0], point[i, 1] - x[body, 1], point[i, 2] - x[body, 2]
                 f, m0, m1, m2 = 1.0, d1 * t2 - d2 * t1, d2 * t0 - d0 * t2, d0 * t1 - d1 * t0
             s = sign * f / np.sqrt(bodies.mass[body])

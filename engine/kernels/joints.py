@@ -1,42 +1,52 @@
-"""Joint stages: twists that keep ideal joints and prescribed motions, before the contacts and at the end of a step.
+"""Joint stages: twists that fit ideal joints and prescribed motions, before the contacts and at the end of a step.
 
 Within the step the mean velocity keeps the constraint, J (theta v+ + (1 - theta) v) = s' with J at mid-step; at the end
-the velocities themselves, J v+ = s' with J there (a multiplier each, as in the RATTLE scheme). With theta = 1/2 that is
-second order and joints do no work; J v+ = s' with J at mid-step alone loses energy in every turn.
+the velocities themselves keep it, J v+ = s' with J at the new pose (with multipliers of their own, as in the RATTLE
+scheme). With theta = 1/2 that is of second order and joints do no work; J v+ = s' with J at mid-step alone loses energy
+in every turn.
 """
 
-from engine.friction.bilateral import hold_ties, tie_down
+from engine.friction.bilateral import factorise_bilateral, hold_bilateral
 from engine.jit import inner
-from engine.kernels.bilateral import tie_velocity, tie_violations, whitened_ties
+from engine.kernels.bilateral import row_velocity, row_violations, whitened_bilateral_rows
 from engine.kernels.contacts import add_whitened
 from engine.kernels.motion import NOTHING
 
 
 @inner
-def hold_joints(bodies, ties, x, R, before, twist, held, h, theta, tied, w):
-    """Change ``twist`` by the least kinetic energy so that the joints hold at the pose (x, R).
+def hold_joints(model, state, work, problem, twist, h, theta):
+    """Change ``twist`` by the least kinetic energy so that the joints hold at the present pose.
 
     Parameters
     ----------
-    before : twists at the start of the step
-    twist : twists at its end, (nb + 1, 6)
-    h : length of the step, over which the mean velocity shall fit; 0: the velocity at the end shall
-    tied, w : the rows and the unknowns of the friction problem; work space
+    model : Model
+    state : State
+        Its twists are those at the start of the step.
+    work : Scratch
+    problem : FrictionArrays
+        Its bilateral system and its unknowns are written.
+    twist : (nb + 1, 6) array
+        Twists at the end of the step.
+    h : float
+        Length of the step, over which the mean velocity shall fit; 0: the velocity at the end shall fit.
+    theta : float
+        See `StepContext`.
     """
-    if held.violation.shape[0] == 0:
+    rows, at_pose, x, R = model.bilateral, work.bilateral, state.x, state.R
+    if at_pose.violation.shape[0] == 0:
         return
-    c, point, way = held.violation, held.point, held.way
-    tie_violations(ties, x, R, held.target[1], c, point, way)
+    c, point, direction = at_pose.violation, at_pose.point, at_pose.direction
+    row_violations(rows, x, R, at_pose.target[1], c, point, direction)
     for i in range(c.shape[0]):
-        c[i] = tie_velocity(ties, x, R, point, way, twist, i)
+        c[i] = row_velocity(rows, x, R, point, direction, twist, i)
         if h > 0.0:
-            mean = ties.arm[i] * (held.target[1, i] - held.target[0, i]) / h
-            c[i] -= (mean - (1 - theta) * tie_velocity(ties, x, R, point, way, before, i)) / theta
+            mean = rows.arm[i] * (at_pose.target[1, i] - at_pose.target[0, i]) / h
+            c[i] -= (mean - (1 - theta) * row_velocity(rows, x, R, point, direction, state.v, i)) / theta
         else:
-            c[i] -= ties.arm[i] * held.target[2, i]
+            c[i] -= rows.arm[i] * at_pose.target[2, i]
         if abs(c[i]) < NOTHING:
             c[i] = 0.0
-    whitened_ties(bodies, ties, x, R, point, way, tied.J)
-    tie_down(w.shape[0], tied)
-    hold_ties(w.shape[0], tied, c, w)
-    add_whitened(bodies, w, twist)
+    whitened_bilateral_rows(model.bodies, rows, x, R, point, direction, problem.bilateral.J)
+    factorise_bilateral(problem.w.shape[0], problem.bilateral)
+    hold_bilateral(problem.w.shape[0], problem.bilateral, c, problem.w)
+    add_whitened(model.bodies, problem.w, twist)

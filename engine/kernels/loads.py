@@ -8,11 +8,21 @@ from engine.kernels.time_laws import time_law
 
 
 @kernel
-def apply_loads(bodies, loads, time_laws, state, phase, t, wrench, a, b):
-    """Write each body's force and torque about its centre of mass, world axes, shape (nb + 1, 6).
+def apply_loads(model, state, work, phase, t):
+    """Write each body's force and torque about its centre of mass, in world axes.
 
-    ``t`` is the time since the start of the run; ``a``, ``b`` are work space, shape (3,).
+    Parameters
+    ----------
+    model : Model
+    state : State
+    work : Scratch
+        ``wrench``, shape (nb + 1, 6), is written.
+    phase : int
+        Number of the present phase: some forces and torques act in some phases only.
+    t : float
+        Time since the start of the run.
     """
+    bodies, loads, wrench, a, b = model.bodies, model.loads, work.wrench, work.a, work.b
     for body in range(wrench.shape[0]):
         for k in range(3):
             wrench[body, k] = 0.0
@@ -21,7 +31,7 @@ def apply_loads(bodies, loads, time_laws, state, phase, t, wrench, a, b):
             wrench[body, 3 + k] = 0.0
     _linear_springs(loads, state, wrench, a, b)
     _torsion_springs(loads, state, wrench, a, b)
-    _forces_and_torques(loads, time_laws, state, phase, t, wrench, a, b)
+    _forces_and_torques(loads, model.time_laws, state, phase, t, wrench, a, b)
 
 
 @kernel

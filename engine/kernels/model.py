@@ -57,13 +57,13 @@ class TimeLaws(NamedTuple):
     begun: np.ndarray  # (n_phase,) when each phase began; inf before; written by the run
 
 
-class Ties(NamedTuple):
+class BilateralRows(NamedTuple):
     """Bilateral constraints, one row each: ideal joints and prescribed motions (eqs. 14-16)."""
 
     kind: np.ndarray  # (nt,) int64
     a: np.ndarray  # (nt,) int64
     b: np.ndarray  # (nt,) int64
-    geometry: np.ndarray  # (nt, 9) see ties.py
+    geometry: np.ndarray  # (nt, 9) see bilateral.py
     arm: np.ndarray  # (nt,) what makes a TURN's angle a length; 1 for a SLIDE
     law: np.ndarray  # (nt,) int64 time law of its target, -1: none
     phase: np.ndarray  # (nt, n_phase) bool, when it acts
@@ -122,7 +122,7 @@ class Model(NamedTuple):
     bodies: Bodies
     contacts: Contacts
     laws: Laws
-    ties: Ties
+    bilateral: BilateralRows
     time_laws: TimeLaws
     loads: Loads
     responses: Responses
@@ -141,26 +141,26 @@ class State(NamedTuple):
     gap: np.ndarray  # (nc,) at the end of the step; of contacts out of reach a lower bound
 
 
-class Watch(NamedTuple):
-    """Which contacts need a look, see watch.py."""
+class BroadPhase(NamedTuple):
+    """Which contacts are near, see broad_phase.py."""
 
-    rate: np.ndarray  # (nb + 1, 2) speed and angular speed
-    budget: np.ndarray  # (nc,) what the bodies may still move until the gap could have closed
-    lever: np.ndarray  # (nc,) what body b's angular speed counts with in that
-    near: np.ndarray  # (nc,) bool, found at this pose
+    speed: np.ndarray  # (nb + 1, 2) speed and angular speed of each body
+    budget: np.ndarray  # (nc,) the way that the bodies may still move until the gap could have closed
+    lever: np.ndarray  # (nc,) the lever of body b's angular speed in that
+    near: np.ndarray  # (nc,) bool, updated at this pose
 
 
-class Held(NamedTuple):
-    """The bilateral rows at one pose, see ties.py."""
+class BilateralState(NamedTuple):
+    """The bilateral rows at one pose, see bilateral.py."""
 
     target: np.ndarray  # (3, nt) at the start of the step, at its end, rate at its end
     violation: np.ndarray  # (nt,) a length, or its rate
     point: np.ndarray  # (nt, 3)
-    way: np.ndarray  # (nt, 3)
+    direction: np.ndarray  # (nt, 3)
 
 
-class Kept(NamedTuple):
-    """The start of a step, to go back to."""
+class StepStart(NamedTuple):
+    """The start of a step, to which a step that is repeated goes back."""
 
     pose: np.ndarray  # (nb + 1, 16) position, quaternion and rotation
     v: np.ndarray  # (nb + 1, 6)
@@ -170,9 +170,9 @@ class Kept(NamedTuple):
 class Scratch(NamedTuple):
     """Work space of a step."""
 
-    watch: Watch
-    held: Held
-    kept: Kept
+    broad_phase: BroadPhase
+    bilateral: BilateralState
+    start: StepStart
     wrench: np.ndarray  # (nb + 1, 6) force and torque about the centre of mass, world axes
     free: np.ndarray  # (nb + 1, 6) twist at the end of the step without contact impulses; a displacement in projection
     gap: np.ndarray  # (nc,) where the step takes the contacts

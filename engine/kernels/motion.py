@@ -65,6 +65,19 @@ def free_twist(bodies, R, twist, wrench, h, theta, again, free):
 
 
 @inner
+def kinetic_energy(bodies, v):
+    """Return the kinetic energy of the bodies, the sum of m |v|^2 / 2 + O . I O / 2."""
+    energy = 0.0
+    for body in range(bodies.mass.shape[0]):
+        J, t = bodies.inertia[body], v[body]
+        for k in range(3):
+            energy += 0.5 * bodies.mass[body] * t[k] * t[k]
+            for j in range(3):
+                energy += 0.5 * t[3 + k] * J[k, j] * t[3 + j]
+    return energy
+
+
+@inner
 def impulse_time(rate, h):
     """Return the momentum that a force of 1 leaves at the end of a step ``h``: ``h`` less what drag took of it."""
     return -np.expm1(-rate * h) / rate if rate > 0.0 else h
@@ -84,10 +97,10 @@ def damp(twist, free, rate, h):
 
 
 @inner
-def keep(state, kept):
-    """Note pose, twists and impulses at the start of a step."""
+def save_start(state, start):
+    """Save pose, twists and impulses at the start of a step."""
     for body in range(state.x.shape[0]):
-        row = kept.pose[body]
+        row = start.pose[body]
         for k in range(3):
             row[k] = state.x[body, k]
             for j in range(3):
@@ -95,17 +108,18 @@ def keep(state, kept):
         for k in range(4):
             row[3 + k] = state.p[body, k]
         for k in range(6):
-            kept.v[body, k] = state.v[body, k]
+            start.v[body, k] = state.v[body, k]
     for i in range(state.r.shape[0]):
         for k in range(3):
-            kept.r[i, k] = state.r[i, k]
+            start.r[i, k] = state.r[i, k]
 
 
 @inner
-def restore(state, kept, budget):
-    """Go back to the start of the step; every contact must be found anew."""
+def restore_start(state, work):
+    """Go back to the start of the step; the broad phase must update every contact."""
+    start, budget = work.start, work.broad_phase.budget
     for body in range(state.x.shape[0]):
-        row = kept.pose[body]
+        row = start.pose[body]
         for k in range(3):
             state.x[body, k] = row[k]
             for j in range(3):
@@ -113,8 +127,8 @@ def restore(state, kept, budget):
         for k in range(4):
             state.p[body, k] = row[3 + k]
         for k in range(6):
-            state.v[body, k] = kept.v[body, k]
+            state.v[body, k] = start.v[body, k]
     for i in range(state.r.shape[0]):
         budget[i] = 0.0
         for k in range(3):
-            state.r[i, k] = kept.r[i, k]
+            state.r[i, k] = start.r[i, k]

@@ -6,11 +6,11 @@ closed loops with clearance.
 """
 
 from engine.friction.arrays import CONVERGED
-from engine.friction.bilateral import hold_ties, tie_down
+from engine.friction.bilateral import factorise_bilateral, hold_bilateral
 from engine.friction.solver import solve_friction
 from engine.jit import inner
-from engine.kernels.bilateral import tie_violations, whitened_ties
-from engine.kernels.broad_phase import look_around, spend
+from engine.kernels.bilateral import row_violations, whitened_bilateral_rows
+from engine.kernels.broad_phase import consume_budget, find_near_contacts
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.rotations import rotation_matrix, turn
 
@@ -20,50 +20,63 @@ TOLERANCE = 1e-4  # of a displacement problem: the next round removes what is le
 
 
 @inner
-def project_positions(bodies, contacts, ties, state, work, problem, penetration, violation):
-    """Displace the bodies until no contact penetrates by half of ``penetration``, no joint is off by half its limit.
+def project_positions(model, state, work, problem, control):
+    """Displace the bodies until every contact and every joint violates its constraint by at most half its limit.
+
+    Parameters
+    ----------
+    model : Model
+    state : State
+    work : Scratch
+        ``free`` holds the displacement.
+    problem : FrictionArrays
+    control : Control
+        ``penetration`` and ``violation`` are the limits.
 
     Returns
     -------
-    worst, where : largest penetration left, and its contact
-    off : largest joint violation left
+    penetration : float
+        Largest penetration left.
+    contact : int
+        Its contact; -1: none.
+    violation : float
+        Largest joint violation left.
     """
-    worst, where, off, n = 0.0, -1, 0.0, problem.w.shape[0]
-    watch, held, displacement = work.watch, work.held, work.free
+    bodies, contacts, rows, at_pose = model.bodies, model.contacts, model.bilateral, work.bilateral
+    worst, contact, off, n, displacement = 0.0, -1, 0.0, problem.w.shape[0], work.free
     for _ in range(ROUNDS):
-        look_around(contacts, state.x, state.R, watch, 0.0, 0.0, state.gap, work.point, work.frame)
-        worst, where = largest_penetration(state.gap)
-        tie_violations(ties, state.x, state.R, held.target[1], held.violation, held.point, held.way)
-        off = largest_violation(held.violation)
-        if (worst <= 0.5 * penetration and off <= 0.5 * violation) or not worst + off < 1e300:
+        find_near_contacts(contacts, state, work, 0.0, 0.0, state.gap)
+        worst, contact = largest_penetration(state.gap)
+        row_violations(rows, state.x, state.R, at_pose.target[1], at_pose.violation, at_pose.point, at_pose.direction)
+        off = largest_violation(at_pose.violation)
+        if (worst <= 0.5 * control.penetration and off <= 0.5 * control.violation) or not worst + off < 1e300:
             break
         within = REACH * max(worst, off)
-        look_around(contacts, state.x, state.R, watch, 0.0, within, state.gap, work.point, work.frame)
+        find_near_contacts(contacts, state, work, 0.0, within, state.gap)
         for body in range(displacement.shape[0]):
             for k in range(6):
                 displacement[body, k] = 0.0
-        if held.violation.shape[0] > 0:
-            whitened_ties(bodies, ties, state.x, state.R, held.point, held.way, problem.ties.J)
-            tie_down(n, problem.ties)
-            hold_ties(n, problem.ties, held.violation, problem.w)
+        if at_pose.violation.shape[0] > 0:
+            whitened_bilateral_rows(
+                bodies, rows, state.x, state.R, at_pose.point, at_pose.direction, problem.bilateral.J
+            )
+            factorise_bilateral(n, problem.bilateral)
+            hold_bilateral(n, problem.bilateral, at_pose.violation, problem.w)
             add_whitened(bodies, problem.w, displacement)
-        nc = gather_projection(
-            bodies, contacts, state.x, state.R, state.gap, within, displacement, work.point, work.frame, work.u,
-            problem.rows, problem.mu, problem.q, problem.r,
-        )  # fmt: skip
+        nc = gather_displacement_problem(model, state, work, problem, within)
         if nc > 0:
             solved, _, _ = solve_friction(n, nc, problem, TOLERANCE)
             if solved != CONVERGED:
                 break
             add_whitened(bodies, problem.w, displacement)
-        spend(contacts.a, contacts.b, contacts.reach, displacement, 1.0, watch)
-        displace(displacement, state.x, state.p, state.R)
-    return worst, where, off
+        consume_budget(contacts, displacement, 1.0, work.broad_phase)
+        displace(displacement, state)
+    return worst, contact, off
 
 
 @inner
 def largest_penetration(gap):
-    """Return the largest penetration (>= 0, NaN if any gap is) and its contact."""
+    """Return the largest penetration, >= 0 or NaN if any gap is, and its contact."""
     worst, where = 0.0, -1
     for i in range(gap.shape[0]):
         if not -gap[i] <= worst:  # a NaN is the worst of all
@@ -73,7 +86,7 @@ def largest_penetration(gap):
 
 @inner
 def largest_violation(violation):
-    """Return the largest size of a joint violation, NaN if any is."""
+    """Return the largest absolute joint violation, NaN if any violation is."""
     off = 0.0
     for i in range(violation.shape[0]):
         if not abs(violation[i]) <= off:
@@ -82,21 +95,21 @@ def largest_violation(violation):
 
 
 @inner
-def gather_projection(bodies, contacts, x, R, gap, within, displacement, point, frame, u, rows, mu, q, r):
+def gather_displacement_problem(model, state, work, problem, within):
     """Write the displacement problem of the contacts open by no more than ``within``; return their number."""
-    n = 0
-    for i in range(gap.shape[0]):
-        if gap[i] <= within:
+    n, contacts = 0, model.contacts
+    for i in range(state.gap.shape[0]):
+        if state.gap[i] <= within:
             a, b = contacts.a[i], contacts.b[i]
-            whitened_rows(bodies, x, R, a, b, point, frame, i, rows, n)
-            relative_velocity(x, R, a, b, point, frame, displacement, i, u)
-            mu[n] = 0.0
+            whitened_rows(model.bodies, state.x, state.R, a, b, work.point, work.frame, i, problem.rows, n)
+            relative_velocity(state.x, state.R, a, b, work.point, work.frame, work.free, i, work.u)
+            problem.mu[n] = 0.0
             for k in range(3):
-                q[n, k] = 0.0
-                r[n, k] = 0.0
-            q[n, 0] = gap[i] + u[i, 0]
-            if q[n, 0] < 0.0:  # a guess: each contact repairs its own violation
-                r[n, 0] = -q[n, 0] / normal_delassus(rows, n)
+                problem.q[n, k] = 0.0
+                problem.r[n, k] = 0.0
+            problem.q[n, 0] = state.gap[i] + work.u[i, 0]
+            if problem.q[n, 0] < 0.0:  # a guess: each contact repairs its own violation
+                problem.r[n, 0] = -problem.q[n, 0] / normal_delassus(problem.rows, n)
             n += 1
     return n
 
@@ -111,11 +124,11 @@ def normal_delassus(rows, j):
 
 
 @inner
-def displace(displacement, x, p, R):
-    """Move every body by a displacement, shape (nb + 1, 6)."""
-    for body in range(x.shape[0] - 1):
+def displace(displacement, state):
+    """Move every body by a displacement, shape (nb + 1, 6): of the centre of mass, and a rotation in body axes."""
+    for body in range(state.x.shape[0] - 1):
         d = displacement[body]
         for k in range(3):
-            x[body, k] += d[k]
-        turn(p[body], d[3], d[4], d[5])
-        rotation_matrix(p[body], R[body])
+            state.x[body, k] += d[k]
+        turn(state.p[body], d[3], d[4], d[5])
+        rotation_matrix(state.p[body], state.R[body])

@@ -21,7 +21,7 @@ JOINT_FORCE       first contact, number, direction    sign of an impulse (0); di
 import numpy as np
 
 from engine.jit import inner, kernel
-from engine.kernels.gaps import find_contact
+from engine.kernels.contact_geometry.gaps import find_contact
 from engine.kernels.loads import speed_along, spin_along, spring_force, spring_torque
 from engine.kernels.model import (
     ANGLE,
@@ -42,20 +42,24 @@ from engine.kernels.rotations import times, to_world, turn_to_world, twist_angle
 
 
 @kernel
-def measure(responses, contacts, loads, state, point, frame, t, h, values, p, q):
-    """Write every response, shape (nr,), at the end of a step.
+def measure(model, state, work, t, h):
+    """Write every response at the end of a step.
 
     Parameters
     ----------
-    point, frame : (nc, 3), (nc, 3, 3) of the contacts; written where a gap is measured
-    t, h : time at the end of the step, and its length
-    values : (nr,) holds those of the step before, at the start the offsets: an angle counts its full turns from there
-    p, q : work space, shape (3,)
+    model : Model
+    state : State
+    work : Scratch
+        ``values``, shape (nr,), is written; it holds the values of the step before, at the start the offsets: an angle
+        counts its full turns from there. ``point`` and ``frame`` are written where a gap is measured.
+    t, h : float
+        Time at the end of the step, and its length.
     """
+    responses, loads, frame, values, p, q = model.responses, model.loads, work.frame, work.values, work.a, work.b
     for i in range(values.shape[0]):
         kind, body, row = responses.kind[i], responses.body[i], responses.point[i]
         if kind == GAP:
-            value = find_contact(contacts, state.x, state.R, body[0], point, frame)
+            value = find_contact(model.contacts, state.x, state.R, body[0], work.point, frame)
         elif kind == SPRING_FORCE:
             value = spring_force(loads, state, body[0], p, q)[0]
         elif kind == SPRING_TORQUE:
@@ -69,17 +73,21 @@ def measure(responses, contacts, loads, state, point, frame, t, h, values, p, q)
         elif kind == FRICTION_FORCE:
             value = np.hypot(state.r[body[0], 1], state.r[body[0], 2]) / h
         elif kind == JOINT_FORCE:
-            value = _joint_impulse(body, row, state.R, state.r, frame, p, q) / h
+            value = _joint_impulse(body, row, state, frame, p, q) / h
         elif kind in (ANGLE, ANGULAR_VELOCITY):
-            value = _rotation(kind, body, row, state.p, state.R, state.v, values[i] - responses.offset[i], p)
+            value = _rotation(kind, body, row, state, values[i] - responses.offset[i], p)
         else:
-            value = _position(kind, body, row, state.x, state.R, state.v, p, q)
+            value = _position(kind, body, row, state, p, q)
         values[i] = value + responses.offset[i]
 
 
 @inner
-def _position(kind, body, row, x, R, v, p, q):
-    """Component of the way from a point, or from an axis at the height of the other point, to a point; or its rate."""
+def _position(kind, body, row, state, p, q):
+    """Return a component of the way from a point, or from an axis at the height of the other point, to a point.
+
+    Of a VELOCITY, return its rate.
+    """
+    x, R, v = state.x, state.R, state.v
     to_world(x, R, body[0], row, 0, p)
     to_world(x, R, body[1], row, 6, q)
     d0, d1, d2 = q[0] - p[0], q[1] - p[1], q[2] - p[2]
@@ -99,9 +107,12 @@ def _position(kind, body, row, x, R, v, p, q):
 
 
 @inner
-def _rotation(kind, body, row, quaternion, R, v, before, axis):
-    """Angle of a body about an axis of another since the start, on the branch nearest to ``before``; or its rate."""
-    a, b = body[0], body[1]
+def _rotation(kind, body, row, state, before, axis):
+    """Return the angle of a body about an axis of another since the start, on the branch nearest to ``before``.
+
+    Of an ANGULAR_VELOCITY, return its rate.
+    """
+    a, b, quaternion, R, v = body[0], body[1], state.p, state.R, state.v
     if kind == ANGULAR_VELOCITY:
         turn_to_world(R, a, row, 3, axis)
         return spin_along(R, v, b, axis) - spin_along(R, v, a, axis)
@@ -111,8 +122,9 @@ def _rotation(kind, body, row, quaternion, R, v, before, axis):
 
 
 @inner
-def _joint_impulse(body, row, R, r, frame, total, way):
-    """Resultant of a joint's contact impulses on its second side: the magnitude, or a component."""
+def _joint_impulse(body, row, state, frame, total, way):
+    """Return the resultant of a joint's contact impulses on its second side: the magnitude, or a component."""
+    R, r = state.R, state.r
     total[0], total[1], total[2] = 0.0, 0.0, 0.0
     for i in range(body[0], body[0] + body[1]):
         for k in range(3):
@@ -125,7 +137,7 @@ def _joint_impulse(body, row, R, r, frame, total, way):
 
 
 @kernel
-def note(responses, values, previous, phase, reported, peak):
+def update_reported(responses, values, previous, phase, reported, peak):
     """Bring what is reported up to date after a step of ``phase``.
 
     Parameters

@@ -7,7 +7,7 @@ LOADED = 1e-3  # of the largest impulse: a contact that carries load
 
 @inner
 def slow(bodies, v, speed):
-    """Say whether no body is faster than ``speed``: |v|^2 + O . I O / m, spin by the radius of gyration."""
+    """Return whether no body is faster than ``speed``: |v|^2 + O . I O / m, spin by the radius of gyration."""
     for body in range(bodies.mass.shape[0]):
         J, t = bodies.inertia[body], v[body]
         square = 0.0
@@ -21,7 +21,7 @@ def slow(bodies, v, speed):
 
 @inner
 def start_pause(values, anchor, travel):
-    """Note where everything is now."""
+    """Note the present values and begin to count the slip anew."""
     for i in range(values.shape[0]):
         anchor[i] = values[i]
     for i in range(travel.shape[0]):
@@ -29,23 +29,28 @@ def start_pause(values, anchor, travel):
 
 
 @inner
-def moved(counts, values, anchor, r, slip, travel, h, drift):
-    """Say whether anything that matters moved since the pause began: a measured length, a contact that carries load.
+def moved(responses, state, work, h, drift):
+    """Return whether anything that matters moved since the pause began: a measured length, a contact that carries load.
 
     Bodies without load may drift on for ever (a rod that spins slowly between its bearings): they do not count. Contact
     forces do not count either: with everything sticking they may wander inside their indeterminacy.
 
     Parameters
     ----------
-    counts : (nr,) bool, the responses that are measured lengths or angles
-    values, anchor : (nr,) measured now, and when the pause began
-    r, slip, travel : (nc, 3), (nc,), (nc,) impulses, slip speeds, and the way slipped since the pause began
-    h, drift : the step, and what may be moved
+    responses : Responses
+    state : State
+        After the step.
+    work : Scratch
+        ``values`` are measured now, ``anchor`` when the pause began; ``travel`` is written.
+    h : float
+        The length of the step.
+    drift : float
+        The length by which something may move and still count as unmoved.
     """
-    away, load = False, 0.0
-    for i in range(values.shape[0]):
-        if counts[i]:
-            away = away or not abs(values[i] - anchor[i]) <= drift
+    away, load, r, slip, travel = False, 0.0, state.r, state.slip, work.travel
+    for i in range(work.values.shape[0]):
+        if responses.measures_motion[i]:
+            away = away or not abs(work.values[i] - work.anchor[i]) <= drift
     for i in range(slip.shape[0]):
         load = max(load, r[i, 0])
     for i in range(slip.shape[0]):

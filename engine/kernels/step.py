@@ -1,20 +1,24 @@
-"""One time step of length h: Moreau's theta-method with combined projection (paper, eqs. 20-22)."""
+"""One time step of length h: Moreau's theta-method with combined projection (paper, eqs. 20-22).
+
+A step is a list of stages, each a kernel of its own module. All stages read and write the tuples of one `StepContext`.
+"""
 
 from engine.friction.arrays import CONVERGED
 from engine.friction.solver import solve_friction
 from engine.jit import inner
-from engine.kernels.bilateral import tie_targets
-from engine.kernels.broad_phase import look_around, rates, spend
+from engine.kernels.bilateral import row_targets
+from engine.kernels.broad_phase import body_speeds, consume_budget, find_near_contacts
+from engine.kernels.context import StepResult
 from engine.kernels.joints import hold_joints
 from engine.kernels.loads import apply_loads
-from engine.kernels.motion import damp, free_twist, keep, move
+from engine.kernels.motion import damp, free_twist, move, save_start
 from engine.kernels.projection import project_positions
 from engine.kernels.velocity import (
+    apply_impulses,
     first_active_set,
     free_relative_velocities,
-    gather,
+    gather_problem,
     grow_active_set,
-    scatter,
     worst_contact,
 )
 
@@ -22,63 +26,56 @@ GROWTH_ROUNDS = 20
 
 
 @inner
-def step(model, state, work, problem, control, theta, phase, t, h):
-    """Advance ``state`` by ``h`` from time ``t``; ``theta``: see `kernels.run`.
+def step(context):
+    """Advance the state by one step of length ``h`` from time ``t``.
+
+    Parameters
+    ----------
+    context : StepContext
 
     Returns
     -------
-    status : of the friction solver
-    residual : largest relative residual of the step's friction problems
-    worst, where : largest penetration left, and the contact of it, or of the largest residual if not converged
-    off : largest joint violation left
-    fastest : relative speed of the fastest contact point
-    iterations : of the friction solver
+    StepResult
     """
-    bodies, contacts, laws, ties = model.bodies, model.contacts, model.laws, model.ties
-    watch, held, x, R, n = work.watch, work.held, state.x, state.R, problem.w.shape[0]
-    begin, rest, plain = (1 - theta) * h, theta * h, control.plain
-    keep(state, work.kept)
+    model, state, work, problem, control, phase, t, h, theta = context
+    bodies, contacts, n = model.bodies, model.contacts, problem.w.shape[0]
+    before, after, plain = (1 - theta) * h, theta * h, control.plain  # the impulses act between these two parts
+    save_start(state, work.start)
 
-    # free motion to within the step, and to its end without contact impulses
-    move(state, begin)
-    spend(contacts.a, contacts.b, contacts.reach, state.v, begin, watch)
-    apply_loads(bodies, model.loads, model.time_laws, state, phase, t + begin, work.wrench, work.a, work.b)
-    tie_targets(ties, model.time_laws, t, h, held.target)
+    # free motion to within the step, and the twists at its end without contact impulses
+    move(state, before)
+    consume_budget(contacts, state.v, before, work.broad_phase)
+    apply_loads(model, state, work, phase, t + before)
+    row_targets(model.bilateral, model.time_laws, t, h, work.bilateral.target)
     for again in (False, True):
-        if not again or held.violation.shape[0] > 0:
-            free_twist(bodies, R, state.v, work.wrench, h, theta, again, work.free)
+        if not again or work.bilateral.violation.shape[0] > 0:
+            free_twist(bodies, state.R, state.v, work.wrench, h, theta, again, work.free)
             damp(state.v, work.free, model.phases.damping[phase], h)
-            hold_joints(
-                bodies, ties, x, R, state.v, work.free, held, h, 1.0 if plain else theta, problem.ties, problem.w
-            )
+            hold_joints(model, state, work, problem, work.free, h, 1.0 if plain else theta)
 
-    # impulses at the contacts found there; the active set grows until nothing passes through it
-    rates(work.free, watch.rate)
-    look_around(contacts, x, R, watch, rest, 0.0, work.gap, work.point, work.frame)
-    free_relative_velocities(contacts, laws, state, work, rest, plain)
-    first_active_set(laws, watch.near, work.gap, work.q, state.r, rest, plain, work.active)
+    # impulses at the contacts of that pose; the active set grows until no contact is driven into penetration
+    body_speeds(work.free, work.broad_phase.speed)
+    find_near_contacts(contacts, state, work, after, 0.0, work.gap)
+    free_relative_velocities(model, state, work, after, plain)
+    first_active_set(model.laws, state, work, after, plain)
     status, residual, iterations, fastest = CONVERGED, 0.0, 0, 0.0
     for _ in range(GROWTH_ROUNDS):
-        nc = gather(
-            bodies, contacts, laws, x, R, state.r, work, problem.rows, problem.mu, problem.q, problem.r
-        )  # fmt: skip
+        nc = gather_problem(model, state, work, problem)
         if nc > 0:
             status, spent, residual = solve_friction(n, nc, problem, control.tolerance)
             iterations += spent
-        scatter(bodies, work.chosen, nc, problem.r, problem.u, problem.w, work.free, state)
+        apply_impulses(bodies, state, work, problem, nc)
         if status != CONVERGED:
-            where = worst_contact(problem.mu, problem.r, problem.u, problem.scale, work.chosen, nc)
-            return status, residual, 0.0, where, 0.0, fastest, iterations
-        added, fastest = grow_active_set(contacts, laws, state, work, rest)
+            contact = worst_contact(problem, work.chosen, nc)
+            return StepResult(status, residual, 0.0, contact, 0.0, fastest, iterations)
+        added, fastest = grow_active_set(model, state, work, after)
         if added == 0 or plain:
             break
 
-    # the rest of the displacement, out of what violation the linearisation left, and twists that fit the joints there
-    move(state, rest)
-    spend(contacts.a, contacts.b, contacts.reach, state.v, rest, watch)
-    worst, where, off = project_positions(
-        bodies, contacts, ties, state, work, problem, control.penetration, control.violation
-    )
+    # the rest of the displacement, the projection of the positions, and twists that fit the joints at the new pose
+    move(state, after)
+    consume_budget(contacts, state.v, after, work.broad_phase)
+    penetration, contact, violation = project_positions(model, state, work, problem, control)
     if not plain:
-        hold_joints(bodies, ties, x, R, state.v, state.v, held, 0.0, theta, problem.ties, problem.w)
-    return status, residual, worst, where, off, fastest, iterations
+        hold_joints(model, state, work, problem, state.v, 0.0, theta)
+    return StepResult(status, residual, penetration, contact, violation, fastest, iterations)

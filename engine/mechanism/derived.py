@@ -19,7 +19,7 @@ class Derived(TableModel):
     title: str = Field(default="", description="what the response is called in a report")
 
 
-class Difference(Derived):
+class ResponseDifference(Derived):
     """One response minus another, each as it is reported: a force forward minus the force back."""
 
     type: Literal["difference"] = Field(description="the kind of response")

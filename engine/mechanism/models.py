@@ -14,7 +14,7 @@ from engine.mechanism.benches import Bench, Plot, Preset, with_bench
 from engine.mechanism.bodies import Body
 from engine.mechanism.conditions import ValidityCondition
 from engine.mechanism.contacts import Contact
-from engine.mechanism.derived import Difference
+from engine.mechanism.derived import ResponseDifference
 from engine.mechanism.faults import Fault, did_you_mean, faults_of
 from engine.mechanism.joints import AnyJoint, Joint
 from engine.mechanism.loads import Damper, Force, Spring, Torque
@@ -162,10 +162,14 @@ class Mechanism(TableModel):
         if faults:
             raise PydanticCustomError("references", "references", {"faults": faults})
         for name, response in self.responses.items():
-            if isinstance(response, Difference) and len({self._quantity(part).name for part in response.of}) > 1:
+            if isinstance(response, ResponseDifference) and self._of_two_quantities(response):
                 text = "of two quantities; allowed: responses of one quantity, such as two forces; name others"
                 raise refuse(text, key=f"responses.{name}.of", value=list(response.of))
         return self
+
+    def _of_two_quantities(self, difference: ResponseDifference) -> bool:
+        """Return whether a difference is one of two quantities, such as a force and a length."""
+        return len({self._quantity(part).name for part in difference.of}) > 1
 
     def response_units(self) -> dict[str, str]:
         """Return the unit of every response, by name."""
@@ -174,7 +178,7 @@ class Mechanism(TableModel):
     def _quantity(self, name: str) -> Quantity:
         """Return what a response measures; a difference measures what its two do."""
         response = self.responses[name]
-        return self._quantity(response.of[0]) if isinstance(response, Difference) else response.quantity
+        return self._quantity(response.of[0]) if isinstance(response, ResponseDifference) else response.quantity
 
     def contact_law(self, pair: Joint | Contact) -> tuple[float, float]:
         """Return (friction, restitution) of a joint or contact.

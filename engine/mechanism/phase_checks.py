@@ -1,20 +1,19 @@
-"""What no single table can see of the course of a run: events, and motions that come and go with phases."""
+"""Faults in the course of a run that no single table can see: in its events, and in motions and their phases."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from engine.mechanism.conditions import CONDITION
 from engine.mechanism.faults import Fault
-from engine.mechanism.tables import phase_names, sub_table
+from engine.mechanism.tables import list_under, named_tables, phase_names, sub_table
 
 
 def events_of_events(data: Mapping[str, Any]) -> Iterator[Fault]:
     """Find what is read off a response that is no function of time: a peak, an event, or what follows from others."""
-    responses = sub_table(data, "responses")
-    phases = data.get("phases")
-    watching = [(f"responses.{name}.at.response", sub_table(sub_table(responses, name), "at")) for name in responses]
-    for i, phase in enumerate(phases if isinstance(phases, list | tuple) else ()):
-        watching.append((f"phases.{i}.until.response", sub_table(sub_table({"p": phase}, "p"), "until")))
+    responses = named_tables(data, "responses")
+    watching = [(f"responses.{name}.at.response", sub_table(entry, "at")) for name, entry in responses.items()]
+    for i, phase in enumerate(list_under(data, "phases")):
+        watching.append((f"phases.{i}.until.response", sub_table(phase, "until")))
     for key, at in watching:
         watched = at.get("response")
         if isinstance(watched, str) and sub_table(responses, watched).get("at", "end") != "end":
@@ -24,42 +23,39 @@ def events_of_events(data: Mapping[str, Any]) -> Iterator[Fault]:
             )
             yield Fault(key, text, watched)
         elif isinstance(watched, str) and _follows(sub_table(responses, watched)):
-            yield Fault(
-                key,
+            text = (
                 f"responses.{watched} is known only after the run; allowed: what is measured at each step; "
-                "watch one it follows from",
-                watched,
+                "watch one it follows from"
             )
-    for name in responses:
-        two = sub_table(responses, name).get("of")
-        named = [part for part in two if isinstance(part, str)] if isinstance(two, list | tuple) else []
-        match = CONDITION.fullmatch(str(sub_table(responses, name).get("condition", "")))
-        for part in [*named, *([match[1]] if match else [])]:
+            yield Fault(key, text, watched)
+    for name, entry in responses.items():
+        parts = [part for part in list_under(entry, "of") if isinstance(part, str)]
+        match = CONDITION.fullmatch(str(entry.get("condition", "")))
+        for part in [*parts, *([match[1]] if match else [])]:
             if sub_table(responses, part).get("type") in ("difference", "condition"):
                 text = f"responses.{part} follows from others; allowed: what is measured; name what it is made of"
-                yield Fault(f"responses.{name}.{'of' if named else 'condition'}", text, part)
+                yield Fault(f"responses.{name}.{'of' if parts else 'condition'}", text, part)
 
 
 def _follows(response: Mapping[str, Any]) -> bool:
-    """Say whether a response is computed after the run."""
+    """Return whether a response is computed after the run."""
     return response.get("type") in ("difference", "condition") or response.get("bound") is not None
 
 
 def broken_phases(data: Mapping[str, Any]) -> Iterator[Fault]:
     """Find motions that stop and start again, laws before their motion, searches that end before they begin."""
     order = phase_names(data)
-    for name, entry in sub_table(data, "responses").items():
-        first, last = (sub_table({"e": entry}, "e").get(key) for key in ("from_phase", "to_phase"))
+    for name, entry in named_tables(data, "responses").items():
+        first, last = entry.get("from_phase"), entry.get("to_phase")
         if first in order and last in order and order.index(last) < order.index(first):
             text = f"{last} comes before {first}, where the search begins; allowed: {first} or later; exchange them"
             yield Fault(f"responses.{name}.to_phase", text, last)
-    for name, entry in sub_table(data, "motions").items():
-        named = sub_table({"e": entry}, "e").get("phases")
-        at = sorted({order.index(p) for p in named if p in order}) if isinstance(named, list | tuple) else []
+    for name, entry in named_tables(data, "motions").items():
+        phases, since = list_under(entry, "phases"), entry.get("since")
+        at = sorted({order.index(phase) for phase in phases if phase in order})
         if at and at[-1] - at[0] >= len(at):
             text = "a motion is not taken up again; allowed: phases that follow each other; write two motions"
-            yield Fault(f"motions.{name}.phases", text, list(named or ()))
-        since = sub_table({"e": entry}, "e").get("since")
+            yield Fault(f"motions.{name}.phases", text, list(phases))
         if at and since in order and order.index(since) < at[0]:
             text = f"the motion begins with {order[at[0]]}, after its law; allowed: {order[at[0]]} or later; remove it"
             yield Fault(f"motions.{name}.since", text, since)

@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import Field, StringConstraints, model_validator
 
 from engine.mechanism.base import BodyPoint, Direction, Length, Name, Number, Point, TableModel, refuse
-from engine.mechanism.derived import ConditionMet, Difference
+from engine.mechanism.derived import ConditionMet, ResponseDifference
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.readout import At
 
@@ -236,7 +236,7 @@ Response = Annotated[
     | SpringForce
     | SpringTorque
     | Time
-    | Difference
+    | ResponseDifference
     | ConditionMet,
     Field(discriminator="type"),
 ]

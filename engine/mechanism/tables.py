@@ -1,17 +1,30 @@
-"""Tables of a file that may be faulty: whatever is there is looked at, nothing raises."""
+"""Read tables of a file that may be faulty: a part of the wrong kind counts as empty, and nothing raises."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 
-def sub_table(data: Any, name: str) -> Mapping[str, Any]:
-    """Return a sub-table, empty when it is absent or no table."""
-    found = data.get(name) if isinstance(data, Mapping) else None
-    return found if isinstance(found, Mapping) else {}
+def as_table(value: Any) -> Mapping[str, Any]:
+    """Return ``value`` if it is a table, otherwise an empty one."""
+    return value if isinstance(value, Mapping) else {}
+
+
+def sub_table(data: Any, key: str) -> Mapping[str, Any]:
+    """Return the table under ``key``; empty if there is none."""
+    return as_table(as_table(data).get(key))
+
+
+def named_tables(data: Any, key: str) -> dict[str, Mapping[str, Any]]:
+    """Return the tables of the table under ``key``, such as all joints, by name."""
+    return {name: as_table(entry) for name, entry in sub_table(data, key).items()}
+
+
+def list_under(data: Any, key: str) -> Sequence[Any]:
+    """Return the list under ``key``; empty if there is none."""
+    value = as_table(data).get(key)
+    return value if isinstance(value, list | tuple) else ()
 
 
 def phase_names(data: Mapping[str, Any]) -> list[str]:
-    """Return the names of the phases."""
-    phases = data.get("phases")
-    named = [str(sub_table({"p": p}, "p").get("name")) for p in phases] if isinstance(phases, list | tuple) else []
-    return named or ["run"]
+    """Return the names of the phases; a file without phases has one, called run."""
+    return [str(as_table(phase).get("name")) for phase in list_under(data, "phases")] or ["run"]

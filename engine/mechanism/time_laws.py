@@ -27,7 +27,7 @@ def _points(value: Any) -> Points:
     return points
 
 
-class Table(TableModel):
+class TableLaw(TableModel):
     """A law given by points; constant before the first and after the last."""
 
     distinguishing_key: ClassVar[str] = "table"
@@ -42,7 +42,7 @@ class Table(TableModel):
     )
 
 
-class MotionTable(Table):
+class MotionTable(TableLaw):
     """A table of a motion: it starts from the pose of the file."""
 
     @model_validator(mode="after")
@@ -124,7 +124,7 @@ class TurnRamp(TableModel):
 _TABLE, _SINE, _RAMP = "points of time", "a sine", "a constant speed"
 
 FactorLaw = Annotated[
-    Annotated[Table, Tag("table")] | Annotated[FactorSine, Tag("amplitude")],
+    Annotated[TableLaw, Tag("table")] | Annotated[FactorSine, Tag("amplitude")],
     one_of(table=_TABLE, amplitude=_SINE),
 ]
 TravelLaw = Annotated[
@@ -137,4 +137,4 @@ TurnLaw = Annotated[
     Annotated[MotionTable, Tag("table")] | Annotated[TurnSine, Tag("amplitude")] | Annotated[TurnRamp, Tag("speed")],
     one_of(table=_TABLE, amplitude=_SINE, speed=_RAMP),
 ]
-Law = Table | FactorSine | TravelSine | TurnSine | TravelRamp | TurnRamp
+Law = TableLaw | FactorSine | TravelSine | TurnSine | TravelRamp | TurnRamp

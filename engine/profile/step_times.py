@@ -65,7 +65,7 @@ def measure_step_times(mechanism: "Mechanism", steps: int | None = None) -> Step
         If parts overlap at the start pose.
     """
     from engine.assembly import assemble
-    from engine.kernels import run
+    from engine.kernels import time_loop
     from engine.loop import control_of, drive, prepare
     from engine.verdict import failure
 
@@ -80,41 +80,40 @@ def measure_step_times(mechanism: "Mechanism", steps: int | None = None) -> Step
         course = drive(assembly, control, WALL_LIMIT)
         seconds.append(time.perf_counter() - start)
     counts, reals = course.counts, course.reals
-    good = counts[run.STATUS] == run.OK
-    made = int(counts[run.STEPS])
+    good = counts[time_loop.STATUS] == time_loop.OK
+    made = int(counts[time_loop.STEPS])
     return StepTimes(
         mechanism.name,
         *(("ok", "") if good else failure(mechanism, assembly, course)),
         step=h,
         bodies=len(assembly.model.bodies.mass),
         contacts=len(assembly.contact_names),
-        ties=len(assembly.tie_names),
+        ties=len(assembly.row_names),
         steps=made,
-        repeated=int(counts[run.REPEATED]),
+        repeated=int(counts[time_loop.REPEATED]),
         step_us=1e6 * min(seconds) / max(made, 1),
-        iterations_per_step=float(counts[run.ITERATIONS]) / max(made, 1),
+        iterations_per_step=float(counts[time_loop.ITERATIONS]) / max(made, 1),
         shares=shares(mechanism, control),
-        max_residual=float(reals[run.RESIDUAL]),
-        max_penetration=float(reals[run.WORST]),
-        max_violation=float(reals[run.OFF]),
+        max_residual=float(reals[time_loop.MAX_RESIDUAL]),
+        max_penetration=float(reals[time_loop.MAX_PENETRATION]),
+        max_violation=float(reals[time_loop.MAX_VIOLATION]),
     )
 
 
 def shares(mechanism: "Mechanism", control: Any) -> dict[str, float]:
     """Return which part of the time each stage of the steps takes; their sum is 1."""
     from engine.assembly import assemble
-    from engine.kernels.run import new_course
-    from engine.profile.timed_loop import STAGES, clocked_run
+    from engine.kernels.time_loop import new_course
+    from engine.profile.timed_loop import STAGES, timed_loop
 
-    run, spent = clocked_run()
+    run_timed, spent = timed_loop()
     total = 0.0
     for settings in (control._replace(horizon=0.0), control):  # the first compiles
         assembly = assemble(mechanism)
-        arrays = (assembly.model, assembly.state, assembly.work, assembly.problem)
         rows, stop = np.zeros((1, 1)), np.zeros(1, np.uint8)
         spent[:] = 0
         start = time.perf_counter()
-        run(*arrays, settings, new_course(settings), rows, 0, stop)
+        run_timed(assembly.arrays, settings, new_course(settings), rows, 0, stop)
         total = time.perf_counter() - start
     parts = {stage: 1e-9 * int(ns) / total for stage, ns in zip(STAGES, spent, strict=True)}
     return {**parts, "other": 1 - sum(parts.values())}

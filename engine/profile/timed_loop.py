@@ -1,8 +1,8 @@
 """The compiled time loop with a clock around each stage of a step, for `clearcap bench`.
 
-The loop is the engine's own: its functions `run`, `_advance` and `step` are compiled a second time with the names of
-the stages bound to clocked ones. The kernels that runs use know of no clock. The copies are compiled anew in each
-process, because an address cannot be kept on disk.
+The loop is the engine's own: its functions `run_to_end`, `_advance` and `step` are compiled a second time with the
+names of the stages bound to timed ones. The kernels that runs use know of no clock. The copies are compiled anew in
+each process, because an address cannot be kept on disk.
 """
 
 import ctypes
@@ -17,33 +17,33 @@ import numpy as np
 from numba.extending import intrinsic
 
 from engine.jit import uncached
-from engine.kernels import run, step
+from engine.kernels import step, time_loop
 
 # loads: with the free motion; contacts: finding them, their velocities and the active set; projection: with its own
 # solver; rest: responses and the look for rest
 STAGES = ("solver", "contacts", "loads", "joints", "projection", "rest")
 SOLVER, CONTACTS, LOADS, JOINTS, PROJECTION, REST = STAGES
-IN_STEP = {
-    "keep": LOADS,
+STAGES_OF_STEP = {
+    "save_start": LOADS,
     "move": LOADS,
     "apply_loads": LOADS,
     "free_twist": LOADS,
     "damp": LOADS,
-    "tie_targets": JOINTS,
+    "row_targets": JOINTS,
     "hold_joints": JOINTS,
-    "spend": CONTACTS,
-    "rates": CONTACTS,
-    "look_around": CONTACTS,
+    "consume_budget": CONTACTS,
+    "body_speeds": CONTACTS,
+    "find_near_contacts": CONTACTS,
     "free_relative_velocities": CONTACTS,
     "first_active_set": CONTACTS,
-    "gather": CONTACTS,
-    "scatter": CONTACTS,
+    "gather_problem": CONTACTS,
+    "apply_impulses": CONTACTS,
     "grow_active_set": CONTACTS,
     "worst_contact": CONTACTS,
     "solve_friction": SOLVER,
     "project_positions": PROJECTION,
 }
-IN_RUN = {"_measure": REST, "note": REST, "_rest": REST}
+STAGES_OF_LOOP = {"_measure": REST, "update_reported": REST, "_track_rest": REST}
 
 _clock = ctypes.CDLL(None).clock_gettime
 _clock.argtypes, _clock.restype = (ctypes.c_int, ctypes.c_size_t), ctypes.c_int
@@ -65,11 +65,11 @@ _integers: Any = intrinsic(_build_integers)
 
 
 @cache
-def clocked_run() -> tuple[Callable[..., None], np.ndarray]:
-    """Return `engine.kernels.run.run` with clocks, and the times it adds to [ns], in the order of ``STAGES``."""
-    clocked_step = _rebound(step.step, _clocked(step, IN_STEP))
-    advance = _rebound(run._advance, {"step": clocked_step})
-    return _rebound(run.run, {"_advance": advance, **_clocked(run, IN_RUN)}), _spent
+def timed_loop() -> tuple[Callable[..., None], np.ndarray]:
+    """Return `kernels.time_loop.run_to_end` with clocks, and the times it adds to [ns], in the order of STAGES."""
+    timed_step = _rebound(step.step, _timed(step, STAGES_OF_STEP))
+    advance = _rebound(time_loop._advance, {"step": timed_step})
+    return _rebound(time_loop.run_to_end, {"_advance": advance, **_timed(time_loop, STAGES_OF_LOOP)}), _spent
 
 
 def _rebound(dispatcher: Any, names: Mapping[str, Any]) -> Any:
@@ -78,7 +78,7 @@ def _rebound(dispatcher: Any, names: Mapping[str, Any]) -> Any:
     return uncached(FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__))
 
 
-def _clocked(module: Any, stages: Mapping[str, str]) -> dict[str, Any]:
+def _timed(module: Any, stages: Mapping[str, str]) -> dict[str, Any]:
     return {name: _with_clock(getattr(module, name), STAGES.index(stage)) for name, stage in stages.items()}
 
 
@@ -93,11 +93,11 @@ def _with_clock(stage: Any, number: int) -> Any:
         return 1_000_000_000 * instant[0] + instant[1]
 
     @uncached
-    def clocked(*arguments: Any) -> Any:
+    def timed(*arguments: Any) -> Any:
         start = now()
         result = stage(*arguments)
         spent = _integers(spent_at)
         spent[number] += now() - start
         return result
 
-    return clocked
+    return timed

@@ -7,7 +7,7 @@ import numpy as np
 from engine.arrays import Array
 from engine.assembly import Assembly, assemble
 from engine.assembly.frames import order_bodies
-from engine.kernels.gaps import find_contacts
+from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.motion import move
 from engine.trajectory.read import Trajectory
 

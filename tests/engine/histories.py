@@ -7,7 +7,7 @@ import numpy as np
 from engine.arrays import Array
 from engine.assembly import Assembly, assemble
 from engine.kernels.record import BODY, CONTACT, HEAD
-from engine.kernels.run import OFF, OK, STATUS, WORST
+from engine.kernels.time_loop import MAX_PENETRATION, MAX_VIOLATION, OK, STATUS
 from engine.loop import control_of, drive
 from engine.mechanism import Mechanism
 
@@ -53,8 +53,8 @@ def recorded(assembly: Assembly, mechanism: Mechanism) -> History:
     control, blocks = control_of(mechanism, True), []
     course = drive(assembly, control, 60.0, sink=lambda rows: blocks.append(rows.copy()))
     assert course.counts[STATUS] == OK
-    assert course.reals[WORST] <= control.penetration
-    assert course.reals[OFF] <= control.violation
+    assert course.reals[MAX_PENETRATION] <= control.penetration
+    assert course.reals[MAX_VIOLATION] <= control.violation
     rows, nb, nc = np.concatenate(blocks), len(assembly.model.bodies.mass), len(assembly.contact_names)
     bodies = rows[:, HEAD : HEAD + BODY * nb].reshape(len(rows), nb, BODY)
     contacts = rows[:, HEAD + BODY * nb : HEAD + BODY * nb + CONTACT * nc].reshape(len(rows), nc, CONTACT)

@@ -5,7 +5,7 @@ import pytest
 
 from engine import load_mechanism, simulate
 from engine.assembly import assemble
-from engine.kernels.gaps import find_contacts
+from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.loads import apply_loads
 from tests.engine.small import made, shipped
 
@@ -73,7 +73,7 @@ def test_springs_act_as_published():
     mechanism = load_mechanism("c60_public")
     assembly = assemble(mechanism)
     model, state, work = assembly.model, assembly.state, assembly.work
-    apply_loads(model.bodies, model.loads, model.time_laws, state, 1, 0.0, work.wrench, work.a, work.b)
+    apply_loads(model, state, work, 1, 0.0)
     masses = model.bodies.mass.tolist()
     for name, (axis, moment) in ABOUT_THE_AXIS.items():
         body = masses.index(mechanism.bodies[name].mass)

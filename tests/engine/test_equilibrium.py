@@ -37,9 +37,7 @@ def forces(mechanism: Mechanism, assembly: Assembly) -> np.ndarray:
 def unbalance(mechanism: Mechanism, assembly: Assembly, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return each body's remaining force and moment about its centre of mass, contacts and loads together."""
     model, state, work = assembly.model, assembly.state, assembly.work
-    apply_loads(
-        model.bodies, model.loads, model.time_laws, state, len(mechanism.phases) - 1, 0.0, work.wrench, work.a, work.b
-    )
+    apply_loads(model, state, work, len(mechanism.phases) - 1, 0.0)
     left = work.wrench.copy()
     world = np.einsum("ckj,ck->cj", work.frame, found)
     for c, force in enumerate(world):

@@ -84,7 +84,7 @@ def test_a_turning_motion_of_a_phase_starts_where_the_body_is():
 
 
 def test_the_law_of_a_motion_or_force_may_count_from_a_later_phase():
-    """Held at the start until the second phase, then led at 2 m/s; the force grows from there, too."""
+    """BilateralState at the start until the second phase, then led at 2 m/s; the force grows from there, too."""
     push = {"body": "ball", **X, "law": {"speed": 2.0}, "since": "push"}
     lift = {"body": "ball", "force": [0, 0, 1], "law": {"table": [[0, 0], [1, 12.0]]}, "since": "push"}
     phases = [{"name": "hold", "duration": 0.25}, {"name": "push", "duration": 0.5}]

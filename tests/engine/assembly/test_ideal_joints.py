@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from engine.assembly import Assembly, assemble
 from engine.errors import MechanismError
-from engine.kernels.bilateral import tie_velocity, tie_violations, whitened_ties
+from engine.kernels.bilateral import row_velocity, row_violations, whitened_bilateral_rows
 from engine.kernels.model import SLIDE, TURN
 from tests.engine.assembly.pairs_of_bodies import WORD, joined, seen_from
 from tests.engine.small import made, place
@@ -25,7 +25,7 @@ class Pair:
         self.kind, self.ground, self.rng = kind, ground, np.random.default_rng(seed)
         self.data = joined(kind, self.rng, ground=ground)
         self.assembly: Assembly = assemble(made(self.data))
-        ties, state = self.assembly.model.ties, self.assembly.state
+        ties, state = self.assembly.model.bilateral, self.assembly.state
         self.a, self.b = int(ties.a[0]), int(ties.b[0])
         self.n = len(ties.kind)
         self.start = {k: (state.x[k].copy(), Rotation.from_matrix(state.R[k])) for k in range(len(state.x))}
@@ -52,12 +52,12 @@ class Pair:
         """Return the violations at the present pose; keep points and directions."""
         state = self.assembly.state
         out, self.at, self.way = np.zeros(self.n), np.zeros((self.n, 3)), np.zeros((self.n, 3))
-        tie_violations(self.assembly.model.ties, state.x, state.R, np.zeros(self.n), out, self.at, self.way)
+        row_violations(self.assembly.model.bilateral, state.x, state.R, np.zeros(self.n), out, self.at, self.way)
         return out
 
     def off(self) -> tuple[float, float]:
         """Return how far the joint is off: a length, and an angle."""
-        found, ties = self.violations(), self.assembly.model.ties
+        found, ties = self.violations(), self.assembly.model.bilateral
         slide = np.linalg.norm(found[ties.kind == SLIDE])
         return float(slide), float(np.linalg.norm((found / ties.arm)[ties.kind == TURN]))
 
@@ -103,7 +103,8 @@ def test_rows_are_six_less_the_freedom_and_independent(pair):
     assert pair.n == 6 - FREEDOM[pair.kind]
     pair.violations()
     J = np.zeros((pair.n, 12))
-    whitened_ties(pair.assembly.model.bodies, pair.assembly.model.ties, state.x, state.R, pair.at, pair.way, J)
+    model = pair.assembly.model
+    whitened_bilateral_rows(model.bodies, model.bilateral, state.x, state.R, pair.at, pair.way, J)
     singular = np.linalg.svd(J, compute_uv=False)
     assert singular[-1] > 0.05 * singular[0]
 
@@ -141,7 +142,8 @@ def test_rate_of_the_rows_is_the_difference_of_their_violations(pair):
     twist[-1] = 0.0
     pair.violations()
     rate = [
-        tie_velocity(pair.assembly.model.ties, state.x, state.R, pair.at, pair.way, twist, i) for i in range(pair.n)
+        row_velocity(pair.assembly.model.bilateral, state.x, state.R, pair.at, pair.way, twist, i)
+        for i in range(pair.n)
     ]
     here = {k: (state.x[k].copy(), Rotation.from_matrix(state.R[k])) for k in {pair.a, pair.b}}
     found, dt = {}, 1e-5
@@ -156,12 +158,12 @@ def test_rate_of_the_rows_is_the_difference_of_their_violations(pair):
 def test_whitened_rows_give_the_rates(pair):
     """J M^-1/2 on M^1/2 v is the rate of the rows."""
     state, bodies = pair.assembly.state, pair.assembly.model.bodies
-    ties = pair.assembly.model.ties
+    ties = pair.assembly.model.bilateral
     twist = pair.rng.normal(size=(len(state.x), 6))
     twist[-1] = 0.0
     pair.violations()
     J = np.zeros((pair.n, 12))
-    whitened_ties(bodies, ties, state.x, state.R, pair.at, pair.way, J)
+    whitened_bilateral_rows(bodies, ties, state.x, state.R, pair.at, pair.way, J)
     moving = [k for k in (pair.a, pair.b) if k < len(bodies.mass)]
     white = np.concatenate(
         [
@@ -169,7 +171,7 @@ def test_whitened_rows_give_the_rates(pair):
             for k in moving
         ]
     )
-    rate = [tie_velocity(ties, state.x, state.R, pair.at, pair.way, twist, i) for i in range(pair.n)]
+    rate = [row_velocity(ties, state.x, state.R, pair.at, pair.way, twist, i) for i in range(pair.n)]
     np.testing.assert_allclose(J[:, : len(white)] @ white, rate, atol=1e-12)
 
 
@@ -178,12 +180,12 @@ def test_arm_is_the_least_radius_of_gyration_of_the_bodies_that_move():
     data = joined("fixed", np.random.default_rng(3))
     data["bodies"]["one"] |= {"mass": 3.0, "inertia": [4.0, 4.0, 0.1]}
     data["bodies"]["two"] |= {"mass": 2.0, "inertia": [0.01, 0.01, 0.01]}
-    ties = assemble(made(data)).model.ties
+    ties = assemble(made(data)).model.bilateral
     np.testing.assert_allclose(ties.arm[ties.kind == TURN], np.sqrt(0.03 / 4))
     np.testing.assert_array_equal(ties.arm[ties.kind == SLIDE], 1.0)
     small = data["bodies"]["two"]
     data["bodies"]["two"] = {"fixed": True, **{key: small[key] for key in ("origin", "axis", "angle")}}
-    ties = assemble(made(data)).model.ties
+    ties = assemble(made(data)).model.bilateral
     np.testing.assert_allclose(ties.arm[ties.kind == TURN], np.sqrt(8.1 / 6))
 
 
@@ -192,9 +194,9 @@ def test_an_axis_may_point_either_way(kind):
     """The same joint with the second axis reversed is closed, and has the same rows."""
     data = joined(kind, np.random.default_rng(5))
     key, side = ("normal" if kind == "planar" else "axis"), data["joints"]["J"][WORD[kind][1]]
-    straight = assemble(made(data)).model.ties
+    straight = assemble(made(data)).model.bilateral
     side[key] = [-x for x in side[key]]
-    np.testing.assert_allclose(assemble(made(data)).model.ties.geometry, straight.geometry, atol=1e-15)
+    np.testing.assert_allclose(assemble(made(data)).model.bilateral.geometry, straight.geometry, atol=1e-15)
 
 
 def message(data: dict[str, Any]) -> str:
@@ -232,7 +234,7 @@ def test_axes_inclined_at_the_start_are_refused_with_their_angle(kind):
 def test_a_joint_may_be_off_by_the_rounding_of_a_drawing():
     """1e-5 of the arm is let pass, and so is the file's own penetration if that is more."""
     pair = Pair("revolute", False, 13)
-    arm = float(pair.assembly.model.ties.arm[-1])
+    arm = float(pair.assembly.model.bilateral.arm[-1])
     origin = np.array(pair.data["bodies"]["two"]["origin"])
     pair.data["bodies"]["two"]["origin"] = (origin + 0.9e-5 * arm * pair.axis).tolist()
     assemble(made(pair.data))

@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from engine.assembly import assemble
 from engine.errors import MechanismError
-from engine.kernels.gaps import find_contacts
+from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.model import TURN
 from engine.mechanism import set_values
 from tests.engine.assembly.pairs_of_bodies import PLAY, joined
@@ -174,7 +174,7 @@ def test_shaft_in_a_sleeve(turning):
     off = [abs((s - 5.0) * np.sin(tilt) - 0.03 * np.cos(tilt)) for s in (-2, 3)]
     assert assembly.contact_names == ("J.ring1", "J.ring2")
     assert assembly.state.gap == pytest.approx([0.1 - e for e in off], abs=1e-14)
-    ties = assembly.model.ties
+    ties = assembly.model.bilateral
     assert ties.kind.tolist() == ([TURN] if turning == "held" else [])
     if turning == "held":
         np.testing.assert_allclose(ties.geometry[0, 3:6], [1, 0, 0], atol=1e-15)
@@ -199,7 +199,7 @@ def test_one_word_makes_a_joint_ideal_or_loose(kind):
         data = joined(kind, np.random.default_rng(21), loose=loose)
         mechanism = made(data)
         assembly = assemble(mechanism)
-        rows, faces = len(assembly.model.ties.kind), len(assembly.contact_names)
+        rows, faces = len(assembly.model.bilateral.kind), len(assembly.contact_names)
         assert (rows > 0, faces) == ((False, FACES[kind]) if loose else (True, 0))
         if loose:
             joint = mechanism.joints["J"]
@@ -213,7 +213,7 @@ def test_an_ideal_joint_needs_no_key_of_its_loose_form(key):
     data = joined("revolute", np.random.default_rng(22))
     joint = data["joints"]["J"]
     (joint["journal"] if "." in key else joint).pop(key.split(".")[-1], None)
-    assert len(assemble(made(data)).model.ties.kind) == 5
+    assert len(assemble(made(data)).model.bilateral.kind) == 5
 
 
 def test_overlap_of_a_flange_names_the_axial_clearance():

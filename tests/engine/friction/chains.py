@@ -17,7 +17,7 @@ def tied_bodies(
     rows = joint + redundant
     stride, reach = 6 + rows, 3 if tree else 1
     n = links * stride
-    p = friction_arrays(n, contacts, 2, 12, band=(reach + 1) * stride, ties=links * rows)
+    p = friction_arrays(n, contacts, 2, 12, band=(reach + 1) * stride, bilateral=links * rows)
     for body in range(links):
         before = body - int(rng.integers(1, reach + 1))
         J = rng.standard_normal((rows, 12)) * np.exp(rng.uniform(-2, 2, (rows, 1)))
@@ -25,11 +25,11 @@ def tied_bodies(
             J[-1] = -3 * J[0]
         for k in range(rows):
             i = body * rows + k
-            p.ties.at[i] = body * stride + 6 + k
-            p.ties.start[i, 0], p.ties.width[i, 0] = body * stride, 6
+            p.bilateral.at[i] = body * stride + 6 + k
+            p.bilateral.start[i, 0], p.bilateral.width[i, 0] = body * stride, 6
             if before >= 0:
-                p.ties.start[i, 1], p.ties.width[i, 1] = before * stride, 6
-            p.ties.J[i] = J[k]
+                p.bilateral.start[i, 1], p.bilateral.width[i, 1] = before * stride, 6
+            p.bilateral.J[i] = J[k]
     for c in range(contacts):
         a = int(rng.integers(0, links))
         b = a - int(rng.integers(1, reach + 1))
@@ -58,6 +58,6 @@ def dense_rows(p: FrictionArrays, n: int) -> np.ndarray:
     return np.stack(three, axis=1).reshape(-1, n)
 
 
-def dense_ties(p: FrictionArrays, n: int) -> np.ndarray:
-    """Return the tied rows J as a dense matrix of shape (nt, n)."""
-    return dense(p.ties.start, p.ties.width, p.ties.J, n)
+def dense_bilateral(p: FrictionArrays, n: int) -> np.ndarray:
+    """Return the bilateral rows J as a dense matrix of shape (nt, n)."""
+    return dense(p.bilateral.start, p.bilateral.width, p.bilateral.J, n)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from engine.friction.arrays import CONVERGED
-from engine.friction.bilateral import hold_ties, tie_down, tie_impulse
+from engine.friction.bilateral import factorise_bilateral, hold_bilateral
 from engine.friction.solver import solve_friction
-from tests.engine.friction.chains import dense_rows, dense_ties, tied_bodies
+from tests.engine.friction.chains import dense_bilateral, dense_rows, tied_bodies
 from tests.engine.friction.problems import project_cone
 
 CASES = [
@@ -16,6 +16,11 @@ CASES = [
     {"links": 8, "tree": True, "redundant": True},
     {"links": 12, "joint": 3, "redundant": True},
 ]
+
+
+def impulse_of(rows, w, i):
+    """Return the impulse of row i: J' times it is what the row adds to the velocities."""
+    return -w[rows.at[i]] / rows.length[i] if rows.length[i] > 0 else 0.0
 
 
 def free_directions(J):
@@ -29,14 +34,14 @@ def free_directions(J):
 def test_ties_hold_by_the_least_change_of_the_velocities(case, seed):
     """J w + c = 0 with the w of least norm, as numpy's least squares give it; redundant rows included."""
     p, n = tied_bodies(seed, **case)
-    J = dense_ties(p, n)
+    J = dense_bilateral(p, n)
     c = J @ np.random.default_rng(seed).standard_normal(n)
-    tie_down(n, p.ties)
-    hold_ties(n, p.ties, c, p.w)
+    factorise_bilateral(n, p.bilateral)
+    hold_bilateral(n, p.bilateral, c, p.w)
     expected = np.linalg.lstsq(J, -c, rcond=1e-12)[0]
     w = p.w.copy()
-    impulse = np.array([tie_impulse(p.ties, w, i) for i in range(len(J))])
-    w[p.ties.at] = 0
+    impulse = np.array([impulse_of(p.bilateral, w, i) for i in range(len(J))])
+    w[p.bilateral.at] = 0
     scale = np.abs(expected).max()
     assert np.abs(J @ w + c).max() <= 1e-11 * np.abs(J).max() * scale
     np.testing.assert_allclose(w, expected, atol=1e-9 * scale)
@@ -48,13 +53,13 @@ def test_ties_hold_by_the_least_change_of_the_velocities(case, seed):
 def test_contacts_between_tied_bodies(case, seed):
     """Coulomb's law holds with the velocities of the projected problem, w = P G' r, P onto what the ties allow."""
     p, n = tied_bodies(seed, contacts=2 * case["links"], **case)
-    nc, G, J = len(p.q), dense_rows(p, n), dense_ties(p, n)
+    nc, G, J = len(p.q), dense_rows(p, n), dense_bilateral(p, n)
     Z = free_directions(J)
     p.q[:] = (G @ Z @ np.random.default_rng(seed).standard_normal(Z.shape[1])).reshape(nc, 3)
-    tie_down(n, p.ties)
+    factorise_bilateral(n, p.bilateral)
     status, _, _ = solve_friction(n, nc, p, 1e-8)
     assert status == CONVERGED
-    velocities = np.setdiff1d(np.arange(n), p.ties.at)
+    velocities = np.setdiff1d(np.arange(n), p.bilateral.at)
     w = Z @ (Z.T @ (G.T @ p.r.ravel()))
     size = max(np.abs(p.q).max(), np.abs(p.u).max())
     np.testing.assert_allclose(p.w[velocities], w[velocities], atol=1e-8 * size)
@@ -62,20 +67,20 @@ def test_contacts_between_tied_bodies(case, seed):
     for mu, r, u in zip(p.mu, p.r, p.u, strict=True):
         shifted = u + np.array([mu * np.hypot(u[1], u[2]), 0, 0])
         np.testing.assert_allclose(r, project_cone(mu, r - shifted), atol=1e-6 * max(size, np.abs(p.r).max()))
-    impulse = np.array([tie_impulse(p.ties, p.w, i) for i in range(len(J))])
+    impulse = np.array([impulse_of(p.bilateral, p.w, i) for i in range(len(J))])
     np.testing.assert_allclose((G.T @ p.r.ravel() + J.T @ impulse)[velocities], w[velocities], atol=1e-7 * size)
 
 
 def test_a_row_of_zeros_ties_nothing():
     """A drive that is switched off: the rest is as if the row were not there."""
     p, n = tied_bodies(0, 4)
-    p.ties.J[7] = 0
-    J = dense_ties(p, n)
+    p.bilateral.J[7] = 0
+    J = dense_bilateral(p, n)
     c = J @ np.random.default_rng(0).standard_normal(n)
-    tie_down(n, p.ties)
-    hold_ties(n, p.ties, c, p.w)
-    assert tie_impulse(p.ties, p.w, 7) == 0.0
-    p.w[p.ties.at] = 0
+    factorise_bilateral(n, p.bilateral)
+    hold_bilateral(n, p.bilateral, c, p.w)
+    assert impulse_of(p.bilateral, p.w, 7) == 0.0
+    p.w[p.bilateral.at] = 0
     np.testing.assert_allclose(p.w, np.linalg.lstsq(J, -c, rcond=1e-12)[0], atol=1e-10)
 
 
@@ -85,7 +90,7 @@ def hanging_chain(links):
     p, _ = tied_bodies(0, links, joint=3)
     for body in range(links):
         for k in range(3):
-            row = p.ties.J[3 * body + k]
+            row = p.bilateral.J[3 * body + k]
             row[:] = 0
             row[k], row[6 + k] = 1.0, -1.0  # the link's upper end meets the lower end of the one before
             other = (k + 1) % 3
@@ -99,11 +104,11 @@ def hanging_chain(links):
 def test_a_chain_of_hundreds_of_links_is_held_exactly():
     """The rows of 400 links, ill-conditioned as the square of their number, hold to 1e-11."""
     p, n = hanging_chain(400)
-    J = dense_ties(p, n)
+    J = dense_bilateral(p, n)
     c = J @ np.random.default_rng(1).standard_normal(n)
-    tie_down(n, p.ties)
-    hold_ties(n, p.ties, c, p.w)
+    factorise_bilateral(n, p.bilateral)
+    hold_bilateral(n, p.bilateral, c, p.w)
     w = p.w.copy()
-    w[p.ties.at] = 0
+    w[p.bilateral.at] = 0
     assert np.abs(J @ w + c).max() <= 1e-11 * np.abs(c).max()
     np.testing.assert_allclose(w, np.linalg.lstsq(J, -c, rcond=None)[0], atol=1e-8 * np.abs(w).max())

@@ -11,14 +11,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from engine.assembly.contacts import KINDS, Pair, contact_arrays
-from engine.assembly.frames import Frame
+from engine.assembly.frames import BodyFrame
 from engine.assembly.primitives import rows
-from engine.kernels.gaps import find_contacts
+from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.mechanism.contacts import Contact
 
 Array = np.ndarray
 GRID = 241
-OWN = Frame(0, np.zeros(3), np.eye(3), np.array([1.0, 0, 0, 0]))
+OWN = BodyFrame(0, np.zeros(3), np.eye(3), np.array([1.0, 0, 0, 0]))
 
 
 def unit(v: Any) -> Array:

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from engine.assembly import Assembly, assemble
 from engine.friction.arrays import friction_arrays
+from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.contacts import relative_velocity, whitened_rows
-from engine.kernels.gaps import find_contacts
 from engine.mechanism.contacts import PAIRS, Contact
 from tests.engine.kernels.shapes import Poses, brute_gap, drawn, unit
 from tests.engine.small import made, place, small

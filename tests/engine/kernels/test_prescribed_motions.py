@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from engine.assembly import Assembly, assemble
-from engine.kernels.bilateral import tie_targets, tie_velocity, tie_violations
+from engine.kernels.bilateral import row_targets, row_velocity, row_violations
 from tests.engine.small import made, place, small
 
 SEEDS = range(6)
@@ -44,11 +44,11 @@ def numbers(assembly: Assembly) -> tuple[int, int]:
 
 def rows(assembly: Assembly, t: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return what is missed by every row at time t, the rows' points and their directions."""
-    ties, state = assembly.model.ties, assembly.state
+    ties, state = assembly.model.bilateral, assembly.state
     n = ties.kind.size
     target, violation, point, way = np.zeros((3, n)), np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3))
-    tie_targets(ties, assembly.model.time_laws, t, 0.0, target)
-    tie_violations(ties, state.x, state.R, target[0], violation, point, way)
+    row_targets(ties, assembly.model.time_laws, t, 0.0, target)
+    row_violations(ties, state.x, state.R, target[0], violation, point, way)
     return violation, point, way
 
 
@@ -137,19 +137,19 @@ def test_rate_of_a_rotation_is_exact_where_the_axis_is_kept(seed):
     twist, common = rng.normal(size=(3, 6)), rng.normal(size=3)
     twist[a, 3:] = assembly.state.R[a].T @ common
     twist[b, 3:] = assembly.state.R[b].T @ (common + 0.9 * assembly.state.R[a] @ AXIS)
-    assert tie_velocity(*row_arguments(assembly), twist, 0) == pytest.approx(0.9 * ARM, rel=1e-12)
+    assert row_velocity(*row_arguments(assembly), twist, 0) == pytest.approx(0.9 * ARM, rel=1e-12)
     check_rate(assembly, twist, d)
 
 
 def row_arguments(assembly: Assembly) -> tuple[Any, ...]:
-    """Return what tie_velocity is told of the pose."""
+    """Return what row_velocity is told of the pose."""
     _, point, way = rows(assembly)
-    return assembly.model.ties, assembly.state.x, assembly.state.R, point, way
+    return assembly.model.bilateral, assembly.state.x, assembly.state.R, point, way
 
 
 def check_rate(assembly: Assembly, twist: np.ndarray, d: float) -> None:
     """Compare the first row's velocity with central differences over 2 d."""
-    rate = tie_velocity(*row_arguments(assembly), twist, 0)
+    rate = row_velocity(*row_arguments(assembly), twist, 0)
     moved(assembly, twist, d)
     after = rows(assembly)[0][0]
     moved(assembly, twist, -2 * d)
@@ -179,7 +179,7 @@ def test_six_motions_drive_a_body_fully():
     for k in range(6):
         twist = np.zeros((2, 6))
         twist[0, k] = 1.0
-        jacobian[:, k] = [tie_velocity(*arguments, twist, i) for i in range(6)]
+        jacobian[:, k] = [row_velocity(*arguments, twist, i) for i in range(6)]
     assert np.linalg.matrix_rank(jacobian) == 6
     np.testing.assert_allclose(jacobian[:3, :3] @ jacobian[:3, :3].T, np.eye(3), atol=1e-14)
     assert not jacobian[3:, :3].any(), "an angle is not changed by a way"

@@ -8,8 +8,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from engine.assembly import Assembly, assemble
-from engine.kernels.gaps import find_contacts
-from engine.kernels.responses import measure, note
+from engine.kernels.contact_geometry.gaps import find_contacts
+from engine.kernels.responses import measure, update_reported
 from tests.engine.small import made, place, small
 
 SEEDS = range(6)
@@ -38,9 +38,7 @@ def index(assembly: Assembly, name: str) -> int:
 def read(assembly: Assembly, t: float = 0.0) -> np.ndarray:
     """Measure all responses at the present pose, with the impulses of a step of length H."""
     model, state, work = assembly.model, assembly.state, assembly.work
-    measure(
-        model.responses, model.contacts, model.loads, state, work.point, work.frame, t, H, work.values, work.a, work.b
-    )
+    measure(model, state, work, t, H)
     return work.values.copy()
 
 
@@ -361,7 +359,7 @@ def report(responses: dict[str, Any], history: list[list[float]], phases: list[i
     arrays = mechanism(responses, contacts={"stop": STOP}, phases=two).model.responses
     reported, peak, seen = np.full(len(responses), np.nan), np.full(len(responses), np.nan), []
     for phase, (previous, now) in zip(phases, pairwise(np.array(history).T), strict=True):
-        note(arrays, now.copy(), previous.copy(), phase, reported, peak)
+        update_reported(arrays, now.copy(), previous.copy(), phase, reported, peak)
         seen.append(reported.tolist())
     return np.array(seen)
 

@@ -1,4 +1,4 @@
-"""``clearcap bench``: no stage of a step is forgotten, the clocked loop computes the same, the command prints it."""
+"""``clearcap bench``: no stage of a step is forgotten, the timed loop computes the same, the command prints it."""
 
 import json
 from dataclasses import replace
@@ -9,9 +9,8 @@ from typer.testing import CliRunner
 
 from campaign.cli import app
 from engine import load_mechanism
-from engine.kernels import run, step
-from engine.profile import step_times
-from engine.profile import timed_loop as clocked
+from engine.kernels import step, time_loop
+from engine.profile import step_times, timed_loop
 from engine.profile.step_times import StepTimes, measure_step_times
 
 MEASURED = StepTimes(
@@ -40,10 +39,10 @@ def kernels_called_by(dispatcher):
 
 
 def test_every_stage_of_a_step_has_a_clock():
-    """What a step calls is in the table of stages, and nothing else; what is clocked of the loop, the loop calls."""
-    assert kernels_called_by(step.step) == set(clocked.IN_STEP)
-    assert set(clocked.IN_RUN) < kernels_called_by(run.run)
-    assert {*clocked.IN_STEP.values(), *clocked.IN_RUN.values()} == set(clocked.STAGES)
+    """What a step calls is in the table of stages, and nothing else; what is timed of the loop, the loop calls."""
+    assert kernels_called_by(step.step) == set(timed_loop.STAGES_OF_STEP)
+    assert set(timed_loop.STAGES_OF_LOOP) < kernels_called_by(time_loop.run_to_end)
+    assert {*timed_loop.STAGES_OF_STEP.values(), *timed_loop.STAGES_OF_LOOP.values()} == set(timed_loop.STAGES)
 
 
 @pytest.mark.slow  # compiles the loop once more

@@ -28,10 +28,10 @@ keeps the moment balance exact.
 import numpy as np
 
 from engine.jit import inner, kernel
-from engine.kernels.arcs import nearest_on_arc
+from engine.kernels.contact_geometry.arcs import nearest_on_arc
+from engine.kernels.contact_geometry.solids import box, section
 from engine.kernels.model import ARC_PLANE, CYLINDER_PLANE, ON_BALL, ON_RECTANGLE, ON_ROUND, RING_BORE
 from engine.kernels.rotations import to_world, turn_to_world
-from engine.kernels.solids import box, section
 from engine.kernels.vectors import dot, split, vector_product, world_direction, world_point
 
 NOWHERE = 1e-150  # a distance whose square is still a number; below it, a direction is taken from the body
@@ -150,7 +150,7 @@ def on_solid(contacts, x, R, i, kind, point, frame):
     y = vector_product(z, t)
     c, s, searched, normal = 0.0, 0.0, False, z
     if r > 0.0:
-        angle, searched, normal = nearest_on_arc(kind, gb, r, ga[10], W, E, F, ew, ee, fe, t, y)
+        angle, searched, normal = nearest_on_arc(kind, gb, r, ga[10], (W, E, F), (ew, ee, fe), (t, y))
         c, s = r * np.cos(angle), r * np.sin(angle)
     D = (W[0] + c * E[0] + s * F[0], W[1] + c * E[1] + s * F[1], W[2] + c * E[2] + s * F[2])
     height, outward = ew + c * ee + s * fe, -1.0 if gb[9] > 0.0 else 1.0

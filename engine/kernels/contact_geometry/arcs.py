@@ -11,8 +11,8 @@ normal there is the one combination of the faces' normals that is across the arc
 import numpy as np
 
 from engine.jit import inner
+from engine.kernels.contact_geometry.solids import signed_distance
 from engine.kernels.model import ON_BALL, ON_DISC, ON_RECTANGLE
-from engine.kernels.solids import signed_distance
 from engine.kernels.vectors import dot
 
 NEWTON_STEPS = 8
@@ -26,18 +26,36 @@ FLAT = 1e-12  # change of slope from one sample to the next, as a share of the r
 
 
 @inner
-def nearest_on_arc(kind, b, r, half, W, E, F, ew, ee, fe, x, y):
+def nearest_on_arc(kind, b, r, half, across, along, axes):
     """Find where an arc is nearest to the solid ``b`` of that kind.
 
-    The arc is W + r (cos E + sin F) across the solid's axis, vectors of the world, and ew + r (cos ee + sin fe) along
-    it; x and y are the solid's own directions across.
+    Parameters
+    ----------
+    kind : int
+        Kind of the pair.
+    b : (GEOMETRY,) array
+        Geometry row of the solid.
+    r, half : float
+        Radius and half angle [rad] of the arc.
+    across : (W, E, F)
+        Vectors of the world: the arc is W + r (cos E + sin F) across the solid's axis.
+    along : (ew, ee, fe)
+        Numbers: the arc is ew + r (cos ee + sin fe) along that axis.
+    axes : (x, y)
+        The solid's own directions across its axis, vectors of the world.
 
     Returns
     -------
-    angle : -half to half [rad]
-    searched : whether it was searched for
-    normal : there, in the solid's axes
+    angle : float
+        From the middle of the arc, -half to half [rad].
+    searched : bool
+        Whether the arc was searched.
+    normal : tuple
+        The normal at that point, in the solid's axes.
     """
+    W, E, F = across
+    ew, ee, fe = along
+    x, y = axes
     flat = kind in (ON_DISC, ON_RECTANGLE)
     if flat:
         angle = np.arctan2(-fe, -ee)

@@ -1,0 +1,59 @@
+"""What a run and a step are given, and what a step returns."""
+
+from typing import NamedTuple
+
+from engine.friction.arrays import FrictionArrays
+from engine.kernels.model import Model, Scratch, State
+
+
+class Control(NamedTuple):
+    """Settings of a run; lengths and times in the mechanism's units."""
+
+    step: float  # the shortest step, and the only one unless longest is larger
+    longest: float  # longest step
+    travel: float  # the step doubles while no contact point moves farther than this in one step
+    theta: float  # share of the step after the instant of loads and contacts
+    slow: float  # theta is 1 while no body is faster than this, in a phase that ends at rest
+    plain: bool  # Moreau-Jean's scheme without projection
+    horizon: float  # longest simulated time
+    tolerance: float  # relative residual of every friction problem
+    penetration: float  # largest gap violation after a step
+    violation: float  # largest violation of an ideal joint or prescribed motion after a step
+    window: float  # the mechanism is at rest when nothing that is measured has moved for this time
+    drift: float  # length by which something may move in that time and still count as unmoved
+    full_horizon: bool  # go on to the horizon even at rest
+
+
+class RunArrays(NamedTuple):
+    """All arrays of a run."""
+
+    model: Model
+    state: State
+    work: Scratch
+    problem: FrictionArrays
+
+
+class StepContext(NamedTuple):
+    """All that one time step reads and writes; made anew for each step."""
+
+    model: Model
+    state: State
+    work: Scratch
+    problem: FrictionArrays
+    control: Control
+    phase: int  # number of the present phase
+    t: float  # time at the start of the step, since the start of the run
+    h: float  # length of the step
+    theta: float  # share of the step after the instant of loads and contacts: 1/2 is second order, 1 damps
+
+
+class StepResult(NamedTuple):
+    """What a step comes to."""
+
+    status: int  # of the friction solver: CONVERGED or NOT_CONVERGED
+    residual: float  # largest relative residual of the step's friction problems
+    penetration: float  # largest penetration left
+    contact: int  # number of the contact with that penetration, or with the largest residual if not converged; -1: none
+    violation: float  # largest joint violation left
+    speed: float  # relative speed of the fastest contact point
+    iterations: int  # of the friction solver

@@ -1,0 +1,234 @@
+"""The whole time loop of a run in one compiled call: phases, steps, rest, certificate."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from engine.friction.arrays import CONVERGED
+from engine.jit import inner, kernel
+from engine.kernels.bilateral import begin_rows
+from engine.kernels.context import Control, StepContext
+from engine.kernels.motion import impulse_time, restore_start
+from engine.kernels.record import record
+from engine.kernels.responses import measure, update_reported
+from engine.kernels.rest import moved, slow, start_pause
+from engine.kernels.step import step
+
+HALVINGS = 4
+
+OK, NOT_CONVERGED, PENETRATION, VIOLATION, DIVERGED, STOPPED, FULL = range(7)
+
+# indices of `Course.counts`
+STATUS, PHASE, STEPS, ITERATIONS, REPEATED, CONTACT = range(6)
+SETTLED, COMPLETED, STOPPED_BY, ACCEPTED, SLOW, SHORTENED = range(6, 12)
+# indices of `Course.reals`
+TIME, STEP, MAX_RESIDUAL, MAX_PENETRATION, MAX_VIOLATION = range(5)
+PAUSE, PHASE_END, FASTEST, LONGEST, SLOW_TIME = range(5, 10)
+
+PATIENCE = 3  # windows of rest: a mechanism that is slow for so long and does not come to rest gets shorter steps
+
+
+class Course(NamedTuple):
+    """Where a run is, and what it proves of itself; the loop continues from here when it is called again."""
+
+    # (12,) int64. STEPS: all that were tried; ACCEPTED: those that count; CONTACT: the worst one of the last step;
+    # SLOW: whether all bodies were slow at the end of the last step; SHORTENED: whether it was repeated
+    counts: np.ndarray
+    # (10,). FASTEST: speed of a contact point in the last step; LONGEST: the longest step allowed in the phase at
+    # present; SLOW_TIME: simulated time spent slow with it; PAUSE: time for which nothing has moved, -1 before a
+    # phase's first step
+    reals: np.ndarray
+
+
+def new_course(control: Control) -> Course:
+    """Return the course of a run that has not begun."""
+    counts, reals = np.zeros(12, np.int64), np.zeros(10)
+    counts[PHASE], reals[STEP], reals[FASTEST] = -1, control.step, np.inf
+    return Course(counts, reals)
+
+
+@kernel
+def run_to_end(arrays, control, course, rows, every, stop):
+    """Simulate until rest in the last phase, or the horizon, or a failure.
+
+    A step whose friction problem or projection is not solved is repeated with half its length, ``HALVINGS`` times and
+    down to that many halvings of the shortest step.
+
+    Parameters
+    ----------
+    arrays : RunArrays
+    control : Control
+    course : Course
+        Where the run starts; where it ends, on return.
+    rows : (n, row length) array
+        Every ``every``-th step is written into it, see `kernels.record`. When it is full the status is FULL, and the
+        run continues when it is called again with room in the rows.
+    every : int
+        0: no step is written.
+    stop : (1,) uint8 array
+        Another thread sets it to end the run (time limit, cancel).
+    """
+    model, state, work, _ = arrays
+    n, now, phases = course.counts, course.reals, model.phases.duration.shape[0]
+    n[STATUS] = OK
+    if n[PHASE] < 0:
+        _next_phase(model, state, work, control, course)
+        _measure(model, state, work, course)
+    while n[PHASE] < phases:
+        open_end = model.phases.duration[n[PHASE]] == np.inf
+        until_rest = open_end and model.phases.trigger[n[PHASE]] < 0
+        stay = not until_rest or (control.full_horizon and n[PHASE] == phases - 1)
+        ended = _event_happened(model.phases, n[PHASE], work.values) or (n[SETTLED] == 1 and not stay)
+        if ended or not now[TIME] < now[PHASE_END] - 0.5 * control.step:
+            if open_end and not ended and not (until_rest and n[SETTLED] == 1):
+                return
+            _next_phase(model, state, work, control, course)
+            continue
+        if every > 0 and n[ACCEPTED] % every == 0 and record(model, state, work, now[TIME], now[STEP], rows):
+            n[STATUS] = FULL
+            return
+        before = now[STEP]
+        now[STEP] = _next_step_length(control, course)
+        theta = 1.0 if n[SLOW] != 0 else control.theta
+        rate = model.phases.damping[n[PHASE]]
+        _scale_impulses(state.r, impulse_time(rate, now[STEP]) / before)
+        _advance(arrays, control, course, theta)
+        _scale_impulses(state.r, now[STEP] / impulse_time(rate, now[STEP]))  # forces act for the whole step
+        n[ACCEPTED] += 1
+        if n[STATUS] == OK and stop[0] != 0:
+            n[STATUS], n[STOPPED_BY] = STOPPED, stop[0]
+        if n[STATUS] != OK:
+            return
+        _measure(model, state, work, course)
+        update_reported(model.responses, work.values, work.previous, n[PHASE], work.reported, work.peak)
+        _track_rest(model, state, work, control, course)
+        if until_rest and slow(model.bodies, state.v, control.slow):
+            n[SLOW] = 1
+            _shorten_longest_step(control, now)
+        else:
+            n[SLOW] = 0
+    n[PHASE] = phases - 1
+    n[COMPLETED] = 1
+
+
+@inner
+def _measure(model, state, work, course):
+    """Measure all responses at the end of a step."""
+    for i in range(work.values.shape[0]):
+        work.previous[i] = work.values[i]
+    measure(model, state, work, course.reals[TIME], course.reals[STEP])
+
+
+@inner
+def _next_phase(model, state, work, control, course):
+    """Enter the next phase: its clock and its motions begin."""
+    n, now = course.counts, course.reals
+    n[PHASE] += 1
+    if n[PHASE] < model.phases.duration.shape[0]:
+        model.time_laws.begun[n[PHASE]] = now[TIME]
+        begin_rows(model.bilateral, state, work.bilateral, n[PHASE])
+        now[PHASE_END] = min(now[TIME] + model.phases.duration[n[PHASE]], control.horizon)
+        now[PAUSE], n[SETTLED], n[SLOW] = -1.0, 0, 0
+        now[LONGEST], now[SLOW_TIME] = control.longest, 0.0
+
+
+@inner
+def _event_happened(phases, phase, values):
+    """Return whether the event that ends a phase has happened."""
+    j = phases.trigger[phase]
+    return j >= 0 and phases.limit[phase, 1] * (values[j] - phases.limit[phase, 0]) > 0.0
+
+
+@inner
+def _next_step_length(control, course):
+    """Return the length of the next step.
+
+    It is at most twice the last one, and halved until the fastest contact point moves little enough in it.
+    """
+    n, now = course.counts, course.reals
+    h = now[STEP] if n[SHORTENED] != 0 else 2 * now[STEP]
+    h = min(h, now[LONGEST])
+    while h > control.step and h * now[FASTEST] > control.travel:
+        h = max(0.5 * h, control.step)
+    return min(h, now[PHASE_END] - now[TIME])
+
+
+@inner
+def _advance(arrays, control, course, theta):
+    """Make one step, repeated with half its length while it is not solved, and judge it."""
+    model, state, work, problem = arrays
+    n, now, attempt, shortest = course.counts, course.reals, 0, 0.5**HALVINGS * control.step
+    n[SHORTENED] = 0
+    while True:
+        done = step(StepContext(model, state, work, problem, control, n[PHASE], now[TIME], now[STEP], theta))
+        n[STEPS] += 1
+        n[ITERATIONS] += done.iterations
+        now[FASTEST] = done.speed
+        if done.status == CONVERGED and done.penetration <= control.penetration and done.violation <= control.violation:
+            break
+        n[REPEATED] += 1
+        n[SHORTENED] = 1
+        attempt += 1
+        if attempt > HALVINGS and now[STEP] < 1.5 * shortest:
+            break
+        now[STEP] *= 0.5
+        restore_start(state, work)
+        _scale_impulses(state.r, 0.5**attempt)
+    now[TIME] += now[STEP]
+    now[MAX_RESIDUAL] = max(done.residual, now[MAX_RESIDUAL])
+    now[MAX_PENETRATION] = max(done.penetration, now[MAX_PENETRATION])
+    now[MAX_VIOLATION] = max(done.violation, now[MAX_VIOLATION])
+    n[CONTACT] = done.contact
+    n[STATUS] = _status(done, control, state.v)
+
+
+@inner
+def _status(done, control, v):
+    """Return the status of a run after a step."""
+    if not _finite(v) or not done.penetration < np.inf:
+        return DIVERGED
+    if done.status != CONVERGED:
+        return NOT_CONVERGED
+    if not done.penetration <= control.penetration:
+        return PENETRATION
+    if not done.violation <= control.violation:
+        return VIOLATION
+    return OK
+
+
+@inner
+def _finite(v):
+    """Return whether all twists are finite numbers."""
+    for body in range(v.shape[0]):
+        for k in range(6):
+            if not abs(v[body, k]) < np.inf:
+                return False
+    return True
+
+
+@inner
+def _shorten_longest_step(control, now):
+    """Halve the longest step of the phase if all bodies stay slow with it and the mechanism does not come to rest."""
+    now[SLOW_TIME] += now[STEP]
+    if now[SLOW_TIME] > PATIENCE * control.window and now[LONGEST] > control.step:
+        now[LONGEST], now[SLOW_TIME] = max(0.5 * now[LONGEST], control.step), 0.0
+
+
+@inner
+def _scale_impulses(r, factor):
+    """Turn the last step's impulses into a guess for a step of another length."""
+    if factor != 1.0:
+        for i in range(r.shape[0]):
+            for k in range(3):
+                r[i, k] *= factor
+
+
+@inner
+def _track_rest(model, state, work, control, course):
+    """Measure for how long nothing that matters has moved."""
+    n, now = course.counts, course.reals
+    unmoved = not moved(model.responses, state, work, now[STEP], control.drift)
+    now[PAUSE] = now[PAUSE] + now[STEP] if unmoved and now[PAUSE] >= 0.0 else 0.0
+    if now[PAUSE] == 0.0:
+        start_pause(work.values, work.anchor, work.travel)
+    n[SETTLED] = 1 if now[PAUSE] >= control.window else 0
