@@ -1,4 +1,4 @@
-"""Identity of this build of the engine: what a result, and a compiled kernel, depend on."""
+"""The identity of this build of the engine, on which results and compiled kernels depend."""
 
 import hashlib
 import platform

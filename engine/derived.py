@@ -1,4 +1,4 @@
-"""Responses that follow from others: differences, conditions, and what friction leaves open of forces at rest."""
+"""Responses that follow from others: differences, conditions, and bounds of contact forces at rest."""
 
 import math
 from collections.abc import Mapping
@@ -11,13 +11,13 @@ Range = tuple[float, float]
 
 
 def bounded_contacts(mechanism: Mechanism) -> list[str]:
-    """Return the contacts of which a response asks for a bound of the force."""
+    """Return the contacts whose force is bounded by a response."""
     responses = mechanism.responses.values()
     return list(dict.fromkeys(r.contact for r in responses if isinstance(r, ContactForce) and r.bound))
 
 
 def read_contacts(mechanism: Mechanism) -> dict[str, str]:
-    """Return response -> contact of all normal forces that are read at the end."""
+    """Return response -> contact for all normal forces that are read at the end of the run."""
     return {
         name: r.contact
         for name, r in mechanism.responses.items()
@@ -26,21 +26,29 @@ def read_contacts(mechanism: Mechanism) -> dict[str, str]:
 
 
 def with_derived(mechanism: Mechanism, measured: Mapping[str, float], ranges: Mapping[str, Range]) -> dict[str, float]:
-    """Return what was measured, and what follows from it.
+    """Return the measured responses, and those that follow from them.
 
     Parameters
     ----------
-    measured : response -> value; NaN where it has none
-    ranges : contact -> least and largest normal force at rest; contacts that were not at rest are missing
+    mechanism : Mechanism
+    measured : mapping
+        Response -> value; NaN without a value.
+    ranges : mapping
+        Contact -> least and largest normal force at rest; contacts that were not at rest are missing.
+
+    Returns
+    -------
+    dict
+        Response -> value.
     """
-    found = dict(measured)
+    responses = dict(measured)
     for name, response in mechanism.responses.items():
         if isinstance(response, ResponseDifference):
-            found[name] = measured[response.of[0]] - measured[response.of[1]]
+            responses[name] = measured[response.of[0]] - measured[response.of[1]]
         elif isinstance(response, ConditionMet):
-            known = not math.isnan(measured[response.condition.response])
-            found[name] = float(response.condition.holds(measured)) if known else math.nan
+            defined = not math.isnan(measured[response.condition.response])
+            responses[name] = float(response.condition.holds(measured)) if defined else math.nan
         elif isinstance(response, ContactForce) and response.bound:
             least, largest = ranges.get(response.contact, (math.nan, math.nan))
-            found[name] = least if response.bound == "least" else largest
-    return found
+            responses[name] = least if response.bound == "least" else largest
+    return responses

@@ -1,9 +1,9 @@
-"""Contact forces at rest: of all that keep the balance, those of equally stiff contacts.
+"""Contact forces at rest: of all balanced forces, those of equally stiff contacts.
 
-With everything sticking the forces are not unique: friction at redundant contacts may lock in any of a continuum.
-The ones reported are the limit of contacts that are all equally, and hardly, compliant, u = -c r: the balanced
+When all contacts stick, the forces are not unique: friction at redundant contacts may hold any of a continuum.
+Those reported are the limit of contacts that are all equally, and hardly, compliant, u = -c r: the balanced
 forces inside Coulomb's cones with the least sum of squares. They follow from the pose alone, not from its history.
-Ideal joints and prescribed motions hold whatever they are asked to.
+Ideal joints and prescribed motions hold any load.
 """
 
 from functools import cache
@@ -25,11 +25,11 @@ from engine.kernels.model import Bodies
 from engine.kernels.motion import free_twist
 from engine.kernels.rest import LOADED
 
-# compliance, as a share of the mean diagonal of the Delassus operator, and the residual to reach with it: the limit is
-# good to 1e-3 N with the first; the others are for poses at the very edge of sliding, where the first is not solved
-HELD = 1e-2  # of the free motion: more than the compliance gives way by, less than any sliding
+HELD = 1e-2  # share of the free motion: more than the motion that the compliance allows, less than any sliding
+# compliance, as a share of the mean diagonal of the Delassus operator, and the residual to reach with it: the first
+# gives the limit to 1e-3 N; the others are for poses at the very edge of sliding, where the first is not solved
 ATTEMPTS = ((1e-6, 1e-9), (1e-7, 1e-9), (1e-6, 1e-7))
-REFINEMENTS = 2  # each leaves of the unbalance a share of the order of the compliance times what amplifies it
+REFINEMENTS = 2  # each reduces the unbalance to a share of the order of the compliance times its amplification
 
 
 def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float, t: float = 0.0) -> Array | None:
@@ -37,28 +37,33 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
 
     Parameters
     ----------
-    assembly : the mechanism, at rest; its twists are set to zero
-    phase : which forces and torques act
-    h : any time; the forces are the impulses in it, by its length
-    touching_gap : contacts open by no more than this touch
-    t : time since the start of the run, for loads with a time law
+    assembly : Assembly
+        The mechanism, at rest; its twists are set to zero.
+    phase : int
+        Number of the phase whose forces and torques act.
+    h : float
+        Any time; the forces are the impulses in it, divided by its length.
+    touching_gap : float
+        Contacts open by no more than this length touch.
+    t : float
+        Time since the start of the run, for loads with a time law.
 
     Returns
     -------
-    array, shape (nc, 3)
+    (nc, 3) array or None
         Forces (N, T1, T2); None if the contacts that touch cannot hold the loads.
     """
     model, state, work = assembly.model, assembly.state, assembly.work
     bodies, contacts = model.bodies, model.contacts
     h *= 1e-3  # so short that the free motion of an unloaded step has no gyroscopic part
     state.v[:] = 0
-    apply_loads(model, state, work, phase, t)
+    apply_loads(bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.vectors)
     free_twist(bodies, state.R, state.v, work.wrench, h, 0.5, False, work.free)
     falling = _energy_norm(bodies, work.free)
     _hold(assembly, t)
-    find_contacts(contacts, state.x, state.R, work.gap, work.point, work.frame)
+    find_contacts(contacts, state.x, state.R, work.gap, work.sites.point, work.sites.frame)
 
-    # what a solver leaves of no impulse, 1e-27, is none: a contact must be closed, or have carried a load
+    # a solver may leave 1e-27 of a zero impulse: a contact must be closed, or have carried a load
     pressed = state.r[:, 0] > LOADED * state.r[:, 0].max(initial=0.0)
     touching = np.flatnonzero(pressed | (work.gap <= touching_gap))
     problem = _problem(assembly, touching)
@@ -78,7 +83,7 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
             if _energy_norm(bodies, held) > HELD * falling:
                 return None  # the bodies would move: friction cannot hold them
             impulses = problem.r.copy()
-            # the springs gave way by a share of the load: again, from springs that already carry these impulses
+            # the springs gave way by a share of the load: solve again, with springs that already carry these impulses
             for _ in range(REFINEMENTS):
                 problem.q[:] = work.q[touching] - compliance * diagonal * impulses
                 if solve_friction(n, nc, problem, tolerance)[0] != CONVERGED:
@@ -91,13 +96,16 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
 
 
 def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) -> list[tuple[float, float]]:
-    """Return the least and the largest normal force of each wanted contact among all that keep the same balance.
+    """Return the least and the largest normal force of some contacts among all forces with the same balance.
 
     Parameters
     ----------
-    assembly : at rest, as `forces_at_rest` left it
-    forces : what that returned, shape (nc, 3)
-    wanted : numbers of contacts
+    assembly : Assembly
+        At rest, as `forces_at_rest` left it.
+    forces : (nc, 3) array
+        As `forces_at_rest` returned them.
+    wanted : list of int
+        Numbers of the contacts.
 
     Returns
     -------
@@ -133,13 +141,13 @@ def _balance(assembly: Assembly, problem: FrictionArrays, touching: int) -> Arra
     system = problem.bilateral
     for i in range(len(J)):
         J[i] = _spread(system.start[i], system.width[i], system.J[i : i + 1], J.shape[1])[0]
-    if len(J):  # what the joints hold is no part of the balance
+    if len(J):  # what the joints hold does not belong to the balance
         H = H - (H @ np.linalg.pinv(J)) @ J
     return H
 
 
 def _spread(start: Integers, width: Integers, rows: Array, n: int) -> Array:
-    """Return rows whose columns stand one run after the other as full ones."""
+    """Return rows that are stored run after run as dense rows of ``n`` columns."""
     full, at = np.zeros((len(rows), n)), 0
     for first, count in zip(start, width, strict=True):
         full[:, first : first + count] += rows[:, at : at + count]
@@ -148,7 +156,7 @@ def _spread(start: Integers, width: Integers, rows: Array, n: int) -> Array:
 
 
 def _hold(assembly: Assembly, t: float) -> None:
-    """Take out of the free twists what ideal joints and prescribed motions hold."""
+    """Remove from the free twists the motion that ideal joints and prescribed motions prevent."""
     model, work, x, R = assembly.model, assembly.work, assembly.state.x, assembly.state.R
     rows, system, w = model.bilateral, assembly.problem.bilateral, assembly.problem.w
     target, violation, point, direction = work.bilateral
@@ -165,9 +173,9 @@ def _hold(assembly: Assembly, t: float) -> None:
 
 
 def _problem(assembly: Assembly, touching: Integers) -> FrictionArrays:
-    """Return the friction problem of the contacts that touch, each with three velocities of its own behind the others.
+    """Return the friction problem of the contacts that touch, each with three velocities of its own after the others.
 
-    They are the contact's compliance: a spring that only this contact touches; they are of width 0 at first.
+    They are the contact's compliance: a spring that only this contact touches. Their width is 0 at first.
     """
     model, state, work, system = assembly.model, assembly.state, assembly.work, assembly.problem.bilateral
     contacts, nc = model.contacts, touching.size
@@ -177,7 +185,7 @@ def _problem(assembly: Assembly, touching: Integers) -> FrictionArrays:
         getattr(problem.bilateral, name)[:] = getattr(system, name)
     factorise_bilateral(n, problem.bilateral)
     for j, i in enumerate(touching):
-        at = (contacts.a[i], contacts.b[i], work.point, work.frame)
+        at = (contacts.a[i], contacts.b[i], work.sites.point, work.sites.frame)
         whitened_rows(model.bodies, state.x, state.R, *at, i, problem.rows, j)
         relative_velocity(state.x, state.R, *at, work.free, i, work.q)
     problem.mu[:] = model.laws.mu[touching]

@@ -6,14 +6,14 @@ class EngineError(Exception):
 
 
 class MechanismError(EngineError):
-    """The description of a mechanism, or a value to be put into it, is wrong.
+    """The description of a mechanism, or a value that is set in it, is wrong.
 
     Parameters
     ----------
     message : str
-        All that the user needs: the file or mechanism, then one line for each fault.
+        The file or mechanism, then one line for each fault.
     """
 
 
 class TrajectoryError(EngineError):
-    """A trajectory file cannot be written, or what should be one cannot be read."""
+    """A trajectory file cannot be written or read."""

@@ -26,7 +26,26 @@ def execute(
     sink: Callable[[Array], None] | None = None,
     every: int = 1,
 ) -> Run:
-    """Run the time loop and translate its outcome."""
+    """Run the time loop and judge its outcome.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    assembly : Assembly
+        The mechanism's, at its start.
+    full_horizon : bool
+        Do not stop at rest in the last phase.
+    cancel : Cancel or None
+        A flag that ends the run from another thread.
+    indeterminacy : bool
+        Also compute the ranges of the contact forces at rest.
+    sink, every
+        See `engine.loop.drive`.
+
+    Returns
+    -------
+    Run
+    """
     control = control_of(mechanism, full_horizon)
     prepare(assembly, control)
     start = time.perf_counter()
@@ -44,12 +63,12 @@ def execute(
         repeated=int(counts[time_loop.REPEATED]),
     )
     ranges: dict[str, tuple[float, float]] = {}  # of contacts
-    read = read_contacts(mechanism)
+    read_at_end = read_contacts(mechanism)
     if counts[time_loop.STATUS] == time_loop.OK and certificate.settled:
         forces = _measure_at_rest(mechanism, assembly, int(counts[time_loop.PHASE]), certificate.time)
-        asked = [*bounded_contacts(mechanism), *(read.values() if indeterminacy else ())]
-        if forces is not None and asked:
-            ranges = _force_ranges(assembly, forces, list(dict.fromkeys(asked)))
+        contacts = [*bounded_contacts(mechanism), *(read_at_end.values() if indeterminacy else ())]
+        if forces is not None and contacts:
+            ranges = _force_ranges(assembly, forces, list(dict.fromkeys(contacts)))
     measured = dict(zip(mechanism.responses, map(float, assembly.work.reported), strict=True))
     measured = with_derived(mechanism, measured, ranges)
     if counts[time_loop.STATUS] == time_loop.OK:
@@ -58,31 +77,31 @@ def execute(
     else:
         status, message = failure(mechanism, assembly, course)
     responses = measured if status == "ok" else {}
-    left_open = {name: ranges[contact] for name, contact in read.items() if contact in ranges}
-    return Run(status, message, responses, mechanism.response_units(), certificate, measured, left_open)
+    open_ranges = {name: ranges[contact] for name, contact in read_at_end.items() if contact in ranges}
+    return Run(status, message, responses, mechanism.response_units(), certificate, measured, open_ranges)
 
 
 def _measure_at_rest(mechanism: Mechanism, assembly: Assembly, phase: int, t: float) -> Array | None:
-    """Measure the contact forces of the end once more, as the pose at rest determines them.
+    """Measure the contact forces at the end once more, as the pose at rest determines them.
 
-    They are NaN where no forces in the friction cones balance the loads. Returns the forces, shape (nc, 3).
+    They are NaN if no forces in the friction cones balance the loads. Return the forces, shape (nc, 3), or None.
     """
     model, state, work = assembly.model, assembly.state, assembly.work
     if not (model.responses.kind >= CONTACT_FORCE).any():
         return None
     sim = mechanism.simulation
-    touching_gap = max(sim.penetration, sim.rest.drift)  # a gap that is no larger than what counts as unmoved is closed
+    touching_gap = max(sim.penetration, sim.rest.drift)  # a gap no larger than the drift allowed at rest is closed
     forces = forces_at_rest(assembly, phase, sim.step, touching_gap, t)
     state.r[:] = math.nan if forces is None else forces
-    measure(model, state, work, t, 1.0)
+    measure(model.responses, model.contacts, model.loads, state, work.sites, work.values, work.vectors, (t, 1.0))
     responses, last = model.responses, len(mechanism.phases) - 1
-    # a speed stays what it was, and so does what was read at the end of an earlier phase
+    # speeds keep their values, and so do responses that were read at the end of an earlier phase
     forces_at_end = (responses.at == END) & (responses.kind >= CONTACT_FORCE) & (responses.to_phase == last)
     work.reported[forces_at_end] = work.values[forces_at_end]
     return forces
 
 
 def _force_ranges(assembly: Assembly, forces: Array, contacts: list[str]) -> dict[str, tuple[float, float]]:
-    """Return what friction leaves open of the normal forces of some contacts at rest."""
+    """Return contact -> least and largest normal force that friction allows at rest."""
     numbers = [assembly.contact_names.index(contact) for contact in contacts]
     return dict(zip(contacts, normal_force_ranges(assembly, forces, numbers), strict=True))

@@ -1,7 +1,7 @@
 """The decorators of all compiled kernels, and the folder where compiled code is kept.
 
-Options: no GIL (a worker's heartbeat must go on), cached on disk, NumPy's error model (a division by zero is an
-inf to be found by the caller, not an exception), no fast-math (a row must be the same bits everywhere).
+Options: without the GIL (a worker's heartbeat must continue), cached on disk, NumPy's error model (a division by zero
+gives an inf, which the caller judges, and no exception), no fast-math (a row must be the same bits everywhere).
 """
 
 import os
@@ -31,14 +31,14 @@ def _cache_folder() -> str:
 
 numba.config.CACHE_DIR = _cache_folder()  # type: ignore[attr-defined]
 
-if "NUMBA_OPT" not in os.environ:  # a run is no slower than with level 3, and a tenth less is spent compiling
+if "NUMBA_OPT" not in os.environ:  # a run is no slower than with level 3, and compiling takes a tenth less
     numba.config.OPT = type(numba.config.OPT)(1)  # type: ignore[attr-defined]
 
 _OPTIONS = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
 
 kernel: Any = numba.njit(**_OPTIONS)  # type: ignore[call-overload]
 
-# For kernels that only kernels call: a way in from Python would be a third of their compile time.
+# For kernels that only kernels call: a wrapper for Python would be a third of their compile time.
 inner: Any = numba.njit(**_OPTIONS, no_cpython_wrapper=True)  # type: ignore[call-overload]
 
 # For the copies of kernels that are measured: their clocks have addresses, which cannot be kept on disk.

@@ -1,4 +1,4 @@
-"""Drive the compiled time loop: settings, time limit, cancelling, and the rows of a trajectory as they come."""
+"""Drive the compiled time loop: settings, time limit, cancelling, and the rows of a trajectory."""
 
 import threading
 from collections.abc import Callable
@@ -12,9 +12,9 @@ from engine.kernels.record import record, row_length
 from engine.kernels.time_loop import FULL, STATUS, STEP, TIME, Course, new_course, run_to_end
 from engine.mechanism import Mechanism
 
-TIMEOUT, CANCELLED = 1, 2  # what a stop flag says
-SLOW = 100  # times the drift allowed in the window of rest: a speed that is next to none
-ROOM = 2_000_000  # numbers of a trajectory kept in memory before they are handed on
+TIMEOUT, CANCELLED = 1, 2  # values of the stop flag
+SLOW = 100  # a speed is slow below so many times the drift allowed in the window of rest
+ROOM = 2_000_000  # numbers of a trajectory that are kept in memory before they are written
 
 
 class Cancel:
@@ -71,12 +71,21 @@ def drive(
 
     Parameters
     ----------
-    assembly : at its start; at its end on return
-    control : settings
-    wall_limit : real time [s] after which the run is stopped
-    cancel : a flag to stop it from another thread
-    sink : called with blocks of rows (see `kernels.record`), every ``every``-th step and the last one
-    every : see ``sink``
+    assembly : Assembly
+        At its start; at its end on return.
+    control : Control
+    wall_limit : float
+        Real time after which the run is stopped [s].
+    cancel : Cancel, optional
+        A flag that stops the run from another thread.
+    sink : callable, optional
+        Called with blocks of rows, see `kernels.record`.
+    every : int
+        The sink gets every ``every``-th step, and the last one.
+
+    Returns
+    -------
+    Course
     """
     model, state, work = assembly.model, assembly.state, assembly.work
     prepare(assembly, control)
@@ -91,21 +100,21 @@ def drive(
     try:
         run_to_end(assembly.arrays, control, course, rows, stride, stop)
         while course.counts[STATUS] == FULL and sink:
-            _hand_on(rows, sink)
+            _flush(rows, sink)
             run_to_end(assembly.arrays, control, course, rows, stride, stop)
     finally:
         timer.cancel()
         if stop[0] == TIMEOUT:
-            stop[0] = 0  # the limit was this run's; the flag may go on to the next
+            stop[0] = 0  # the limit was that of this run; the flag may serve the next one
         if sink:
             if record(model, state, work, course.reals[TIME], course.reals[STEP], rows):
-                _hand_on(rows, sink)
+                _flush(rows, sink)
                 record(model, state, work, course.reals[TIME], course.reals[STEP], rows)
-            _hand_on(rows, sink)
+            _flush(rows, sink)
     return course
 
 
-def _hand_on(rows: Array, sink: Callable[[Array], None]) -> None:
-    """Give the rows written so far to the sink and make room."""
+def _flush(rows: Array, sink: Callable[[Array], None]) -> None:
+    """Give the rows written so far to the sink, and empty them."""
     sink(rows[1 : 1 + int(rows[0, 0])])
     rows[0, 0] = 0

@@ -31,15 +31,28 @@ def simulate(
 
     Parameters
     ----------
-    mechanism : the description, see `load_mechanism`
-    values : what to change in it, e.g. ``{"J1": 0.05, "springs.A3.preload": 0.9}``
-    step : one fixed step, in the place of the description's steps [its unit of time]
-    horizon : override the description's ``[simulation]`` [its unit of time]
-    full_horizon : do not stop at rest in the last phase
-    cancel : a flag that ends the run when another thread sets it
-    trajectory : an HDF5 file to write the whole motion to, whatever the run comes to; see `read_trajectory`
-    every : write every so many-th step of it, and the last
-    indeterminacy : also compute how far friction leaves the contact forces at rest open (`Run.ranges`)
+    mechanism : Mechanism
+        The description, see `load_mechanism`.
+    values : mapping, optional
+        Numbers to change in it, such as ``{"J1": 0.05, "springs.A3.preload": 0.9}``.
+    step : float, optional
+        One fixed step instead of the description's steps [its unit of time].
+    horizon : float, optional
+        The longest simulated time instead of the description's [its unit of time].
+    full_horizon : bool
+        Do not stop at rest in the last phase.
+    cancel : Cancel, optional
+        A flag that ends the run when another thread sets it.
+    trajectory : str or Path, optional
+        An HDF5 file for the whole motion, written whatever the status of the run; see `read_trajectory`.
+    every : int
+        Write every ``every``-th step of the trajectory, and the last one.
+    indeterminacy : bool
+        Also compute the range of each contact force at rest that friction allows (`Run.ranges`).
+
+    Returns
+    -------
+    Run
 
     Raises
     ------
@@ -69,7 +82,13 @@ def simulate(
 
 
 def check(mechanism: Mechanism, values: Mapping[str, float] | None = None) -> None:
-    """Raise `MechanismError` if the mechanism with these values could not start: bad values, overlapping parts."""
+    """Check that a mechanism can start with these values.
+
+    Raises
+    ------
+    MechanismError
+        If a value is not allowed, or parts overlap at the start pose.
+    """
     from engine.assembly import assemble
 
     assemble(set_values(mechanism, values) if values else mechanism)

@@ -1,4 +1,4 @@
-"""What a run has come to: its status, and a message that says where and why it failed and what may help."""
+"""The verdict on a run: its status, and a message that says where and why it failed and what may help."""
 
 import math
 from collections.abc import Mapping
@@ -13,9 +13,21 @@ from engine.run import Status
 
 
 def judge(mechanism: Mechanism, measured: Mapping[str, float], completed: bool, phase: int) -> tuple[Status, str]:
-    """Judge a run that went to its end: have its phases ended, and is the result within the validity conditions.
+    """Judge a run that went to its end: whether its phases ended, and whether it meets the validity conditions.
 
-    ``phase`` is the number of the last one that began.
+    Parameters
+    ----------
+    mechanism : Mechanism
+    measured : mapping
+        Response -> value; NaN without a value.
+    completed : bool
+        Whether the last phase ended.
+    phase : int
+        Number of the last phase that began.
+
+    Returns
+    -------
+    status, message : str
     """
     unit, sim = mechanism.unit("time"), mechanism.simulation
     awaited = mechanism.phases[phase].until
@@ -52,7 +64,7 @@ def judge(mechanism: Mechanism, measured: Mapping[str, float], completed: bool, 
 
 
 def failure(mechanism: Mechanism, assembly: Assembly, course: Course) -> tuple[Status, str]:
-    """Say what ended a run before its end, and where."""
+    """Return the status and the message of a run that stopped before its end."""
     sim, n, now = mechanism.simulation, course.counts, course.reals
     length, code, contact = mechanism.unit("length"), int(n[time_loop.STATUS]), int(n[time_loop.CONTACT])
     where = f"contact {assembly.contact_names[contact]}" if contact >= 0 else "no contact"

@@ -165,12 +165,12 @@ def contacts_at_start(mechanism: Mechanism) -> dict[str, StartContact]:
 
     assembly = assemble(mechanism)
     state, work, contacts = assembly.state, assembly.work, assembly.model.contacts
-    find_contacts(contacts, state.x, state.R, state.gap, work.point, work.frame)
+    find_contacts(contacts, state.x, state.R, state.gap, work.sites.point, work.sites.frame)
     order, at_start = order_bodies(mechanism), {}
     for i, name in enumerate(assembly.contact_names):
         first = contacts.a[i] < len(order)
-        pushed, normal = (contacts.a[i], work.frame[i, 0]) if first else (contacts.b[i], -work.frame[i, 0])
-        at_start[name] = StartContact(float(state.gap[i]), work.point[i].copy(), normal, order[pushed])
+        pushed, normal = (contacts.a[i], work.sites.frame[i, 0]) if first else (contacts.b[i], -work.sites.frame[i, 0])
+        at_start[name] = StartContact(float(state.gap[i]), work.sites.point[i].copy(), normal, order[pushed])
     return at_start
 
 

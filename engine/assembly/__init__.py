@@ -1,4 +1,4 @@
-"""Assembly: the one place where a description becomes flat arrays (`kernels.model`)."""
+"""Assembly: the description of a mechanism becomes flat arrays (`kernels.model`)."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ from engine.assembly.start import refuse_open_joints, refuse_overlap
 from engine.assembly.time_laws import time_law_arrays
 from engine.friction.arrays import FrictionArrays, friction_arrays
 from engine.kernels.context import RunArrays
-from engine.kernels.model import BilateralState, Bodies, BroadPhase, Model, Scratch, State, StepStart
+from engine.kernels.model import BilateralState, Bodies, BroadPhase, ContactSites, Model, Scratch, State, StepStart
 from engine.mechanism.models import Mechanism
 
 __all__ = ["Assembly", "assemble"]
@@ -26,7 +26,22 @@ __all__ = ["Assembly", "assemble"]
 
 @dataclass(frozen=True)
 class Assembly:
-    """A mechanism as arrays, at its start pose."""
+    """A mechanism as arrays, at its start pose.
+
+    Attributes
+    ----------
+    model : Model
+        Constants of the run.
+    state : State
+        The motion; a run changes it.
+    work : Scratch
+    problem : FrictionArrays
+        The friction problem of a step.
+    contact_names : tuple of str
+        Name of each contact, in the order of the arrays.
+    row_names : tuple of str
+        Name of each bilateral row, in the order of the arrays.
+    """
 
     model: Model
     state: State
@@ -86,7 +101,7 @@ def assemble(mechanism: Mechanism) -> Assembly:
 
 
 def _problem(model: Model, multiplier: Integers) -> FrictionArrays:
-    """Allocate the friction problem of a step; the places of its bilateral rows never change."""
+    """Allocate the friction problem of a step, with its bilateral rows at their places, which never change."""
     contacts, at = model.contacts, model.bodies.at
     nb, nt = at.size, multiplier.size
     start, width = row_runs(model.bilateral, at)
@@ -104,22 +119,20 @@ def _scratch(nb: int, nc: int, nt: int, offset: Array) -> Scratch:
         broad_phase=BroadPhase(np.zeros((nb + 1, 2)), np.zeros(nc), np.zeros(nc), np.zeros(nc, bool)),
         bilateral=BilateralState(np.zeros((3, nt)), np.zeros(nt), np.zeros((nt, 3)), np.zeros((nt, 3))),
         start=StepStart(np.zeros((nb + 1, 16)), bodies[2], contacts[3]),
+        sites=ContactSites(contacts[0], np.zeros((nc, 3, 3))),
         wrench=bodies[0],
         free=bodies[1],
         gap=np.zeros(nc),
-        point=contacts[0],
-        frame=np.zeros((nc, 3, 3)),
         q=contacts[1],
         shift=np.zeros(nc),
         u=contacts[2],
         active=np.zeros(nc, bool),
         chosen=np.zeros(nc, np.int64),
-        values=offset.copy(),  # of an angle at the start: its full turns count from there
+        values=offset.copy(),  # an angle's full turns count from its value at the start
         previous=offset.copy(),
         reported=np.full(offset.size, np.nan),
         peak=np.full(offset.size, np.nan),
         anchor=np.zeros(offset.size),
         travel=np.zeros(nc),
-        a=np.zeros(3),
-        b=np.zeros(3),
+        vectors=np.zeros((2, 3)),
     )

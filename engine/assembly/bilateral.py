@@ -1,4 +1,4 @@
-"""Bilateral rows as arrays, and where velocities and multipliers stand among the unknowns of a step."""
+"""Bilateral rows as arrays, and the order of velocities and multipliers among the unknowns of a step."""
 
 from dataclasses import dataclass
 
@@ -15,13 +15,20 @@ class BilateralRow:
 
     Attributes
     ----------
-    name : JOINT.ROW or the motion's name; what messages call it
-    kind : SLIDE or TURN
-    a, b : indices of the bodies
-    geometry : row of `kernels.bilateral`, shape (9,)
-    arm : makes a TURN's angle a length; 1 for a SLIDE
-    law : number of the time law of its target; -1: none
-    phases : when it acts, shape (n_phase,) bool; None: always
+    name : str
+        JOINT.ROW or the motion's name, as messages give it.
+    kind : int
+        SLIDE or TURN.
+    a, b : int
+        Indices of the bodies.
+    geometry : (9,) array
+        Row of `kernels.bilateral`.
+    arm : float
+        Length that multiplies a TURN's angle; 1 for a SLIDE.
+    law : int
+        Number of its target's time law; -1: none.
+    phases : (n_phase,) bool array or None
+        When it acts; None: always.
     """
 
     name: str
@@ -35,16 +42,16 @@ class BilateralRow:
 
 
 def turning_arm(mechanism: Mechanism, bodies: list[str]) -> float:
-    """Return what makes an angle between bodies a length: the least radius of gyration of those that move.
+    """Return the length that multiplies an angle between bodies: the least radius of gyration of those that move.
 
-    That radius is sqrt(trace(I) / 2m), the root of the mean squared distance of the body's mass from its centre.
+    The radius is sqrt(trace(I) / 2m), the root of the mean squared distance of the body's mass from its centre.
     """
     moving = [body for body in (mechanism.bodies[name] for name in bodies) if not body.fixed]
     return float(min(np.sqrt(np.trace(np.array(b.inertia, float)) / (2 * (b.mass or 0.0))) for b in moving))
 
 
 def bilateral_arrays(rows: list[BilateralRow], phases: int = 1) -> BilateralRows:
-    """Return the rows as arrays, for a run of so many phases."""
+    """Return the rows as arrays, for a run of ``phases`` phases."""
     acts = np.array([np.full(phases, True) if row.phases is None else row.phases for row in rows], bool)
     acts = acts.reshape(-1, phases)
     return BilateralRows(
@@ -63,8 +70,8 @@ def bilateral_arrays(rows: list[BilateralRow], phases: int = 1) -> BilateralRows
 def layout(bodies: int, rows: list[BilateralRow]) -> tuple[Integers, Integers]:
     """Return where each body's velocities start, shape (nb,), and where each row's multiplier is, shape (nt,).
 
-    A multiplier comes right after the last body it touches: then the matrix of a step is banded, and elimination in
-    that order finds a pivot for every row that is not redundant.
+    A multiplier comes right after the last body that it touches. Then the matrix of a step is banded, and elimination
+    in that order finds a pivot for every row that is not redundant.
     """
     at, multiplier = np.zeros(bodies, np.int64), np.zeros(len(rows), np.int64)
     last = [max((i for i in (row.a, row.b) if i < bodies), default=0) for row in rows]
@@ -80,7 +87,7 @@ def layout(bodies: int, rows: list[BilateralRow]) -> tuple[Integers, Integers]:
 
 
 def row_runs(rows: BilateralRows, at: Integers) -> tuple[Integers, Integers]:
-    """Return where the velocities of each row's two bodies start and how many they are (0: the ground), (nt, 2)."""
+    """Return where the velocities of each row's two bodies start, and their number (0: the ground), (nt, 2) each."""
     bodies = np.stack([rows.a, rows.b], axis=1).reshape(-1, 2)
     moving = bodies < at.size
     start = np.where(moving, at[np.where(moving, bodies, 0)] if at.size else 0, 0)

@@ -1,4 +1,4 @@
-"""Contact pairs as arrays: those of joints with clearance, then those the file names."""
+"""Contact pairs as arrays: those of joints with clearance, then those of the file's [contacts]."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -48,12 +48,18 @@ class Pair:
 
     Attributes
     ----------
-    name : unique; what messages and trajectories call it
-    kind : number of the pair of primitives, see `kernels.model`
-    a, b : indices of the bodies
-    geometry_a, geometry_b : rows of `kernels.gaps`, shape (GEOMETRY,)
-    clearance : what is added to the distance to make the gap
-    law : (friction, restitution)
+    name : str
+        Unique; messages and trajectories use it.
+    kind : int
+        Number of the pair of primitives, see `kernels.model`.
+    a, b : int
+        Indices of the bodies.
+    geometry_a, geometry_b : (GEOMETRY,) arrays
+        Rows of `kernels.contact_geometry.gaps`.
+    clearance : float
+        Added to the distance, it gives the gap.
+    law : (float, float)
+        Friction and restitution.
     """
 
     name: str
@@ -99,5 +105,5 @@ def contact_arrays(pairs: list[Pair]) -> tuple[Contacts, Laws]:
 
 
 def reach(geometry: Array) -> float:
-    """Return how far side a's point, arc or axis is from its body's centre of mass at most; skins do not count."""
+    """Return the largest distance of side a's point, arc or axis from its body's centre of mass, without skins."""
     return float(np.linalg.norm(geometry[:3]) + geometry[9])

@@ -1,4 +1,4 @@
-"""Where bodies are: their own frames inside the state's, their order, and the pose and twists at the start."""
+"""Frames of the bodies inside the state's frames, the order of the bodies, and pose and twists at the start."""
 
 import math
 from collections.abc import Collection, Iterable, Sequence
@@ -46,7 +46,7 @@ def tangent(n: Array) -> Array:
 
 
 def order_bodies(mechanism: Mechanism) -> list[str]:
-    """Return the moving bodies in the order that keeps those in contact near each other (Cuthill-McKee)."""
+    """Return the names of the moving bodies, in an order that keeps those in contact near each other."""
     moving = [name for name, body in mechanism.bodies.items() if not body.fixed]
     number = {name: i for i, name in enumerate(moving)}
     pairs = [(j.sides[0].body, j.sides[1].body) for j in mechanism.joints.values()]
@@ -61,25 +61,30 @@ def order_bodies(mechanism: Mechanism) -> list[str]:
 
 
 def cuthill_mckee(near: Sequence[Collection[int]]) -> list[int]:
-    """Return the nodes of a graph, each one's neighbours given, in the reverse Cuthill-McKee order: a narrow band.
+    """Return the nodes of a graph in the reverse Cuthill-McKee order, which gives its matrix a narrow band.
 
-    scipy has it, but takes 0.4 s to load, longer than a run of the C-60.
+    scipy has this algorithm, but takes 0.4 s to load, longer than a run of the C-60.
+
+    Parameters
+    ----------
+    near : sequence
+        The neighbours of each node.
     """
     order: list[int] = []
-    found: set[int] = set()
+    visited: set[int] = set()
     for start in sorted(range(len(near)), key=lambda i: (len(near[i]), i)):
-        queue = [start] if start not in found else []
-        found.update(queue)
+        queue = [start] if start not in visited else []
+        visited.update(queue)
         for node in queue:
-            fresh = sorted(set(near[node]) - found, key=lambda i: (len(near[i]), i))
-            found.update(fresh)
+            fresh = sorted(set(near[node]) - visited, key=lambda i: (len(near[i]), i))
+            visited.update(fresh)
             queue += fresh
         order += queue
     return order[::-1]
 
 
 def place_bodies(mechanism: Mechanism, moving: list[str]) -> tuple[dict[str, BodyFrame], State]:
-    """Place every body; fixed ones share the ground, whose frame is the world."""
+    """Return the frame of every body, and the state at the start; fixed bodies share the ground, the world's frame."""
     nb = len(moving)
     x, p, R, v = np.zeros((nb + 1, 3)), np.zeros((nb + 1, 4)), np.zeros((nb + 1, 3, 3)), np.zeros((nb + 1, 6))
     p[nb, 0] = 1.0

@@ -13,8 +13,8 @@ from engine.kernels.model import SLIDE, TURN
 from engine.mechanism.joints import Prismatic
 from engine.mechanism.models import Mechanism
 
-# Along which directions the points, about which directions the bodies are held; n: the joint's axis or normal in the
-# first body, e and f: across it.
+# The directions along which the points are held, and those about which the bodies are held. n is the joint's axis or
+# normal in the first body; e and f are across it.
 HELD = {
     "revolute": ("nef", "ef"),
     "cylindrical": ("ef", "ef"),
@@ -26,12 +26,12 @@ HELD = {
 
 
 def joint_rows(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) -> Iterator[BilateralRow]:
-    """Yield the rows of all joints: 6 less the degrees of freedom that an ideal joint leaves.
+    """Yield the rows of all joints. An ideal joint has 6 less the degrees of freedom that it leaves.
 
     Parameters
     ----------
     mechanism : Mechanism
-        A joint with play has no rows, but for a shaft in a sleeve whose rotation is held.
+        A joint with play has no rows, except a shaft in a sleeve whose rotation is held.
     frames : dict
         BodyFrame of every body.
     R : (nb + 1, 3, 3) array
@@ -61,7 +61,7 @@ def _held(joint: Any) -> tuple[str, str]:
 
 
 def _directions(joint: Any, place: Mate) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Return n, e, f in a's axes; and in b's, n as the file gives it there and e, f as they are at the start."""
+    """Return n, e, f in a's axes; and in b's axes, n as the file gives it and e, f as they are at the start."""
     n = place.a.direction(joint.axes[0]) if joint.axes else np.array([0.0, 0.0, 1.0])
     e = tangent(n)
     way = {"n": n, "e": e, "f": np.cross(n, e)}

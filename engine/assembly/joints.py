@@ -19,13 +19,16 @@ from engine.mechanism.primitives import Socket
 
 @dataclass(frozen=True)
 class Mate:
-    """Where the two sides of a joint are, and what the second's axis looks like from the first's.
+    """The two sides of a joint, and how they are turned to each other.
 
     Attributes
     ----------
-    a, b : frames of the two bodies
-    point_a, point_b : the joint's points, from the state's origins
-    relative : rotation from a's axes to b's at the start, shape (3, 3)
+    a, b : BodyFrame
+        Frames of the two bodies.
+    point_a, point_b : (3,) arrays
+        The joint's points, from the state's origins.
+    relative : (3, 3) array
+        Rotation from a's axes to b's at the start.
     """
 
     a: BodyFrame
@@ -35,12 +38,12 @@ class Mate:
     relative: Array
 
     def align(self, along_a: Array, along_b: Array) -> Array:
-        """Return the direction of b, or its opposite: that which points as the one of a does at the start."""
+        """Return the direction of b or its opposite: the one that points as a's direction does at the start."""
         return along_b if (self.relative @ along_a) @ along_b >= 0 else -along_b
 
 
 def mate(joint: Any, frames: dict[str, BodyFrame], R: Array) -> Mate:
-    """Return where the two sides of a joint are; R are the rotations of all bodies at the start."""
+    """Return the two sides of a joint; ``R``, shape (nb + 1, 3, 3), are the rotations at the start."""
     first, second = joint.sides
     a, b = frames[first.body], frames[second.body]
     return Mate(a, b, a.point(first.point), b.point(second.point), R[b.index].T @ R[a.index])
@@ -52,7 +55,7 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) ->
     Parameters
     ----------
     mechanism : Mechanism
-        Ideal joints in it are passed over.
+        Its ideal joints have no contacts.
     frames : dict
         BodyFrame of every body.
     R : (nb + 1, 3, 3) array
@@ -97,7 +100,7 @@ def _faces(joint: Any, place: Mate) -> Iterator[FaceRow]:
 
 
 def _rings(joint: Any, place: Mate, stations: tuple[float, ...], radii: tuple[float, ...]) -> Iterator[FaceRow]:
-    """Rings of the first side around the cylinder on the second's axis."""
+    """Yield the rings of the first side around the cylinder on the second's axis."""
     along, axis = place.a.direction(joint.axes[0]), place.b.direction(joint.axes[1])
     for i, (station, radius) in enumerate(zip(stations, radii, strict=True)):
         a, b = np.zeros(GEOMETRY), np.zeros(GEOMETRY)
@@ -107,9 +110,9 @@ def _rings(joint: Any, place: Mate, stations: tuple[float, ...], radii: tuple[fl
 
 
 def _flanges(joint: Any, place: Mate) -> Iterator[FaceRow]:
-    """Three points of each end face of the bearing against the journal's flange beyond it (paper, figure 8).
+    """Yield three points of each end face of the bearing against the journal's flange beyond it (paper, figure 8).
 
-    With the journal centred a flange touches its end face: the clearance is a number added to the gap.
+    A flange touches its end face when the journal is centred: the clearance is a number added to the gap.
     """
     along = place.a.direction(joint.axes[0])
     axis = place.align(along, place.b.direction(joint.axes[1]))
@@ -125,9 +128,9 @@ def _flanges(joint: Any, place: Mate) -> Iterator[FaceRow]:
 
 
 def _block_in_slot(joint: Any, place: Mate) -> Iterator[FaceRow]:
-    """Corners of the block against the faces of the slot, four each.
+    """Yield the corners of the block against the faces of the slot, four each.
 
-    With the block centred they touch: the clearances are numbers added to the gaps.
+    They touch when the block is centred: the clearances are numbers added to the gaps.
     """
     half = joint.block.half_length, joint.block.half_height, joint.block.half_width
     guide, slider = _edges(place.a, joint.guide), _edges(place.b, joint.slider)
@@ -150,7 +153,7 @@ def _edges(frame: BodyFrame, side: Any) -> list[Array]:
 
 
 def _ball_in_socket(joint: Spherical, place: Mate) -> FaceRow:
-    """Return the one face: the ball's centre in a socket of the ball's radius, which is then a skin."""
+    """Return the one face: the ball's centre in a socket of the ball's radius, which acts as a skin."""
     socket = Side(body=joint.socket.body, socket=Socket(centre=joint.socket.point, radius=joint.ball.radius or 0.0))
     return "ball", KINDS["point-socket"], (place.b, place.a), _point(place.point_b), row_b(socket, place.a)
 

@@ -17,7 +17,13 @@ ACTS = {"both": 0.0, "push": 1.0, "pull": -1.0}
 def load_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], laws: dict[str, int]) -> Loads:
     """Return all loads as arrays; a damper is a spring without stiffness.
 
-    ``laws`` has each time law's number by the key of its owner.
+    Parameters
+    ----------
+    mechanism : Mechanism
+    frames : dict
+        Frame of every body.
+    laws : dict
+        Number of each time law, by the key of its owner.
     """
     return Loads(
         gravity=np.array(mechanism.gravity, float),
@@ -51,7 +57,7 @@ def _springs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, An
 
 
 def _torsion_springs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, Any]:
-    """Return the torsion springs and dampers; the angle at the start picks the branch of the angle."""
+    """Return the torsion springs and dampers; the angle at the start selects the branch of the angle."""
     springs = _of_type(mechanism, "torsion")
     ends = [(frames[s.a], frames[s.b]) for s in springs]
     elastic = [(s.stiffness, s.free_angle - s.preload) if isinstance(s, TorsionSpring) else (0.0, 0.0) for s in springs]
@@ -66,12 +72,12 @@ def _torsion_springs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict
 
 
 def _turn(a: Array, b: Array) -> Array:
-    """Return b times the conjugate of a: what b's attitude is multiplied with to be a's where the angle is 0."""
+    """Return b times the conjugate of a: b's attitude times it is a's where the angle is 0."""
     return np.array([a @ b, *(a[0] * b[1:] - b[0] * a[1:] + np.cross(a[1:], b[1:]))])
 
 
 def _start_angle(mechanism: Mechanism, spring: TorsionSpring | TorsionDamper) -> float:
-    """Angle of body b's frame about the spring's axis, from body a's, as the file places them."""
+    """Return the angle of body b's frame about the spring's axis, from body a's, as the file places them."""
     a, b = mechanism.bodies[spring.a], mechanism.bodies[spring.b]
     qa, qb = quaternion(a.axis, a.angle), quaternion(b.axis, b.angle)
     vector = qa[0] * qb[1:] - qb[0] * qa[1:] - np.cross(qa[1:], qb[1:])
@@ -79,7 +85,7 @@ def _start_angle(mechanism: Mechanism, spring: TorsionSpring | TorsionDamper) ->
 
 
 def _actions(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, Any]:
-    """Return what is passed on of springs that do not act along their line or as their couple."""
+    """Return the actions of the springs that do not act along their line or as their couple."""
     springs = [*_of_type(mechanism, "linear"), *_of_type(mechanism, "torsion")]
     actions = [getattr(spring, "actions", ()) for spring in springs]
     each = [action for of_one in actions for action in of_one]

@@ -13,12 +13,17 @@ from engine.mechanism.motions import Translation
 def motion_rows(
     mechanism: Mechanism, frames: dict[str, BodyFrame], state: State, laws: dict[str, int]
 ) -> list[BilateralRow]:
-    """Return one row for each motion, in the order of the file; at the pose of ``state`` no target is missed.
+    """Return one row for each motion, in the order of the file; its violation is 0 at the pose of ``state``.
 
     Parameters
     ----------
-    mechanism, frames, state : the description, the bodies' own frames, the start pose
-    laws : each time law's number, by the key of its owner
+    mechanism : Mechanism
+    frames : dict
+        Frame of every body.
+    state : State
+        The start pose.
+    laws : dict
+        Number of each time law, by the key of its owner.
     """
     rows = []
     for key, motion in mechanism.motions.items():

@@ -1,4 +1,4 @@
-"""Phases as arrays: how long each lasts, the event that ends it, and what acts in it."""
+"""Phases as arrays: their durations, the events that end them, and the loads that act in them."""
 
 from collections.abc import Sequence
 
@@ -27,5 +27,5 @@ def event_limit(event: Event) -> tuple[float, float]:
 
 
 def active_phases(mechanism: Mechanism, phases: Sequence[str] | None) -> Array:
-    """Return in which phases a load or motion acts, shape (n_phase,) bool; None: in all."""
+    """Return the phases in which a load or motion acts, shape (n_phase,) bool; ``phases`` None: in all."""
     return np.array([phases is None or phase.name in phases for phase in mechanism.phases], bool)

@@ -1,4 +1,4 @@
-"""Contact primitives as geometry rows (table in `kernels.gaps`), from the centre of mass in body axes."""
+"""Contact primitives as geometry rows (table in `kernels.contact_geometry.gaps`), from the centre of mass."""
 
 import math
 from typing import Any
@@ -14,10 +14,10 @@ ENDLESS = math.inf
 
 
 def rows(contact: Contact, frame_a: BodyFrame, frame_b: BodyFrame) -> tuple[Array, Array, float]:
-    """Return the rows of a contact's two sides, shape (GEOMETRY,) each, and what is added to their distance.
+    """Return the rows of a contact's two sides, shape (GEOMETRY,) each, and the length added to their distance.
 
-    That is minus the contact's offset and minus the skin of side a, the radius of a sphere or of a rounded edge; for a
-    ring around a cylinder it is the radial clearance between them.
+    That length is minus the contact's offset and minus the skin of side a, the radius of a sphere or of a rounded
+    edge; for a ring around a cylinder it is the radial clearance between them.
     """
     a, b = contact.sides
     row, skin = _row_a(a, frame_a)
@@ -75,7 +75,7 @@ def _row(*numbers: Any) -> Array:
 
 
 def _walls(radius: float, hollow: bool) -> tuple[float, float]:
-    """Return how near to the axis and how far from it the material of a round solid reaches."""
+    """Return the least and the largest distance of a round solid's material from its axis."""
     return (radius, ENDLESS) if hollow else (-ENDLESS, radius)
 
 

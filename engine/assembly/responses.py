@@ -1,4 +1,4 @@
-"""Responses as arrays; rows of geometry: see `kernels.responses`."""
+"""Responses as arrays; their geometry rows are described in `kernels.responses`."""
 
 from typing import Any
 
@@ -34,12 +34,17 @@ MOTION = ("position", "angle", "gap")
 
 
 def response_arrays(mechanism: Mechanism, frames: dict[str, BodyFrame], state: State, pairs: list[Pair]) -> Responses:
-    """Return what is measured, and when it is reported.
+    """Return the responses: what is measured, and when it is reported.
 
     Parameters
     ----------
-    frames, state : the bodies at the start pose
-    pairs : all contacts, in the order of the arrays
+    mechanism : Mechanism
+    frames : dict
+        Frame of every body.
+    state : State
+        The start pose.
+    pairs : list of Pair
+        All contacts, in the order of the arrays.
 
     Raises
     ------
@@ -88,7 +93,7 @@ def _measured(
 
 
 def _way(response: Any, frames: dict[str, BodyFrame], point: Array) -> tuple[int, int, int]:
-    """Write where a position or velocity is measured from, to and along; return the three bodies."""
+    """Write the two points and the direction of a position or velocity; return their three bodies."""
     start, way = response.from_, response.direction
     a, b, turned = frames[start.body if start else "world"], frames[response.to.body], frames[way.body or "world"]
     if start is not None and start.axis is not None:
@@ -100,7 +105,7 @@ def _way(response: Any, frames: dict[str, BodyFrame], point: Array) -> tuple[int
 
 
 def _turning(response: Any, frames: dict[str, BodyFrame], state: State, point: Array) -> tuple[int, int, int]:
-    """Write a rotation's axis, and the start orientation of a seen from b, conj(p_b) p_a, which makes the start 0."""
+    """Write a rotation's axis, and conj(p_b) p_a at the start, which makes the angle 0 there; return the bodies."""
     a, b = frames[response.relative_to or "world"], frames[response.body]
     p, q = state.p[b.index], state.p[a.index]
     point[3:6] = a.direction(response.axis)
@@ -112,18 +117,18 @@ def _turning(response: Any, frames: dict[str, BodyFrame], state: State, point: A
 def _joint(
     mechanism: Mechanism, response: Any, frames: dict[str, BodyFrame], pairs: list[Pair], point: Array
 ) -> tuple[int, int, int]:
-    """Write the sign with which impulses act on the joint's second side, and the direction; return the contacts."""
+    """Write the sign of impulses on the joint's second side, and the direction; return the contacts and the body."""
     own = [i for i, pair in enumerate(pairs) if pair.name.startswith(f"{response.joint}.")]
     second = frames[mechanism.joints[response.joint].sides[1].body]
     way = response.direction
     turned = frames[(way and way.body) or "world"]
-    point[0] = 1.0 if pairs[own[0]].a == second.index else -1.0  # an impulse pushes side a along +N, and b back
+    point[0] = 1.0 if pairs[own[0]].a == second.index else -1.0  # an impulse pushes side a along +N, and b along -N
     point[9:12] = turned.direction(way.vector) if way else ORIGIN
     return own[0], len(own), turned.index
 
 
 def _reported(mechanism: Mechanism, response: Any) -> tuple[int, int | None, tuple[float, float]]:
-    """Return when a response is reported: kind of moment, response that is watched (None: itself), limit and side."""
+    """Return when a response is reported: kind of instant, watched response (None: itself), limit and side."""
     at = response.at
     if isinstance(at, str):
         return (model.END if at == "end" else model.PEAK), None, (0.0, -1.0 if at == "minimum" else 1.0)
@@ -146,8 +151,8 @@ def _refuse_missing_contacts(mechanism: Mechanism, contacts: list[str]) -> None:
         contact, joint = getattr(response, "contact", None), getattr(response, "joint", None)
         if contact is not None and contact not in contacts:
             own = [c for c in contacts if c.startswith(f"{contact.partition('.')[0]}.")]
-            there = ", ".join(own) or "it has none, as an ideal joint"
-            text = f"no such contact of the joint; allowed: {there}{did_you_mean(contact, own)}"
+            names = ", ".join(own) or "it has none, as an ideal joint"
+            text = f"no such contact of the joint; allowed: {names}{did_you_mean(contact, own)}"
             faults.append(Fault(f"responses.{name}.contact", text, contact))
         elif joint is not None and not any(c.startswith(f"{joint}.") for c in contacts):
             text = (

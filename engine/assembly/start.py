@@ -1,4 +1,4 @@
-"""What must hold at the start pose: parts do not overlap, ideal joints are closed."""
+"""Checks of the start pose: parts do not overlap, ideal joints are closed."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -13,7 +13,7 @@ from engine.kernels.model import SLIDE, TURN, Contacts, Scratch, State
 from engine.mechanism.models import Mechanism
 from engine.mechanism.values import get_value
 
-JOINT_TOLERANCE = 1e-5  # how far off an ideal joint may be at the start, in arms of its bodies (hence also in rad)
+JOINT_TOLERANCE = 1e-5  # largest violation of an ideal joint at the start, in arms of its bodies (hence also in rad)
 
 
 def refuse_overlap(mechanism: Mechanism, contacts: Contacts, names: list[str], state: State, work: Scratch) -> None:
@@ -25,7 +25,7 @@ def refuse_overlap(mechanism: Mechanism, contacts: Contacts, names: list[str], s
         If any gap is below minus the allowed penetration: one line for each contact, or clearance of a joint.
     """
     gap = state.gap
-    find_contacts(contacts, state.x, state.R, gap, work.point, work.frame)
+    find_contacts(contacts, state.x, state.R, gap, work.sites.point, work.sites.frame)
     worst: dict[str, int] = {}  # the faces of a joint that have one clearance share a fault
     for i, name in enumerate(names):
         if not gap[i] >= -mechanism.simulation.penetration:
@@ -37,13 +37,13 @@ def refuse_overlap(mechanism: Mechanism, contacts: Contacts, names: list[str], s
 
 
 def _clearance_key(mechanism: Mechanism, name: str) -> str:
-    """Return the key of the number that opens a contact."""
+    """Return the key of the clearance at a contact of a joint, or of the contact itself."""
     joint, _, face = name.partition(".")
     return f"joints.{joint}.{mechanism.joints[joint].face_clearance(face)}" if face else f"contacts.{name}"
 
 
 def _overlap(mechanism: Mechanism, key: str, name: str, gap: float) -> str:
-    """Say which pair overlaps and what would be allowed."""
+    """Return the line of a message that names the overlapping pair and what is allowed."""
     unit = mechanism.unit("length")
     if key == f"contacts.{name}":
         return f"{key}: gap {gap:.6g} {unit} at the start; allowed: >= 0; move the bodies, the features or `offset`"
@@ -78,7 +78,7 @@ def refuse_open_joints(mechanism: Mechanism, held: list[BilateralRow], state: St
 
 
 def _open(mechanism: Mechanism, name: str, apart: Any, inclined: Any) -> Iterator[str]:
-    """Say by how much a joint's points are apart and its axes inclined [both lengths], if it is too much."""
+    """Yield a line if a joint's points are too far apart, or its axes too inclined [both given as lengths]."""
     joint, unit = mechanism.joints[name], mechanism.unit("length")
     arm = turning_arm(mechanism, [side.body for side in joint.sides])
     allowed = max(mechanism.simulation.penetration, JOINT_TOLERANCE * arm)

@@ -12,7 +12,7 @@ from engine.mechanism.time_laws import FactorSine, Law, Sine, TableLaw
 
 
 def time_law_arrays(mechanism: Mechanism) -> tuple[TimeLaws, dict[str, int]]:
-    """Return all laws of time as arrays, and each one's number by the key of its owner, such as ``"forces.push"``."""
+    """Return all laws of time as arrays, and the number of each by the key of its owner, such as ``"forces.push"``."""
     owners = {
         f"{table}.{name}": entry
         for table in ("forces", "torques", "motions")
@@ -34,7 +34,7 @@ def time_law_arrays(mechanism: Mechanism) -> tuple[TimeLaws, dict[str, int]]:
 
 
 def _since(mechanism: Mechanism, entry: Any) -> int:
-    """Return the phase from whose beginning a law counts: the one named; of a motion, the first in which it acts."""
+    """Return the phase from whose beginning a law counts: the named one, or the first in which a motion acts."""
     phases = [phase.name for phase in mechanism.phases]
     if entry.since is None and isinstance(entry, Led) and entry.phases:
         return min(phases.index(phase) for phase in entry.phases)
@@ -52,7 +52,7 @@ def _pieces(law: Law) -> Array:
 
 
 def _table(law: TableLaw) -> Array:
-    """Return the pieces of a table; a smooth one is flat at both ends, where it goes on constant."""
+    """Return the pieces of a table; a smooth one is flat at both ends, as it continues there as a constant."""
     t, y = np.array(law.points).T
     rows = np.zeros((t.size, 5))
     rows[:, 0], rows[:, 1] = t, y
@@ -68,7 +68,7 @@ def _table(law: TableLaw) -> Array:
 
 
 def _sine(law: Law) -> tuple[float, float, float]:
-    """Return amplitude, angular frequency and phase; zeros for a law that is no sine."""
+    """Return amplitude, angular frequency and phase; zeros for a law that is not a sine."""
     if not isinstance(law, Sine):
         return 0.0, 0.0, 0.0
     return law.amplitude, law.angular_frequency, law.phase  # type: ignore[attr-defined]

@@ -2,8 +2,6 @@
 
 The problem, whitened (M = I), with bilateral rows J (ideal joints, drives):  w' = (v, l), B w = G' r,  u = G w + q,
 Coulomb's law between each r_i and u_i. B is the identity without such rows, see `engine.friction.bilateral`.
-
-Kernels get the arrays they need and not the whole tuple: every array of a call costs compile time.
 """
 
 from typing import NamedTuple
@@ -32,7 +30,7 @@ class ContactRows(NamedTuple):
 class FrictionArrays(NamedTuple):
     """A whitened friction problem of at most ``nc`` contacts and ``n`` unknowns, and work space.
 
-    The unknowns w are velocities and, where there are ``ties``, the multipliers of the tied rows among them.
+    The unknowns w are velocities and, among them, the multipliers of the bilateral rows.
     """
 
     rows: ContactRows
@@ -55,15 +53,25 @@ class FrictionArrays(NamedTuple):
     K: np.ndarray  # (n, 2 (band + 2) + 1) system, see `banded`
     dw: np.ndarray  # (n,)
     best: np.ndarray  # (nc, 3) impulses of the smallest residual within an attempt
-    base: np.ndarray  # (nc, 3) impulses to go back to when the natural map fails
+    base: np.ndarray  # (nc, 3) impulses from which to continue when the natural map fails
     kept: np.ndarray  # (nc, 3) impulses of the best attempt
 
 
 def friction_arrays(n: int, nc: int, runs: int, k: int, band: int, bilateral: int = 0) -> FrictionArrays:
-    """Allocate ``nc`` contacts and ``ties`` tied rows on ``n`` unknowns.
+    """Allocate a problem.
 
-    ``band``: the farthest two unknowns of one contact or one tied row, its multiplier included; a contact touches at
-    most ``k`` velocities in at most ``runs`` runs.
+    Parameters
+    ----------
+    n : int
+        Number of unknowns.
+    nc : int
+        Number of contacts.
+    runs, k : int
+        A contact touches at most ``k`` velocities in at most ``runs`` runs.
+    band : int
+        Largest distance between two unknowns of one contact, or of one bilateral row with its multiplier.
+    bilateral : int
+        Number of bilateral rows.
     """
     columns = 2 * (min(band, max(n - 1, 0)) + ROWS_AT_ONCE - 1) + 1
     shapes = {"mu": (nc,), "scale": (nc,), "A": (nc, 3, 3), "Q": (nc, 3, 3), "w": (n,), "dw": (n,), "K": (n, columns)}
@@ -108,7 +116,7 @@ def copy(nc, source, target):
 
 @inner
 def measure_scales(nc, rows, scale):
-    """Write each contact's mean Delassus diagonal, as if nothing were tied; return their mean."""
+    """Write each contact's mean Delassus diagonal, as if there were no bilateral rows; return their mean."""
     mean = 0.0
     for i in range(nc):
         s, width = 0.0, 0

@@ -1,8 +1,8 @@
 """Systems of the bodies' velocities, stored by their band: assembly from blocks, factors without pivoting, solution.
 
 Row i of a system lies in ``K[i]``, its column j at ``K[i, middle + j - i]``, ``middle = (K.shape[1] - 1) // 2``. A band
-is stored two wider than the contacts ask for: three rows are eliminated at a time, and the first of them is read as far
-as the last. All systems here have a positive definite symmetric part, which is what spares the pivoting.
+is stored two wider than the contacts need: three rows are eliminated at a time, and the first of them is read as far as
+the last. The symmetric part of all systems here is positive definite: no pivoting is needed.
 """
 
 from engine.jit import inner
@@ -24,10 +24,10 @@ def start_system(n, K):
 
 @inner
 def add_blocks(nc, rows, mu, A, block, K):
-    """Add G_i' A_i G_i to the system, for the 3 x 3 blocks A of the first ``nc`` contacts; a block with A_NN 0 is none.
+    """Add G_i' A_i G_i to the system, for the first ``nc`` contacts' 3 x 3 blocks A; A_NN = 0 means no block.
 
-    Contacts between the same two bodies that follow each other are summed in ``block`` first, of a size the compiler
-    knows: straight code, a quarter of the time.
+    Successive contacts between the same two bodies are summed in ``block`` first. The compiler knows its size, which
+    makes the code four times as fast.
     """
     if rows.width.shape[1] != 2 or rows.G.shape[2] != PAIR:
         for i in range(nc):
@@ -50,7 +50,7 @@ def add_blocks(nc, rows, mu, A, block, K):
 
 @inner
 def _same_bodies(rows, i, j):
-    """Say whether contacts i and j touch the same runs."""
+    """Return whether contacts i and j touch the same runs."""
     for run in range(rows.width.shape[1]):
         if rows.start[i, run] != rows.start[j, run] or rows.width[i, run] != rows.width[j, run]:
             return False
@@ -59,7 +59,7 @@ def _same_bodies(rows, i, j):
 
 @inner
 def _sum_up(G, A, smooth, block):
-    """Add G' A G to the first PAIR^2 numbers of ``block``, A G lies behind them; only A_NN counts if ``smooth``."""
+    """Add G' A G to the first PAIR^2 numbers of ``block``; A G lies behind them. Only A_NN counts if ``smooth``."""
     g0, g1, g2 = G[0], G[1], G[2]
     a00, a01, a02 = A[0, 0], A[0, 1], A[0, 2]
     if smooth:
@@ -131,7 +131,7 @@ def _add_block(rows, i, A, block, K):
 def factorise(n, K):
     """Replace K by its factors L U; the diagonal holds the inverses of the pivots."""
     middle = (K.shape[1] - 1) // 2
-    last = middle + 1  # of the columns that a pivot's row can reach, and one more
+    last = middle + 1  # one more than the columns that a pivot's row can reach
     whole = n - n % ROWS_AT_ONCE
     for k in range(0, whole, ROWS_AT_ONCE):
         a, b, c = K[k, middle:], K[k + 1, middle - 1 :], K[k + 2, middle - 2 :]  # all from column k on
@@ -178,7 +178,7 @@ def substitute(n, K, x):
 
 @inner
 def _dot(n, a, b):
-    """Return the sum of a[k] b[k]: four sums at a time, or each addition waits for the last."""
+    """Return the sum of a[k] b[k]: four sums at a time, so that no addition waits for the last one."""
     s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
     whole = n - n % 4
     for k in range(0, whole, 4):

@@ -7,10 +7,10 @@ import numpy as np
 from engine.jit import inner, kernel
 
 NEWTON = 60  # steps for one barrier
-CLOSE = 1e-3  # Newton's decrement squared at which the minimum is near enough to go on from
-INSIDE = 0.95  # of the way to the boundary
-ROUNDING = 1e-16  # of the barrier's curvature: keeps Newton's matrix regular at the edge of sliding
-ROOM = 1e4  # farthest y: where friction wedges forces would run away
+CLOSE = 1e-3  # Newton's decrement squared at which the minimum is near enough for the next barrier
+INSIDE = 0.95  # share of the way to the boundary in one step
+ROUNDING = 1e-16  # share of the barrier's curvature that keeps Newton's matrix regular at the edge of sliding
+ROOM = 1e4  # largest |y|: where friction wedges, forces would grow without end
 
 
 class Cones(NamedTuple):
@@ -145,7 +145,7 @@ def _barrier(s, ds, y, step, length):
 
 @inner
 def _reach(s, ds):
-    """Return how many times ds the forces may move until one meets the boundary of its cone."""
+    """Return how many times ``ds`` the forces may move until one of them meets the boundary of its cone."""
     reach = np.inf
     for i in range(s.shape[0]):
         a = ds[i, 0] * ds[i, 0] - ds[i, 1] * ds[i, 1] - ds[i, 2] * ds[i, 2]

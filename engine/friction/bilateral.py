@@ -27,7 +27,7 @@ class BilateralSystem(NamedTuple):
     start: np.ndarray  # (nt, 2) int64, runs of velocities that the row touches, as in `ContactRows`
     width: np.ndarray  # (nt, 2) int64
     J: np.ndarray  # (nt, 12) columns of the runs, one after the other; any length
-    length: np.ndarray  # (nt,) of the row; written by `factorise_bilateral`
+    length: np.ndarray  # (nt,) lengths of the rows; written by `factorise_bilateral`
     factors: np.ndarray  # (n, ...) of B; written by `factorise_bilateral`
     right: np.ndarray  # (n,) right-hand side, work space
     miss: np.ndarray  # (n,) work space
@@ -35,7 +35,14 @@ class BilateralSystem(NamedTuple):
 
 @kernel
 def factorise_bilateral(n, rows):
-    """Measure the rows and factorise B; to be called whenever J has changed, before anything is solved."""
+    """Write the lengths of the rows and the factors of B; to be called after every change of J.
+
+    Parameters
+    ----------
+    n : int
+        Number of unknowns.
+    rows : BilateralSystem
+    """
     for i in range(rows.at.shape[0]):
         s = 0.0
         for a in range(rows.width[i, 0] + rows.width[i, 1]):
@@ -97,7 +104,19 @@ def _miss(n, rows, w):
 
 @kernel
 def hold_bilateral(n, rows, c, w):
-    """Write the least change w of the velocities with J w + c = 0, c of shape (nt,) in the caller's scaling."""
+    """Write the least change w of the velocities with J w + c = 0.
+
+    Parameters
+    ----------
+    n : int
+        Number of unknowns.
+    rows : BilateralSystem
+        With the factors of the present J.
+    c : (nt,) array
+        In the scaling of the rows J.
+    w : (n,) array
+        Written.
+    """
     for k in range(n):
         w[k] = 0.0
     for i in range(rows.at.shape[0]):

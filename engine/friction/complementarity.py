@@ -6,7 +6,7 @@ scale s: r and u are both velocities here, and f' = P s dr + Q du. Two equations
 - the natural map r - P_K(r - (u + mu |u_T| N)), piecewise smooth: one or two Newton steps from a near start;
 - the smoothed Fischer-Burmeister function. With a = (mu r_N, r_T) and b = (u_N + mu |u_T|, mu u_T), both scaled by
   1/max(1, mu), the law is Lorentz > a _|_ b < Lorentz, and that is the root of phi = a + b - z for tau -> 0,
-  z = (a o a + b o b + 2 tau^2 e)^(1/2) with the Jordan product o of the cone. Smooth, and kind to any start.
+  z = (a o a + b o b + 2 tau^2 e)^(1/2) with the Jordan product o of the cone. It is smooth and good from any start.
 """
 
 import numpy as np
@@ -19,7 +19,7 @@ TINY = 1e-300
 
 @inner
 def mismatch(mu, r0, r1, r2, u0, u1, u2, tau2):
-    """Return |f|^2, of the natural map if ``tau2`` is 0."""
+    """Return |f|^2: of the natural map if ``tau2`` is 0, otherwise of the smoothed Fischer-Burmeister function."""
     slip = np.sqrt(u1 * u1 + u2 * u2)
     if tau2 == 0.0:
         f0, f1, f2 = project(mu, r0 - u0 - mu * slip, r1 - u1, r2 - u2)

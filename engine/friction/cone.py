@@ -11,7 +11,7 @@ LARGEST = 1e7
 def project(mu, r0, r1, r2):
     """Return the point of Coulomb's cone nearest to (r0, r1, r2) = (N, T1, T2)."""
     t = np.sqrt(r1 * r1 + r2 * r2)
-    if mu * t <= -r0:  # first: without friction and tangential part it is all that tells tension from pressure
+    if mu * t <= -r0:  # first: without friction and tangential part only this distinguishes tension from pressure
         return 0.0, 0.0, 0.0
     if t <= mu * r0:
         return r0, r1, r2
@@ -28,7 +28,7 @@ def residual(nc, mu, r, u, q, scale):
     diagonal of W = H M^-1 H', which makes an impulse a velocity: the number does not depend on units.
     ``r, u, q`` have shape (nc, 3). A problem of zeros has residual 0; a NaN is returned as it is. Where |s r| is more
     than ``LARGEST`` times |q| and |u| the residual is 1: impulses that grow without end, as they do where there is no
-    solution, swallow the velocities beside them and would meet any tolerance.
+    solution, make the velocities negligible and would meet any tolerance.
     """
     miss, q2, r2, u2 = 0.0, 0.0, 0.0, 0.0
     for i in range(nc):

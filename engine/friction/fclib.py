@@ -14,8 +14,8 @@ import numpy as np
 from engine.arrays import Array
 from engine.friction.problem import FrictionError, FrictionProblem, FrictionSolution
 
-MOST_ENTRIES = 10**8  # of a matrix made dense (0.8 GB): what a file claims is not trusted
-ROUNDING = 1e-9  # how far from symmetric, relative to the largest entry, a matrix may be
+MOST_ENTRIES = 10**8  # largest number of entries of a dense matrix (0.8 GB): the sizes in a file are not trusted
+ROUNDING = 1e-9  # largest asymmetry of a matrix, relative to its largest entry
 
 
 def read_fclib(path: str | Path) -> FrictionProblem:

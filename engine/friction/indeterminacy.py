@@ -1,8 +1,8 @@
-"""How far friction leaves a normal force open: the range over all balanced forces inside Coulomb's cones.
+"""The range of a normal force that friction allows, over all balanced forces inside Coulomb's cones.
 
-At redundant contacts that stick, the same motion goes with a continuum of forces. For one contact's normal force the
+At redundant contacts that stick, a continuum of forces gives the same motion. For one contact's normal force the
 ends of that continuum are two cone programmes: the forces r of all contacts are to give the same generalised impulse
-H' r as a known solution, within the cones. What is left free is r = r0 + Z y, with Z a basis of the forces that balance
+H' r as a known solution, within the cones. The free part is r = r0 + Z y, with Z a basis of the forces that balance
 each other; the ends are found by Newton's method on the barrier -log(s_0^2 - |s_T|^2) of the cones, s = (mu r_N, r_T),
 ever closer to their boundary (Nesterov, Nemirovskii: a path-following method).
 """
@@ -14,11 +14,11 @@ from engine.arrays import Array
 from engine.friction.barrier import ROOM, CentreWork, Cones, centre
 from engine.friction.problem import FrictionError
 
-SLACK = 1e-8  # of the largest force: how exactly the known forces lie in their cones, and how far each is opened
-FRICTIONLESS = 1e-12  # a smaller mu is none
-GAP = 1e-8  # of the largest force: how exactly an end is found
-SHARPER = 300.0  # from one barrier to the next
-ENDLESS = 1e-2 * ROOM  # largest forces away there is no end: friction wedges
+SLACK = 1e-8  # of the largest force: by which known forces may lie outside their cones; how far each is opened
+FRICTIONLESS = 1e-12  # a smaller mu counts as 0
+GAP = 1e-8  # share of the largest force: accuracy of an end
+SHARPER = 300.0  # factor of the weight from one barrier to the next
+ENDLESS = 1e-2 * ROOM  # beyond so many largest forces there is no end: friction wedges
 
 
 def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) -> tuple[float, float]:
@@ -28,10 +28,19 @@ def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) 
 
     Parameters
     ----------
-    H : local frames, shape (3 nc, n); rows (N, T1, T2) per contact, in any metric
-    mu : coefficients of friction, shape (nc,), >= 0
-    r : known forces (or impulses), shape (3 nc,), inside Coulomb's cones
-    contact : number of the contact asked for, 0 ... nc - 1
+    H : (3 nc, n) array
+        Local frames; rows (N, T1, T2) per contact, in any metric.
+    mu : (nc,) array
+        Coefficients of friction, >= 0.
+    r : (3 nc,) array
+        Known forces (or impulses), inside Coulomb's cones.
+    contact : int
+        Number of the contact, 0 ... nc - 1.
+
+    Returns
+    -------
+    least, largest : float
+        In the unit of ``r``.
 
     Raises
     ------
@@ -63,7 +72,7 @@ def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) 
 
 
 def _balanced(H: Array, mu: Array, r: Array) -> tuple[Cones, Array]:
-    """Return all forces that balance as r does, and what makes each cone's s_0 a normal force."""
+    """Return all forces that balance as r does, and the factors that make each cone's s_0 a normal force."""
     rough = mu > FRICTIONLESS
     scale = np.where(rough, 1 / np.where(rough, mu, 1.0), 1.0)
     columns = np.stack([scale, rough, rough], axis=1).ravel()  # a frictionless contact has no tangential force

@@ -16,7 +16,6 @@ from engine.friction.cone import residual
 from engine.jit import inner
 
 TO_BOUNDARY = 0.95
-INSIDE = 1e-3  # of the load: how far inside the cones the first point is
 STALL = 12  # steps without halving the residual
 
 
@@ -24,7 +23,23 @@ STALL = 12  # steps without halving the residual
 def interior_point(n, nc, p, goal, inside, limit):
     """Solve from the impulses given, moved inside the cones by ``inside`` times the load.
 
-    Leaves the best impulses in ``p.r``; returns the steps spent and the residual reached.
+    Parameters
+    ----------
+    n, nc : int
+        Numbers of unknowns and contacts.
+    p : FrictionArrays
+        Leaves the best impulses in ``p.r``.
+    goal : Goal
+    inside : float
+        Share of the load.
+    limit : int
+        Largest number of steps.
+
+    Returns
+    -------
+    steps : int
+    residual : float
+        The smallest one reached.
     """
     size = 0.0
     for i in range(nc):
@@ -152,7 +167,7 @@ def _scaling(i, x, y, W):
 
 @inner
 def _root_determinant(x0, x1, x2):
-    """Square root of x_0^2 - |x_T|^2, kept above zero."""
+    """Return the square root of x_0^2 - |x_T|^2, kept above zero."""
     t = np.sqrt(x1 * x1 + x2 * x2)
     return np.sqrt(max((x0 - t) * (x0 + t), 1e-300))
 

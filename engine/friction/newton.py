@@ -14,21 +14,33 @@ from engine.friction.complementarity import eliminate, fischer_burmeister, misma
 from engine.friction.cone import residual
 from engine.jit import inner
 
-SHRINK = 0.04  # of tau^2, when the smoothed equation is met as well as its smoothing deserves
-POOR = 0.5  # of the merit: a step on the natural map that leaves more is a poor one
-SHORT = 0.1  # of Newton's step: a shorter one on the smoothed equation is a poor one
+SHRINK = 0.04  # factor of tau^2 once the smoothed equation is met as well as its smoothing deserves
+POOR = 0.5  # share of the merit: a step on the natural map that leaves more is a poor one
+SHORT = 0.1  # share of Newton's step: a shorter step on the smoothed equation is a poor one
 CREEP = 6  # poor steps in a row after which the smoothed equation is given up
 
 
 @inner
 def newton(n, nc, p, goal, tau2, end, proximal, effort):
-    """Improve ``p.r`` by ``least`` to ``limit`` steps; return the steps spent, the residual reached and tau^2.
+    """Improve ``p.r`` by Newton's method; return the steps spent, the residual reached and tau^2.
 
     With ``tau2`` 0 the equation is the natural map. The line search is not monotone: a step may raise the merit above
     the present one, not above the last four; after ``patience`` poor steps in a row it is given up. Else the equation
     is the Fischer-Burmeister function, smoothed less and less until tau^2 is below ``end``, so that a wrong guess of
     which contacts open, slide and stick is left early instead of being defended; after ``CREEP`` poor steps it is given
     up above ``end``.
+
+    Parameters
+    ----------
+    n, nc : int
+        Numbers of unknowns and contacts.
+    p : FrictionArrays
+    goal : Goal
+    tau2, end : float
+        Smoothing tau^2 at the start and at the end.
+    proximal : float
+        See `complementarity.eliminate`.
+    effort : Effort
     """
     finish(n, nc, p)
     reached = residual(nc, p.mu, p.r, p.u, p.q, goal.scale)

@@ -22,10 +22,19 @@ class FrictionProblem:
 
     Attributes
     ----------
-    M : mass matrix, shape (n, n), symmetric positive definite
-    H : local frames, shape (3 nc, n); rows (N, T1, T2) per contact
-    q : relative velocities without impulses, shape (3 nc,)
-    mu : coefficients of friction, shape (nc,), >= 0
+    M : (n, n) array
+        Mass matrix, symmetric positive definite.
+    H : (3 nc, n) array
+        Local frames; rows (N, T1, T2) per contact.
+    q : (3 nc,) array
+        Relative velocities without impulses.
+    mu : (nc,) array
+        Coefficients of friction, >= 0.
+
+    Raises
+    ------
+    FrictionError
+        If the shapes do not fit together, a number is not finite, or a coefficient is negative.
     """
 
     M: Array
@@ -53,11 +62,16 @@ class FrictionSolution:
 
     Attributes
     ----------
-    r, u : impulses and relative velocities, shape (3 nc,), (N, T1, T2) per contact
-    v : velocities, shape (n,)
-    residual : relative natural-map residual, see `engine.friction.cone.residual`
-    iterations : Newton steps
-    converged : ``residual <= tolerance``
+    r, u : (3 nc,) arrays
+        Impulses and relative velocities, (N, T1, T2) per contact.
+    v : (n,) array
+        Velocities.
+    residual : float
+        Relative natural-map residual, see `engine.friction.cone.residual`.
+    iterations : int
+        Steps of the solver.
+    converged : bool
+        Whether ``residual <= tolerance``.
     """
 
     r: Array
@@ -73,9 +87,15 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
 
     Parameters
     ----------
-    problem : the problem
-    tolerance : relative residual to reach; it does not depend on units
-    start : impulses to start from, shape (3 nc,); zero by default
+    problem : FrictionProblem
+    tolerance : float
+        Relative residual to reach; it does not depend on units.
+    start : (3 nc,) array, optional
+        Impulses to start from; zero by default.
+
+    Returns
+    -------
+    FrictionSolution
 
     Raises
     ------
@@ -105,7 +125,7 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
 
 
 def sparse_rows(G: Array, n: int) -> FrictionArrays:
-    """Store of each contact's rows only the columns that are not zero, body by body."""
+    """Store each contact's rows of G, shape (nc, 3, n), without the columns of zeros, body by body."""
     nc, bodies = len(G), -(-n // BODY)
     touched = np.zeros((nc, bodies * BODY), bool)
     touched[:, :n] = np.abs(G).max(axis=1) > 0

@@ -20,7 +20,17 @@ from engine.kernels.time_laws import time_law, time_law_rate
 
 @kernel
 def row_targets(rows, time_laws, t, h, target):
-    """Write the target of every row at t, at t + h, and its rate there, shape (3, nt); 0 of rows that do not act."""
+    """Write every row's target at t and at t + h, and its rate at t + h.
+
+    Parameters
+    ----------
+    rows : BilateralRows
+    time_laws : TimeLaws
+    t, h : float
+        Time since the start of the run, and the length of the step.
+    target : (3, nt) array
+        Written; a row that does not act keeps its offset and has the rate 0.
+    """
     for i in range(rows.kind.shape[0]):
         target[0, i], target[1, i], target[2, i] = rows.offset[i], rows.offset[i], 0.0
         law = rows.law[i]
@@ -32,9 +42,21 @@ def row_targets(rows, time_laws, t, h, target):
 
 @kernel
 def row_violations(rows, x, R, target, violation, point, direction):
-    """Write every row's violation (nt,), its point P_b (nt, 3) and its world direction t (nt, 3) at the pose (x, R).
+    """Write every row's violation, its point P_b and its world direction t at the pose (x, R).
 
-    A row that does not act has the direction 0, and constrains nothing.
+    A row that does not act gets the direction 0: it constrains nothing.
+
+    Parameters
+    ----------
+    rows : BilateralRows
+    x, R : (nb + 1, 3), (nb + 1, 3, 3) arrays
+        Centres of mass and rotations.
+    target : (nt,) array
+        Lengths or angles.
+    violation : (nt,) array
+        Written; lengths.
+    point, direction : (nt, 3) arrays
+        Written.
     """
     for i in range(violation.shape[0]):
         a, b, row, t, p = rows.a[i], rows.b[i], rows.geometry[i], direction[i], point[i]
@@ -86,7 +108,7 @@ def begin_rows(rows, state, at_pose, phase):
 
 @kernel
 def row_velocity(rows, x, R, point, direction, twist, i):
-    """Return the rate of row i's violation at the twists, its target at rest."""
+    """Return the rate of row i's violation at the twists, shape (nb + 1, 6), while its target is at rest."""
     rate, t0, t1, t2 = 0.0, direction[i, 0], direction[i, 1], direction[i, 2]
     for side in range(2):
         body = rows.a[i] if side == 0 else rows.b[i]
@@ -111,7 +133,7 @@ def row_velocity(rows, x, R, point, direction, twist, i):
 
 @kernel
 def whitened_bilateral_rows(bodies, rows, x, R, point, direction, J):
-    """Write every row times M^-1/2, shape (nt, 12): six columns for each moving body, a's first."""
+    """Write every row times M^-1/2 into ``J``, shape (nt, 12): six columns for each moving body, a's first."""
     root = bodies.inverse_root
     for i in range(rows.kind.shape[0]):
         n, t0, t1, t2 = 0, direction[i, 0], direction[i, 1], direction[i, 2]

@@ -45,10 +45,10 @@ def consume_budget(contacts, twist, dt, broad_phase):
 
 
 @inner
-def update_contact(contacts, state, work, i, gap):
+def update_contact(contacts, state, broad_phase, sites, i, gap):
     """Write the gap, the point and the frame of contact i at the present pose, and renew its budget."""
-    broad_phase, x = work.broad_phase, state.x
-    gap[i] = find_contact(contacts, x, state.R, i, work.point, work.frame)
+    x = state.x
+    gap[i] = find_contact(contacts, x, state.R, i, sites.point, sites.frame)
     broad_phase.near[i], broad_phase.budget[i] = True, gap[i]
     a, b = contacts.a[i], contacts.b[i]
     d0, d1, d2 = x[a, 0] - x[b, 0], x[a, 1] - x[b, 1], x[a, 2] - x[b, 2]
@@ -57,23 +57,24 @@ def update_contact(contacts, state, work, i, gap):
 
 
 @inner
-def find_near_contacts(contacts, state, work, dt, distance, gap):
+def find_near_contacts(contacts, state, broad_phase, sites, dt, distance, gap):
     """Update the contacts whose gap could be within ``distance`` after ``dt`` at the speeds ``broad_phase.speed``.
 
     Parameters
     ----------
     contacts : Contacts
     state : State
-    work : Scratch
-        ``broad_phase.near``, ``point`` and ``frame`` are written.
+    broad_phase : BroadPhase
+        ``near`` is written, and the budgets.
+    sites : ContactSites
+        Written for the near contacts.
     dt, distance : float
     gap : (nc,) array
         Written; for the contacts that are not near, a lower bound.
     """
-    broad_phase = work.broad_phase
     for i in range(gap.shape[0]):
         gap[i] = broad_phase.budget[i]
         broad_phase.near[i] = False
         within = distance + dt * closing_speed(contacts, broad_phase, i)
         if not broad_phase.budget[i] > within:  # also a NaN
-            update_contact(contacts, state, work, i, gap)
+            update_contact(contacts, state, broad_phase, sites, i, gap)

@@ -1,4 +1,4 @@
-"""Contacts as rows of the equations of motion: relative velocities, whitened rows, and what impulses do to twists."""
+"""Contacts as rows of the equations of motion: relative velocities, whitened rows, and the effect of impulses."""
 
 import numpy as np
 
@@ -7,7 +7,20 @@ from engine.jit import kernel
 
 @kernel
 def relative_velocity(x, R, a, b, point, frame, twist, i, u):
-    """Write into ``u[i]`` the velocity of body a relative to body b at contact i, (N, T1, T2) (eq. 18)."""
+    """Write the velocity of body a relative to body b at contact i, along (N, T1, T2), into ``u[i]`` (eq. 18).
+
+    Parameters
+    ----------
+    x, R : (nb + 1, 3), (nb + 1, 3, 3) arrays
+        The pose.
+    a, b : int
+        The two bodies.
+    point, frame : (nc, 3), (nc, 3, 3) arrays
+        Contact points and local frames.
+    twist : (nb + 1, 6) array
+    i : int
+    u : (nc, 3) array
+    """
     r0, r1, r2 = 0.0, 0.0, 0.0
     for side in range(2):
         body = a if side == 0 else b
@@ -27,9 +40,18 @@ def relative_velocity(x, R, a, b, point, frame, twist, i, u):
 
 @kernel
 def whitened_rows(bodies, x, R, a, b, point, frame, i, rows, j):
-    """Write contact i's rows of G M^-1/2 and the velocities they touch as contact j of a friction problem.
+    """Write contact i's rows of G M^-1/2, and the velocities that they touch, as contact j of a friction problem.
 
     Body k's velocities start at ``bodies.at[k]``. M^-1/2 is 1/sqrt(m) for the translation and L^-T for the rotation.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    x, R, a, b, point, frame, i
+        See `relative_velocity`.
+    rows : ContactRows
+        Written.
+    j : int
     """
     n, G, root = 0, rows.G, bodies.inverse_root
     for side in range(2):
@@ -56,7 +78,7 @@ def whitened_rows(bodies, x, R, a, b, point, frame, i, rows, j):
 
 @kernel
 def add_whitened(bodies, w, twist):
-    """Add M^-1/2 w to the twists, shape (nb + 1, 6)."""
+    """Add M^-1/2 w to the twists, shape (nb + 1, 6), for the unknowns ``w`` of a friction problem, shape (n,)."""
     root = bodies.inverse_root
     for body in range(bodies.mass.shape[0]):
         s, k = 1 / np.sqrt(bodies.mass[body]), bodies.at[body]

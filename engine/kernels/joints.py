@@ -14,15 +14,17 @@ from engine.kernels.motion import NOTHING
 
 
 @inner
-def hold_joints(model, state, work, problem, twist, h, theta):
+def hold_joints(bodies, rows, state, at_pose, problem, twist, h, theta):
     """Change ``twist`` by the least kinetic energy so that the joints hold at the present pose.
 
     Parameters
     ----------
-    model : Model
+    bodies : Bodies
+    rows : BilateralRows
     state : State
         Its twists are those at the start of the step.
-    work : Scratch
+    at_pose : BilateralState
+        Written.
     problem : FrictionArrays
         Its bilateral system and its unknowns are written.
     twist : (nb + 1, 6) array
@@ -32,7 +34,7 @@ def hold_joints(model, state, work, problem, twist, h, theta):
     theta : float
         See `StepContext`.
     """
-    rows, at_pose, x, R = model.bilateral, work.bilateral, state.x, state.R
+    x, R = state.x, state.R
     if at_pose.violation.shape[0] == 0:
         return
     c, point, direction = at_pose.violation, at_pose.point, at_pose.direction
@@ -46,7 +48,7 @@ def hold_joints(model, state, work, problem, twist, h, theta):
             c[i] -= rows.arm[i] * at_pose.target[2, i]
         if abs(c[i]) < NOTHING:
             c[i] = 0.0
-    whitened_bilateral_rows(model.bodies, rows, x, R, point, direction, problem.bilateral.J)
+    whitened_bilateral_rows(bodies, rows, x, R, point, direction, problem.bilateral.J)
     factorise_bilateral(problem.w.shape[0], problem.bilateral)
     hold_bilateral(problem.w.shape[0], problem.bilateral, c, problem.w)
-    add_whitened(model.bodies, problem.w, twist)
+    add_whitened(bodies, problem.w, twist)

@@ -8,21 +8,25 @@ from engine.kernels.time_laws import time_law
 
 
 @kernel
-def apply_loads(model, state, work, phase, t):
+def apply_loads(bodies, loads, time_laws, state, phase, t, wrench, vectors):
     """Write each body's force and torque about its centre of mass, in world axes.
 
     Parameters
     ----------
-    model : Model
+    bodies : Bodies
+    loads : Loads
+    time_laws : TimeLaws
     state : State
-    work : Scratch
-        ``wrench``, shape (nb + 1, 6), is written.
     phase : int
         Number of the present phase: some forces and torques act in some phases only.
     t : float
         Time since the start of the run.
+    wrench : (nb + 1, 6) array
+        Written.
+    vectors : (2, 3) array
+        Work space.
     """
-    bodies, loads, wrench, a, b = model.bodies, model.loads, work.wrench, work.a, work.b
+    a, b = vectors[0], vectors[1]
     for body in range(wrench.shape[0]):
         for k in range(3):
             wrench[body, k] = 0.0
@@ -31,15 +35,15 @@ def apply_loads(model, state, work, phase, t):
             wrench[body, 3 + k] = 0.0
     _linear_springs(loads, state, wrench, a, b)
     _torsion_springs(loads, state, wrench, a, b)
-    _forces_and_torques(loads, model.time_laws, state, phase, t, wrench, a, b)
+    _forces_and_torques(loads, time_laws, state, phase, t, wrench, a, b)
 
 
 @kernel
 def potential_energy(bodies, loads, state):
     """Return the energy stored in gravity (0 at the world's origin) and springs (0 where they exert no force).
 
-    Forces and torques of the file are not in it: what acts by phase, by time or in body axes has no potential. Nor has
-    a spring with actions. The couple of a torsion spring is its gradient as long as its bodies turn about its axis
+    Forces and torques of the file are not included: what acts by phase, by time or in body axes has no potential. Nor
+    has a spring with actions. The couple of a torsion spring is its gradient as long as its bodies turn about its axis
     only.
     """
     energy = 0.0
@@ -70,14 +74,14 @@ def potential_energy(bodies, loads, state):
 
 @inner
 def _elastic_force(law, length):
-    """Return k (free length - length) + preload; nothing the wrong way of a one-sided spring."""
+    """Return k (free length - length) + preload; 0 in the direction in which a one-sided spring does not act."""
     force = law[0] * (law[1] - length) + law[3]
     return force if law[4] * force >= 0.0 else 0.0
 
 
 @inner
 def _linear_springs(loads, state, wrench, p, q):
-    """Push the two points of each spring apart, or pass its force on as its actions say."""
+    """Apply each spring's force at its two points, or as its actions distribute it."""
     for i in range(loads.spring_body.shape[0]):
         force, d0, d1, d2 = spring_force(loads, state, i, p, q)
         if _acts_elsewhere(loads, state, i, force, wrench, p, q):
@@ -88,9 +92,9 @@ def _linear_springs(loads, state, wrench, p, q):
 
 @inner
 def spring_force(loads, state, i, p, q):
-    """Return the elastic force - c d(length)/dt of spring i, and its direction; ``p``, ``q``: written, its two points.
+    """Return the elastic force - c d(length)/dt of spring i, and its direction; write its two points into ``p``, ``q``.
 
-    A one-sided spring that has lifted off damps nothing.
+    A one-sided spring that has lifted off does not damp.
     """
     a, b = loads.spring_body[i, 0], loads.spring_body[i, 1]
     to_world(state.x, state.R, a, loads.spring_point[i], 0, p)
@@ -113,7 +117,7 @@ def spring_force(loads, state, i, p, q):
 
 @inner
 def _torsion_springs(loads, state, wrench, axis, p):
-    """Turn body b of each spring about its axis, the opposite turns a; or pass its torque on as its actions say."""
+    """Apply each torsion spring's torque to body b and the opposite to a, or as its actions distribute it."""
     for i in range(loads.torsion_body.shape[0]):
         a, b = loads.torsion_body[i, 0], loads.torsion_body[i, 1]
         torque = spring_torque(loads, state, i, axis)
@@ -126,7 +130,7 @@ def _torsion_springs(loads, state, wrench, axis, p):
 
 @inner
 def spring_torque(loads, state, i, axis):
-    """Return -k (angle - free angle) - c rate of torsion spring i; ``axis``: written, the world axis, fixed in a."""
+    """Return -k (angle - free angle) - c rate of torsion spring i; write its world axis, fixed in a, into ``axis``."""
     a, b, law = loads.torsion_body[i, 0], loads.torsion_body[i, 1], loads.torsion_law[i]
     turn_to_world(state.R, a, loads.torsion_axis[i], 0, axis)
     rate = spin_along(state.R, state.v, b, axis) - spin_along(state.R, state.v, a, axis)
@@ -192,7 +196,7 @@ def _add_force(x, body, p, f0, f1, f2, wrench):
 
 @inner
 def spin_along(Rs, vs, body, n):
-    """Angular velocity about the world direction n."""
+    """Return the body's angular velocity about the world direction n."""
     R, v = Rs[body], vs[body]
     s = 0.0
     for k in range(3):
@@ -202,7 +206,7 @@ def spin_along(Rs, vs, body, n):
 
 @inner
 def speed_along(xs, Rs, vs, body, p, d0, d1, d2):
-    """Velocity of the body's point p (world) along the direction d."""
+    """Return the velocity of the body's point p (world) along the direction d."""
     R, v, x = Rs[body], vs[body], xs[body]
     o0 = R[0, 0] * v[3] + R[0, 1] * v[4] + R[0, 2] * v[5]
     o1 = R[1, 0] * v[3] + R[1, 1] * v[4] + R[1, 2] * v[5]

@@ -10,8 +10,8 @@ import numpy as np
 
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME = range(8)
-CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE = range(8, 11)  # the impulses of a whole step, by its length
-DERIVED = 11  # from other responses, after the run
+CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE = range(8, 11)  # the impulses of a whole step, divided by its length
+DERIVED = 11  # computed from other responses, after the run
 END, PEAK, EVENT = range(3)
 SLIDE, TURN = range(2)
 
@@ -24,7 +24,7 @@ class Bodies(NamedTuple):
     mass: np.ndarray  # (nb,)
     inertia: np.ndarray  # (nb, 3, 3) about the centre of mass, body axes
     inverse_root: np.ndarray  # (nb, 3, 3) L^-1 with inertia = L L'
-    at: np.ndarray  # (nb,) int64, where each body's six velocities stand among the unknowns of a step
+    at: np.ndarray  # (nb,) int64, index of each body's first velocity among the unknowns of a step
 
 
 class Contacts(NamedTuple):
@@ -40,7 +40,7 @@ class Contacts(NamedTuple):
 
 
 class Laws(NamedTuple):
-    """What happens at the contacts."""
+    """The contact laws."""
 
     mu: np.ndarray  # (nc,)
     restitution: np.ndarray  # (nc,)
@@ -64,8 +64,8 @@ class BilateralRows(NamedTuple):
     a: np.ndarray  # (nt,) int64
     b: np.ndarray  # (nt,) int64
     geometry: np.ndarray  # (nt, 9) see bilateral.py
-    arm: np.ndarray  # (nt,) what makes a TURN's angle a length; 1 for a SLIDE
-    law: np.ndarray  # (nt,) int64 time law of its target, -1: none
+    arm: np.ndarray  # (nt,) length that multiplies a TURN's angle; 1 for a SLIDE
+    law: np.ndarray  # (nt,) int64 number of its target's time law, -1: none
     phase: np.ndarray  # (nt, n_phase) bool, when it acts
     offset: np.ndarray  # (nt,) target where the law is 0 [length or rad]; where the motion began; written by the run
     acts: np.ndarray  # (nt,) bool, in the present phase; written by the run
@@ -77,18 +77,18 @@ class Loads(NamedTuple):
     gravity: np.ndarray  # (3,)
     spring_body: np.ndarray  # (ns, 2) int64
     spring_point: np.ndarray  # (ns, 6) the two points
-    spring_law: np.ndarray  # (ns, 5) stiffness, free length, damping, preload, what it does: 1 pushes, -1 pulls, 0 both
+    spring_law: np.ndarray  # (ns, 5) stiffness, free length, damping, preload, 1: only pushes, -1: only pulls, 0: both
     torsion_body: np.ndarray  # (nt, 2) int64
     torsion_axis: np.ndarray  # (nt, 3) fixed in the first body
-    torsion_turn: np.ndarray  # (nt, 4) quaternion: the second's attitude times it is the first's where the angle is 0
+    torsion_turn: np.ndarray  # (nt, 4) quaternion; b's attitude times it is a's where the angle is 0
     torsion_law: np.ndarray  # (nt, 4) stiffness, angle without torque, damping, angle at the start
-    action_first: np.ndarray  # (ns + nt + 1,) int64, first of the actions of each spring; none: its line or its couple
+    action_first: np.ndarray  # (ns + nt + 1,) int64, first action of each spring; without one it acts along its line
     action_body: np.ndarray  # (na,) int64
-    action_vector: np.ndarray  # (na, 9) point, force, torque in body axes, for a force or torque 1 of the spring
+    action_vector: np.ndarray  # (na, 9) point, force, torque in body axes, for a spring force or torque of 1
     force_body: np.ndarray  # (nf,) int64
     force_vector: np.ndarray  # (nf, 9) point, force, torque
     force_in_body: np.ndarray  # (nf,) bool: components in body axes
-    force_law: np.ndarray  # (nf,) int64 time law it is multiplied with, -1: none
+    force_law: np.ndarray  # (nf,) int64, number of the time law that multiplies it, -1: none
     force_phase: np.ndarray  # (nf, n_phase) bool
 
 
@@ -101,9 +101,9 @@ class Responses(NamedTuple):
     offset: np.ndarray  # (nr,)
     measures_motion: np.ndarray  # (nr,) bool: a length or angle at the end of the run; at rest it does not change
     at: np.ndarray  # (nr,) int64 END, PEAK or EVENT
-    from_phase: np.ndarray  # (nr,) int64, from whose beginning peaks and events are looked for
-    to_phase: np.ndarray  # (nr,) int64, to whose end they are
-    trigger: np.ndarray  # (nr,) int64, the response whose crossing is the event, or whose peak it is
+    from_phase: np.ndarray  # (nr,) int64, the phase with whose beginning the search for peaks and events begins
+    to_phase: np.ndarray  # (nr,) int64, the phase with whose end it ends
+    trigger: np.ndarray  # (nr,) int64, the response whose crossing or whose peak sets the instant
     limit: np.ndarray  # (nr, 2) limit of the trigger; side: 1 above it or a maximum, -1 below it or a minimum
 
 
@@ -117,7 +117,7 @@ class Phases(NamedTuple):
 
 
 class Model(NamedTuple):
-    """Constants of a run. Kernels get the part they need: every array of a call costs compile time."""
+    """Constants of a run."""
 
     bodies: Bodies
     contacts: Contacts
@@ -137,8 +137,8 @@ class State(NamedTuple):
     R: np.ndarray  # (nb + 1, 3, 3) their rotations
     v: np.ndarray  # (nb + 1, 6) velocity of the centre of mass (world), angular velocity (body axes)
     r: np.ndarray  # (nc, 3) contact impulses of the last step, (N, T1, T2)
-    slip: np.ndarray  # (nc,) relative speed at the contacts that pressed in the last step
-    gap: np.ndarray  # (nc,) at the end of the step; of contacts out of reach a lower bound
+    slip: np.ndarray  # (nc,) relative tangential speed of the contacts that pressed in the last step
+    gap: np.ndarray  # (nc,) at the end of the step; for contacts that are not near, a lower bound
 
 
 class BroadPhase(NamedTuple):
@@ -167,27 +167,32 @@ class StepStart(NamedTuple):
     r: np.ndarray  # (nc, 3)
 
 
+class ContactSites(NamedTuple):
+    """Where the contacts are at one pose, in the world."""
+
+    point: np.ndarray  # (nc, 3) contact points
+    frame: np.ndarray  # (nc, 3, 3) rows N, T1, T2
+
+
 class Scratch(NamedTuple):
     """Work space of a step."""
 
     broad_phase: BroadPhase
     bilateral: BilateralState
     start: StepStart
+    sites: ContactSites
     wrench: np.ndarray  # (nb + 1, 6) force and torque about the centre of mass, world axes
-    free: np.ndarray  # (nb + 1, 6) twist at the end of the step without contact impulses; a displacement in projection
-    gap: np.ndarray  # (nc,) where the step takes the contacts
-    point: np.ndarray  # (nc, 3) contact points
-    frame: np.ndarray  # (nc, 3, 3) rows N, T1, T2
+    free: np.ndarray  # (nb + 1, 6) twists at the end without contact impulses; displacement in projection
+    gap: np.ndarray  # (nc,) gaps at the pose within the step
     q: np.ndarray  # (nc, 3) relative velocities without impulses
-    shift: np.ndarray  # (nc,) what the impact law adds to their normal part
+    shift: np.ndarray  # (nc,) the impact law's addition to their normal part
     u: np.ndarray  # (nc, 3) relative velocities
     active: np.ndarray  # (nc,) bool
     chosen: np.ndarray  # (nc,) int64, contacts of the friction problem
     values: np.ndarray  # (nr,) measured at the end of the last step
     previous: np.ndarray  # (nr,) measured at its beginning
-    reported: np.ndarray  # (nr,) the responses, each read at its own instant
-    peak: np.ndarray  # (nr,) largest or smallest value so far of the response whose peak is looked for
-    anchor: np.ndarray  # (nr,) responses when the present pause began
-    travel: np.ndarray  # (nc,) way slipped since then
-    a: np.ndarray  # (3,)
-    b: np.ndarray  # (3,)
+    reported: np.ndarray  # (nr,) the responses, each at its own instant
+    peak: np.ndarray  # (nr,) largest or smallest value so far of the response whose peak is sought
+    anchor: np.ndarray  # (nr,) values when the present pause began
+    travel: np.ndarray  # (nc,) slip since then
+    vectors: np.ndarray  # (2, 3)

@@ -6,7 +6,7 @@ from engine.jit import inner, kernel
 from engine.kernels.rotations import rotation_matrix, turn
 
 EULER_STEPS = 4
-NOTHING = 1e-150  # of any unit: what rounding leaves of a motion that is none; arithmetic on less than 1e-308 is slow
+NOTHING = 1e-150  # of any unit: a smaller number is what rounding leaves of 0; arithmetic below 1e-308 is slow
 
 
 @kernel
@@ -28,11 +28,25 @@ def move(state, dt):
 
 @kernel
 def free_twist(bodies, R, twist, wrench, h, theta, again, free):
-    """Write the twists at the end of a step of length ``h`` under the loads alone.
+    """Write the twists at the end of a step under the loads alone.
 
     The gyroscopic moment is taken within the step, I (O+ - O) = h (M - Om x I Om), Om = (1 - theta) O + theta O+: with
-    theta = 1/2 second order, and a free body keeps its energy and its momentum. With ``again`` O+ is what ``free``
-    holds, the end twists with the impulses of joints: without these the moment is of first order only.
+    theta = 1/2 second order, and a free body keeps its energy and its momentum.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    R : (nb + 1, 3, 3) array
+    twist : (nb + 1, 6) array
+        At the start of the step.
+    wrench : (nb + 1, 6) array
+        Forces and torques, in world axes.
+    h, theta : float
+    again : bool
+        Take O+ from ``free``: the end twists with the impulses of joints. Without these impulses the moment is of
+        first order only.
+    free : (nb + 1, 6) array
+        Written.
     """
     for body in range(bodies.mass.shape[0]):
         v, f, J, Q = twist[body], wrench[body], bodies.inertia[body], R[body]
@@ -79,7 +93,7 @@ def kinetic_energy(bodies, v):
 
 @inner
 def impulse_time(rate, h):
-    """Return the momentum that a force of 1 leaves at the end of a step ``h``: ``h`` less what drag took of it."""
+    """Return the momentum that a force of 1 leaves at the end of a step ``h``: ``h`` less the share lost to drag."""
     return -np.expm1(-rate * h) / rate if rate > 0.0 else h
 
 

@@ -45,14 +45,14 @@ def project_positions(model, state, work, problem, control):
     bodies, contacts, rows, at_pose = model.bodies, model.contacts, model.bilateral, work.bilateral
     worst, contact, off, n, displacement = 0.0, -1, 0.0, problem.w.shape[0], work.free
     for _ in range(ROUNDS):
-        find_near_contacts(contacts, state, work, 0.0, 0.0, state.gap)
+        find_near_contacts(contacts, state, work.broad_phase, work.sites, 0.0, 0.0, state.gap)
         worst, contact = largest_penetration(state.gap)
         row_violations(rows, state.x, state.R, at_pose.target[1], at_pose.violation, at_pose.point, at_pose.direction)
         off = largest_violation(at_pose.violation)
         if (worst <= 0.5 * control.penetration and off <= 0.5 * control.violation) or not worst + off < 1e300:
             break
         within = REACH * max(worst, off)
-        find_near_contacts(contacts, state, work, 0.0, within, state.gap)
+        find_near_contacts(contacts, state, work.broad_phase, work.sites, 0.0, within, state.gap)
         for body in range(displacement.shape[0]):
             for k in range(6):
                 displacement[body, k] = 0.0
@@ -63,7 +63,7 @@ def project_positions(model, state, work, problem, control):
             factorise_bilateral(n, problem.bilateral)
             hold_bilateral(n, problem.bilateral, at_pose.violation, problem.w)
             add_whitened(bodies, problem.w, displacement)
-        nc = gather_displacement_problem(model, state, work, problem, within)
+        nc = gather_displacement_problem(bodies, contacts, state, work.sites, displacement, work.u, problem, within)
         if nc > 0:
             solved, _, _ = solve_friction(n, nc, problem, TOLERANCE)
             if solved != CONVERGED:
@@ -95,19 +95,19 @@ def largest_violation(violation):
 
 
 @inner
-def gather_displacement_problem(model, state, work, problem, within):
+def gather_displacement_problem(bodies, contacts, state, sites, displacement, u, problem, within):
     """Write the displacement problem of the contacts open by no more than ``within``; return their number."""
-    n, contacts = 0, model.contacts
+    n = 0
     for i in range(state.gap.shape[0]):
         if state.gap[i] <= within:
             a, b = contacts.a[i], contacts.b[i]
-            whitened_rows(model.bodies, state.x, state.R, a, b, work.point, work.frame, i, problem.rows, n)
-            relative_velocity(state.x, state.R, a, b, work.point, work.frame, work.free, i, work.u)
+            whitened_rows(bodies, state.x, state.R, a, b, sites.point, sites.frame, i, problem.rows, n)
+            relative_velocity(state.x, state.R, a, b, sites.point, sites.frame, displacement, i, u)
             problem.mu[n] = 0.0
             for k in range(3):
                 problem.q[n, k] = 0.0
                 problem.r[n, k] = 0.0
-            problem.q[n, 0] = state.gap[i] + work.u[i, 0]
+            problem.q[n, 0] = state.gap[i] + u[i, 0]
             if problem.q[n, 0] < 0.0:  # a guess: each contact repairs its own violation
                 problem.r[n, 0] = -problem.q[n, 0] / normal_delassus(problem.rows, n)
             n += 1

@@ -1,4 +1,4 @@
-"""A run step by step: one row of numbers each, into room given beforehand.
+"""Record a run: one row of numbers for a step, into rows allocated beforehand.
 
 A row holds, in this order: time, step, kinetic energy, potential energy; for each moving body its position (3),
 quaternion (4), velocity (3) and body-frame angular velocity (3); for each contact its gap, impulse (N, T1, T2) and
@@ -14,13 +14,13 @@ HEAD, BODY, CONTACT = 4, 13, 5
 
 
 def row_length(bodies: int, contacts: int, responses: int) -> int:
-    """Return how many numbers a row has."""
+    """Return the number of numbers in a row."""
     return HEAD + BODY * bodies + CONTACT * contacts + responses
 
 
 @kernel
 def record(model, state, work, t, h, rows):
-    """Write the present state as a row; return True, and write nothing, if there is no room."""
+    """Write the present state as a row; return True, and write nothing, if the rows are full."""
     i = int(rows[0, 0]) + 1
     if i >= rows.shape[0]:
         return True
@@ -35,7 +35,7 @@ def record(model, state, work, t, h, rows):
             row[at + 3 + k] = state.p[body, k]
         at += BODY
     for c in range(state.gap.shape[0]):
-        row[at] = find_contact(model.contacts, state.x, state.R, c, work.point, work.frame)
+        row[at] = find_contact(model.contacts, state.x, state.R, c, work.sites.point, work.sites.frame)
         row[at + 1], row[at + 2], row[at + 3] = state.r[c, 0], state.r[c, 1], state.r[c, 2]
         row[at + 4] = 1.0 if work.active[c] else 0.0
         at += CONTACT

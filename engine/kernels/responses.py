@@ -1,10 +1,10 @@
-"""What is measured on the mechanism after each step, and what of it is reported.
+"""Measure the responses after each step, and keep those that are reported.
 
 ================  ==================================  =====================================================
 kind              body                                point, from the centre of mass in body axes
 ================  ==================================  =====================================================
 POSITION          from, to, direction                 from (0:3), its axis or 0 (3:6), to (6:9), direction (9:12)
-VELOCITY          as above: its rate
+VELOCITY          as above; its rate
 ANGLE             relative to, body                   axis (3:6); quaternion that undoes the start (6:10)
 ANGULAR_VELOCITY  as above                            axis (3:6)
 GAP               contact
@@ -42,24 +42,31 @@ from engine.kernels.rotations import times, to_world, turn_to_world, twist_angle
 
 
 @kernel
-def measure(model, state, work, t, h):
+def measure(responses, contacts, loads, state, sites, values, vectors, instant):
     """Write every response at the end of a step.
 
     Parameters
     ----------
-    model : Model
+    responses : Responses
+    contacts : Contacts
+    loads : Loads
     state : State
-    work : Scratch
-        ``values``, shape (nr,), is written; it holds the values of the step before, at the start the offsets: an angle
-        counts its full turns from there. ``point`` and ``frame`` are written where a gap is measured.
-    t, h : float
+    sites : ContactSites
+        Written where a gap is measured.
+    values : (nr,) array
+        Written. It holds the values of the step before, at the start the offsets: an angle counts its full turns from
+        there.
+    vectors : (2, 3) array
+        Work space.
+    instant : (float, float)
         Time at the end of the step, and its length.
     """
-    responses, loads, frame, values, p, q = model.responses, model.loads, work.frame, work.values, work.a, work.b
+    t, h = instant
+    frame, p, q = sites.frame, vectors[0], vectors[1]
     for i in range(values.shape[0]):
         kind, body, row = responses.kind[i], responses.body[i], responses.point[i]
         if kind == GAP:
-            value = find_contact(model.contacts, state.x, state.R, body[0], work.point, frame)
+            value = find_contact(contacts, state.x, state.R, body[0], sites.point, frame)
         elif kind == SPRING_FORCE:
             value = spring_force(loads, state, body[0], p, q)[0]
         elif kind == SPRING_TORQUE:
@@ -138,13 +145,18 @@ def _joint_impulse(body, row, state, frame, total, way):
 
 @kernel
 def update_reported(responses, values, previous, phase, reported, peak):
-    """Bring what is reported up to date after a step of ``phase``.
+    """Update the reported values after a step of ``phase``.
 
     Parameters
     ----------
-    values, previous : (nr,) measured at the end of the step and at its beginning; before the first step, at the start
-    reported : (nr,) NaN before the first step, and as long as nothing is to be reported: an event that has not happened
-    peak : (nr,) of what is read at a peak the peak so far; NaN before the first step
+    responses : Responses
+    values, previous : (nr,) arrays
+        Measured at the end of the step and at its beginning.
+    phase : int
+    reported : (nr,) array
+        Written; NaN before the first step, and as long as the event has not happened at which a response is read.
+    peak : (nr,) array
+        Written; the peak so far of the response whose peak is sought; NaN before the first step.
     """
     for i in range(reported.shape[0]):
         limit, side = responses.limit[i, 0], responses.limit[i, 1]

@@ -1,8 +1,8 @@
-"""When a mechanism is at rest: no measured length and no contact that carries load moves for a while."""
+"""Rest: no measured length and no contact that carries load moves for a while."""
 
 from engine.jit import inner
 
-LOADED = 1e-3  # of the largest impulse: a contact that carries load
+LOADED = 1e-3  # share of the largest impulse above which a contact carries load
 
 
 @inner

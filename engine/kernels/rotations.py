@@ -20,7 +20,7 @@ def rotation_matrix(p, R):
     R[2, 2] = 1 - 2 * (x * x + y * y)
 
 
-@kernel
+@inner
 def turn(p, a, b, c):
     """Turn the quaternion ``p`` in place by the body-frame rotation vector (a, b, c) [rad]: p <- p exp(.)."""
     angle = np.sqrt(a * a + b * b + c * c)
@@ -41,7 +41,7 @@ def turn(p, a, b, c):
 
 @inner
 def times(p, q):
-    """Quaternion product as a tuple."""
+    """Return the quaternion product p q as a tuple."""
     return (
         p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
         p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
@@ -50,7 +50,7 @@ def times(p, q):
     )
 
 
-@kernel
+@inner
 def twist_angle(pa, pb, n0, n1, n2):
     """Return the angle [rad] in (-2 pi, 2 pi) by which ``pb`` is turned from ``pa`` about the axis n of frame a."""
     w = pa[0] * pb[0] + pa[1] * pb[1] + pa[2] * pb[2] + pa[3] * pb[3]

@@ -38,29 +38,30 @@ def step(context):
     StepResult
     """
     model, state, work, problem, control, phase, t, h, theta = context
-    bodies, contacts, n = model.bodies, model.contacts, problem.w.shape[0]
+    bodies, contacts, laws, bilateral = model.bodies, model.contacts, model.laws, model.bilateral
     before, after, plain = (1 - theta) * h, theta * h, control.plain  # the impulses act between these two parts
+    n = problem.w.shape[0]
     save_start(state, work.start)
 
     # free motion to within the step, and the twists at its end without contact impulses
     move(state, before)
     consume_budget(contacts, state.v, before, work.broad_phase)
-    apply_loads(model, state, work, phase, t + before)
-    row_targets(model.bilateral, model.time_laws, t, h, work.bilateral.target)
+    apply_loads(bodies, model.loads, model.time_laws, state, phase, t + before, work.wrench, work.vectors)
+    row_targets(bilateral, model.time_laws, t, h, work.bilateral.target)
     for again in (False, True):
         if not again or work.bilateral.violation.shape[0] > 0:
             free_twist(bodies, state.R, state.v, work.wrench, h, theta, again, work.free)
             damp(state.v, work.free, model.phases.damping[phase], h)
-            hold_joints(model, state, work, problem, work.free, h, 1.0 if plain else theta)
+            hold_joints(bodies, bilateral, state, work.bilateral, problem, work.free, h, 1.0 if plain else theta)
 
     # impulses at the contacts of that pose; the active set grows until no contact is driven into penetration
     body_speeds(work.free, work.broad_phase.speed)
-    find_near_contacts(contacts, state, work, after, 0.0, work.gap)
-    free_relative_velocities(model, state, work, after, plain)
-    first_active_set(model.laws, state, work, after, plain)
+    find_near_contacts(contacts, state, work.broad_phase, work.sites, after, 0.0, work.gap)
+    free_relative_velocities(contacts, laws, state, work, after, plain)
+    first_active_set(laws, state, work, after, plain)
     status, residual, iterations, fastest = CONVERGED, 0.0, 0, 0.0
     for _ in range(GROWTH_ROUNDS):
-        nc = gather_problem(model, state, work, problem)
+        nc = gather_problem(bodies, contacts, laws, state, work, problem)
         if nc > 0:
             status, spent, residual = solve_friction(n, nc, problem, control.tolerance)
             iterations += spent
@@ -68,7 +69,7 @@ def step(context):
         if status != CONVERGED:
             contact = worst_contact(problem, work.chosen, nc)
             return StepResult(status, residual, 0.0, contact, 0.0, fastest, iterations)
-        added, fastest = grow_active_set(model, state, work, after)
+        added, fastest = grow_active_set(contacts, laws, state, work, after)
         if added == 0 or plain:
             break
 
@@ -77,5 +78,5 @@ def step(context):
     consume_budget(contacts, state.v, after, work.broad_phase)
     penetration, contact, violation = project_positions(model, state, work, problem, control)
     if not plain:
-        hold_joints(model, state, work, problem, state.v, 0.0, theta)
+        hold_joints(bodies, bilateral, state, work.bilateral, problem, state.v, 0.0, theta)
     return StepResult(status, residual, penetration, contact, violation, fastest, iterations)

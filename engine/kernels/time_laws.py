@@ -1,4 +1,4 @@
-"""Functions of time: what a load is multiplied with, where a prescribed motion is."""
+"""Laws of time: factors of loads, and targets of prescribed motions."""
 
 import numpy as np
 
@@ -7,7 +7,10 @@ from engine.jit import inner, kernel
 
 @kernel
 def time_law(laws, i, t):
-    """Return law i at time t: its cubic piece, constant before the first and after the last, plus its sine."""
+    """Return law i at time t: its cubic piece, constant before the first and after the last, plus its sine.
+
+    ``t`` is the time since the start of the run.
+    """
     t = _since(laws, i, t)
     if t == -np.inf:
         t = 0.0
@@ -19,7 +22,7 @@ def time_law(laws, i, t):
 
 @kernel
 def time_law_rate(laws, i, t):
-    """Return the rate of law i at time t, from the right."""
+    """Return the rate of law i at time t, taken from the right."""
     t = _since(laws, i, t)
     if t == -np.inf:
         return 0.0
@@ -31,13 +34,13 @@ def time_law_rate(laws, i, t):
 
 @inner
 def _since(laws, i, t):
-    """Return the time of law i: since the beginning of its phase; -inf before."""
+    """Return the time since the beginning of law i's phase; -inf before it has begun."""
     return t - laws.begun[laws.since[i]]
 
 
 @inner
 def _piece(laws, i, t):
-    """Return the piece of law i that began last, by bisection."""
+    """Return the last piece of law i that has begun at time t, by bisection."""
     k, end = laws.first[i], laws.first[i + 1]
     while end - k > 1:
         middle = (k + end) // 2

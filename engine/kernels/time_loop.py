@@ -101,7 +101,7 @@ def run_to_end(arrays, control, course, rows, every, stop):
             return
         _measure(model, state, work, course)
         update_reported(model.responses, work.values, work.previous, n[PHASE], work.reported, work.peak)
-        _track_rest(model, state, work, control, course)
+        _track_rest(model.responses, state, work, control, course)
         if until_rest and slow(model.bodies, state.v, control.slow):
             n[SLOW] = 1
             _shorten_longest_step(control, now)
@@ -116,7 +116,8 @@ def _measure(model, state, work, course):
     """Measure all responses at the end of a step."""
     for i in range(work.values.shape[0]):
         work.previous[i] = work.values[i]
-    measure(model, state, work, course.reals[TIME], course.reals[STEP])
+    instant = course.reals[TIME], course.reals[STEP]
+    measure(model.responses, model.contacts, model.loads, state, work.sites, work.values, work.vectors, instant)
 
 
 @inner
@@ -224,10 +225,10 @@ def _scale_impulses(r, factor):
 
 
 @inner
-def _track_rest(model, state, work, control, course):
+def _track_rest(responses, state, work, control, course):
     """Measure for how long nothing that matters has moved."""
     n, now = course.counts, course.reals
-    unmoved = not moved(model.responses, state, work, now[STEP], control.drift)
+    unmoved = not moved(responses, state, work, now[STEP], control.drift)
     now[PAUSE] = now[PAUSE] + now[STEP] if unmoved and now[PAUSE] >= 0.0 else 0.0
     if now[PAUSE] == 0.0:
         start_pause(work.values, work.anchor, work.travel)

@@ -1,4 +1,4 @@
-"""Vectors of three numbers as tuples: values in registers, where a kernel has no array to write them to."""
+"""Vectors of three numbers as tuples: values in registers, for kernels without an array to write them into."""
 
 from engine.jit import inner
 

@@ -9,12 +9,13 @@ from engine.kernels.contacts import add_whitened, relative_velocity, whitened_ro
 
 
 @inner
-def free_relative_velocities(model, state, work, dt, plain):
+def free_relative_velocities(contacts, laws, state, work, dt, plain):
     """Write the relative velocities without impulses, and the impact law's shifts, of all near contacts.
 
     Parameters
     ----------
-    model : Model
+    contacts : Contacts
+    laws : Laws
     state : State
     work : Scratch
         ``q`` and ``shift`` are written.
@@ -23,9 +24,9 @@ def free_relative_velocities(model, state, work, dt, plain):
     plain : bool
         Moreau-Jean's scheme: the impact law of all contacts is Newton's.
     """
-    for i in range(model.laws.mu.shape[0]):
+    for i in range(laws.mu.shape[0]):
         if work.broad_phase.near[i]:
-            free_relative_velocity(model.contacts, model.laws, state, work, dt, plain, i)
+            free_relative_velocity(contacts, laws, state, work, dt, plain, i)
 
 
 @inner
@@ -37,9 +38,9 @@ def free_relative_velocity(contacts, laws, state, work, dt, plain, i):
     (eq. 6).
     """
     a, b, e, x, R = contacts.a[i], contacts.b[i], laws.restitution[i], state.x, state.R
-    relative_velocity(x, R, a, b, work.point, work.frame, work.free, i, work.q)
+    relative_velocity(x, R, a, b, work.sites.point, work.sites.frame, work.free, i, work.q)
     if e > 0.0:
-        relative_velocity(x, R, a, b, work.point, work.frame, work.start.v, i, work.u)
+        relative_velocity(x, R, a, b, work.sites.point, work.sites.frame, work.start.v, i, work.u)
         work.shift[i] = min(e * work.u[i, 0], 0.0)
     else:
         work.shift[i] = 0.0 if plain else max(work.gap[i] / dt, 0.0)
@@ -61,15 +62,15 @@ def first_active_set(laws, state, work, dt, plain):
 
 
 @inner
-def gather_problem(model, state, work, problem):
+def gather_problem(bodies, contacts, laws, state, work, problem):
     """Write the friction problem of the active contacts, from the last step's impulses; return their number."""
     n = 0
-    for i in range(model.laws.mu.shape[0]):
+    for i in range(laws.mu.shape[0]):
         if work.active[i]:
-            a, b = model.contacts.a[i], model.contacts.b[i]
+            a, b = contacts.a[i], contacts.b[i]
             work.chosen[n] = i
-            whitened_rows(model.bodies, state.x, state.R, a, b, work.point, work.frame, i, problem.rows, n)
-            problem.mu[n] = model.laws.mu[i]
+            whitened_rows(bodies, state.x, state.R, a, b, work.sites.point, work.sites.frame, i, problem.rows, n)
+            problem.mu[n] = laws.mu[i]
             for k in range(3):
                 problem.q[n, k] = work.q[i, k]
                 problem.r[n, k] = state.r[i, k]
@@ -94,12 +95,13 @@ def apply_impulses(bodies, state, work, problem, n):
 
 
 @inner
-def grow_active_set(model, state, work, dt):
+def grow_active_set(contacts, laws, state, work, dt):
     """Activate every contact that the new twists would drive into penetration (eq. 22).
 
     Parameters
     ----------
-    model : Model
+    contacts : Contacts
+    laws : Laws
     state : State
     work : Scratch
     dt : float
@@ -112,16 +114,16 @@ def grow_active_set(model, state, work, dt):
     fastest : float
         Speed of the fastest near contact point relative to its partner.
     """
-    contacts, broad_phase, added, fastest = model.contacts, work.broad_phase, 0, 0.0
+    broad_phase, added, fastest = work.broad_phase, 0, 0.0
     body_speeds(state.v, broad_phase.speed)
     for i in range(work.active.shape[0]):
         if not broad_phase.near[i]:
             if broad_phase.budget[i] > dt * closing_speed(contacts, broad_phase, i):
                 continue
-            update_contact(contacts, state, work, i, work.gap)
-            free_relative_velocity(contacts, model.laws, state, work, dt, False, i)
+            update_contact(contacts, state, broad_phase, work.sites, i, work.gap)
+            free_relative_velocity(contacts, laws, state, work, dt, False, i)
         a, b = contacts.a[i], contacts.b[i]
-        relative_velocity(state.x, state.R, a, b, work.point, work.frame, state.v, i, work.u)
+        relative_velocity(state.x, state.R, a, b, work.sites.point, work.sites.frame, state.v, i, work.u)
         fastest = max(fastest, work.u[i, 0] ** 2 + work.u[i, 1] ** 2 + work.u[i, 2] ** 2)
         if not work.active[i] and work.u[i, 0] < 0.0 and work.gap[i] + dt * work.u[i, 0] < 0.0:
             work.active[i] = True

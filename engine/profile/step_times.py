@@ -1,4 +1,4 @@
-"""How fast a mechanism is computed, and what a step spends its time on: the numbers of `clearcap bench`."""
+"""The time of a step, and the shares of its stages: the numbers of `clearcap bench`."""
 
 import dataclasses
 import time
@@ -9,9 +9,9 @@ import numpy as np
 if TYPE_CHECKING:
     from engine import Mechanism
 
-STEPS = 7000  # at most, unless told otherwise
+STEPS = 7000  # at most, unless a number is given
 PAPER = {"c60": 1e-3}  # fixed steps [ms]: 7000 of these are the paper's run
-REPEATS = 2  # runs without clocks; the quicker counts
+REPEATS = 2  # runs without clocks; the quickest counts
 WALL_LIMIT = 600.0
 
 
@@ -21,14 +21,24 @@ class StepTimes:
 
     Attributes
     ----------
-    status, message : why the steps ended, as in a run; "ok" when all of them were made
-    step : length of the steps, in the mechanism's unit of time
-    bodies, contacts, ties : moving bodies, potential contacts, rows of ideal joints and prescribed motions
-    steps, repeated : steps made, and those of them that were made again with half their length
-    step_us : real time of a step, responses included [microseconds]
-    iterations_per_step : Newton and interior-point steps of the friction solver
-    shares : parts of the time spent on each stage of `engine.profile.timed_loop.STAGES`; "other" makes their sum 1
-    max_residual, max_penetration, max_violation : as in a run's certificate
+    mechanism : str
+        Its name.
+    status, message : str
+        Why the steps ended, as in a run; "ok" when all of them were made.
+    step : float
+        Length of the steps, in the mechanism's unit of time.
+    bodies, contacts, ties : int
+        Numbers of moving bodies, potential contacts, and bilateral rows (ideal joints and prescribed motions).
+    steps, repeated : int
+        Steps made, and steps among them that were repeated with half their length.
+    step_us : float
+        Real time of a step, responses included [microseconds].
+    iterations_per_step : float
+        Newton and interior-point steps of the friction solver.
+    shares : dict
+        Share of the time of each stage of `engine.profile.timed_loop.STAGES`; "other" makes their sum 1.
+    max_residual, max_penetration, max_violation : float
+        As in a run's certificate.
     """
 
     mechanism: str
@@ -49,15 +59,21 @@ class StepTimes:
 
 
 def measure_step_times(mechanism: "Mechanism", steps: int | None = None) -> StepTimes:
-    """Simulate and measure.
+    """Simulate a mechanism and measure the time of its steps.
 
-    The time of a step is that of the kernels every run uses. The shares come from a second simulation, by the same
-    functions compiled once more with clocks between them (`engine.profile.timed_loop`); no number contains compilation.
+    The time of a step is that of the kernels that every run uses. The shares come from a second simulation, by the same
+    functions compiled once more with clocks between them (`engine.profile.timed_loop`). Compilation is not included.
 
     Parameters
     ----------
-    mechanism : the description; its shortest step is used, for the C-60 the paper's
-    steps : how many; by default as many as its horizon has, at most ``STEPS``
+    mechanism : Mechanism
+        Its shortest step is used; for the C-60 the paper's.
+    steps : int, optional
+        Number of steps; by default as many as its horizon has, at most ``STEPS``.
+
+    Returns
+    -------
+    StepTimes
 
     Raises
     ------
@@ -101,7 +117,7 @@ def measure_step_times(mechanism: "Mechanism", steps: int | None = None) -> Step
 
 
 def shares(mechanism: "Mechanism", control: Any) -> dict[str, float]:
-    """Return which part of the time each stage of the steps takes; their sum is 1."""
+    """Return the share of the time that each stage of the steps takes; their sum is 1."""
     from engine.assembly import assemble
     from engine.kernels.time_loop import new_course
     from engine.profile.timed_loop import STAGES, timed_loop

@@ -19,8 +19,8 @@ from numba.extending import intrinsic
 from engine.jit import uncached
 from engine.kernels import step, time_loop
 
-# loads: with the free motion; contacts: finding them, their velocities and the active set; projection: with its own
-# solver; rest: responses and the look for rest
+# loads: with the free motion; contacts: the broad phase, velocities and the active set; projection: with its own
+# solver; rest: responses, and whether the mechanism is at rest
 STAGES = ("solver", "contacts", "loads", "joints", "projection", "rest")
 SOLVER, CONTACTS, LOADS, JOINTS, PROJECTION, REST = STAGES
 STAGES_OF_STEP = {
@@ -83,7 +83,7 @@ def _timed(module: Any, stages: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _with_clock(stage: Any, number: int) -> Any:
-    """Return the kernel ``stage`` with what it takes added to ``_spent[number]``."""
+    """Return the kernel ``stage`` with a clock: its time is added to ``_spent[number]``."""
     spent_at, instant_at = _spent.ctypes.data, _instant.ctypes.data
 
     @uncached

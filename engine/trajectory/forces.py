@@ -1,4 +1,4 @@
-"""Contact forces of a trajectory as vectors in the world: the file has them along each contact's own frame."""
+"""Contact forces of a trajectory as vectors in the world; the file has them along each contact's own frame."""
 
 from collections.abc import Sequence
 
@@ -13,18 +13,21 @@ from engine.trajectory.read import Trajectory
 
 
 def contact_forces(trajectory: Trajectory, instants: Sequence[int]) -> tuple[Array, Array]:
-    """Return where the contacts are and the mean forces of the recorded steps since the previous of the instants.
+    """Return the contact points, and the mean forces of the recorded steps since the previous of the instants.
 
-    A force is that on the contact's first body; on the second, if the first is fixed.
+    A force is the one on the contact's first body, or on the second if the first is fixed.
 
     Parameters
     ----------
-    trajectory : of ``nc`` contacts
-    instants : ``m`` rows of it, increasing; the first has the force of its own step alone
+    trajectory : Trajectory
+        With ``nc`` contacts.
+    instants : sequence of int
+        ``m`` rows of it, increasing; the first has the force of its own step alone.
 
     Returns
     -------
-    points, forces : (m, nc, 3) arrays, in the world
+    points, forces : (m, nc, 3) arrays
+        In the world.
     """
     mechanism = trajectory.mechanism()
     assembly, order = assemble(mechanism), order_bodies(mechanism)
@@ -38,19 +41,19 @@ def contact_forces(trajectory: Trajectory, instants: Sequence[int]) -> tuple[Arr
         for at in range(since, row + 1):
             _place(assembly, trajectory, order, at, float(within[at]))
             impulse = np.reshape([history.impulse[at] for history in histories], (-1, 3))
-            forces[i] += np.einsum("c,ck,ckj->cj", sign, impulse, work.frame)
-        points[i] = work.point
+            forces[i] += np.einsum("c,ck,ckj->cj", sign, impulse, work.sites.frame)
+        points[i] = work.sites.point
         forces[i] /= step[since : row + 1].sum()
         since = row + 1
     return points, forces
 
 
 def _place(assembly: Assembly, trajectory: Trajectory, order: list[str], row: int, back: float) -> None:
-    """Find the contacts where the step found them: at the pose of a row less the last part of its displacement."""
+    """Find the contacts as the step did: at the pose of a row less the last part of its displacement."""
     state, work = assembly.state, assembly.work
     for body, name in enumerate(order):
         motion = trajectory.bodies[name]
         state.x[body], state.p[body] = motion.position[row], motion.quaternion[row]
         state.v[body, :3], state.v[body, 3:] = motion.velocity[row], motion.angular_velocity[row]
     move(state, -back)
-    find_contacts(assembly.model.contacts, state.x, state.R, state.gap, work.point, work.frame)
+    find_contacts(assembly.model.contacts, state.x, state.R, state.gap, work.sites.point, work.sites.frame)

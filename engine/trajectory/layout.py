@@ -1,4 +1,4 @@
-"""What a trajectory file holds: its datasets, and where each finds its numbers in a row of `kernels.record`."""
+"""The datasets of a trajectory file, and the place of their numbers in a row of `kernels.record`."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -19,12 +19,18 @@ class Series:
 
     Attributes
     ----------
-    path : its name in the file
-    width : numbers a row; 1 makes a dataset of one dimension
-    unit : of its numbers
-    about : what they are
-    take : from rows, shape (n, row length), the dataset's, shape (n,) or (n, width)
-    dtype : how they are stored
+    path : str
+        Its name in the file.
+    width : int
+        Numbers in a row; 1 makes a dataset of one dimension.
+    unit : str
+        Unit of its numbers.
+    about : str
+        What the numbers are.
+    take : callable
+        From rows, shape (n, row length), to the dataset's, shape (n,) or (n, width).
+    dtype : str
+        Type in which they are stored.
     """
 
     path: str

@@ -1,4 +1,4 @@
-"""Read a trajectory file back into arrays, and say what is wrong with one that is none."""
+"""Read a trajectory file back into arrays; a file that is not one is refused with its fault."""
 
 import json
 from dataclasses import dataclass
@@ -41,14 +41,22 @@ class Trajectory:
 
     Attributes
     ----------
-    description : the mechanism as plain data, as it was simulated
-    digest, engine : identity of the mechanism and of the engine's build
-    status, message : how the run ended
-    settings, certificate : what it was asked for, what it proves of itself
-    units : unit of each dataset, by its path in the file
-    time, step : (n,) instants, and lengths of the steps that led to them
-    kinetic, potential : (n,) energies
-    bodies, contacts, responses : by name
+    description : dict
+        The mechanism as plain data, as it was simulated.
+    digest, engine : str
+        Identity of the mechanism and of the engine's build.
+    status, message : str
+        How the run ended.
+    settings, certificate : dict
+        The settings of the run, and what it proves of itself.
+    units : dict
+        Unit of each dataset, by its path in the file.
+    time, step : (n,) arrays
+        Instants, and lengths of the steps that led to them.
+    kinetic, potential : (n,) arrays
+        Energies.
+    bodies, contacts, responses : dict
+        By name.
     """
 
     description: dict[str, Any]
@@ -82,7 +90,7 @@ def read_trajectory(path: str | Path) -> Trajectory:
     Raises
     ------
     TrajectoryError
-        If there is no such file, or it is none of clearcap's, of a newer format, incomplete or damaged.
+        If there is no such file, or it is not a trajectory of clearcap, of a newer format, incomplete or damaged.
     """
     import h5py
 

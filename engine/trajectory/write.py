@@ -1,4 +1,4 @@
-"""Write the trajectory of a run in blocks while it goes; the file appears under its name when it is complete."""
+"""Write the trajectory of a run in blocks during the run; the file gets its name when it is complete."""
 
 import json
 import os
@@ -54,9 +54,16 @@ def recording(
 
     Parameters
     ----------
-    path : its name; a file that is there is replaced
-    mechanism, assembly : whose run it is
-    every, full_horizon : settings of the run that are not in the mechanism
+    path : str or Path
+        Its name; an existing file is replaced.
+    mechanism : Mechanism
+        The mechanism that is simulated.
+    assembly : Assembly
+        Its arrays.
+    every : int
+        The file gets every ``every``-th step, and the last one.
+    full_horizon : bool
+        Whether the run continues after rest.
 
     Raises
     ------
@@ -86,7 +93,7 @@ def recording(
 
 
 def _describe(file: Any, mechanism: Mechanism, settings: dict[str, Any]) -> None:
-    """Write what the run was made of."""
+    """Write the mechanism, the settings and the build of the engine."""
     file.attrs["format"] = FORMAT
     file.attrs["format_version"] = VERSION
     file.attrs["mechanism"] = mechanism.name
@@ -99,7 +106,7 @@ def _describe(file: Any, mechanism: Mechanism, settings: dict[str, Any]) -> None
 
 
 def _dataset(file: Any, series: Series) -> Any:
-    """Make the empty dataset of a series; it grows."""
+    """Create the dataset of a series, empty; it grows."""
     more = () if series.width == 1 else (series.width,)
     dataset = file.create_dataset(
         series.path,

@@ -64,7 +64,7 @@ def test_every_gap_at_the_start_is_the_published_one():
     """All 39 pairs of the public list; the plunger's guide is two points here."""
     assembly = assemble(load_mechanism("c60_public"))
     work, state = assembly.work, assembly.state
-    find_contacts(assembly.model.contacts, state.x, state.R, work.gap, work.point, work.frame)
+    find_contacts(assembly.model.contacts, state.x, state.R, work.gap, work.sites.point, work.sites.frame)
     assert dict(zip(assembly.contact_names, work.gap, strict=True)) == pytest.approx(PUBLISHED, abs=1e-4)
 
 
@@ -73,7 +73,7 @@ def test_springs_act_as_published():
     mechanism = load_mechanism("c60_public")
     assembly = assemble(mechanism)
     model, state, work = assembly.model, assembly.state, assembly.work
-    apply_loads(model, state, work, 1, 0.0)
+    apply_loads(model.bodies, model.loads, model.time_laws, state, 1, 0.0, work.wrench, work.vectors)
     masses = model.bodies.mass.tolist()
     for name, (axis, moment) in ABOUT_THE_AXIS.items():
         body = masses.index(mechanism.bodies[name].mass)

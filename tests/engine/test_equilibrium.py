@@ -37,13 +37,15 @@ def forces(mechanism: Mechanism, assembly: Assembly) -> np.ndarray:
 def unbalance(mechanism: Mechanism, assembly: Assembly, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return each body's remaining force and moment about its centre of mass, contacts and loads together."""
     model, state, work = assembly.model, assembly.state, assembly.work
-    apply_loads(model, state, work, len(mechanism.phases) - 1, 0.0)
+    apply_loads(
+        model.bodies, model.loads, model.time_laws, state, len(mechanism.phases) - 1, 0.0, work.wrench, work.vectors
+    )
     left = work.wrench.copy()
-    world = np.einsum("ckj,ck->cj", work.frame, found)
+    world = np.einsum("ckj,ck->cj", work.sites.frame, found)
     for c, force in enumerate(world):
         for body, sign in ((model.contacts.a[c], 1.0), (model.contacts.b[c], -1.0)):
             left[body, :3] += sign * force
-            left[body, 3:] += sign * np.cross(work.point[c] - state.x[body], force)
+            left[body, 3:] += sign * np.cross(work.sites.point[c] - state.x[body], force)
     return left[:-1, :3], left[:-1, 3:]
 
 
@@ -143,7 +145,7 @@ def test_block_on_the_slope_feels_its_weight_and_friction():
     mechanism = load_mechanism("incline")
     assembly = settled(mechanism)
     found = forces(mechanism, assembly)
-    world = np.einsum("ckj,ck->cj", assembly.work.frame, found).sum(axis=0)
+    world = np.einsum("ckj,ck->cj", assembly.work.sites.frame, found).sum(axis=0)
     np.testing.assert_allclose(world, [0, 0, GRAVITY], atol=1e-4)
     assert found[:, 0].sum() == pytest.approx(GRAVITY * np.cos(np.pi / 6), rel=1e-5)
     lower, upper = found[[0, 3], 0], found[[1, 2], 0]

@@ -18,16 +18,16 @@ from engine.kernels.vectors import dot
 NEWTON_STEPS = 8
 BISECTIONS = 150
 CELL = np.pi / 32  # between two samples [rad]
-SMALLEST = 1 / 32  # of it, where samples stand closer
-UNEVEN = 3e-5  # what two samples' distances may differ from what their slopes say, as a share of the radius
-BESIDE = 1e-8  # from the point found, where the faces on both sides of an edge are asked [rad]
+SMALLEST = 1 / 32  # share of CELL: the closest that samples stand
+UNEVEN = 3e-5  # share of the radius by which two distances may differ from what the slopes there predict
+BESIDE = 1e-8  # angle from the nearest point at which the faces on both sides of an edge are taken [rad]
 OPPOSED = 0.5  # length of a combined normal; below, the faces are turned away from each other: the arc runs through
 FLAT = 1e-12  # change of slope from one sample to the next, as a share of the radius, that is only rounding
 
 
 @inner
 def nearest_on_arc(kind, b, r, half, across, along, axes):
-    """Find where an arc is nearest to the solid ``b`` of that kind.
+    """Find the point at which an arc is nearest to a solid.
 
     Parameters
     ----------

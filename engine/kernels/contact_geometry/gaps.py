@@ -8,11 +8,11 @@ kind            side b
 RING_BORE       journal: axis point (0:3), axis (3:6), tangent (6:9), radius (9); a is a ring's centre
 POINT_PLANE     plane: point (0:3), normal to the free side (3:6), tangent (6:9)
 ARC_PLANE       the same; a is an arc
-CYLINDER_PLANE  the same; a is a cylinder, of which the circle at mid-height counts
+CYLINDER_PLANE  the same; a is a cylinder, taken as its circle at mid-height
 ON_ROUND        cylinder or bore: axis point (0:3), axis (3:6), tangent (6:9), section (9:13)
 ON_DISC         plate: centre of its face (0:3), normal (3:6), tangent (6:9), section (9:13)
 ON_RECTANGLE    plate: the same; half sides along tangent and normal x tangent (9:11), bottom and top (11:13)
-ON_BALL         sphere or socket: centre (0:3), two directions that T1 is told by (3:6, 6:9), section (9:13)
+ON_BALL         sphere or socket: centre (0:3), two directions that fix T1 (3:6, 6:9), section (9:13)
 ==============  ===================================================================================
 
 Side a: point, centre of an arc, or axis point of a cylinder (0:3); then normal or axis (3:6), middle or tangent
@@ -34,19 +34,32 @@ from engine.kernels.model import ARC_PLANE, CYLINDER_PLANE, ON_BALL, ON_RECTANGL
 from engine.kernels.rotations import to_world, turn_to_world
 from engine.kernels.vectors import dot, split, vector_product, world_direction, world_point
 
-NOWHERE = 1e-150  # a distance whose square is still a number; below it, a direction is taken from the body
-NEARLY = 1e-4  # share of a vector left across an axis, below which rounding is taken out once more
-BACK = 1e-6  # square of the angle from the back of a face, within which its tangent is not carried round
+NOWHERE = 1e-150  # least distance whose square is still a number; below it, the direction is taken from the body
+NEARLY = 1e-4  # if less than this share of a vector lies across an axis, rounding is removed once more
+BACK = 1e-6  # square of the angle from the back of a face within which its tangent is not turned with the normal
 
 
 @kernel
 def find_contacts(contacts, x, R, gap, point, frame):
-    """Write every contact's gap (nc,), point (nc, 3) and frame (nc, 3, 3) at the pose (x, R)."""
+    """Write every contact's gap, point and local frame at a pose.
+
+    Parameters
+    ----------
+    contacts : Contacts
+    x, R : (nb + 1, 3), (nb + 1, 3, 3) arrays
+        Centres of mass and rotations of the bodies, the ground last.
+    gap : (nc,) array
+        Written; lengths, negative where bodies penetrate each other.
+    point : (nc, 3) array
+        Written; in the world.
+    frame : (nc, 3, 3) array
+        Written; rows N, T1, T2 in the world.
+    """
     for i in range(gap.shape[0]):
         gap[i] = find_contact(contacts, x, R, i, point, frame)
 
 
-@kernel
+@inner
 def find_contact(contacts, x, R, i, point, frame):
     """Write contact i's point and frame at the pose (x, R); return its gap."""
     kind = contacts.kind[i]
@@ -59,7 +72,7 @@ def find_contact(contacts, x, R, i, point, frame):
 
 @inner
 def ring_in_bore(contacts, x, R, i, point, frame):
-    """Ring of the bearing around the journal's cylinder: g = c - e, the force acts on the journal's surface."""
+    """Find a ring of the bearing around the journal's cylinder: g = c - e; the force acts on the journal's surface."""
     a, b = contacts.a[i], contacts.b[i]
     ga, gb = contacts.geometry_a[i], contacts.geometry_b[i]
     axis = frame[1]
@@ -88,7 +101,7 @@ def ring_in_bore(contacts, x, R, i, point, frame):
 
 @inner
 def on_plane(contacts, x, R, i, kind, point, frame):
-    """Lowest point of a point, an arc or a cylinder over a plane: g = (point - plane) . n."""
+    """Find the lowest point of a point, an arc or a cylinder over a plane: g = (point - plane) . n."""
     a, b = contacts.a[i], contacts.b[i]
     ga, gb = contacts.geometry_a[i], contacts.geometry_b[i]
     n = frame[0]
@@ -135,7 +148,7 @@ def on_plane(contacts, x, R, i, kind, point, frame):
 
 @inner
 def on_solid(contacts, x, R, i, kind, point, frame):
-    """Point of an arc nearest to a solid: the solid's signed distance there."""
+    """Find the point of an arc that is nearest to a solid; the gap is the solid's signed distance there."""
     a, b = contacts.a[i], contacts.b[i]
     ga, gb = contacts.geometry_a[i], contacts.geometry_b[i]
     r, e, z, t = ga[9], world_direction(R, a, ga, 6), world_direction(R, b, gb, 3), world_direction(R, b, gb, 6)
@@ -185,7 +198,7 @@ def on_solid(contacts, x, R, i, kind, point, frame):
 def transport(pole, t, n, out):
     """Write into ``out`` the tangent ``t`` turned as the shortest rotation turns ``pole`` into ``n``.
 
-    The tangent of a face at ``pole`` is thus carried round the edges without a jump, but for the very back.
+    The tangent of a face at ``pole`` thus turns round the edges without a jump, except at the very back.
     """
     s0, s1, s2 = pole[0] + n[0], pole[1] + n[1], pole[2] + n[2]
     square = s0 * s0 + s1 * s1 + s2 * s2

@@ -73,10 +73,10 @@ def test_flange_points_lie_on_their_circle_and_push_apart():
     assembly = assemble(made(wheel({"phase": np.pi / 2, "sides": "end", "ends": [-1.5, 2.5]})))
     assert list(assembly.contact_names[2:]) == END
     state, work = assembly.state, assembly.work
-    find_contacts(assembly.model.contacts, state.x, state.R, work.gap, work.point, work.frame)
+    find_contacts(assembly.model.contacts, state.x, state.R, work.gap, work.sites.point, work.sites.frame)
     half = np.sqrt(3)
-    np.testing.assert_allclose(work.point[2:], [[0, 2, 2.5], [-half, -1, 2.5], [half, -1, 2.5]], atol=1e-14)
-    np.testing.assert_allclose(work.frame[2:, 0], [[0, 0, -1]] * 3, atol=1e-15)
+    np.testing.assert_allclose(work.sites.point[2:], [[0, 2, 2.5], [-half, -1, 2.5], [half, -1, 2.5]], atol=1e-14)
+    np.testing.assert_allclose(work.sites.frame[2:, 0], [[0, 0, -1]] * 3, atol=1e-15)
     assert assembly.model.contacts.a[2:].tolist() == [0, 0, 0], "the bearing is the body pushed along the normal"
 
 
@@ -258,8 +258,8 @@ def test_ball_in_a_socket():
     state, work = assembly.state, assembly.work
     assert assembly.contact_names == ("J.ball",)
     assert state.gap[0] == pytest.approx(0.3 - 0.2, abs=1e-14)
-    np.testing.assert_allclose(work.frame[0, 0], [0, -0.6, 0.8], atol=1e-14)
-    np.testing.assert_allclose(work.point[0], [1, 1 + 2 * 0.6, 1 - 2 * 0.8], atol=1e-13)
+    np.testing.assert_allclose(work.sites.frame[0, 0], [0, -0.6, 0.8], atol=1e-14)
+    np.testing.assert_allclose(work.sites.point[0], [1, 1 + 2 * 0.6, 1 - 2 * 0.8], atol=1e-13)
 
 
 def test_rings_do_not_depend_on_where_the_mechanism_stands():

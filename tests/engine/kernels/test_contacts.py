@@ -43,14 +43,14 @@ class Pair:
     def found(self) -> tuple[float, np.ndarray, np.ndarray]:
         """Return the engine's gap, point and frame at the present pose."""
         model, state, work = self.assembly.model, self.assembly.state, self.assembly.work
-        find_contacts(model.contacts, state.x, state.R, work.gap, work.point, work.frame)
-        return float(work.gap[0]), work.point[0].copy(), work.frame[0].copy()
+        find_contacts(model.contacts, state.x, state.R, work.gap, work.sites.point, work.sites.frame)
+        return float(work.gap[0]), work.sites.point[0].copy(), work.sites.frame[0].copy()
 
     def speed(self, twist: np.ndarray) -> np.ndarray:
         """Return the engine's relative velocity (N, T1, T2) at the present pose."""
         self.found()
         state, work = self.assembly.state, self.assembly.work
-        relative_velocity(state.x, state.R, self.a, self.b, work.point, work.frame, twist, 0, work.u)
+        relative_velocity(state.x, state.R, self.a, self.b, work.sites.point, work.sites.frame, twist, 0, work.u)
         return work.u[0].copy()
 
 
@@ -157,7 +157,7 @@ def test_whitened_rows_give_the_relative_velocity(made_pair):
         twist = np.vstack([rng.normal(size=(2, 6)), np.zeros(6)])
         u = pair.speed(twist)
         state, work = pair.assembly.state, pair.assembly.work
-        whitened_rows(bodies, state.x, state.R, pair.a, pair.b, work.point, work.frame, 0, problem.rows, 0)
+        whitened_rows(bodies, state.x, state.R, pair.a, pair.b, work.sites.point, work.sites.frame, 0, problem.rows, 0)
         white = np.zeros(12)
         for k in (pair.a, pair.b):
             white[6 * k : 6 * k + 3] = np.sqrt(bodies.mass[k]) * twist[k, :3]
@@ -183,7 +183,7 @@ def test_ground_has_no_velocities():
     )
     assembly = assemble(made(data))
     state, work, problem = assembly.state, assembly.work, assembly.problem
-    find_contacts(assembly.model.contacts, state.x, state.R, work.gap, work.point, work.frame)
-    whitened_rows(assembly.model.bodies, state.x, state.R, 0, 1, work.point, work.frame, 0, problem.rows, 0)
+    find_contacts(assembly.model.contacts, state.x, state.R, work.gap, work.sites.point, work.sites.frame)
+    whitened_rows(assembly.model.bodies, state.x, state.R, 0, 1, work.sites.point, work.sites.frame, 0, problem.rows, 0)
     assert problem.rows.width[0].tolist() == [6, 0]
     np.testing.assert_allclose(problem.rows.G[0, 0, :6], [0, 0, 1 / np.sqrt(2), 0, 0, 0], atol=1e-15)

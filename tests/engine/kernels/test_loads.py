@@ -56,7 +56,7 @@ def pose(assembly: Assembly) -> tuple[np.ndarray, np.ndarray]:
 def wrench(assembly: Assembly, phase: int = 0, t: float = 0.0) -> np.ndarray:
     """Return force and torque about the centre of mass, of a and of b."""
     model, state, work = assembly.model, assembly.state, assembly.work
-    apply_loads(model, state, work, phase, t)
+    apply_loads(model.bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.vectors)
     return work.wrench[numbers(assembly)]
 
 

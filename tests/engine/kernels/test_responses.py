@@ -38,7 +38,7 @@ def index(assembly: Assembly, name: str) -> int:
 def read(assembly: Assembly, t: float = 0.0) -> np.ndarray:
     """Measure all responses at the present pose, with the impulses of a step of length H."""
     model, state, work = assembly.model, assembly.state, assembly.work
-    measure(model, state, work, t, H)
+    measure(model.responses, model.contacts, model.loads, state, work.sites, work.values, work.vectors, (t, H))
     return work.values.copy()
 
 
@@ -214,7 +214,7 @@ def test_gap_and_forces_of_one_contact_of_a_joint():
     )
     place(assembly, 0, [0.03, 0, 0], Rotation.identity())
     state, work = assembly.state, assembly.work
-    find_contacts(assembly.model.contacts, state.x, state.R, state.gap, work.point, work.frame)
+    find_contacts(assembly.model.contacts, state.x, state.R, state.gap, work.sites.point, work.sites.frame)
     state.r[:] = [[1.0, 1.0, 1.0], [7.0, 3.0, -4.0]]
     np.testing.assert_allclose(read(assembly), [0.02, 7.0 / H, 5.0 / H], rtol=1e-14)
 
@@ -228,7 +228,7 @@ def test_the_force_of_a_joint_is_the_resultant_on_its_journal():
     )
     place(assembly, 0, [0.05, 0, 0], Rotation.identity())
     state, work = assembly.state, assembly.work
-    find_contacts(assembly.model.contacts, state.x, state.R, state.gap, work.point, work.frame)
+    find_contacts(assembly.model.contacts, state.x, state.R, state.gap, work.sites.point, work.sites.frame)
     state.r[:] = [[1.0, 0.0, 0.0], [2.0, 4.0, 0.0]]  # T1 is the journal's axis
     np.testing.assert_allclose(read(assembly), [5.0 / H, -3.0 / H, -4.0 / H], rtol=1e-14)
 
@@ -255,7 +255,7 @@ def test_the_force_of_a_slider_is_on_the_slider_whichever_body_has_the_faces():
         )
     )
     state, work = assembly.state, assembly.work
-    find_contacts(assembly.model.contacts, state.x, state.R, state.gap, work.point, work.frame)
+    find_contacts(assembly.model.contacts, state.x, state.R, state.gap, work.sites.point, work.sites.frame)
     state.r[[name.startswith("J1.bottom") for name in assembly.contact_names], 0] = 1.0
     assert read(assembly)[0] == pytest.approx(4.0 / H, rel=1e-14)
 
@@ -280,7 +280,7 @@ def test_a_joint_sums_its_own_contacts_only():
         )
     )
     assembly = assemble(data)
-    assembly.work.frame[:] = np.eye(3)
+    assembly.work.sites.frame[:] = np.eye(3)
     assembly.state.r[:, 0] = [1.0, 10.0, 20.0, 100.0]
     np.testing.assert_allclose(read(assembly), np.array([1.0, 30.0, 100.0]) / H)
 

@@ -134,7 +134,7 @@ def test_every_owner_has_its_own_law():
 def wrench(assembly: Assembly, t: float, phase: int = 0) -> np.ndarray:
     """Return force and torque on the body."""
     model, state, work = assembly.model, assembly.state, assembly.work
-    apply_loads(model, state, work, phase, t)
+    apply_loads(model.bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.vectors)
     return work.wrench[0].copy()
 
 
