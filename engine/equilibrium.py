@@ -129,7 +129,7 @@ def _linear_algebra() -> ThreadpoolController:
 
 
 def _balance(assembly: Assembly, problem: FrictionArrays, touching: int) -> Array:
-    """Return what forces at the touching contacts do to the bodies: rows (N, T1, T2) of each, less what joints hold.
+    """Return the effect on the bodies of forces at the touching contacts: rows (N, T1, T2) each, less what joints hold.
 
     The shape is (3 touching, n), in the mass metric.
     """
