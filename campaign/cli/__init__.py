@@ -1,4 +1,4 @@
-"""The command ``clearcap``: one verb a function, most of them one a module.
+"""The command ``clearcap``: one verb a module, those that read a store in `results`.
 
 Verbs import tables, dask and the engine inside their functions, when they are called: ``clearcap --help`` and wrong
 options must not wait a second for them.
@@ -10,12 +10,14 @@ from typing import Annotated
 import typer
 
 from campaign.cli.bench import bench
+from campaign.cli.cancel import cancel
 from campaign.cli.certificates import certificates
-from campaign.cli.control import cancel, coordinate, resume
+from campaign.cli.coordinate import coordinate
 from campaign.cli.mechanism import mechanism_app
 from campaign.cli.output import say, show_logs
 from campaign.cli.polarisation import polarisation
-from campaign.cli.repeat import replay, rerun
+from campaign.cli.replay import replay
+from campaign.cli.rerun import rerun
 from campaign.cli.results.advise import advise
 from campaign.cli.results.compact import compact
 from campaign.cli.results.list_campaigns import list_campaigns
@@ -23,9 +25,11 @@ from campaign.cli.results.report import report
 from campaign.cli.results.status import status
 from campaign.cli.results.watch import watch
 from campaign.cli.results.whatif import whatif
-from campaign.cli.run import run, submit
+from campaign.cli.resume import resume
+from campaign.cli.run import run
 from campaign.cli.schema import schema_app
 from campaign.cli.simulate import simulate
+from campaign.cli.submit import submit
 
 app = typer.Typer(
     name="clearcap",

@@ -127,3 +127,20 @@ def _print_results(store: "Store", outcome: "Outcome") -> None:
     print(f"{outcome.samples} runs: {counts}; {outcome.computed} computed in {outcome.wall_s:.1f} s")
     if outcome.verdict:
         print(f"{'sure' if outcome.verdict.sure else 'not sure yet'}: {outcome.verdict.text()}")
+
+
+def plan_campaign(
+    campaign: str, url: str, samples: int | None, seed: int | None, batch_size: int | None
+) -> "tuple[Store, Plan]":
+    """Check all that the user gave, then write the plan."""
+    from campaign.coordinator.submit import submit
+    from campaign.errors import SpecError
+    from campaign.spec.load import load_campaign
+    from campaign.store import open_store
+
+    opened = open_store(url)
+    if not opened.files.shared:
+        raise SpecError(f"store {url}: workers cannot reach the memory of this process; name a folder or a URL")
+    loaded = load_campaign(campaign, samples=samples, seed=seed)
+    opened.files.check_writable()
+    return opened, submit(opened, loaded, batch_size)

@@ -11,8 +11,15 @@ import typer
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
 
+CampaignId = Annotated[str, typer.Argument(help="Id of the campaign.")]
 Id = Annotated[str | None, typer.Argument(help="Id of the campaign; not needed if it is the only one.")]
 StoreUrl = Annotated[str, typer.Option("--store", help="Folder or URL of the results.")]
+
+Campaign = Annotated[str, typer.Argument(help="A shipped campaign (c60) or a campaign file.")]
+Samples = Annotated[int | None, typer.Option(help="Samples, instead of the file's.")]
+Seed = Annotated[int | None, typer.Option(help="Seed, instead of the file's.")]
+BatchSize = Annotated[int | None, typer.Option(min=1, help="Samples a batch, of a new campaign; default: about 10 s.")]
+NoReport = Annotated[bool, typer.Option("--no-report", help="Leave the report out.")]
 
 _PANEL = "Where to compute"
 

@@ -1,4 +1,4 @@
-"""``clearcap rerun`` and ``replay``: compute rows of a campaign again."""
+"""``clearcap replay``: repeat one run of a campaign, bit for bit."""
 
 import math
 from functools import partial
@@ -7,47 +7,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from campaign.cli.options import StoreUrl, on_cluster
+from campaign.cli.options import CampaignId, StoreUrl
 from campaign.cli.output import Json, print_json, say
 from campaign.cli.run_files import RunFiles
 
 if TYPE_CHECKING:
-    from campaign.cluster.cluster import Cluster
     from campaign.plan import Plan
     from campaign.store import Store
-
-CampaignId = Annotated[str, typer.Argument(help="Id of the campaign.")]
-
-
-@on_cluster
-def rerun(
-    where: "Cluster",
-    campaign: CampaignId,
-    sample: Annotated[list[int] | None, typer.Option(help="Only this sample; may be repeated.")] = None,
-    status: Annotated[
-        list[str] | None, typer.Option(help="Only runs that ended so; may be repeated. Default: all that failed.")
-    ] = None,
-    store: StoreUrl = "runs",
-    json: Json = False,
-) -> None:
-    """Compute failed rows again, when what made them fail is mended."""
-    from campaign.coordinator.rerun import failed_samples
-    from campaign.coordinator.rerun import rerun as compute
-    from campaign.store import open_store
-
-    opened = open_store(store)
-    plan = opened.plan(opened.find(campaign))
-    selected = sample or failed_samples(opened, plan, status or ())
-    if not selected:
-        print_json({"campaign": campaign, "samples": 0}) if json else print(f"{campaign}: no such run")
-        return
-    say(f"computing {len(selected)} rows again")
-    result = compute(opened, plan, selected, where)
-    if json:
-        print_json({"campaign": campaign, "store": opened.url, **result.to_json()})
-        return
-    counts = ", ".join(f"{count} {status}" for status, count in result.after.items())
-    print(f"{result.samples} rows computed again: {counts}; write the report anew with: clearcap report {campaign}")
 
 
 def replay(
@@ -83,6 +49,7 @@ def replay(
 
 
 def _check(plan: "Plan", sample: int) -> None:
+    """Refuse a sample that the campaign does not have."""
     from campaign.errors import SpecError
 
     if sample >= plan.spec.samples:
@@ -120,11 +87,13 @@ def _same(row: dict[str, Any], stored: dict[str, Any], responses: list[str]) -> 
 
 
 def _equal(a: Any, b: Any) -> bool:
+    """Return whether two values are equal; NaN equals NaN."""
     both_nan = isinstance(a, float) and isinstance(b, float) and math.isnan(a) and math.isnan(b)
     return bool(a == b or both_nan)
 
 
 def _print(plan: "Plan", row: dict[str, Any], same: bool | None) -> None:
+    """Print the row, and whether it equals that of the store."""
     print(f"sample {row['sample']}: {row['status']}{': ' if row['message'] else ''}{row['message']}")
     units = plan.mechanism.response_units()
     for name in plan.spec.variables:

@@ -1,0 +1,26 @@
+"""``clearcap cancel``: end a campaign."""
+
+from campaign.cli.options import Id, StoreUrl
+from campaign.cli.output import Json, print_json
+
+
+def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
+    """End a campaign after the runs in hand; what is finished stays, and ``resume`` goes on."""
+    from campaign.coordinator.lease import is_coordinated
+    from campaign.coordinator.state import state_of, write_state
+    from campaign.store import open_store
+    from campaign.store.layout import CANCEL
+
+    opened = open_store(store)
+    campaign_id = opened.find(campaign)
+    before = state_of(opened, campaign_id)["state"]
+    if before != "completed":
+        opened.files.write(f"{campaign_id}/{CANCEL}", b"")
+        if not is_coordinated(opened, campaign_id):
+            write_state(opened, campaign_id, "cancelled")
+    if json:
+        print_json({"campaign": campaign_id, "store": opened.url, "before": before})
+    elif before == "completed":
+        print(f"{campaign_id} is completed; nothing to cancel")
+    else:
+        print(f"{campaign_id} was {before}; go on with: clearcap resume {campaign_id} --store {opened.url}")

@@ -1,0 +1,45 @@
+"""``clearcap coordinate``: compute a planned campaign, or serve a store."""
+
+import signal
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from campaign.cli.drive import drive
+from campaign.cli.options import NoReport, StoreUrl, on_cluster
+from campaign.cli.output import Json, print_json
+
+if TYPE_CHECKING:
+    from campaign.cluster.cluster import Cluster
+
+
+@on_cluster
+def coordinate(
+    where: "Cluster",
+    campaign: Annotated[str | None, typer.Argument(help="Id of the campaign; without it, all that are queued.")] = None,
+    store: StoreUrl = "runs",
+    once: Annotated[bool, typer.Option("--once", help="Without an id: end when nothing is queued.")] = False,
+    no_report: NoReport = False,
+    json: Json = False,
+) -> None:
+    """Compute a planned campaign; without an id serve the store: compute every campaign that is queued.
+
+    Made for a supervisor: it may be killed at any time and started again.
+    """
+    from campaign.store import open_store
+
+    signal.signal(signal.SIGTERM, _terminate)
+    opened = open_store(store)
+    if campaign is None:
+        from campaign.coordinator.service import serve
+
+        completed = serve(opened, where, once=once, with_report=not no_report)
+        if json:
+            print_json({"store": opened.url, "campaigns": completed})
+        return
+    drive(opened, opened.plan(opened.find(campaign)), where, with_report=not no_report, as_json=json)
+
+
+def _terminate(*_: Any) -> None:
+    """Exit in order on SIGTERM; the campaign stays open for the next coordinator."""
+    raise SystemExit(143)

@@ -1,0 +1,42 @@
+"""``clearcap rerun``: compute failed rows again."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from campaign.cli.options import CampaignId, StoreUrl, on_cluster
+from campaign.cli.output import Json, print_json, say
+
+if TYPE_CHECKING:
+    from campaign.cluster.cluster import Cluster
+
+
+@on_cluster
+def rerun(
+    where: "Cluster",
+    campaign: CampaignId,
+    sample: Annotated[list[int] | None, typer.Option(help="Only this sample; may be repeated.")] = None,
+    status: Annotated[
+        list[str] | None, typer.Option(help="Only runs that ended so; may be repeated. Default: all that failed.")
+    ] = None,
+    store: StoreUrl = "runs",
+    json: Json = False,
+) -> None:
+    """Compute failed rows again, when what made them fail is mended."""
+    from campaign.coordinator.rerun import failed_samples
+    from campaign.coordinator.rerun import rerun as compute
+    from campaign.store import open_store
+
+    opened = open_store(store)
+    plan = opened.plan(opened.find(campaign))
+    selected = sample or failed_samples(opened, plan, status or ())
+    if not selected:
+        print_json({"campaign": campaign, "samples": 0}) if json else print(f"{campaign}: no such run")
+        return
+    say(f"computing {len(selected)} rows again")
+    result = compute(opened, plan, selected, where)
+    if json:
+        print_json({"campaign": campaign, "store": opened.url, **result.to_json()})
+        return
+    counts = ", ".join(f"{count} {status}" for status, count in result.after.items())
+    print(f"{result.samples} rows computed again: {counts}; write the report anew with: clearcap report {campaign}")

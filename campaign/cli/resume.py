@@ -1,0 +1,38 @@
+"""``clearcap resume``: go on with a campaign."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from campaign.cli.drive import drive, options_of
+from campaign.cli.options import Id, NoReport, StoreUrl, on_cluster
+from campaign.cli.output import Json, print_json, say
+
+if TYPE_CHECKING:
+    from campaign.cluster.cluster import Cluster
+
+
+@on_cluster
+def resume(
+    where: "Cluster",
+    campaign: Id = None,
+    store: StoreUrl = "runs",
+    detach: Annotated[bool, typer.Option("--detach", help="Leave it to a coordinator, as submit does.")] = False,
+    no_report: NoReport = False,
+    json: Json = False,
+) -> None:
+    """Go on with a campaign that was interrupted or cancelled, or that failed."""
+    from campaign.coordinator.submit import assign_coordinator
+    from campaign.store import open_store
+    from campaign.store.layout import CANCEL
+
+    opened = open_store(store)
+    plan = opened.plan(opened.find(campaign))
+    opened.remove(plan.campaign_id, CANCEL)
+    if not detach:
+        drive(opened, plan, where, with_report=not no_report, as_json=json)
+        return
+    assignment = assign_coordinator(opened, plan, options_of(where))
+    say(assignment.text())
+    if json:
+        print_json({"campaign": plan.campaign_id, "store": opened.url, **assignment.to_json()})

@@ -1,0 +1,42 @@
+"""``clearcap submit``: have a coordinator compute a campaign."""
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from campaign.cli.drive import options_of, plan_campaign
+from campaign.cli.options import BatchSize, Campaign, Samples, Seed, StoreUrl, on_cluster
+from campaign.cli.output import Json, print_json, say
+
+if TYPE_CHECKING:
+    from campaign.cluster.cluster import Cluster
+
+
+@on_cluster
+def submit(
+    where: "Cluster",
+    campaign: Campaign,
+    samples: Samples = None,
+    seed: Seed = None,
+    store: StoreUrl = "runs",
+    batch_size: BatchSize = None,
+    queue_only: Annotated[
+        bool, typer.Option("--queue-only", help="Leave it to a coordinator that serves the store.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Plan a campaign, have a coordinator compute it, and return; prints its id.
+
+    A coordinator that serves the store takes it over; otherwise one is started, which outlives this terminal.
+    """
+    from campaign.coordinator.submit import assign_coordinator
+
+    opened, plan = plan_campaign(campaign, store, samples, seed, batch_size)
+    assignment = assign_coordinator(opened, plan, options_of(where), queue_only=queue_only)
+    say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {store}; {assignment.text()}")
+    if json:
+        print_json(
+            {"campaign": plan.campaign_id, "store": opened.url, "samples": plan.spec.samples, **assignment.to_json()}
+        )
+    else:
+        print(plan.campaign_id)
