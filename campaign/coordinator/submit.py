@@ -42,17 +42,17 @@ def submit(store: Store, campaign: Campaign, batch_size: int | None = None, simu
     Plan
         The plan in the store.
     """
-    wanted = make_plan(campaign, batch_size)
-    if wanted.campaign_id in store.campaigns():
-        plan = store.plan(wanted.campaign_id)
+    new = make_plan(campaign, batch_size)
+    if new.campaign_id in store.campaigns():
+        plan = store.plan(new.campaign_id)
     else:
         is_size_known = batch_size is not None or batch_size_is_fixed(campaign.spec.samples)
-        seconds = None if is_size_known else seconds_per_run(wanted, simulate)
+        seconds = None if is_size_known else seconds_per_run(new, simulate)
         plan = store.create_plan(make_plan(campaign, batch_size, seconds))
         if reused := reuse_rows(store, plan):
             logger.info("%d rows are there already, in a campaign of other length or limits: taken over", reused)
         write_state(store, plan.campaign_id, "queued")
-    if batch_size is not None and plan.batches != wanted.batches:
+    if batch_size is not None and plan.batches != new.batches:
         logger.warning("the campaign is planned already: its batches of %d samples are kept", plan.batches[0][1])
     return plan
 

@@ -9,10 +9,10 @@ from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine
 
 
-def start(folder, asked, workers=2, batch_size=3, simulate=fake_engine.simulate, show=lambda _: None):
+def start(folder, campaign, workers=2, batch_size=3, simulate=fake_engine.simulate, show=lambda _: None):
     """Coordinate a campaign to its end in a store of its own; return the store and the outcome."""
     store = open_store(str(folder))
-    plan = submit(store, asked, batch_size)
+    plan = submit(store, campaign, batch_size)
     return store, coordinate(store, plan, Cluster(workers=workers), show, simulate)
 
 
@@ -22,10 +22,10 @@ def rows(store, driven):
     return store.table(plan.campaign_id).drop_columns(["wall_s", "attempts"])
 
 
-def computed(folder, asked, batch_size, simulate=fake_engine.simulate):
+def computed(folder, campaign, batch_size, simulate=fake_engine.simulate):
     """Compute a campaign in this process, without a cluster; return the store and the plan."""
     store = open_store(str(folder))
-    plan = submit(store, asked, batch_size)
+    plan = submit(store, campaign, batch_size)
     address = CampaignAddress.of(store, plan, simulate)
     for batch in range(len(plan.batches)):
         run_batch(address, BatchRequest(batch))

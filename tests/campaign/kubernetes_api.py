@@ -9,7 +9,7 @@ import yaml
 
 
 class _Api(BaseHTTPRequestHandler):
-    """Keeps resources in the server's table ``there`` and every change in its list ``changes``."""
+    """Keeps resources in the server's table ``resources`` and every change in its list ``changes``."""
 
     def log_message(self, *words):
         """Say nothing."""
@@ -33,8 +33,8 @@ class _Api(BaseHTTPRequestHandler):
         path = self.path.partition("?")[0].rstrip("/")
         if path == "/version":
             self._answer(200, {"major": "1", "minor": "31", "gitVersion": "v1.31.0"})
-        elif path in self.server.there:
-            self._answer(200, self.server.there[path])
+        elif path in self.server.resources:
+            self._answer(200, self.server.resources[path])
         else:
             self._nothing()
 
@@ -47,17 +47,17 @@ class _Api(BaseHTTPRequestHandler):
         name = content["metadata"]["name"]
         self.server.changes.append(("created", name, content["spec"]["worker"]["replicas"]))
         path = f"{self.path.partition('?')[0].rstrip('/')}/{name}"
-        self.server.there[path] = content
+        self.server.resources[path] = content
         self._answer(201, content)
 
     def do_DELETE(self):
         """Delete a resource."""
         self._content()
         path = self.path.partition("?")[0]
-        if path not in self.server.there:
+        if path not in self.server.resources:
             self._nothing()
             return
-        self.server.changes.append(("deleted", self.server.there.pop(path)["metadata"]["name"]))
+        self.server.changes.append(("deleted", self.server.resources.pop(path)["metadata"]["name"]))
         self._answer(200, {"kind": "Status", "status": "Success"})
 
 
@@ -65,7 +65,7 @@ class _Api(BaseHTTPRequestHandler):
 def kubernetes_api(folder, refused=None):
     """Serve the API; yield the server, the path of a kubeconfig being its attribute ``config``."""
     server = ThreadingHTTPServer(("127.0.0.1", 0), _Api)
-    server.there, server.changes, server.refused = {}, [], refused
+    server.resources, server.changes, server.refused = {}, [], refused
     server.config = folder / "kubeconfig"
     url = f"http://127.0.0.1:{server.server_address[1]}"
     server.config.write_text(

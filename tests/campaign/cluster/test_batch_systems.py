@@ -117,7 +117,7 @@ def kubernetes(tmp_path_factory):
 @pytest.fixture
 def api(kubernetes, monkeypatch):
     """Return the API with nothing in it, the shipped manifest being named in dask's configuration."""
-    kubernetes.there.clear()
+    kubernetes.resources.clear()
     kubernetes.changes.clear()
     monkeypatch.setenv("KUBECONFIG", str(kubernetes.config))
     with dask.config.set({"kubernetes.custom-cluster-spec": str(DEPLOY / "kubernetes/cluster.yaml")}):

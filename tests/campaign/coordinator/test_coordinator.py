@@ -97,14 +97,14 @@ def test_runs_that_end_their_process_are_rows(tmp_path, campaign_file, wrong_one
     wrong = partial(fake_engine.goes_wrong, limits)
     store, outcome = start(tmp_path / "b", load_campaign(str(campaign_file)), simulate=wrong)
     found = {row["sample"]: row for row in rows(store, outcome).to_pylist()}
-    said = {
+    expected = {
         "segfault": ("crashed", "SIGSEGV"),
         "never ends": ("timeout", "took no notice of its time limit"),
         "eats memory": ("crashed", "out of memory: the process may use 1.5 GiB"),
         "exits": ("crashed", "exit status 7"),
         "not a number": ("invalid", "no finite value of FC-1"),
     }
-    for way, (status, message) in said.items():
+    for way, (status, message) in expected.items():
         row = found.pop(samples[way])
         assert row["status"] == status, way
         assert message in row["message"]
@@ -115,7 +115,7 @@ def test_runs_that_end_their_process_are_rows(tmp_path, campaign_file, wrong_one
 
 
 def test_batches_of_a_plan_are_kept(tmp_path, campaign, caplog):
-    """Another batch size for a campaign that is planned already changes nothing, and is said."""
+    """Another batch size for a campaign that is planned already changes nothing, and a warning says so."""
     store = open_store(str(tmp_path / "s"))
     first = submit(store, campaign, 3)
     assert submit(store, campaign).batches == first.batches
@@ -126,7 +126,7 @@ def test_batches_of_a_plan_are_kept(tmp_path, campaign, caplog):
 
 
 def test_two_coordinators(tmp_path, campaign):
-    """The second one is told who drives the campaign; when that one is gone it drives."""
+    """The second one learns which process holds the lease; when that one is gone it coordinates the campaign."""
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, campaign, 3)
     with hold_lease(store, plan.campaign_id), pytest.raises(LeaseHeld, match="is driven by process"):
@@ -174,7 +174,7 @@ def test_what_is_damaged_is_quarantined(tmp_path, campaign, workers):
 
 
 def test_rows_computed_again_count_once(tmp_path, campaign, workers, monkeypatch):
-    """A part that was damaged meanwhile is quarantined and computed again; what is said counts its rows once."""
+    """A part that was damaged meanwhile is quarantined and computed again; heartbeats count its rows once."""
     record, damaged = Store.record, []
 
     def damaging(self, plan, parts):
@@ -184,10 +184,10 @@ def test_rows_computed_again_count_once(tmp_path, campaign, workers, monkeypatch
             self.files.write(damaged[0], b"damaged")
 
     monkeypatch.setattr(Store, "record", damaging)
-    said = []
-    store, outcome = start(tmp_path / "s", campaign, show=said.append)
+    heartbeats = []
+    store, outcome = start(tmp_path / "s", campaign, show=heartbeats.append)
     assert [store.files.exists(f"{name}.bad") for name in damaged] == [True]
-    assert (said[-1].done, said[-1].responses["FC-1"]["n"], rows(store, outcome).num_rows) == (25, 25, 25)
+    assert (heartbeats[-1].done, heartbeats[-1].responses["FC-1"]["n"], rows(store, outcome).num_rows) == (25, 25, 25)
 
 
 def test_too_many_failures_end_it(tmp_path, campaign_file, workers):
@@ -205,7 +205,7 @@ def test_too_many_failures_end_it(tmp_path, campaign_file, workers):
     assert outcome.survey.statuses == {"crashed": 25}
 
 
-def test_store_that_fails_is_tried_again_then_said(tmp_path, campaign, monkeypatch):
+def test_store_that_fails_is_tried_again_then_reported(tmp_path, campaign, monkeypatch):
     """A store that refuses parts for good ends the campaign with its own words, after some tries."""
     monkeypatch.setattr(backoff, "PAUSES", (0.01, 0.01))
     store = open_store(str(tmp_path / "s"))
@@ -221,7 +221,7 @@ def test_store_that_fails_is_tried_again_then_said(tmp_path, campaign, monkeypat
 
 
 def test_workers_of_another_build_are_named(tmp_path, campaign, monkeypatch):
-    """No worker has the engine the campaign is planned for: their names are said and nothing is computed."""
+    """No worker has the engine the campaign is planned for: a message says so and nothing is computed."""
     monkeypatch.setattr(dask_workers, "RETURNS_WITHIN", 1.0)
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, campaign, 3)
@@ -232,10 +232,10 @@ def test_workers_of_another_build_are_named(tmp_path, campaign, monkeypatch):
 
 def test_heartbeat_says_how_far_it_is(tmp_path, campaign, workers):
     """Counts, workers and the running capability; the last one is the whole campaign's."""
-    said = []
-    store, outcome = start(tmp_path / "s", campaign, show=said.append)
+    heartbeats = []
+    store, outcome = start(tmp_path / "s", campaign, show=heartbeats.append)
     last = json.loads(store.files.read(f"{outcome.plan.campaign_id}/heartbeat.json"))
-    assert last == said[-1].to_json()
+    assert last == heartbeats[-1].to_json()
     assert (last["state"], last["done"], last["ok"], last["left"], last["workers"]) == ("completed", 25, 25, 0, 2)
     x = rows(store, outcome)["FC-1"].to_numpy()
     assert last["responses"]["FC-1"]["n"] == 25

@@ -1,4 +1,4 @@
-"""What a coordinator says of a campaign: counts of rows there, and the rate at which they are computed."""
+"""Heartbeats: counts of stored rows, and the rate at which rows are computed."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ def test_rows_that_were_there_are_counted_and_not_computed(store, plan):
 
 
 def test_document_of_another_version_is_no_heartbeat():
-    """Fields that this version does not know: nothing is said, and nothing breaks."""
+    """Fields that this version does not know: it is ignored, and nothing breaks."""
     assert Heartbeat.from_json({"campaign": "c", "speed": 3}) is None
 
 

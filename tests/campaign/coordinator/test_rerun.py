@@ -1,4 +1,4 @@
-"""Rows computed again: those asked for, in the place of the old ones, and nothing else changes."""
+"""Rows computed again: those selected, in the place of the old ones, and nothing else changes."""
 
 from functools import partial
 
@@ -50,7 +50,7 @@ def test_rows_remember_all_they_were(broken, workers):
 
 
 def test_sample_without_a_row_is_refused(broken):
-    """Nothing is computed then; nor while somebody drives the campaign."""
+    """Nothing is computed then; nor while a coordinator holds the lease."""
     store, plan, _ = broken
     with pytest.raises(SpecError, match=r"sample 25: campaign demo-[0-9a-f]+ has no row of it"):
         rerun(store, plan, [3, 25], Cluster(workers=1), fake_engine.simulate)

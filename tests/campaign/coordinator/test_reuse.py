@@ -1,4 +1,4 @@
-"""More samples, or other limits, of a campaign that is there: its rows are taken over."""
+"""A campaign of more samples, or of other limits, reuses the rows of an earlier one."""
 
 from functools import partial
 

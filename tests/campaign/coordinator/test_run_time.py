@@ -42,10 +42,10 @@ def counting(path, mechanism, values, **settings):
 def test_nothing_is_tried_where_it_decides_nothing(samples, tmp_path, campaign, monkeypatch):
     """Small campaigns have batches of one sample whatever a run takes; others depend on it."""
     spec = campaign.spec.model_copy(update={"samples": samples})
-    asked = type(campaign)(spec, campaign.mechanism)
-    sizes = {make_plan(asked, None, seconds).batches for seconds in (None, 1e-6, 0.1, 20.0)}
+    sized = type(campaign)(spec, campaign.mechanism)
+    sizes = {make_plan(sized, None, seconds).batches for seconds in (None, 1e-6, 0.1, 20.0)}
     assert (len(sizes) == 1) == batch_size_is_fixed(samples)
     tried = []
     monkeypatch.setattr("campaign.coordinator.submit.seconds_per_run", lambda *_: tried.append(1))
-    submit(open_store(str(tmp_path / "s")), asked)
+    submit(open_store(str(tmp_path / "s")), sized)
     assert len(tried) == (0 if batch_size_is_fixed(samples) else 1)

@@ -17,7 +17,7 @@ CLUSTER = Cluster(workers=1)
 
 @pytest.fixture
 def done(tmp_path, campaign):
-    """Return a store and a plan of which all rows are there, queued."""
+    """Return a store and a queued plan whose rows are all stored."""
     return computed(tmp_path / "runs", campaign, 10)
 
 
@@ -64,7 +64,7 @@ def test_report_that_cannot_be_written_is_said_once(done, campaign_file, monkeyp
 
 
 def test_report_is_tried_again_when_the_store_fails(done, monkeypatch):
-    """A store that is out of reach while the report is written is asked again."""
+    """A store that is out of reach while the report is written is tried again."""
     store, plan = done
     write, calls = campaign.reports.report.report, []
 

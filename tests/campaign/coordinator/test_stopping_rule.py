@@ -38,24 +38,24 @@ def test_checkpoints_grow_by_a_quarter():
 
 def test_stops_alike_for_any_workers_and_batches(tmp_path, campaign_file):
     """The same samples and rows, whatever the order in which batches arrive; the rule holds there and not before."""
-    asked = stopping(campaign_file)
-    assert asked.spec.samples == 200
-    said = []
-    store, outcome = start(tmp_path / "a", asked, workers=2, batch_size=3, show=said.append)
+    campaign = stopping(campaign_file)
+    assert campaign.spec.samples == 200
+    heartbeats = []
+    store, outcome = start(tmp_path / "a", campaign, workers=2, batch_size=3, show=heartbeats.append)
     table = rows(store, outcome)
     assert outcome.verdict.sure
-    assert (said[-1].samples, said[-1].done, said[-1].left) == (table.num_rows, table.num_rows, 0)
-    assert said[-1].responses["FC-1"]["n"] == table.num_rows
+    assert (heartbeats[-1].samples, heartbeats[-1].done, heartbeats[-1].left) == (table.num_rows, table.num_rows, 0)
+    assert heartbeats[-1].responses["FC-1"]["n"] == table.num_rows
     assert outcome.samples == table.num_rows == outcome.verdict.samples < 200
     low, high = stats.t.interval(
         0.95, table.num_rows - 1, table["FC-1"].to_numpy().mean(), stats.sem(table["FC-1"].to_numpy())
     )
     assert (outcome.verdict.low, outcome.verdict.high) == pytest.approx((low, high), rel=1e-9)
     assert high - low <= 0.06
-    points = asked.spec.stop.checkpoints(200)
+    points = campaign.spec.stop.checkpoints(200)
     before = points[points.index(outcome.samples) - 1]
     assert not judge(store, outcome.plan, before).sure
-    assert rows(*start(tmp_path / "b", asked, workers=1, batch_size=7)).equals(table)
+    assert rows(*start(tmp_path / "b", campaign, workers=1, batch_size=7)).equals(table)
 
 
 def test_rows_that_arrive_after_the_end_do_not_count(tmp_path, campaign_file, workers, monkeypatch):
@@ -68,18 +68,18 @@ def test_rows_that_arrive_after_the_end_do_not_count(tmp_path, campaign_file, wo
         record(self, plan, parts)
 
     monkeypatch.setattr(Store, "record", late)
-    said = []
-    store, outcome = start(tmp_path / "a", stopping(campaign_file), batch_size=3, show=said.append)
+    heartbeats = []
+    store, outcome = start(tmp_path / "a", stopping(campaign_file), batch_size=3, show=heartbeats.append)
     assert outcome.verdict.sure
     assert store.read_part(outcome.plan, len(outcome.plan.batches) - 1).num_rows > 0
-    assert (said[-1].done, rows(store, outcome).num_rows) == (outcome.samples, outcome.samples)
+    assert (heartbeats[-1].done, rows(store, outcome).num_rows) == (outcome.samples, outcome.samples)
 
 
 def test_stopped_campaign_computes_nothing_more(tmp_path, campaign_file, workers):
     """The same command again finds it at its end."""
-    asked = stopping(campaign_file)
-    store, first = start(tmp_path / "a", asked)
-    store, again = start(tmp_path / "a", asked)
+    campaign = stopping(campaign_file)
+    store, first = start(tmp_path / "a", campaign)
+    store, again = start(tmp_path / "a", campaign)
     assert (again.computed, again.samples) == (0, first.samples)
     assert store.survey(again.plan).missing == []
 
@@ -95,8 +95,8 @@ def test_never_sure(tmp_path, campaign_file, workers):
 @pytest.mark.parametrize("statistic", ["mean", "std", "cp", "cpk", "ppm"])
 def test_every_statistic_has_an_interval(tmp_path, campaign_file, statistic):
     """Around its value, narrower the more samples there are."""
-    asked = stopping(campaign_file, RULE.replace('"mean"', f'"{statistic}"'))
-    store, plan = computed(tmp_path, asked, 100)
+    campaign = stopping(campaign_file, RULE.replace('"mean"', f'"{statistic}"'))
+    store, plan = computed(tmp_path, campaign, 100)
     few, all_of_them = judge(store, plan, 20), judge(store, plan, 200)
     for verdict in (few, all_of_them):
         assert verdict.low <= verdict.value <= verdict.high
@@ -112,9 +112,9 @@ BAD = {
 }
 
 
-@pytest.mark.parametrize(("old", "new", "said"), BAD.values(), ids=BAD)
-def test_bad_rule_is_refused(campaign_file, old, new, said):
+@pytest.mark.parametrize(("old", "new", "message"), BAD.values(), ids=BAD)
+def test_bad_rule_is_refused(campaign_file, old, new, message):
     """With the key and what is allowed."""
     with pytest.raises(SpecError) as caught:
         stopping(campaign_file, RULE.replace(old, new))
-    assert said in str(caught.value)
+    assert message in str(caught.value)

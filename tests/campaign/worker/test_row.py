@@ -81,7 +81,7 @@ def test_failed_runs_are_tried_with_other_settings(campaign_file, tmp_path):
 
 
 def test_a_cancelled_run_is_not_tried_again(campaign_file):
-    """Its attempt ends because it was told to; the retry policy has nothing to mend."""
+    """Its attempt ends because it was cancelled, which no retry would mend."""
     campaign_file.write_text(campaign_file.read_text() + POLICY)
     plan = make_plan(load_campaign(str(campaign_file)), 10)
     cancel, tried = Cancel(), []
