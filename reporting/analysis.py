@@ -1,4 +1,4 @@
-"""The one model of a report: from rows and spec to frozen data; every file only renders it."""
+"""The analysis of a campaign as frozen data; every file of the report renders this one model."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from reporting.samples import Rows
 
 CONFIDENCE = 0.95
-# Rows for the tolerance advice: they know a Cpk of 1.33 to 0.6 %.
+# Rows for the tolerance advice: they determine a Cpk of 1.33 to 0.6 %.
 _ADVISED_ROWS = 20_000
 
 Widen = Callable[[str, Mapping[str, Array], float], Change]
@@ -34,7 +34,7 @@ Widen = Callable[[str, Mapping[str, Array], float], Change]
 
 @dataclass(frozen=True)
 class Analysis:
-    """Everything a report says.
+    """Everything that a report contains.
 
     Attributes
     ----------
@@ -42,26 +42,26 @@ class Analysis:
     design : Design
         What the samples are.
     finished, ok, failed : int
-        Samples done, and how they ended.
+        Number of samples done, and of those that ended ok and that failed.
     used : int
-        Samples of those ok that statistics are over: all, or of Saltelli's design A and B.
+        Number of ok samples in the statistics: all, or those of A and B in Saltelli's design.
     run_seconds : float or None
-        Time all runs took together [s].
+        Total time of the runs [s].
     statuses : tuple of StatusCount
     trust : tuple of Check
         The trust card.
     responses : tuple of ResponseAnalysis
     variables : tuple of VariableAnalysis
     correlations : tuple of CorrelationAnalysis
-        Those asked for, and the farthest from zero of the others.
+        The requested correlations, and the largest of the others.
     never_critical : tuple of str
-        Variables that are critical for no response, with nothing left open.
+        Variables that are not critical for any response.
     advice : tuple of Advice
-        How far each variable's spread may grow; empty where nobody can say.
+        How far each variable's spread may grow; may be empty.
     advice_note : str
-        Why there is no advice, or which responses it leaves out.
+        Why there is no advice, or which responses it omits.
     failures : tuple of FailedSample
-        The first.
+        The first failed samples.
     comparison : Comparison or None
         With another campaign.
     confidence : float
@@ -117,13 +117,13 @@ def analyse(
     """
     other = None if against is None else (independent_draws(read_samples(*against), against[1]), against[1])
     corners = next((pair for pair in ((samples, spec), other) if pair and pair[1].corners), None)
-    if other is corners:  # corners are no production to compare with: their worst case stands beside the statistics
+    if other is corners:  # corners do not represent production: only their worst case is shown
         other = None
     drawn = independent_draws(samples, spec)
-    moved = _sensitivity(drawn, spec, total_order(samples, spec))
-    found = {r.response: r for r in moved.responses} if moved else dict[str, ResponseSensitivity]()
+    influences = _sensitivity(drawn, spec, total_order(samples, spec))
+    by_response = {r.response: r for r in influences.responses} if influences else dict[str, ResponseSensitivity]()
     responses = tuple(
-        analyse_response(response, drawn, spec, found.get(response.name), corners, CONFIDENCE)
+        analyse_response(response, drawn, spec, by_response.get(response.name), corners, CONFIDENCE)
         for response in spec.responses
     )
     variables = tuple(analyse_variable(v, drawn.values[v.name], drawn.sample) for v in spec.variables)
@@ -143,7 +143,7 @@ def analyse(
         responses=responses,
         variables=variables,
         correlations=correlations,
-        never_critical=moved.never_critical() if moved else (),
+        never_critical=influences.never_critical() if influences else (),
         advice=advice,
         advice_note=note,
         failures=list_failures(spec, samples),
@@ -153,7 +153,7 @@ def analyse(
 
 
 def _sensitivity(samples: Samples, spec: ReportSpec, designed: Mapping[str, TotalOrder | str]) -> Sensitivity | None:
-    """Return what moves the responses; None without variables or responses."""
+    """Return which variables move the responses; None without variables, responses or ok samples."""
     if not spec.variables or not spec.responses or not np.any(samples.ok):
         return None
     limits = {r.name: (r.lsl, r.usl) for r in spec.responses}
@@ -170,21 +170,19 @@ def _sensitivity(samples: Samples, spec: ReportSpec, designed: Mapping[str, Tota
 def _advice(
     samples: Samples, spec: ReportSpec, responses: tuple[ResponseAnalysis, ...], widen: Widen | None
 ) -> tuple[tuple[Advice, ...], str]:
-    """Return how far each variable's spread may grow with every index at 1.33, or why nobody can say."""
+    """Return how far each variable's spread may grow with every Cpk at 1.33 or above, and a note."""
     if not spec.design.production:
-        return (), "The samples are no production: they say nothing about wider tolerances."
+        return (), "The samples do not represent production: they say nothing about wider tolerances."
     limited = {r.spec.name: r for r in responses if r.capability.cpk is not None and r.sensitivity is not None}
     judged = {name: r for name, r in limited.items() if (r.capability.cpk or 0.0) >= CAPABLE}
     missed = [name for name in limited if name not in judged]
     varied = [v.name for v in spec.variables if v.std > 0]
     ok = np.flatnonzero(samples.ok)
     if widen is None or not judged or not varied:
-        reason = (
-            "no distribution of the variables is known" if widen is None else "no response reaches Cpk 1.33 as it is"
-        )
+        reason = "the distributions of the variables are not known" if widen is None else "no response reaches Cpk 1.33"
         return (), f"No advice: {reason}."
     note = (
-        f"{', '.join(missed)}: below Cpk 1.33 as it is, so not asked; see above which variables move it."
+        f"{', '.join(missed)}: below Cpk 1.33 already, so left out here; see above which variables move it."
         if missed
         else ""
     )
@@ -201,6 +199,6 @@ def _advice(
     return advice, note
 
 
-def _shares(found: ResponseSensitivity | None) -> dict[str, float | None]:
+def _shares(influences: ResponseSensitivity | None) -> dict[str, float | None]:
     """Return the first-order indices of a response by variable."""
-    return {i.variable: i.first_order for i in found.influences} if found else {}
+    return {i.variable: i.first_order for i in influences.influences} if influences else {}

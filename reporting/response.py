@@ -1,4 +1,4 @@
-"""One response: what was asked, what came out, what it rests on, the verdict."""
+"""One response: its limits, its numbers and the verdict."""
 
 import math
 from dataclasses import dataclass
@@ -23,26 +23,26 @@ from reporting.shape.tails import TailShare, pareto_tails
 from reporting.spec import ReportSpec, ResponseSpec
 from reporting.tolerance.worst_case import WorstCase, worst_case
 
-# The share of a centred normal response with Cp 1.33: what "1.33" claims.
+# Share out of limits of a centred normal response with Cp 1.33.
 CLAIM_PPM = 64.0
-# Families fitted first; the others cost three times as much and are asked only where none of these is close.
+# Families fitted first. The others take three times as long and are fitted only if none of these is close.
 QUICK = ("normal", "lognormal", "weibull", "gamma", "logistic", "largest_extreme", "smallest_extreme", "box_cox")
 _FEWEST_FOR_A_FIT = 20
 
 
 @dataclass(frozen=True)
 class Yield:
-    """A response's count over all finished samples, failures as rejects.
+    """The yield of a response over all finished samples, with failures counted as rejects.
 
     Attributes
     ----------
     finished, conforming : int
-        Samples done, and those of them that ran ok and lie within the limits.
+        Number of samples done, and of those that ended ok within the limits.
     share, lower : float
-        Conforming share and its one-sided Clopper-Pearson lower bound.
+        Conforming share, and its one-sided Clopper-Pearson lower bound.
     cpk : float or None
-        ``-Phi^-1(f + (1 - f) Phi(-3 Cpk)) / 3`` with f the failed share: Cpk if every failure fell on the
-        worse side. Equal to Cpk where nothing failed.
+        Cpk if every failure lay beyond the nearer limit: ``-Phi^-1(f + (1 - f) Phi(-3 Cpk)) / 3`` with the failed
+        share f. Equal to Cpk without failures.
     """
 
     finished: int
@@ -54,43 +54,44 @@ class Yield:
 
 @dataclass(frozen=True)
 class ResponseAnalysis:
-    """A response: what was asked, what came out, the verdict.
+    """All numbers of a response.
 
     Attributes
     ----------
     spec : ResponseSpec
     assumed : bool
-        The limits are an assumption, says their source.
+        The source of the limits calls them an assumption.
     verdict : str
-        "capable", "marginal", "not capable", "no verdict" (limits, but no index, or no production) or "no limits".
+        "capable", "marginal", "not capable", "no limits", or "no verdict" (no index, or the samples do not represent
+        production).
     certain : bool or None
-        Both ends of Cpk's interval have the same verdict; None without an interval.
+        Both ends of the interval of Cpk have the same verdict; None without an interval.
     capability : Capability
         Over the ok samples.
     missing : int
-        Ok samples whose value is not a finite number.
+        Number of ok samples whose value is not finite.
     yield_ : Yield or None
         None without limits or without a finished sample.
     histogram : Histogram or None
         None without values.
     worst : WorstCase or None
-        Over the corners, if the samples are those, or the campaign compared with has them.
+        Over the corners of this campaign or of the campaign that it is compared with; else None.
     nonconforming : Nonconforming or None
         Counted shares; None without limits or values.
     claim_runs : int or None
-        Runs in which as many rejects as here would prove at most 64 ppm, the share Cpk 1.33 stands for.
+        Number of runs in which as many rejects as here would prove at most 64 ppm, the share of Cpk 1.33.
     tails : tuple of TailShare
         Share beyond each limit from a Pareto tail.
     normality : Normality
     plot : ProbabilityPlot or None
     fits : Fits
-        Distributions fitted.
+        Fitted distributions.
     methods : tuple of NonnormalIndices
-        By percentiles and by Z-scores of the best fit, and by the values' own percentiles.
+        Indices by percentiles and Z-scores of the best fit, and by the percentiles of the values.
     running : Convergence or None
-        How the index settled.
+        How the index converges.
     sensitivity : ResponseSensitivity or None
-        What moves it.
+        Which variables move it.
     """
 
     spec: ResponseSpec
@@ -116,17 +117,17 @@ class ResponseAnalysis:
 def analyse_response(
     spec: ResponseSpec,
     samples: Samples,
-    asked: ReportSpec,
+    request: ReportSpec,
     sensitivity: ResponseSensitivity | None,
     corners: tuple[Samples, ReportSpec] | None,
     confidence: float,
 ) -> ResponseAnalysis:
-    """Analyse one response over the ok samples, and its worst case over a campaign of corners if there is one.
+    """Analyse one response over the ok samples, and its worst case over the corners if there are any.
 
     Raises
     ------
     ReportError
-        Its limits are crossed.
+        The limits are crossed.
     """
     values = samples.values[spec.name][samples.ok]
     batches = None if samples.production_batch is None else samples.production_batch[samples.ok]
@@ -139,7 +140,7 @@ def analyse_response(
     certain = None
     if numbers.cpk_interval is not None:
         certain = all(class_of(end) == word for end in numbers.cpk_interval)
-    if word != "no limits" and not asked.design.production:
+    if word != "no limits" and not request.design.production:
         word, certain = "no verdict", None
     counted = nonconforming(x, spec.lsl, spec.usl, confidence, samples.sample.size - x.size)
     shape = normality(x, confidence)
@@ -167,22 +168,22 @@ def analyse_response(
     )
 
 
-def _corners(spec: ResponseSpec, samples: Samples, asked: ReportSpec) -> WorstCase | None:
-    """Return the worst case over the corners; None if they know no such response."""
+def _corners(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> WorstCase | None:
+    """Return the worst case over the corners; None if they do not have the response."""
     if spec.name not in samples.values:
         return None
-    inputs = {variable.name: samples.values[variable.name] for variable in asked.variables}
+    inputs = {variable.name: samples.values[variable.name] for variable in request.variables}
     everywhere = np.where(samples.ok, samples.values[spec.name], np.nan)
     return worst_case(everywhere, inputs, spec.lsl, spec.usl)
 
 
 def _fits(x: Array, shape: Normality, *, limited: bool) -> Fits:
-    """Return the fitted distributions; all families only where no usual one is close and a verdict hangs on it."""
+    """Return the fitted distributions: all families only if no quick one is close and there are limits."""
     if x.size < _FEWEST_FOR_A_FIT:
         return Fits((), None, {}, (f"{x.size} values: no distribution is fitted below {_FEWEST_FOR_A_FIT}.",))
     few = fit_families(x, names=QUICK)
     best = few.of(few.best)
-    # The distance of a right fit is up to 1 / sqrt(n) by chance.
+    # The distance of the true distribution is up to 1 / sqrt(n) by chance.
     close = max(CLOSE / 2, 1 / math.sqrt(x.size))
     if (
         not limited
@@ -194,7 +195,7 @@ def _fits(x: Array, shape: Normality, *, limited: bool) -> Fits:
 
 
 def _methods(x: Array, fits: Fits, spec: ResponseSpec, confidence: float) -> tuple[NonnormalIndices, ...]:
-    """Return the indices that do not rest on the normal distribution."""
+    """Return the indices that do not assume a normal distribution."""
     best = fits.of(fits.best)
     empirical = empirical_indices(x, spec.lsl, spec.usl, confidence)
     if best is None:
@@ -204,7 +205,7 @@ def _methods(x: Array, fits: Fits, spec: ResponseSpec, confidence: float) -> tup
 
 
 def _yield(numbers: Capability, finished: int, confidence: float) -> Yield | None:
-    """Count failures, and values that are missing, as rejects."""
+    """Return the yield, with failures and missing values counted as rejects; None without limits or samples."""
     if finished == 0 or (numbers.lsl is None and numbers.usl is None):
         return None
     conforming = numbers.n - (numbers.below or 0) - (numbers.above or 0)

@@ -1,11 +1,11 @@
-"""Figures of one response or one variable, as SVG elements with a label for those who cannot see them."""
+"""Figures of one response or one variable, as SVG elements with a description for screen readers."""
 
 import math
 
 import numpy as np
 from scipy.special import ndtri
 
-from reporting import format_numbers as numbers
+from reporting import format_numbers
 from reporting.arrays import Array
 from reporting.capability.verdict import CAPABLE, MARGINAL
 from reporting.comparison import ResponseComparison
@@ -16,15 +16,14 @@ from reporting.shape.fits import distribution
 from reporting.shape.histogram import Histogram
 
 BAR, REJECT, LIMIT, TARGET, FIT, OTHER = "#7fa6cc", "#c2371d", "#a61c00", "#1f6f43", "#7a3e9d", "#c9772b"
-BAND = "#e6edf5"
 _PROBABILITIES = (0.0001, 0.001, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)
 _WIDE, _HALF = 720.0, 500.0
-# Distance of the lines that hatch a bar: a pattern would need an id, which several figures of a page would share.
+# Distance of the lines that hatch a bar; a pattern would need an id that is unique on the page.
 _HATCH = 5.0
 
 
 def response_figure(response: ResponseAnalysis) -> str:
-    """Return the histogram of a response with its limits in view, the normal and the fitted curve."""
+    """Return the histogram of a response with its limits, the normal and the fitted density."""
     spec, c, bins = response.spec, response.capability, response.histogram
     fences = [value for value in (spec.lsl, spec.usl, spec.target) if value is not None]
     ends = [*fences, *((bins.edges[0], bins.edges[-1]) if bins else ())]
@@ -52,7 +51,7 @@ def response_figure(response: ResponseAnalysis) -> str:
         (spec.target, "target", TARGET, "2 3", 1),
     )
     marks += [
-        marker(frame, value, f"{name} {numbers.plain(value)}", colour, dash, row)
+        marker(frame, value, f"{name} {format_numbers.plain(value)}", colour, dash, row)
         for value, name, colour, dash, row in named
         if value is not None
     ]
@@ -60,16 +59,16 @@ def response_figure(response: ResponseAnalysis) -> str:
 
 
 def response_label(response: ResponseAnalysis) -> str:
-    """Return in words what the histogram of a response shows."""
+    """Return a description of the histogram of a response."""
     spec, c = response.spec, response.capability
     unit = unit_suffix(spec.unit)
     if c.n == 0:
         return f"Histogram of {spec.name}: no values."
-    fences, places = (spec.lsl, spec.usl), numbers.decimals_for(c.std)
-    low, high = numbers.fixed(c.min, places, fences), numbers.fixed(c.max, places, fences)
+    fences, places = (spec.lsl, spec.usl), format_numbers.decimals_for(c.std)
+    low, high = format_numbers.fixed(c.min, places, fences), format_numbers.fixed(c.max, places, fences)
     words = f"Histogram of {spec.name}: {c.n} values from {low} to {high}{unit}"
     limits = [
-        f"{name} {numbers.plain(value)}{unit}"
+        f"{name} {format_numbers.plain(value)}{unit}"
         for name, value in (("lower limit", spec.lsl), ("upper limit", spec.usl), ("target", spec.target))
         if value is not None
     ]
@@ -96,7 +95,7 @@ def probability_figure(response: ResponseAnalysis) -> str | None:
         dots(((frame.across(v), frame.up(s)) for v, s in zip(plot.values, plot.scores, strict=True)), "#1b5f9e", 1.8),
         axis_x(frame, _name(spec.name, spec.unit)),
         *(
-            marker(frame, v, f"{name} {numbers.plain(v)}", LIMIT, "7 4")
+            marker(frame, v, f"{name} {format_numbers.plain(v)}", LIMIT, "7 4")
             for v, name in ((spec.lsl, "LSL"), (spec.usl, "USL"))
             if v is not None
         ),
@@ -130,25 +129,26 @@ def convergence_figure(response: ResponseAnalysis) -> str | None:
         axis_x(frame, "samples", ticks),
     ]
     label = (
-        f"{run.index} of {spec.name} over the first samples: {numbers.significant(run.value[-1], 4)}, "
-        f"{numbers.significant(run.low[-1], 4)} to {numbers.significant(run.high[-1], 4)}, after {run.n[-1]}."
+        f"{run.index} of {spec.name} over the first samples: {format_numbers.significant(run.value[-1], 4)}, "
+        f"{format_numbers.significant(run.low[-1], 4)} to {format_numbers.significant(run.high[-1], 4)}, "
+        f"after {run.n[-1]}."
     )
     return svg(frame, label, marks)
 
 
 def tornado_figure(response: ResponseAnalysis) -> str | None:
-    """Return how far each variable moves the expected response; None where that is not known."""
-    found = response.sensitivity
-    known = [] if found is None else [i for i in found.ranked if i.low is not None and i.high is not None]
+    """Return a tornado chart: how far each variable moves the expected response; None without a sensitivity."""
+    influences = response.sensitivity.ranked if response.sensitivity else ()
+    shown = [i for i in influences if i.low is not None and i.high is not None]
     c, spec = response.capability, response.spec
-    if not known or c.mean is None:
+    if not shown or c.mean is None:
         return None
-    lows, highs = [i.low or 0.0 for i in known], [i.high or 0.0 for i in known]
-    height = 62.0 + 22 * len(known)
-    left = 24 + max(0.6 * 12 * len(i.variable) for i in known)
-    frame = PlotArea(_HALF, height, _around([*lows, *highs, c.mean]), (0, len(known)), left=min(left, 180), top=8)
+    lows, highs = [i.low or 0.0 for i in shown], [i.high or 0.0 for i in shown]
+    height = 62.0 + 22 * len(shown)
+    left = 24 + max(0.6 * 12 * len(i.variable) for i in shown)
+    frame = PlotArea(_HALF, height, _around([*lows, *highs, c.mean]), (0, len(shown)), left=min(left, 180), top=8)
     marks = []
-    for row, (influence, low, high) in enumerate(zip(known, lows, highs, strict=True)):
+    for row, (influence, low, high) in enumerate(zip(shown, lows, highs, strict=True)):
         y = frame.top + 22 * row
         x, end = frame.across(low), frame.across(high)
         colour = "#1b5f9e" if influence.verdict == "critical" else "#9db4cb"
@@ -156,8 +156,10 @@ def tornado_figure(response: ResponseAnalysis) -> str | None:
     middle = frame.across(c.mean)
     marks.append(line([(middle, frame.top), (middle, frame.ground)], INK, 1, "3 3"))
     marks.append(axis_x(frame, f"expected {_name(spec.name, spec.unit)}"))
-    said = "; ".join(f"{i.variable} {numbers.significant(i.low)} to {numbers.significant(i.high)}" for i in known)
-    label = f"Tornado of {spec.name}: expected value with each variable from its 5th to its 95th percentile: {said}."
+    ranges = "; ".join(
+        f"{i.variable} {format_numbers.significant(i.low)} to {format_numbers.significant(i.high)}" for i in shown
+    )
+    label = f"Tornado of {spec.name}: expected value with each variable from its 5th to its 95th percentile: {ranges}."
     return svg(frame, label, marks)
 
 
@@ -178,31 +180,32 @@ def variable_figure(variable: VariableAnalysis) -> str:
     return svg(frame, label, marks)
 
 
-def compared_figure(found: ResponseComparison) -> str | None:
-    """Return both distributions of a response over each other; None without values on a side."""
-    bins, other = found.histogram, found.histogram_other
+def compared_figure(comparison: ResponseComparison) -> str | None:
+    """Return the histograms of a response in both campaigns; None if one has no values."""
+    bins, other = comparison.histogram, comparison.histogram_other
     if bins is None or other is None:
         return None
-    limits = [v for v in (found.capability.lsl, found.capability.usl) if v is not None]
+    limits = [v for v in (comparison.capability.lsl, comparison.capability.usl) if v is not None]
     most = max(float(np.max(_density(b)[1])) for b in (bins, other))
     frame = PlotArea(_WIDE, 230, _around([*limits, bins.edges[0], bins.edges[-1]]), (0.0, 1.06 * most), top=28)
-    marks = [axis_y(frame, _density_label(found.unit)), _bars(frame, bins, None, None)]
+    marks = [axis_y(frame, _density_label(comparison.unit)), _bars(frame, bins, None, None)]
     edges, heights = _density(other)
     steps = [(edges[0], 0.0)]
     for left, right, height in zip(edges[:-1], edges[1:], heights, strict=True):
         steps += [(left, height), (right, height)]
     steps.append((edges[-1], 0.0))
     marks.append(line(((frame.across(x), frame.up(y)) for x, y in steps), OTHER, 2))
-    marks.append(axis_x(frame, _name(found.response, found.unit)))
+    marks.append(axis_x(frame, _name(comparison.response, comparison.unit)))
     marks += [
-        marker(frame, v, f"{name} {numbers.plain(v)}", LIMIT, "7 4")
-        for v, name in ((found.capability.lsl, "LSL"), (found.capability.usl, "USL"))
+        marker(frame, v, f"{name} {format_numbers.plain(v)}", LIMIT, "7 4")
+        for v, name in ((comparison.capability.lsl, "LSL"), (comparison.capability.usl, "USL"))
         if v is not None
     ]
+    mean, other_mean = (c.mean for c in (comparison.capability, comparison.capability_other))
     label = (
-        f"{found.response} in both campaigns: bars, {found.n} values here with mean "
-        f"{numbers.significant(found.capability.mean, 4)}; line, {found.n_other} values of the other with mean "
-        f"{numbers.significant(found.capability_other.mean, 4)}."
+        f"{comparison.response} in both campaigns: bars, {comparison.n} values here with mean "
+        f"{format_numbers.significant(mean, 4)}; line, {comparison.n_other} values of the other with mean "
+        f"{format_numbers.significant(other_mean, 4)}."
     )
     return svg(frame, label, marks)
 
@@ -213,16 +216,16 @@ def unit_suffix(unit: str) -> str:
 
 
 def _bars(frame: PlotArea, bins: Histogram, low: float | None, high: float | None) -> str:
-    """Return the bars; those outside the limits hatched, not only coloured."""
+    """Return the bars; those outside the limits are coloured and hatched."""
     edges, heights = _density(bins)
     marks = []
     for left, right, height in zip(edges[:-1], edges[1:], heights, strict=True):
         if height == 0:
             continue
-        # Inputs' bounds are no edges of their bins: only a bar that is outside as a whole is marked.
+        # The bounds of a variable need not be edges of its bins: only a bar completely outside is marked.
         outside = (low is not None and right <= low) or (high is not None and left > high)
         x, end, top = frame.across(left), frame.across(right), frame.up(height)
-        top = min(top, frame.ground - 0.8)  # a single value is seen too
+        top = min(top, frame.ground - 0.8)  # a single value stays visible
         edge = 'stroke="white" stroke-width="0.5"'
         marks.append(box(x, top, end - x, frame.ground - top, REJECT if outside else BAR, edge))
         if outside:
@@ -231,26 +234,26 @@ def _bars(frame: PlotArea, bins: Histogram, low: float | None, high: float | Non
 
 
 def _hatched(left: float, right: float, top: float, ground: float) -> list[str]:
-    """Return white slanting lines over a bar."""
+    """Return white oblique lines over a bar."""
     at = np.arange(top, ground, _HATCH)
     return [line([(left, float(y)), (right, max(float(y) - (right - left), top))], "white", 0.9) for y in at]
 
 
 def _density(bins: Histogram) -> tuple[list[float], list[float]]:
-    """Return edges and heights of the bars, area 1."""
+    """Return the edges and heights of the bars, whose total area is 1."""
     edges, counts = np.asarray(bins.edges), np.asarray(bins.counts, dtype=float)
     total = float(counts.sum()) or 1.0
     return edges.tolist(), (counts / (total * np.diff(edges))).tolist()
 
 
 def _top(density: Array) -> float:
-    """Return the largest height of a curve; an infinite one does not count."""
+    """Return the largest finite height of a curve."""
     finite = density[np.isfinite(density)]
     return float(np.max(finite, initial=0.0))
 
 
 def _around(values: list[float]) -> tuple[float, float]:
-    """Return the ends of an axis that has all values in view, with a little room."""
+    """Return the ends of an axis that shows all values, with a margin."""
     low, high = min(values), max(values)
     room = 0.04 * (high - low) or 0.02 * abs(low) or 1.0
     return low - room, high + room
@@ -262,6 +265,6 @@ def _name(name: str, unit: str) -> str:
 
 
 def _density_label(unit: str) -> str:
-    """Return the label of an axis of densities."""
+    """Return the label of a density axis."""
     bare = unit in ("", "1")
     return "density" if bare else f"density [1/{unit}]" if " " not in unit else f"density [1/({unit})]"

@@ -3,7 +3,7 @@
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from reporting import format_numbers as numbers
+from reporting import format_numbers
 from reporting.analysis import Analysis
 from reporting.capability.indices import NAMES, SIX_SIGMA_SHIFT, WHICH_SIGMA
 from reporting.capability.shares import runs_to_claim
@@ -37,13 +37,13 @@ def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",
     Parameters
     ----------
     analysis : Analysis
-        What the page says.
+        The analysis to render.
     files : tuple of str
         Names of the files beside it.
     missing : str
-        Which files are not there, and how to get them.
+        Omitted files, and how to get them.
     """
-    # Markup: figures escape what they write themselves; everything else is escaped by the template.
+    # Figures escape their own texts and are marked as safe; the templates escape everything else.
     return (
         _environment()
         .get_template("report.html.j2")
@@ -73,14 +73,14 @@ def headline(analysis: Analysis) -> str:
     limited = [r for r in analysis.responses if r.spec.lsl is not None or r.spec.usl is not None]
     corners = [r.worst for r in limited if r.worst is not None]
     if analysis.ok == 0:
-        return "No sample ended ok: there is nothing to judge."
+        return "No sample ended ok: nothing to judge."
     if analysis.spec.corners and corners:
         kept = sum(bool(worst.within) for worst in corners)
         return f"Worst case: {kept} of {len(corners)} responses with limits keep them at every corner."
     if not limited:
-        return "No response has limits: there is nothing to judge."
+        return "No response has limits: nothing to judge."
     if not analysis.design.production:
-        return "The samples are no production: there is no verdict on capability."
+        return "The samples do not represent production: there is no verdict on capability."
     capable = sum(r.verdict == "capable" for r in limited)
     if capable == len(limited):
         return f"Every response with limits is capable ({capable} of {capable})."
@@ -88,15 +88,15 @@ def headline(analysis: Analysis) -> str:
 
 
 def weakest(analysis: Analysis) -> ResponseAnalysis | None:
-    """Return the response with the smallest Cpk; None if none has one, or it means nothing."""
+    """Return the response with the smallest Cpk; None if no response has a meaningful one."""
     if not analysis.design.production:
         return None
-    known = [(r.capability.cpk, i) for i, r in enumerate(analysis.responses) if r.capability.cpk is not None]
-    return analysis.responses[min(known)[1]] if known else None
+    indices = [(r.capability.cpk, i) for i, r in enumerate(analysis.responses) if r.capability.cpk is not None]
+    return analysis.responses[min(indices)[1]] if indices else None
 
 
 def _environment() -> Environment:
-    """Return the templates with the report's ways to write numbers and to draw."""
+    """Return the environment of the templates, with filters for numbers and figures."""
     environment = Environment(
         loader=PackageLoader("reporting.render"),
         autoescape=True,
@@ -105,18 +105,18 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        plain=numbers.plain,
-        fixed=numbers.fixed,
-        index=numbers.index,
-        ppm=numbers.ppm,
-        percent=numbers.percent,
-        share=numbers.part,
-        significant=numbers.significant,
-        grouped=numbers.grouped,
-        duration=numbers.duration,
-        p=numbers.probability,
+        plain=format_numbers.plain,
+        fixed=format_numbers.fixed,
+        index=format_numbers.index,
+        ppm=format_numbers.ppm,
+        percent=format_numbers.percent,
+        share=format_numbers.part,
+        significant=format_numbers.significant,
+        grouped=format_numbers.grouped,
+        duration=format_numbers.duration,
+        p=format_numbers.probability,
         unit=figures.unit_suffix,
-        places=numbers.decimals_for,
+        places=format_numbers.decimals_for,
         histogram=lambda r: _markup(figures.response_figure(r)),
         probability_plot=lambda r: _markup(figures.probability_figure(r)),
         convergence_plot=lambda r: _markup(figures.convergence_figure(r)),
@@ -128,4 +128,5 @@ def _environment() -> Environment:
 
 
 def _markup(svg: str | None) -> Markup | None:
+    """Return a figure marked as safe HTML."""
     return None if svg is None else Markup(svg)

@@ -2,7 +2,7 @@
 
 from typing import cast
 
-from reporting import format_numbers as numbers
+from reporting import format_numbers
 from reporting.analysis import Analysis
 from reporting.capability.verdict import CAPABLE, MARGINAL
 from reporting.render.svg import (
@@ -30,7 +30,7 @@ _ROW = 30.0
 
 
 def overview_figure(analysis: Analysis) -> str | None:
-    """Return where every response lies between its limits, scaled to -1 and +1; None without any."""
+    """Return the position of every response between its limits, scaled to -1 and +1; None without responses."""
     shown = _two_sided(analysis)
     if not shown:
         return None
@@ -55,21 +55,21 @@ def overview_figure(analysis: Analysis) -> str | None:
         ]
     marks += [marker(frame, at, name, LIMIT, "7 4") for at, name in ((-1.0, "LSL"), (1.0, "USL"))]
     marks.append(axis_x(frame, "position between the limits (0: middle, ±1: limits), each response in its own scale"))
-    said = "; ".join(f"{r.spec.name} {r.verdict}, Cpk {numbers.index(r.capability.cpk)}" for r in shown)
-    return svg(frame, f"Position and spread of every response between its limits: {said}.", marks)
+    verdicts = "; ".join(f"{r.spec.name} {r.verdict}, Cpk {format_numbers.index(r.capability.cpk)}" for r in shown)
+    return svg(frame, f"Position and spread of every response between its limits: {verdicts}.", marks)
 
 
 def goal_figure(analysis: Analysis) -> str | None:
-    """Return every response by offset and spread in units of its tolerance, with the lines of Cpk; None without any."""
+    """Return offset and spread of every response in units of its tolerance, with lines of Cpk; may be None."""
     shown = _two_sided(analysis)
     if not shown:
         return None
-    places = []
+    points = []
     for r in shown:
         lsl, usl, mean, std = cast(tuple[float, ...], (r.spec.lsl, r.spec.usl, r.capability.mean, r.capability.std))
-        places.append(((mean - (lsl + usl) / 2) / (usl - lsl), std / (usl - lsl)))
-    reach = min(max(0.55, *(1.1 * abs(x) for x, _ in places)), 1.5)
-    top = min(max(0.19, *(1.15 * y for _, y in places)), 0.8)
+        points.append(((mean - (lsl + usl) / 2) / (usl - lsl), std / (usl - lsl)))
+    reach = min(max(0.55, *(1.1 * abs(x) for x, _ in points)), 1.5)
+    top = min(max(0.19, *(1.15 * y for _, y in points)), 0.8)
     frame = PlotArea(720, 330, (-reach, reach), (0.0, top), top=14, right=120)
     marks = [axis_y(frame, "σ / (USL − LSL)")]
     for index, colour in ((CAPABLE, COLOURS["capable"]), (MARGINAL, COLOURS["not capable"])):
@@ -79,18 +79,20 @@ def goal_figure(analysis: Analysis) -> str | None:
         words = text(frame.across(0), frame.up(peak) - 5, f"Cpk {index:.2f}", colour=colour, more='font-weight="600"')
         marks.append(words if peak <= top else "")
     taken: list[tuple[float, float, float]] = []
-    for r, (x, y) in zip(shown, places, strict=True):
+    for r, (x, y) in zip(shown, points, strict=True):
         at, up = frame.across(min(max(x, -reach), reach)), frame.up(min(y, top))
         marks.append(dots([(at, up)], COLOURS.get(r.verdict, MUTED), 4.5))
         left, place = _room(at, up, text_width(r.spec.name), taken)
         marks.append(text(left, place, r.spec.name, "start"))
     marks.append(axis_x(frame, "(mean − middle) / (USL − LSL): 0 is centred, ±0.5 on a limit"))
-    said = "; ".join(f"{r.spec.name} offset {x:.3f}, spread {y:.4f}" for r, (x, y) in zip(shown, places, strict=True))
-    return svg(frame, f"Goal plot, both in units of the tolerance: {said}.", marks)
+    offsets = "; ".join(
+        f"{r.spec.name} offset {x:.3f}, spread {y:.4f}" for r, (x, y) in zip(shown, points, strict=True)
+    )
+    return svg(frame, f"Goal plot, both in units of the tolerance: {offsets}.", marks)
 
 
 def _room(at: float, up: float, wide: float, taken: list[tuple[float, float, float]]) -> tuple[float, float]:
-    """Return where a name beside a dot covers no other: right, left, above, below, else lower still; and take it."""
+    """Return a free position for the name of a dot (right, left, above, below, else lower), and add it to `taken`."""
     row = 13.0
     places = [(at + 8, up + 4), (at - 8 - wide, up + 4), (at - wide / 2, up - 8), (at - wide / 2, up + 18)]
     places += [(at + 8, up + 4 + row * i) for i in range(2, 30)]

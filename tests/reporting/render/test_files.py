@@ -81,7 +81,7 @@ def test_the_workbook_holds_the_numbers_and_no_formula(campaign, tmp_path: Path)
 
 
 def test_a_file_that_takes_another_package_is_left_out_and_told(campaign, tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(write, "_installed", lambda package: False)
+    monkeypatch.setattr(write, "find_spec", lambda package: None)
     written = write_report(*campaign(30), tmp_path, kinds=("pdf", "xlsx", "parquet"))
     assert sorted(written) == ["html", "json", "parquet"]
     page = Path(written["html"]).read_text(encoding="utf-8")
