@@ -12,7 +12,7 @@ from scipy.stats import qmc
 from campaign.inputs.sampling import draw, sampler_named
 from campaign.inputs.sampling.saltelli import MOST_VARIABLES, nearest_sizes
 from campaign.inputs.sampling.sampler import varied
-from tests.campaign.inputs.sampling.test_sampling import BOLT, INDEPENDENT, UNIT, seven, spec
+from tests.campaign.inputs.sampling.campaigns import BOLT, INDEPENDENT, UNIT, seven, spec
 from tests.campaign.statistics import check_rank_correlation, check_sample, strata
 
 PINNED_DESIGN = {
