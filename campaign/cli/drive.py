@@ -1,4 +1,4 @@
-"""What the verbs that compute a campaign share: show its progress, write its report, print its results."""
+"""What the verbs that compute a campaign share: plan it, show its progress, write its report, print its results."""
 
 import shlex
 from collections import Counter
