@@ -1,4 +1,4 @@
-"""Drive a campaign to its end: hold its lease, connect to the cluster, compute, and write down how it ended."""
+"""Coordinate a campaign to its end: hold its lease, connect to the cluster, compute, and write down how it ended."""
 
 import logging
 import time
