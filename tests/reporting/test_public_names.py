@@ -1,4 +1,4 @@
-"""`reporting.capability` is a package and `from reporting import capability` the function, in every order of imports."""
+"""`reporting.capability` is a package and `from reporting import capability` a function, in both orders of imports."""
 
 import subprocess
 import sys
