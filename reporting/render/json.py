@@ -47,8 +47,8 @@ def report_schema() -> dict[str, Any]:
     """Return the JSON Schema of capability.json."""
     from pydantic import TypeAdapter
 
-    found = TypeAdapter(Analysis).json_schema(mode="serialization")
-    models = found.pop("$defs")
+    schema = TypeAdapter(Analysis).json_schema(mode="serialization")
+    models = schema.pop("$defs")
     spec = models.pop("ReportSpec")["properties"]
     response = models["ResponseAnalysis"]
     response["properties"]["yield"] = response["properties"].pop("yield_")
@@ -60,14 +60,14 @@ def report_schema() -> dict[str, Any]:
     for name in ("capability", "capability_other"):
         models["ResponseComparison"]["properties"][name] = {"$ref": "#/$defs/ComparedCapability"}
     numbers = {"type": "object", "additionalProperties": {"type": "number"}}
-    del found["properties"]["spec"]
+    del schema["properties"]["spec"]
     properties = {
         "format": {"const": FORMAT},
         **{name: spec[name] for name in (*_OF_SPEC, "provenance")},
         "thresholds": numbers,
-        **found["properties"],
+        **schema["properties"],
     }
-    for model in [*models.values(), found]:
+    for model in [*models.values(), schema]:
         if isinstance(model.get("description"), str):
             model["description"] = " ".join(model["description"].split("\n\n")[0].split())
     return {

@@ -82,8 +82,8 @@ def goal_figure(analysis: Analysis) -> str | None:
     for r, (x, y) in zip(shown, points, strict=True):
         at, up = frame.across(min(max(x, -reach), reach)), frame.up(min(y, top))
         marks.append(dots([(at, up)], COLOURS.get(r.verdict, MUTED), 4.5))
-        left, place = _room(at, up, text_width(r.spec.name), taken)
-        marks.append(text(left, place, r.spec.name, "start"))
+        left, baseline = _room(at, up, text_width(r.spec.name), taken)
+        marks.append(text(left, baseline, r.spec.name, "start"))
     marks.append(axis_x(frame, "(mean − middle) / (USL − LSL): 0 is centred, ±0.5 on a limit"))
     offsets = "; ".join(
         f"{r.spec.name} offset {x:.3f}, spread {y:.4f}" for r, (x, y) in zip(shown, points, strict=True)
@@ -94,15 +94,15 @@ def goal_figure(analysis: Analysis) -> str | None:
 def _room(at: float, up: float, wide: float, taken: list[tuple[float, float, float]]) -> tuple[float, float]:
     """Return a free position for the name of a dot (right, left, above, below, else lower), and add it to `taken`."""
     row = 13.0
-    places = [(at + 8, up + 4), (at - 8 - wide, up + 4), (at - wide / 2, up - 8), (at - wide / 2, up + 18)]
-    places += [(at + 8, up + 4 + row * i) for i in range(2, 30)]
-    left, place = next(
-        (left, place)
-        for left, place in places
-        if all(abs(place - other) >= row or left >= end or start >= left + wide for start, end, other in taken)
+    positions = [(at + 8, up + 4), (at - 8 - wide, up + 4), (at - wide / 2, up - 8), (at - wide / 2, up + 18)]
+    positions += [(at + 8, up + 4 + row * i) for i in range(2, 30)]
+    left, baseline = next(
+        (left, baseline)
+        for left, baseline in positions
+        if all(abs(baseline - other) >= row or left >= end or start >= left + wide for start, end, other in taken)
     )
-    taken.append((left, left + wide, place))
-    return left, place
+    taken.append((left, left + wide, baseline))
+    return left, baseline
 
 
 def _two_sided(analysis: Analysis) -> list[ResponseAnalysis]:

@@ -28,10 +28,10 @@ def render_parquet(analysis: Analysis) -> bytes:
     schema = [("response", pa.string()), ("title", pa.string()), ("unit", pa.string()), ("verdict", pa.string())]
     schema += [("certain", pa.bool_()), ("normality", pa.string()), ("distribution", pa.string())]
     schema += [(name, pa.int64() if name in _COUNTS else pa.float64()) for name in _numbers()]
-    known = pa.schema([pa.field(name, kind, metadata=_metadata(name)) for name, kind in schema])
+    schema_of_rows = pa.schema([pa.field(name, kind, metadata=_metadata(name)) for name, kind in schema])
     about = {"campaign": analysis.spec.campaign, "title": analysis.spec.title, "format": "2"}
     about |= {name: str(getattr(analysis, name)) for name in ("finished", "ok", "failed", "confidence")}
-    table = pa.Table.from_pylist(rows, schema=known.with_metadata(about))
+    table = pa.Table.from_pylist(rows, schema=schema_of_rows.with_metadata(about))
     target = io.BytesIO()
     pq.write_table(table, target, compression="zstd")
     return target.getvalue()

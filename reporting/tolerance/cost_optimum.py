@@ -51,7 +51,7 @@ def cheapest(cost: Array, rate: Array, room: Array, lower: Array, upper: Array) 
     most, scale = np.maximum(np.minimum(upper, alone), lower), np.where(room > 0, room, 1.0)
     low, load = (lower / most) ** 2, rate * most**2 / scale[:, None]
     weight = cost / most / np.sum(cost / most)
-    found = minimize(
+    optimum = minimize(
         lambda u: float(np.sum(weight * u**-0.5)),
         np.maximum(low, 1 / low.size),
         jac=lambda u: -0.5 * weight * u**-1.5,
@@ -60,7 +60,7 @@ def cheapest(cost: Array, rate: Array, room: Array, lower: Array, upper: Array) 
         constraints={"type": "ineq", "fun": lambda u: room / scale - load @ u, "jac": lambda _: -load},
         options={"ftol": 1e-16, "maxiter": 500},
     )
-    tolerance = np.clip(most * np.sqrt(np.clip(found.x, low, 1.0)), lower, upper)
+    tolerance = np.clip(most * np.sqrt(np.clip(optimum.x, low, 1.0)), lower, upper)
     return Optimum(tolerance, _prices(tolerance, cost, rate, room, lower, upper))
 
 
