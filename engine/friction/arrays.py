@@ -93,14 +93,14 @@ def friction_arrays(n: int, nc: int, runs: int, k: int, band: int, bilateral: in
 
 
 class Goal(NamedTuple):
-    """When a problem counts as solved."""
+    """The condition under which a problem counts as solved."""
 
     tolerance: float  # relative residual to reach
     scale: float  # mean diagonal of the Delassus operator, in which impulses are velocities
 
 
 class Effort(NamedTuple):
-    """How many steps a method may take."""
+    """The number of steps that a method may take."""
 
     least: int
     most: int

@@ -1,4 +1,4 @@
-"""What a run and a step are given, and what a step returns."""
+"""The inputs of a run and of a step, and the result of a step."""
 
 from typing import NamedTuple
 
@@ -34,7 +34,7 @@ class RunArrays(NamedTuple):
 
 
 class StepContext(NamedTuple):
-    """All that one time step reads and writes; made anew for each step."""
+    """Everything that one time step reads and writes; made anew for each step."""
 
     model: Model
     state: State
@@ -48,7 +48,7 @@ class StepContext(NamedTuple):
 
 
 class StepResult(NamedTuple):
-    """What a step comes to."""
+    """The outcome of one time step."""
 
     status: int  # of the friction solver: CONVERGED or NOT_CONVERGED
     residual: float  # largest relative residual of the step's friction problems

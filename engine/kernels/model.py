@@ -93,7 +93,7 @@ class Loads(NamedTuple):
 
 
 class Responses(NamedTuple):
-    """What is measured, and when it is reported. Rows of ``body`` and ``point``: see responses.py."""
+    """The responses and when they are reported; responses.py describes the rows of ``body`` and ``point``."""
 
     kind: np.ndarray  # (nr,) int64
     body: np.ndarray  # (nr, 3) int64
@@ -142,7 +142,7 @@ class State(NamedTuple):
 
 
 class BroadPhase(NamedTuple):
-    """Which contacts are near, see broad_phase.py."""
+    """The broad phase tells which contacts are near, see broad_phase.py."""
 
     speed: np.ndarray  # (nb + 1, 2) speed and angular speed of each body
     budget: np.ndarray  # (nc,) the way that the bodies may still move until the gap could have closed
@@ -168,7 +168,7 @@ class StepStart(NamedTuple):
 
 
 class ContactSites(NamedTuple):
-    """Where the contacts are at one pose, in the world."""
+    """Points and frames of the contacts at one pose, in the world."""
 
     point: np.ndarray  # (nc, 3) contact points
     frame: np.ndarray  # (nc, 3, 3) rows N, T1, T2

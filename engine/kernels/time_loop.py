@@ -29,7 +29,7 @@ PATIENCE = 3  # windows of rest: a mechanism that is slow for so long and does n
 
 
 class Course(NamedTuple):
-    """Where a run is, and what it proves of itself; the loop continues from here when it is called again."""
+    """The progress of a run and its certificate; the loop continues from here when it is called again."""
 
     # (12,) int64. STEPS: all that were tried; ACCEPTED: those that count; CONTACT: the worst one of the last step;
     # SLOW: whether all bodies were slow at the end of the last step; SHORTENED: whether it was repeated

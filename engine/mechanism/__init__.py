@@ -1,4 +1,4 @@
-"""What a user writes: a mechanism as a TOML file, checked, and the mechanisms shipped with clearcap."""
+"""The description of a mechanism: a TOML file, checked, and the mechanisms shipped with clearcap."""
 
 from engine.mechanism.load import library_names, load_mechanism
 from engine.mechanism.models import Mechanism, mechanism_from, mechanism_schema

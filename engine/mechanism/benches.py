@@ -29,7 +29,7 @@ class Preset(TableModel):
 
 
 class Bench(TableModel):
-    """What is added to a mechanism, and taken away, to test it; checked as a whole when the mechanism is put on it."""
+    """Tables that are added to a mechanism or removed from it for a test; the whole is checked by `on_bench`."""
 
     title: str = Field(default="", description="what the test is called")
     without: tuple[str, ...] = Field(default=(), description='tables that are taken away, such as "contacts.C7"')
@@ -58,17 +58,17 @@ def with_bench(data: Mapping[str, Any], name: str, bench: Bench) -> dict[str, An
     Raises
     ------
     MechanismError
-        If the bench takes away what is not there.
+        If the bench removes a table that does not exist.
     """
     merged = {**data, "bench": name, "benches": {}, "presets": {}}
     tables = {table: dict(data.get(table, {})) for table in NAMED}
     for path in bench.without:
         table, _, entry = path.partition(".")
         if entry not in tables.get(table, {}):
-            there = [f"{t}.{e}" for t in tables for e in tables[t]]
+            available = [f"{t}.{e}" for t in tables for e in tables[t]]
             raise MechanismError(
                 f"benches.{name}.without = {path!r}: no such table; allowed: TABLE.NAME of one that is there"
-                f"{did_you_mean(path, there)}"
+                f"{did_you_mean(path, available)}"
             )
         del tables[table][entry]
     for table in NAMED:

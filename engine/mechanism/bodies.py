@@ -16,7 +16,7 @@ _OUTLINE_SCHEMA: dict[str, Any] = {"type": "array", "items": {**_THREE, "minItem
 
 
 def _inertia(value: Any) -> Matrix | None:
-    """Read three principal moments or a full tensor, and refuse what no rigid body can have."""
+    """Read three principal moments or a full tensor, and refuse values that no rigid body can have."""
     if value is None:
         return None
     rows = value if isinstance(value, list | tuple) else ()

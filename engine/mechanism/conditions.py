@@ -1,4 +1,4 @@
-"""Conditions on responses, such as "latch_overlap > 0": when a result does not count."""
+"""Conditions on responses, such as "latch_overlap > 0"; a result that breaks one does not count."""
 
 import operator
 import re
@@ -35,7 +35,7 @@ class Condition:
         return f"{self.response} {self.relation} {self.limit:.17g}"
 
     def holds(self, responses: Mapping[str, float]) -> bool:
-        """Say whether ``responses`` (name -> value) meet the condition."""
+        """Return whether ``responses`` (name -> value) meet the condition."""
         compare = operator.lt if self.relation == "<" else operator.gt
         return bool(compare(responses[self.response], self.limit))
 

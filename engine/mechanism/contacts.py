@@ -118,7 +118,7 @@ class Contact(PairLaw):
 
 
 def _remedy(kinds: set[str]) -> str:
-    """Say what to write in place of a pair that is not supported."""
+    """Return what to write in place of a pair that is not supported."""
     if kinds <= set(FLATS):
         return "for a face on a face write three points of one, or its edges as arcs, against the other"
     if kinds <= {"cylinder", "bore"}:

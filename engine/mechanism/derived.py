@@ -10,7 +10,7 @@ from engine.mechanism.quantities import Quantity
 
 
 class Derived(TableModel):
-    """What they have in common: they follow from what others report, whenever that was read."""
+    """Base of the responses that follow from reported values, whenever these were read."""
 
     at: ClassVar[str] = "end"
     from_phase: ClassVar[str | None] = None

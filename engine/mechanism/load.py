@@ -51,7 +51,7 @@ def load_mechanism(name_or_path: str | Path) -> Mechanism:
 
 
 def _read(file: Path | Traversable, source: str) -> str:
-    """Return the text of a file, or say why it cannot be read."""
+    """Return the text of a file; a MechanismError says why it cannot be read."""
     try:
         if isinstance(file, Path) and file.stat().st_size > _LARGEST:
             raise MechanismError(

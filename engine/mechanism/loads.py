@@ -12,7 +12,7 @@ Frame = Literal["world", "body"]
 
 
 class Action(TableModel):
-    """Where a spring acts that is not passed on along its line or as its couple."""
+    """The body on which a spring acts otherwise than along its line or as its couple."""
 
     body: Name = Field(description="the body that is acted on")
 

@@ -1,4 +1,4 @@
-"""The mechanism: all that a user writes about it, checked."""
+"""The description of a mechanism, and its checks."""
 
 import hashlib
 import json
@@ -26,7 +26,7 @@ from engine.mechanism.responses import Response
 
 
 class Rest(TableModel):
-    """When a phase has come to rest: nothing that is measured, and no contact that carries load, moves for a while."""
+    """The criterion of rest: nothing that is measured, and no contact that carries load, moves for a while."""
 
     window: Annotated[Number, Field(gt=0), Quantity("time")] = Field(
         description="how long nothing may move, a number > 0"
@@ -106,7 +106,7 @@ class Phase(TableModel):
 
 
 class Material(TableModel):
-    """What happens between a pair of materials."""
+    """The contact law of a pair of materials."""
 
     between: tuple[Name, Name] | None = Field(
         default=None,
@@ -118,7 +118,7 @@ class Material(TableModel):
 
 
 class Mechanism(TableModel):
-    """A mechanism: bodies, what joins and loads them, and what is read off at the end of a run.
+    """A mechanism: its bodies, joints, contacts, loads and responses.
 
     Made by `load_mechanism` from a TOML file, or by `mechanism_from` from plain data. Frozen: `set_values`
     returns a changed one.
@@ -242,8 +242,8 @@ class Mechanism(TableModel):
 def _refuse_unknown(mechanism: str, kind: str, name: str, known: Iterable[str]) -> None:
     """Raise if a mechanism has no bench or preset of this name."""
     if name not in known:
-        there = ", ".join(known) or "it has none"
-        raise MechanismError(f"{mechanism}: no {kind} {name!r}; allowed: {there}{did_you_mean(name, known)}")
+        names = ", ".join(known) or "it has none"
+        raise MechanismError(f"{mechanism}: no {kind} {name!r}; allowed: {names}{did_you_mean(name, known)}")
 
 
 def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:

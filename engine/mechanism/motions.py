@@ -22,7 +22,7 @@ class About(TableModel):
 
 
 class Led(TableModel):
-    """What all motions have: the two bodies that move relative to each other."""
+    """Base of the prescribed motions: the two bodies that move relative to each other."""
 
     body: Name = Field(description="the body that is moved")
     relative_to: Name | None = Field(default=None, description="the body it is moved against; default: the world")

@@ -1,4 +1,4 @@
-"""When a response is read: at the end of a run, at a peak, its own or another's, or at an event."""
+"""The instant at which a response is read: the end of a run, its own or another's peak, or an event."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
@@ -34,7 +34,7 @@ class Peak(TableModel):
 
 
 def _moment(value: Any) -> Any:
-    """Let pass a table, which is an event, and the moments that have a name."""
+    """Accept a table, which is an event or a peak, and the instants that have a name."""
     if isinstance(value, Mapping | Event | Peak) or (isinstance(value, str) and value in MOMENTS):
         return value
     raise refuse(
@@ -45,7 +45,7 @@ def _moment(value: Any) -> Any:
 
 
 def _kind(value: Any) -> str:
-    """Return which of the three it is."""
+    """Return the tag of the value: Moment, Peak or Event."""
     if isinstance(value, str):
         return "Moment"
     return "Peak" if isinstance(value, Peak) or (isinstance(value, Mapping) and "peak" in value) else "Event"

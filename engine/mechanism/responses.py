@@ -1,4 +1,4 @@
-"""What is read off a mechanism, and when it is read."""
+"""The responses of a mechanism: what is measured, and when it is read."""
 
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -13,7 +13,7 @@ ContactName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*
 
 
 class Measured(TableModel):
-    """What all responses have: a title, and when in the run they are read."""
+    """Base of the measured responses: a title, and the instant at which they are read."""
 
     measures: ClassVar[Quantity]
 
@@ -57,7 +57,7 @@ class Axis(TableModel):
 
 
 class Reference(TableModel):
-    """What a position is measured from: a point of a body, or the foot point on an axis of a body."""
+    """The start of a position: a point of a body, or the foot point on an axis of a body."""
 
     body: Name = Field(description="the body the point or axis belongs to")
     point: Annotated[Point | None, Quantity("length")] = Field(default=None, description="a point: [x, y, z]")

@@ -1,4 +1,4 @@
-"""Laws of time: what a force is multiplied with, where a prescribed motion is. Time 0 is the start of the run."""
+"""Laws of time: factors of forces, and targets of prescribed motions. Time 0 is the start of the run."""
 
 import math
 from itertools import pairwise
@@ -58,7 +58,7 @@ class MotionTable(TableLaw):
 
 
 class Sine(TableModel):
-    """What all sines have: how fast, and where in the period they start."""
+    """The common keys of all sines: how fast they are, and where in the period they start."""
 
     distinguishing_key: ClassVar[str] = "amplitude"
 

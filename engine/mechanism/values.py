@@ -1,7 +1,7 @@
-"""One number of a mechanism by its key: read it, its unit, or set it.
+"""Read one number of a mechanism by its key, or its unit, or set it.
 
 A key is a joint's name, which stands for its clearance, or the dotted path of a number in the file, such as
-`springs.A3.preload`. An ideal joint has no number: what it keeps for its form with play does not act. Setting happens
+`springs.A3.preload`. An ideal joint has no number: the keys of its form with play have no effect on it. Setting happens
 once for each sample of a campaign, so only the tables on the way to the number are checked again, not the whole
 mechanism.
 """
@@ -144,7 +144,7 @@ def _path(mechanism: Mechanism, key: str) -> list[str]:
 
 
 def _nodes(mechanism: Mechanism, key: str) -> list[Any]:
-    """Return what lies on the way to a number: the mechanism first, the number last."""
+    """Return the objects on the path of a key: the mechanism first, the number last."""
     nodes: list[Any] = [mechanism]
     for token in _path(mechanism, key):
         if isinstance(nodes[-1], Joint) and nodes[-1].ideal:
@@ -157,19 +157,19 @@ def _nodes(mechanism: Mechanism, key: str) -> list[Any]:
         raise MechanismError(f"{key}: has no number in this mechanism; write one into the file first")
     if not isinstance(nodes[-1], float):
         inside = [k for k in settable_keys(mechanism) if k.startswith(f"{key}.")]
-        there = f"; inside it: {', '.join(inside[:8])}{', ...' if len(inside) > 8 else ''}" if inside else ""
-        raise MechanismError(f"{key}: not a single number; allowed: single numbers{there}")
+        inner_keys = f"; inside it: {', '.join(inside[:8])}{', ...' if len(inside) > 8 else ''}" if inside else ""
+        raise MechanismError(f"{key}: not a single number; allowed: single numbers{inner_keys}")
     return nodes
 
 
 def _without_play(key: str, joint: Joint) -> str:
-    """Say that an ideal joint has no clearance, and what would give it one."""
+    """Return the message that an ideal joint has no clearance, with the remedy."""
     remedy = f'write type = "clearance_{joint.type}" into the file first' if joint.CLEARANCE else "set another number"
     return f"{key}: a {joint.type} joint is ideal and has no play to set; {remedy}"
 
 
 def _unknown(mechanism: Mechanism, key: str) -> str:
-    """Say that no number has this key, and which keys there are."""
+    """Return the message that no number has this key, with the keys that exist."""
     joints = ", ".join(mechanism.joints) or "there is none"
     return (
         f"{key}: unknown key; allowed: a joint ({joints}), whose clearance it sets, "
@@ -178,7 +178,7 @@ def _unknown(mechanism: Mechanism, key: str) -> str:
 
 
 def _below(node: Any) -> Mapping[str, Any]:
-    """Return what can be named inside ``node``."""
+    """Return the entries of ``node`` that a key can name."""
     if isinstance(node, Joint) and node.ideal:
         return {}
     if isinstance(node, TableModel):

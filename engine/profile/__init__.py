@@ -1,1 +1,1 @@
-"""Where the time of a run goes: the time loop with clocks, and the times of a step."""
+"""Measure the time of a step and of its stages, with a time loop that has clocks."""

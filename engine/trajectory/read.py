@@ -28,7 +28,7 @@ class BodyMotion:
 
 @dataclass(frozen=True)
 class ContactHistory:
-    """What happened at one contact, a row for each recorded instant."""
+    """The history of one contact, a row for each recorded instant."""
 
     gap: Array  # (n,)
     impulse: Array  # (n, 3) of the step that led here, (N, T1, T2)

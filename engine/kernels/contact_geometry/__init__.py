@@ -1,1 +1,1 @@
-"""Where two bodies touch: gaps, contact points and local frames of all pairs of primitives."""
+"""Contact geometry: gaps, contact points and local frames of all pairs of primitives."""

@@ -1,6 +1,6 @@
-"""Where an arc is nearest to a solid, as the angle from its middle.
+"""Find the point at which an arc is nearest to a solid, as the angle from the middle of the arc.
 
-First the minimum over a larger set, in closed form or by Newton's method: over the whole circle and an unbounded
+First comes the minimum over a larger set, in closed form or by Newton's method: over the whole circle and an unbounded
 cylinder, or over the plane of a plate's face. Where that minimum lies on the arc and on the solid, it is the minimum.
 Where it does not, the arc is searched: samples, and the stationary point between any two whose slopes enclose one.
 

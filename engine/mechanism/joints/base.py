@@ -1,4 +1,4 @@
-"""What all joints share: two sides, the word that makes one ideal or loose, and the law of its contacts."""
+"""The base of all joints: two sides, the word that makes a joint ideal or loose, and the law of its contacts."""
 
 from typing import Any, ClassVar, Self
 

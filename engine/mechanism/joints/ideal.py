@@ -1,4 +1,4 @@
-"""Joints that have no form with play: write their faces as contacts instead."""
+"""Joints without a form with play; for play, a user writes their faces as contacts."""
 
 from typing import Any, ClassVar, Literal
 
