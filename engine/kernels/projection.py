@@ -20,12 +20,14 @@ TOLERANCE = 1e-4  # of a displacement problem: the next round removes what is le
 
 
 @inner
-def project_positions(model, state, work, problem, control):
+def project_positions(bodies, contacts, rows, state, work, problem, control):
     """Displace the bodies until every contact and every joint violates its constraint by at most half its limit.
 
     Parameters
     ----------
-    model : Model
+    bodies : Bodies
+    contacts : Contacts
+    rows : BilateralRows
     state : State
     work : Scratch
         ``free`` holds the displacement.
@@ -42,7 +44,7 @@ def project_positions(model, state, work, problem, control):
     violation : float
         Largest joint violation left.
     """
-    bodies, contacts, rows, at_pose = model.bodies, model.contacts, model.bilateral, work.bilateral
+    at_pose = work.bilateral
     worst, contact, off, n, displacement = 0.0, -1, 0.0, problem.w.shape[0], work.free
     for _ in range(ROUNDS):
         find_near_contacts(contacts, state, work.broad_phase, work.sites, 0.0, 0.0, state.gap)

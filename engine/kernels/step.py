@@ -76,7 +76,7 @@ def step(context):
     # the rest of the displacement, the projection of the positions, and twists that fit the joints at the new pose
     move(state, after)
     consume_budget(contacts, state.v, after, work.broad_phase)
-    penetration, contact, violation = project_positions(model, state, work, problem, control)
+    penetration, contact, violation = project_positions(bodies, contacts, bilateral, state, work, problem, control)
     if not plain:
         hold_joints(bodies, bilateral, state, work.bilateral, problem, state.v, 0.0, theta)
     return StepResult(status, residual, penetration, contact, violation, fastest, iterations)
