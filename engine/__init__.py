@@ -5,13 +5,14 @@ from engine.errors import EngineError, MechanismError, TrajectoryError
 from engine.mechanism import Mechanism, library_names, load_mechanism, set_values
 from engine.run import Certificate, Run
 from engine.simulate import check, simulate, warm_up
-from engine.trajectory import Trajectory, read_trajectory
+from engine.trajectory import Recording, Trajectory, read_trajectory
 
 __all__ = [
     "Certificate",
     "EngineError",
     "Mechanism",
     "MechanismError",
+    "Recording",
     "Run",
     "Trajectory",
     "TrajectoryError",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from engine.mechanism import Mechanism, load_mechanism, set_values
 from engine.run import Run
+from engine.trajectory.recording import Recording
 
 if TYPE_CHECKING:
     from engine.loop import Cancel
@@ -23,8 +24,7 @@ def simulate(
     horizon: float | None = None,
     full_horizon: bool = False,
     cancel: "Cancel | None" = None,
-    trajectory: str | Path | None = None,
-    every: int = 1,
+    trajectory: str | Path | Recording | None = None,
     indeterminacy: bool = False,
 ) -> Run:
     """Simulate a mechanism until it is at rest and measure its responses (paper, sections 2 and 4.1).
@@ -43,10 +43,9 @@ def simulate(
         Do not stop at rest in the last phase.
     cancel : Cancel, optional
         A flag that ends the run when another thread sets it.
-    trajectory : str or Path, optional
-        An HDF5 file for the whole motion, written whatever the status of the run; see `read_trajectory`.
-    every : int
-        Write every ``every``-th step of the trajectory, and the last one.
+    trajectory : str, Path or Recording, optional
+        An HDF5 file for the whole motion, written whatever the status of the run; see `read_trajectory`. A `Recording`
+        keeps every N-th step only.
     indeterminacy : bool
         Also compute the range of each contact force at rest that friction allows (`Run.ranges`).
 
@@ -59,7 +58,7 @@ def simulate(
     MechanismError
         If a value is not allowed, or parts overlap at the start pose.
     TrajectoryError
-        If the trajectory cannot be written.
+        If the recording is not allowed, or the file cannot be written.
     """
     from engine.assembly import assemble
     from engine.execution import execute
@@ -73,10 +72,11 @@ def simulate(
     assembly = assemble(mechanism)
     if trajectory is None:
         return execute(mechanism, assembly, full_horizon, cancel, indeterminacy)
-    from engine.trajectory.write import recording
+    from engine.trajectory.write import trajectory_file
 
-    with recording(trajectory, mechanism, assembly, every=every, full_horizon=full_horizon) as file:
-        run = execute(mechanism, assembly, full_horizon, cancel, indeterminacy, file.append, every)
+    recording = Recording.of(trajectory)
+    with trajectory_file(recording, mechanism, assembly, full_horizon=full_horizon) as file:
+        run = execute(mechanism, assembly, full_horizon, cancel, indeterminacy, file.append, recording.every)
         file.finish(run)
     return run
 

@@ -37,7 +37,7 @@ def simulate(
 ) -> None:
     """Simulate a mechanism once and print its responses."""
     values = _values(changes or [])
-    from engine import load_mechanism
+    from engine import Recording, load_mechanism
     from engine import simulate as simulate_once
 
     loaded = load_mechanism(mechanism)
@@ -55,8 +55,7 @@ def simulate(
             step=step,
             horizon=horizon,
             full_horizon=full_horizon,
-            trajectory=motion,
-            every=every or 1,
+            trajectory=Recording(motion, every or 1) if motion else None,
             indeterminacy=True,
         )
     _print(run, files.named(), json)

@@ -16,7 +16,7 @@ from campaign.inputs.sampling import SAMPLERS, sampler_named
 from campaign.inputs.sampling.correlation import matrix
 from campaign.plan import dump_spec
 from campaign.spec.campaign_file import CampaignSpec
-from campaign.spec.messages import structure_faults
+from campaign.spec.faults import structure_faults
 from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
 from reporting.tolerance.reweighting import Change

@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError
 from campaign.errors import SpecError
 from campaign.inputs.distributions import PositiveNumber
 from campaign.plan import Plan
-from campaign.spec.messages import structure_faults
+from campaign.spec.faults import structure_faults
 from engine.mechanism.base import Number, TableModel
 from reporting.capability.verdict import CAPABLE
 

@@ -7,7 +7,7 @@ from campaign.cluster.process_workers import process_workers
 from campaign.inputs.sampling import draw
 from campaign.pictures.journals import JournalPositions, journal_positions, merge_runs
 from campaign.spec.load import Campaign
-from engine import Mechanism, read_trajectory, simulate, warm_up
+from engine import Mechanism, Recording, read_trajectory, simulate, warm_up
 
 ENDS = 10**9  # of a trajectory only the first row and the last are kept
 
@@ -45,5 +45,5 @@ def _positions_at_end(
     """Simulate once; return where the journals lie at the end, nothing if the run failed."""
     with TemporaryDirectory(prefix="clearcap-") as folder:
         path = Path(folder) / "end.h5"
-        run = simulate(mechanism, values, step=step, horizon=horizon, trajectory=path, every=ENDS)
+        run = simulate(mechanism, values, step=step, horizon=horizon, trajectory=Recording(path, ENDS))
         return journal_positions(read_trajectory(path)) if run.status == "ok" else []

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 import numpy as np
 
 from campaign.errors import SpecError
-from campaign.spec.messages import fault
+from campaign.spec.faults import fault
 from engine.mechanism.faults import did_you_mean
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from campaign.errors import SpecError
 from campaign.inputs.distributions import Distribution, Empirical, Variable
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.data_files import read_data_files
-from campaign.spec.messages import fault, structure_faults
+from campaign.spec.faults import fault, structure_faults
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from engine import EngineError, MechanismError, check, load_mechanism
 from engine.mechanism import Mechanism, full_key, get_value

@@ -19,12 +19,13 @@ from engine.mechanism import Mechanism
 from engine.run import Run
 from engine.trajectory.layout import Series, series_of
 from engine.trajectory.read import FORMAT, VERSION
+from engine.trajectory.recording import Recording
 
 CHUNK = 1024  # rows that are compressed together
 
 
-class Recording:
-    """A trajectory file that is being written; made by `recording`."""
+class TrajectoryWriter:
+    """A trajectory file that is being written; made by `trajectory_file`."""
 
     def __init__(self, file: Any, mechanism: Mechanism, assembly: Assembly) -> None:
         self._file = file
@@ -47,39 +48,35 @@ class Recording:
 
 
 @contextmanager
-def recording(
-    path: str | Path, mechanism: Mechanism, assembly: Assembly, *, every: int, full_horizon: bool
-) -> Iterator[Recording]:
+def trajectory_file(
+    recording: Recording, mechanism: Mechanism, assembly: Assembly, *, full_horizon: bool
+) -> Iterator[TrajectoryWriter]:
     """Open a trajectory file under a temporary name, and give it its own at the end of the block.
 
     Parameters
     ----------
-    path : str or Path
-        Its name; an existing file is replaced.
+    recording : Recording
+        Its name, and which steps it gets.
     mechanism : Mechanism
         The mechanism that is simulated.
     assembly : Assembly
         Its arrays.
-    every : int
-        The file gets every ``every``-th step, and the last one.
     full_horizon : bool
         Whether the run continues after rest.
 
     Raises
     ------
     TrajectoryError
-        If ``every`` is not allowed or the file cannot be written.
+        If the file cannot be written.
     """
-    if every < 1:
-        raise TrajectoryError(f"every = {every}: allowed: a whole number >= 1; 1 writes each step")
-    path = Path(path)
+    path = Path(recording.path)
     temporary = path.with_name(f"{path.name}.{os.getpid()}-{secrets.token_hex(4)}.tmp")
-    settings = {**mechanism.simulation.model_dump(mode="json"), "every": every, "full_horizon": full_horizon}
+    settings = {**mechanism.simulation.model_dump(mode="json"), "every": recording.every, "full_horizon": full_horizon}
     try:
         # the format of HDF5 1.10: half the size of the oldest one when there are many datasets
         with h5py.File(temporary, "x", libver=("v110", "v110")) as file:
             _describe(file, mechanism, settings)
-            yield Recording(file, mechanism, assembly)
+            yield TrajectoryWriter(file, mechanism, assembly)
         with temporary.open("rb") as written:
             os.fsync(written.fileno())
         os.replace(temporary, path)

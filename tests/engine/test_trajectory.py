@@ -15,10 +15,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import engine.loop
-from engine import TrajectoryError, load_mechanism, read_trajectory, simulate
+from engine import Recording, TrajectoryError, load_mechanism, read_trajectory, simulate
 from engine.loop import Cancel
 from engine.trajectory.forces import contact_forces
-from engine.trajectory.write import Recording
+from engine.trajectory.write import TrajectoryWriter
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "trajectory.md").read_text("utf-8")
@@ -116,7 +116,7 @@ def test_mean_forces_between_instants(recorded):
 def test_every_keeps_start_and_end(recorded, tmp_path):
     """``every = 7``: rows 0, 7, 14, ... of the whole one, and the last."""
     path = tmp_path / "thin.h5"
-    simulate(load_mechanism("clearance_pendulum"), horizon=0.1, trajectory=path, every=7)
+    simulate(load_mechanism("clearance_pendulum"), horizon=0.1, trajectory=Recording(path, every=7))
     thin = read_trajectory(path)
     rows = [*range(0, 500, 7), 500]
     np.testing.assert_array_equal(thin.time, recorded.time[rows])
@@ -236,7 +236,7 @@ def test_failed_write_keeps_the_old_file(file, tmp_path, monkeypatch):
     def full(self, rows):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(Recording, "append", full)
+    monkeypatch.setattr(TrajectoryWriter, "append", full)
     with pytest.raises(TrajectoryError, match=r"run.h5: cannot be written \(No space left on device\)"):
         simulate(load_mechanism("incline"), horizon=0.01, trajectory=path)
     assert [(item.name, item.read_bytes()) for item in tmp_path.iterdir()] == [("run.h5", b"old")]
@@ -310,7 +310,7 @@ def test_bad_file_is_refused(file, tmp_path, spoil, said):
 def test_bad_request_is_refused(tmp_path):
     """``every`` below 1, a folder that is not there: an error before the run, nothing written."""
     with pytest.raises(TrajectoryError, match=r"every = 0: allowed: a whole number >= 1"):
-        simulate(load_mechanism("incline"), trajectory=tmp_path / "a.h5", every=0)
+        simulate(load_mechanism("incline"), trajectory=Recording(tmp_path / "a.h5", every=0))
     with pytest.raises(TrajectoryError, match="cannot be written"):
         simulate(load_mechanism("incline"), trajectory=tmp_path / "none" / "a.h5")
     assert list(tmp_path.iterdir()) == []

@@ -8,7 +8,7 @@ from campaign.pictures.journals import JournalPositions, journal_positions, merg
 from campaign.pictures.polarisation import mean_direction, plot_polarisation
 from campaign.reports.journal_positions import campaign_journal_positions
 from campaign.spec.load import load_campaign
-from engine import read_trajectory, simulate
+from engine import Recording, read_trajectory, simulate
 from tests.engine.small import made, shipped
 
 
@@ -21,7 +21,7 @@ def hanging(tmp_path, gravity, bearing="link"):
         joint = data["joints"]["J1"]
         joint["bearing"], joint["journal"] = joint["journal"], {**joint["bearing"], "radius": 0.01}
         del joint["bearing"]["radius"]
-    simulate(made(data), horizon=2.0, trajectory=tmp_path / "run.h5", every=1000)
+    simulate(made(data), horizon=2.0, trajectory=Recording(tmp_path / "run.h5", every=1000))
     run = read_trajectory(tmp_path / "run.h5")
     assert run.status == "ok", run.message
     return journal_positions(run)
