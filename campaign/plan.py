@@ -86,7 +86,7 @@ class Plan(PlanHeader):
             raise unreadable_plan(error) from error
         if plan.campaign_id != header.campaign_id:
             raise StoreError(
-                "plan.json was changed after it was written: its content no longer has the id"
+                "plan.json was changed after it was written: its content no longer matches the id"
                 f" {header.campaign_id}; restore it, or run in a new store"
             )
         return plan

@@ -84,10 +84,10 @@ def parse_plan(text: str) -> tuple[PlanHeader, dict[str, Any]]:
         expected = 0
         for first, count in batches:
             if first != expected or count < 1:
-                raise ValueError(f"a batch begins at sample {first} where {expected} is next")
+                raise ValueError(f"a batch begins at sample {first} in place of {expected}")
             expected += count
         if expected != spec["samples"]:
-            raise ValueError(f"its batches hold {expected} samples and its spec asks for {spec['samples']}")
+            raise ValueError(f"its batches hold {expected} samples, but its spec asks for {spec['samples']}")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise unreadable_plan(error) from error
     return header, document

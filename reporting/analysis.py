@@ -172,17 +172,19 @@ def _advice(
 ) -> tuple[tuple[Advice, ...], str]:
     """Return how far each variable's spread may grow with every Cpk at 1.33 or above, and a note."""
     if not spec.design.production:
-        return (), "The samples do not represent production: they say nothing about wider tolerances."
+        return (), "The samples do not represent production, so they give no advice on tolerances."
     limited = {r.spec.name: r for r in responses if r.capability.cpk is not None and r.sensitivity is not None}
     judged = {name: r for name, r in limited.items() if (r.capability.cpk or 0.0) >= CAPABLE}
     missed = [name for name in limited if name not in judged]
     varied = [v.name for v in spec.variables if v.std > 0]
     ok = np.flatnonzero(samples.ok)
     if widen is None or not judged or not varied:
-        reason = "the distributions of the variables are not known" if widen is None else "no response reaches Cpk 1.33"
+        reason = (
+            "the distributions of the variables are not known" if widen is None else "no response has Cpk 1.33 or more"
+        )
         return (), f"No advice: {reason}."
     note = (
-        f"{', '.join(missed)}: below Cpk 1.33 already, so left out here; see above which variables move it."
+        f"{', '.join(missed)}: already below Cpk 1.33 and left out here; the table above shows which variables move it."
         if missed
         else ""
     )

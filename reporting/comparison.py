@@ -122,7 +122,7 @@ def compare(
     shared = [(r, theirs[r.name]) for r in spec.responses if r.name in theirs]
     if not shared:
         raise ReportError(
-            f"{spec.campaign} and {other_spec.campaign} have no response in common; compare campaigns of one mechanism"
+            f"{spec.campaign} and {other_spec.campaign} have no common response; compare campaigns of one mechanism"
         )
     for mine, their in shared:
         if mine.unit != their.unit:

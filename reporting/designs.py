@@ -19,4 +19,4 @@ class Design:
     text: str
 
 
-INDEPENDENT = Design(True, "Independent random samples: the intervals hold as they are.")
+INDEPENDENT = Design(True, "Independent random samples: all intervals are valid.")

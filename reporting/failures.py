@@ -12,12 +12,12 @@ from reporting.spec import ReportSpec, VariableSpec
 FAILURES_LISTED = 20
 
 STATUSES = {
-    OK: "settled, every number is used",
-    "not_converged": "a step missed the friction tolerance",
-    "diverged": "a number was no longer finite",
-    "timeout": "ran longer than allowed",
-    "invalid": "settled, but broke a validity condition",
-    "crashed": "the process or the code failed",
+    OK: "came to rest; its numbers are used",
+    "not_converged": "a time step missed the friction tolerance",
+    "diverged": "a number became infinite or undefined",
+    "timeout": "ran longer than its time limit",
+    "invalid": "came to rest, but violated a validity condition",
+    "crashed": "the process ended or the code raised an error",
 }
 
 

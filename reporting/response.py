@@ -180,7 +180,9 @@ def _corners(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> Worst
 def _fits(x: Array, shape: Normality, *, limited: bool) -> Fits:
     """Return the fitted distributions: all families only if no quick one is close and there are limits."""
     if x.size < _FEWEST_FOR_A_FIT:
-        return Fits((), None, {}, (f"{x.size} values: no distribution is fitted below {_FEWEST_FOR_A_FIT}.",))
+        return Fits(
+            (), None, {}, (f"{x.size} values are too few to fit a distribution: {_FEWEST_FOR_A_FIT} are needed.",)
+        )
     few = fit_families(x, names=QUICK)
     best = few.of(few.best)
     # The distance of the true distribution is up to 1 / sqrt(n) by chance.

@@ -155,7 +155,7 @@ def _check_columns(table: "pyarrow.Table", spec: ReportSpec, needed: list[str]) 
 def _check_rows(sample: NDArray[np.int64], requested: int) -> None:
     """Raise ReportError if samples are repeated or out of order, or if there are more than requested."""
     if requested < 1:
-        raise ReportError(f"requested = {requested}: a campaign asks for at least 1 sample")
+        raise ReportError(f"requested = {requested}: a campaign has at least 1 sample")
     steps = np.diff(sample)
     if np.any(steps == 0):
         raise ReportError(f"sample {sample[int(np.argmin(steps != 0))]} appears more than once; give it one row")
@@ -163,7 +163,9 @@ def _check_rows(sample: NDArray[np.int64], requested: int) -> None:
         at = int(np.argmax(steps < 0))
         raise ReportError(f"sample {sample[at + 1]} comes after {sample[at]}; give tables in the order of the samples")
     if sample.size > requested:
-        raise ReportError(f"the table has {sample.size} rows, the campaign asked for {requested}; extend the campaign")
+        raise ReportError(
+            f"the table has {sample.size} rows, but the campaign has only {requested} samples; plan more samples"
+        )
 
 
 def _statuses(table: "pyarrow.Table", codes: dict[str, int], messages: dict[int, str]) -> NDArray[np.int16]:
@@ -174,7 +176,9 @@ def _statuses(table: "pyarrow.Table", codes: dict[str, int], messages: dict[int,
     empty = words.null_count or pyarrow.compute.any(pyarrow.compute.equal(words, "")).as_py()
     if empty:
         at = next(i for i, word in enumerate(words.to_pylist()) if not word)
-        raise ReportError(f"sample {table['sample'][at].as_py()} has no status; repair or recompute its batch")
+        raise ReportError(
+            f"sample {table['sample'][at].as_py()} has no status; repair its row or compute its batch again"
+        )
     encoded = words.dictionary_encode().combine_chunks()
     encoded = encoded if isinstance(encoded, pyarrow.DictionaryArray) else encoded.chunk(0)
     translate = [codes.setdefault(word, len(codes)) for word in encoded.dictionary.to_pylist()]
@@ -197,7 +201,7 @@ def _numbers(table: "pyarrow.Table", name: str) -> Array:
     if pyarrow.types.is_null(kind):  # a column of a table in which every run failed
         return np.full(len(column), np.nan)
     if not (pyarrow.types.is_integer(kind) or pyarrow.types.is_floating(kind) or pyarrow.types.is_boolean(kind)):
-        raise ReportError(f"column {name!r} holds {kind}; numbers are needed")
+        raise ReportError(f"column {name!r} holds {kind}; it must hold numbers")
     if name == "sample" and column.null_count:
         raise ReportError(f"column 'sample' has {column.null_count} empty rows; every row needs its number")
     values: Array = column.cast(pyarrow.float64()).to_numpy()
@@ -213,7 +217,7 @@ def _strings(table: "pyarrow.Table", name: str) -> "pyarrow.ChunkedArray":
     if pyarrow.types.is_dictionary(kind):
         kind = kind.value_type
     if not (pyarrow.types.is_string(kind) or pyarrow.types.is_large_string(kind) or pyarrow.types.is_null(kind)):
-        raise ReportError(f"column {name!r} holds {kind}; text is needed")
+        raise ReportError(f"column {name!r} holds {kind}; it must hold text")
     return column.cast(pyarrow.string())
 
 

@@ -140,4 +140,4 @@ class ReportSpec:
         """Raise ReportError if samples that are not independent would pass for such."""
         independent = self.sampler == ReportSpec.sampler and not self.corners and self.designed is None
         if not independent and self.design == INDEPENDENT:
-            raise ReportError(f"sampler {self.sampler}: nothing says what its samples are; give design")
+            raise ReportError(f"sampler {self.sampler}: the samples are not described; describe them in design")

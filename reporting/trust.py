@@ -84,7 +84,7 @@ def trust_checks(
 def _complete(requested: int, samples: Samples) -> Check:
     """Check that every requested sample is done."""
     done = samples.sample.size
-    text = f"{format_numbers.grouped(done)} of {format_numbers.grouped(requested)} requested samples are done."
+    text = f"{format_numbers.grouped(done)} of {format_numbers.grouped(requested)} requested samples are computed."
     if done < requested:
         text += " The campaign is not finished: every number below is provisional."
     return Check("Complete", "good" if done == requested else "attention", text, float(done))
@@ -94,7 +94,7 @@ def _failed(samples: Samples) -> Check:
     """Check that few samples failed, and quote the most frequent failure."""
     done, ok = samples.sample.size, int(np.count_nonzero(samples.ok))
     if done == 0:
-        return Check("Failures", "bad", "No sample is done yet.")
+        return Check("Failures", "bad", "No sample is computed yet.")
     if ok == done:
         return Check("Failures", "good", "No sample failed.", 0.0)
     counts = {word: samples.rows_of(word).size for word in sorted(samples.statuses) if word != OK}
@@ -103,7 +103,7 @@ def _failed(samples: Samples) -> Check:
     message = samples.messages.get(int(samples.sample[row]), "").strip() or "no message"
     text = (
         f"{format_numbers.grouped(done - ok)} of {format_numbers.grouped(done)} samples failed "
-        f"({format_numbers.percent((done - ok) / done)}) and are in no statistic; most often {worst}, "
+        f"({format_numbers.percent((done - ok) / done)}) and are left out of all statistics; most often {worst}, "
         f"first in sample {samples.sample[row]}: {message}"
     )
     level = "bad" if ok == 0 else "good" if ok / done >= OK_SHARE_BAR else "attention"
@@ -115,12 +115,12 @@ def _largest(name: str, samples: Samples, values: Array, unit: str, bar: float |
     rows = np.flatnonzero(samples.ok)
     stated = rows[np.isfinite(values[rows])]
     if stated.size == 0:
-        return Check(name, "info", f"No {OK} sample states it.")
+        return Check(name, "info", f"No {OK} sample has this number.")
     row = int(stated[np.argmax(values[stated])])
     most, suffix = float(values[row]), f" {unit}" if unit else ""
     text = f"Largest over the ok samples: {format_numbers.significant(most, 2)}{suffix}, sample {samples.sample[row]}"
     if stated.size < rows.size:
-        return Check(name, "bad", f"{text}; {rows.size - stated.size} ok samples do not state it.", most)
+        return Check(name, "bad", f"{text}; {rows.size - stated.size} ok samples lack it.", most)
     if bar is None:
         return Check(name, "info", f"{text}.", most)
     level = "good" if most <= bar else "bad"
@@ -167,7 +167,7 @@ def _enough(responses: tuple[ResponseAnalysis, ...], *, production: bool) -> Che
         text += f"; about {format_numbers.grouped(round(needed, 2 - len(str(needed))))} samples would give ±5 %"
     uncertain = [r.spec.name for r, _ in indexed if not r.certain]
     if uncertain:
-        text += f". For {', '.join(uncertain)} the interval reaches another verdict: more samples are needed to decide"
+        text += f". The interval of {', '.join(uncertain)} includes another verdict: more samples are needed to decide"
     return Check("Enough samples", "attention" if uncertain else "good", f"{text}.", widths[at])
 
 
@@ -180,9 +180,12 @@ def _converged(responses: tuple[ResponseAnalysis, ...], *, production: bool) -> 
     errors = format_numbers.fixed(drifts[name], 1, (DRIFT_BAR,))
     text = f"First and second half of the samples differ by at most {errors} standard errors of an index ({name})"
     if drifts[name] <= DRIFT_BAR:
-        return Check("Converged", "good", f"{text}: chance explains it.", drifts[name])
+        return Check("Converged", "good", f"{text}, as chance explains.", drifts[name])
     return Check(
-        "Converged", "attention", f"{text}: more than by chance. Something changed during the campaign.", drifts[name]
+        "Converged",
+        "attention",
+        f"{text}, more than chance explains: something changed during the campaign.",
+        drifts[name],
     )
 
 
@@ -190,7 +193,7 @@ def _rejects(responses: tuple[ResponseAnalysis, ...], samples: Samples) -> Check
     """Report Cpk with every failure counted as a reject."""
     name = "Failures as rejects"
     if samples.ok.all():
-        return Check(name, "good" if samples.ok.size else "info", "No sample failed, so nothing changes.")
+        return Check(name, "good" if samples.ok.size else "info", "No sample failed, so Cpk is the same.")
     indices = [(r.yield_.cpk, r.spec.name) for r in responses if r.yield_ and r.yield_.cpk is not None]
     if not indices:
         return Check(name, "info", "No response has a Cpk.")
@@ -202,7 +205,7 @@ def _shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
     """Check that the responses are close to normal, by the size of the departure."""
     shaped = [r for r in responses if r.capability.cpk is not None and r.normality.distance is not None]
     if not shaped:
-        return Check("Shape", "info", "No response with limits has a measured shape.")
+        return Check("Shape", "info", "No response with limits has values enough to judge its shape.")
     other = [r.spec.name for r in shaped if r.normality.verdict == "not normal"]
     undecided = [r.spec.name for r in shaped if r.normality.verdict in ("undecided", "too few values")]
     if other:
@@ -214,7 +217,7 @@ def _shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
         text = f"Too few samples to tell whether {', '.join(undecided)} is normal; no departure is proven."
         return Check("Shape", "info", text, 0.0)
     return Check(
-        "Shape", "good", "Every response with limits is normal, or close enough for these format_numbers.", 0.0
+        "Shape", "good", "Every response with limits is normal, or close enough to normal for these numbers.", 0.0
     )
 
 
@@ -222,7 +225,7 @@ def _inputs(
     variables: tuple[VariableAnalysis, ...], correlations: tuple[CorrelationAnalysis, ...], *, production: bool
 ) -> Check:
     """Check mean, sigma, bounds, distribution and correlations of the drawn variables against the request."""
-    name = "Inputs as asked"
+    name = "Inputs as requested"
     if not variables:
         return Check(name, "info", "The campaign has no variable.")
     outside = sum(v.outside for v in variables)
@@ -233,13 +236,19 @@ def _inputs(
     errors = {f"{word} of {v}": e for v, pairs in moments for word, e in pairs if e is not None}
     errors |= {f"correlation of {c.first} and {c.second}": abs(c.errors) for c in correlations}
     if not errors or not production:
-        reason = "there are too few samples" if production else "the samples do not represent production, so no reason"
-        return Check(name, "info", f"Within their bounds; {reason} to compare the distributions with the request.")
+        reason = (
+            "there are too few samples"
+            if production
+            else "the samples do not represent production, so there is no reason"
+        )
+        return Check(
+            name, "info", f"All values are within their bounds; {reason} to compare the distributions with the request."
+        )
     worst = max(errors, key=errors.__getitem__)
     different = [v.spec.name for v in variables if v.p_value is not None and v.p_value < INPUT_P_BAR]
     distance = format_numbers.fixed(errors[worst], 1, (INPUT_ERRORS_BAR,))
     text = (
-        f"Means, sigmas and correlations are within {distance} standard errors of the request (farthest: {worst}); "
+        f"Means, sigmas and correlations are within {distance} standard errors of the request (largest: {worst}); "
         "no value is outside its bounds."
     )
     if different:

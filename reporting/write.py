@@ -97,7 +97,7 @@ def _rendered(analysis: Analysis, samples: Samples, kinds: set[str]) -> dict[str
 
 def _missing(kinds: set[str]) -> str:
     """Return how to install the packages of the omitted files."""
-    hints = [f"{NAMES[kind]} takes pip install 'clearcap[{EXTRAS[kind][1]}]'" for kind in NAMES if kind in kinds]
+    hints = [f"{NAMES[kind]} needs pip install 'clearcap[{EXTRAS[kind][1]}]'" for kind in NAMES if kind in kinds]
     return f"Not written: {'; '.join(hints)}." if hints else ""
 
 

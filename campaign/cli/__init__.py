@@ -34,8 +34,8 @@ from campaign.cli.submit import submit
 app = typer.Typer(
     name="clearcap",
     help="From clearance to capability: what the play in a mechanism's joints does to its function.",
-    epilog="Exit status: 0 done; 1 the work failed; 2 wrong input; 3 cancelled; 4 store or cluster out of reach;"
-    " 130 interrupted.",
+    epilog="Exit status: 0 done; 1 the work failed; 2 wrong input; 3 cancelled; 4 the store or cluster cannot be"
+    " reached; 130 interrupted.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     add_completion=False,

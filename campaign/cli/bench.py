@@ -16,20 +16,23 @@ def bench(
         list[str] | None, typer.Argument(metavar="[MECHANISM]...", help="Shipped mechanisms or mechanism files.")
     ] = None,
     steps: Annotated[
-        int | None, typer.Option(min=1, help="Time steps; by default those of the horizon, at most 7000.")
+        int | None, typer.Option(min=1, help="Number of time steps; by default those of the horizon, at most 7000.")
     ] = None,
     json: Json = False,
 ) -> None:
-    """Measure the time of a step, what it is spent on, and what the solver leaves: all shipped mechanisms, or these."""
+    """Measure the time of a step, its share per stage, and the residuals that the solver leaves.
+
+    Without arguments it measures all shipped mechanisms.
+    """
     from engine import library_names, load_mechanism
     from engine.profile.step_times import measure_step_times
 
     loaded = [load_mechanism(name) for name in mechanisms or library_names()]
-    say("the first mechanism waits for the loop with clocks to be compiled, about a minute")
+    say("compiling the time loop that measures its stages: about a minute, before the first mechanism")
     measured = []
     for mechanism in loaded:
         measured.append(measure_step_times(mechanism, steps))
-        say(f"{mechanism.name}: {measured[-1].step_us:.3g} us a step")
+        say(f"{mechanism.name}: {measured[-1].step_us:.3g} us per step")
     if json:
         print_json([asdict(entry) for entry in measured])
     else:
@@ -55,11 +58,11 @@ TABLES = {
         "contacts": "contacts",
         "ties": "joint rows",
         "steps": "steps",
-        "repeated": "again",
+        "repeated": "repeated",
         "step_us": "us/step",
         "iterations_per_step": "iter/step",
     },
-    "what the steps leave, at most": {
+    "largest residuals of the steps": {
         "status": "status",
         "max_residual": "residual",
         "max_penetration": "penetration",

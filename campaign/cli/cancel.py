@@ -5,7 +5,7 @@ from campaign.cli.output import Json, print_json
 
 
 def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
-    """End a campaign after the runs in hand; what is finished stays, and ``resume`` goes on."""
+    """Stop a campaign; unfinished runs are given up, finished rows stay, and ``resume`` continues it."""
     from campaign.coordinator.lease import is_coordinated
     from campaign.coordinator.state import state_of, write_state
     from campaign.store import open_store
@@ -23,4 +23,4 @@ def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) ->
     elif before == "completed":
         print(f"{campaign_id} is completed; nothing to cancel")
     else:
-        print(f"{campaign_id} was {before}; go on with: clearcap resume {campaign_id} --store {opened.url}")
+        print(f"{campaign_id} was {before}; continue it with: clearcap resume {campaign_id} --store {opened.url}")

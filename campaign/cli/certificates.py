@@ -9,25 +9,30 @@ from campaign.cli.output import Json, print_json
 
 
 def certificates(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write them to.")],
-    days: Annotated[int, typer.Option(help="Days they are valid, up to 825.")] = 365,
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to write the certificates to.")],
+    days: Annotated[int, typer.Option(help="Number of days for which they are valid, at most 825.")] = 365,
     hosts: Annotated[
         list[str] | None,
-        typer.Option("--host", help="A name or address of the scheduler; may be repeated. Dask checks none."),
+        typer.Option(
+            "--host",
+            help="Host name or address of the scheduler, written into its certificate; may be repeated. Dask itself"
+            " does not check it.",
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Make an authority and certificates for the mutual TLS of a cluster.
+    """Make a certificate authority and the certificates for mutual TLS in a cluster.
 
-    Dask lets in whoever has a certificate of the same authority, whatever host it is on: keep the folder private, give
-    each machine only its role's files, and make a new folder for each cluster. The authority's own key is not kept.
+    Dask accepts every process with a certificate of the same authority, on any host. Keep the folder private, give
+    each machine only the files of its role, and make a new folder for each cluster. The authority's own key is not
+    kept.
     """
     from campaign.errors import SpecError
 
     try:
         from campaign.cluster.tls_certificates import make_certificates
     except ImportError as error:
-        raise SpecError("certificates: needs a package that is not here; pip install 'clearcap[tls]'") from error
+        raise SpecError("certificates: needs a package that is not installed; pip install 'clearcap[tls]'") from error
     paths = make_certificates(folder, days, hosts or ())
     if json:
         print_json({"folder": str(folder), "days": days, "files": {name: str(path) for name, path in paths.items()}})

@@ -16,15 +16,17 @@ if TYPE_CHECKING:
 @on_cluster
 def coordinate(
     where: "Cluster",
-    campaign: Annotated[str | None, typer.Argument(help="Id of the campaign; without it, all that are queued.")] = None,
+    campaign: Annotated[
+        str | None, typer.Argument(help="Id of the campaign; without it, all queued campaigns.")
+    ] = None,
     store: StoreUrl = "runs",
-    once: Annotated[bool, typer.Option("--once", help="Without an id: end when nothing is queued.")] = False,
+    once: Annotated[bool, typer.Option("--once", help="Without an id: end when no campaign is queued.")] = False,
     no_report: NoReport = False,
     json: Json = False,
 ) -> None:
-    """Compute a planned campaign; without an id serve the store: compute every campaign that is queued.
+    """Compute a planned campaign; without an id, serve the store: compute every queued campaign.
 
-    Made for a supervisor: it may be killed at any time and started again.
+    A process supervisor may kill and restart it at any time.
     """
     from campaign.store import open_store
 

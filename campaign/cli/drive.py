@@ -36,7 +36,7 @@ def drive(
             outcome = coordinate(store, plan, cluster, show)
     except KeyboardInterrupt:
         command = shlex.join(["clearcap", "resume", plan.campaign_id, "--store", store.url, *options_of(cluster)])
-        say(f"interrupted; what is finished is kept in {store.url}. Go on with:\n  {command}")
+        say(f"interrupted; the finished rows are kept in {store.url}. Continue with:\n  {command}")
         raise typer.Exit(130) from None
     finish(store, outcome, with_report=with_report, as_json=as_json)
 
@@ -74,7 +74,7 @@ def finish(store: "Store", outcome: "Outcome", *, with_report: bool, as_json: bo
     if ok == 0:
         messages = Counter(text for rows in store.stream(plan, ["message"]) for text in rows["message"].to_pylist())
         worst, count = messages.most_common(1)[0]
-        say(f"error: not one run succeeded; {count} of {messages.total()} say: {worst}")
+        say(f"error: no run succeeded; the message of {count} of {messages.total()} runs: {worst}")
     elif ok < least * outcome.samples:
         say(f"error: {ok} of {outcome.samples} runs succeeded; failures.min_ok asks for {least:g} of them")
     else:
@@ -126,7 +126,7 @@ def _print_results(store: "Store", outcome: "Outcome") -> None:
     counts = ", ".join(f"{count} {status}" for status, count in outcome.survey.statuses.items())
     print(f"{outcome.samples} runs: {counts}; {outcome.computed} computed in {outcome.wall_s:.1f} s")
     if outcome.verdict:
-        print(f"{'sure' if outcome.verdict.sure else 'not sure yet'}: {outcome.verdict.text()}")
+        print(f"{'precise enough' if outcome.verdict.sure else 'not precise enough yet'}: {outcome.verdict.text()}")
 
 
 def plan_campaign(
@@ -140,7 +140,7 @@ def plan_campaign(
 
     opened = open_store(url)
     if not opened.files.shared:
-        raise SpecError(f"store {url}: workers cannot reach the memory of this process; name a folder or a URL")
+        raise SpecError(f"store {url}: the workers cannot reach the memory of this process; name a folder or a URL")
     loaded = load_campaign(campaign, samples=samples, seed=seed)
     opened.files.check_writable()
     return opened, submit(opened, loaded, batch_size)

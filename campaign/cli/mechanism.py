@@ -29,10 +29,12 @@ def list_mechanisms(json: Json = False) -> None:
 @mechanism_app.command()
 def show(
     mechanism: MechanismName,
-    picture: Annotated[Path | None, typer.Option(help="Draw it and what is measured: .png, .svg or .pdf.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw the mechanism and what its responses measure: .png, .svg or .pdf.")
+    ] = None,
     json: Json = False,
 ) -> None:
-    """Show what a mechanism is made of: inputs with value and unit, responses, validity conditions."""
+    """Show the content of a mechanism: inputs with value and unit, responses, validity conditions."""
     from engine import load_mechanism
 
     loaded = load_mechanism(mechanism)
@@ -59,7 +61,7 @@ def show(
 
 @mechanism_app.command()
 def check(mechanism: MechanismName, json: Json = False) -> None:
-    """Check a mechanism: every key, and that no parts overlap at the start; the same on each of its benches."""
+    """Check every key of a mechanism, and that no parts overlap at the start, also on its test benches and presets."""
     from engine import check as check_start
     from engine import load_mechanism
 
@@ -72,7 +74,7 @@ def check(mechanism: MechanismName, json: Json = False) -> None:
     if json:
         print_json({"mechanism": loaded.name, "ok": True, "digest": loaded.digest()})
     else:
-        print(f"{mechanism}: right")
+        print(f"{mechanism}: no errors")
 
 
 def _draw(mechanism: Any, picture: Path) -> None:

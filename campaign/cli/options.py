@@ -13,13 +13,15 @@ if TYPE_CHECKING:
 
 CampaignId = Annotated[str, typer.Argument(help="Id of the campaign.")]
 Id = Annotated[str | None, typer.Argument(help="Id of the campaign; not needed if it is the only one.")]
-StoreUrl = Annotated[str, typer.Option("--store", help="Folder or URL of the results.")]
+StoreUrl = Annotated[str, typer.Option("--store", help="Folder or URL where the results are kept.")]
 
 Campaign = Annotated[str, typer.Argument(help="A shipped campaign (c60) or a campaign file.")]
-Samples = Annotated[int | None, typer.Option(help="Samples, instead of the file's.")]
-Seed = Annotated[int | None, typer.Option(help="Seed, instead of the file's.")]
-BatchSize = Annotated[int | None, typer.Option(min=1, help="Samples a batch, of a new campaign; default: about 10 s.")]
-NoReport = Annotated[bool, typer.Option("--no-report", help="Leave the report out.")]
+Samples = Annotated[int | None, typer.Option(help="Number of samples, in place of the file's.")]
+Seed = Annotated[int | None, typer.Option(help="Seed of the random numbers, in place of the file's.")]
+BatchSize = Annotated[
+    int | None, typer.Option(min=1, help="Samples per batch of a new campaign; by default a batch takes about 10 s.")
+]
+NoReport = Annotated[bool, typer.Option("--no-report", help="Do not write the report.")]
 
 _PANEL = "Where to compute"
 
@@ -27,7 +29,7 @@ Scheduler = Annotated[
     str | None,
     typer.Option(
         metavar="ADDRESS",
-        help="A dask scheduler: tls://host:port, tcp://host:port, or its scheduler file.",
+        help="Use this dask scheduler and its workers: tls://host:port, tcp://host:port, or its scheduler file.",
         rich_help_panel=_PANEL,
     ),
 ]
@@ -36,29 +38,39 @@ ClusterKind = Annotated[
     typer.Option(
         "--cluster",
         metavar="KIND",
-        help="Start workers here or as jobs: local, slurm, oar, pbs, kubernetes.",
+        help="Where to start workers: local (this machine), or as jobs: slurm, oar, pbs, kubernetes.",
         rich_help_panel=_PANEL,
     ),
 ]
 Workers = Annotated[
     int | None,
-    typer.Option(min=1, help="Worker processes to start; default one a core.", rich_help_panel=_PANEL),
+    typer.Option(min=1, help="Number of worker processes to start; by default one per core.", rich_help_panel=_PANEL),
 ]
 TlsCa = Annotated[
     Path | None,
-    typer.Option("--tls-ca", metavar="FILE", help="Certificate of the cluster's authority.", rich_help_panel=_PANEL),
+    typer.Option(
+        "--tls-ca",
+        metavar="FILE",
+        help="Certificate of the authority that signed the cluster's certificates.",
+        rich_help_panel=_PANEL,
+    ),
 ]
 TlsCert = Annotated[
     Path | None,
-    typer.Option("--tls-cert", metavar="FILE", help="Certificate of this side.", rich_help_panel=_PANEL),
+    typer.Option("--tls-cert", metavar="FILE", help="Certificate of this process.", rich_help_panel=_PANEL),
 ]
 TlsKey = Annotated[
     Path | None,
-    typer.Option("--tls-key", metavar="FILE", help="Its private key, mode 0600.", rich_help_panel=_PANEL),
+    typer.Option(
+        "--tls-key",
+        metavar="FILE",
+        help="Private key of that certificate; only you may read the file (mode 0600).",
+        rich_help_panel=_PANEL,
+    ),
 ]
 Insecure = Annotated[
     bool,
-    typer.Option("--insecure", help="Allow a cluster beyond this machine without TLS.", rich_help_panel=_PANEL),
+    typer.Option("--insecure", help="Allow a cluster on other machines without TLS.", rich_help_panel=_PANEL),
 ]
 
 

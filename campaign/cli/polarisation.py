@@ -10,12 +10,14 @@ from campaign.cli.output import Json, print_json, say
 
 def polarisation(
     campaign: Annotated[str, typer.Argument(help="A shipped campaign or a campaign file.")],
-    picture: Annotated[Path, typer.Argument(help="Where to draw: .png, .svg or .pdf.")],
-    samples: Annotated[int, typer.Option(min=1, help="Simulate so many of its samples, from the first.")] = 100,
-    workers: Annotated[int | None, typer.Option(min=1, help="Processes; default one a core.")] = None,
+    picture: Annotated[Path, typer.Argument(help="Picture file to write: .png, .svg or .pdf.")],
+    samples: Annotated[int, typer.Option(min=1, help="Number of samples to simulate, counted from the first.")] = 100,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Number of worker processes; by default one per core.")
+    ] = None,
     json: Json = False,
 ) -> None:
-    """Draw where each journal lies in its bearing at the end of the runs, and which way it presses."""
+    """Draw where each journal lies in its bearing at the end of the runs, and the direction in which it presses."""
     from campaign.cli.output_files import PLOTS, check_output, replacing
     from campaign.cluster.local import cores
     from campaign.errors import CampaignError
@@ -29,8 +31,8 @@ def polarisation(
     journals = campaign_journal_positions(loaded, workers or cores())
     if not journals:
         raise CampaignError(
-            f"polarisation: no journal to show: {loaded.mechanism.name} has no round joint with clearance, or not one "
-            f"of {samples} runs succeeded; look at one with clearcap simulate"
+            f"polarisation: no journal to draw: either {loaded.mechanism.name} has no round joint with clearance, or "
+            f"all {samples} runs failed; look at one run with clearcap simulate"
         )
     with replacing(picture) as temporary:
         plot_polarisation(journals, f"{loaded.spec.title or loaded.spec.name}, where journals lie", temporary)

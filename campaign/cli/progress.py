@@ -1,4 +1,4 @@
-"""Show how far a campaign is: a live view on a terminal, a line every ten seconds elsewhere; on standard error."""
+"""Show the progress of a campaign on standard error: a live view on a terminal, elsewhere a line every ten seconds."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -52,7 +52,7 @@ class Lines:
 
 
 def line(heartbeat: "Heartbeat") -> str:
-    """Return a line that says how far a campaign is."""
+    """Return one line about the progress of a campaign."""
     head = f"{heartbeat.done}/{heartbeat.samples} runs, {heartbeat.failed} failed"
     if heartbeat.state != "running":
         return f"{head}, {heartbeat.state}"

@@ -25,7 +25,7 @@ def replay(
     animation: Annotated[Path | None, typer.Option("--animate", help="Draw the motion: .gif, .html or .mp4.")] = None,
     json: Json = False,
 ) -> None:
-    """Repeat one run of a campaign in this process, and compare it with its row, bit for bit."""
+    """Repeat one run of a campaign in this process, and compare it with its stored row, bit for bit."""
     from campaign.store import open_store
     from engine import build_id
 
@@ -35,7 +35,9 @@ def replay(
     files = RunFiles(trajectory, plot, animation)
     files.check()
     if build_id() != plan.engine_build:
-        say(f"the campaign is of engine build {plan.engine_build}, this is {build_id()}: numbers may differ")
+        say(
+            f"the campaign was computed with engine build {plan.engine_build}, this is {build_id()}: numbers may differ"
+        )
     with files.recording() as motion:
         row = _repeat(plan, sample, motion)
     stored = _stored(opened, plan, sample)
@@ -102,5 +104,9 @@ def _print(plan: "Plan", row: dict[str, Any], same: bool | None) -> None:
         unit = "" if units[name] == "1" else f" {units[name]}"
         value = "-" if row[name] is None else f"{row[name]:.10g}{unit}"
         print(f"{name}  {value}")
-    words = {None: "the store has no row of it", True: "equal to its row, bit for bit", False: "differs from its row"}
+    words = {
+        None: "the store has no row of this sample yet",
+        True: "equal to the row in the store, bit for bit",
+        False: "differs from the row in the store",
+    }
     print(words[same])

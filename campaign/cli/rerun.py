@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 def rerun(
     where: "Cluster",
     campaign: CampaignId,
-    sample: Annotated[list[int] | None, typer.Option(help="Only this sample; may be repeated.")] = None,
+    sample: Annotated[list[int] | None, typer.Option(help="Only the sample of this number; may be repeated.")] = None,
     status: Annotated[
-        list[str] | None, typer.Option(help="Only runs that ended so; may be repeated. Default: all that failed.")
+        list[str] | None, typer.Option(help="Only runs with this status; may be repeated. By default all failed runs.")
     ] = None,
     store: StoreUrl = "runs",
     json: Json = False,
 ) -> None:
-    """Compute failed rows again, when what made them fail is mended."""
+    """Compute failed rows again, after you have removed the cause of the failures."""
     from campaign.coordinator.rerun import failed_samples
     from campaign.coordinator.rerun import rerun as compute
     from campaign.store import open_store
@@ -31,7 +31,9 @@ def rerun(
     plan = opened.plan(opened.find(campaign))
     selected = sample or failed_samples(opened, plan, status or ())
     if not selected:
-        print_json({"campaign": campaign, "samples": 0}) if json else print(f"{campaign}: no such run")
+        print_json({"campaign": campaign, "samples": 0}) if json else print(
+            f"{campaign}: no failed run matches, nothing to compute"
+        )
         return
     say(f"computing {len(selected)} rows again")
     result = compute(opened, plan, selected, where)
@@ -39,4 +41,4 @@ def rerun(
         print_json({"campaign": campaign, "store": opened.url, **result.to_json()})
         return
     counts = ", ".join(f"{count} {status}" for status, count in result.after.items())
-    print(f"{result.samples} rows computed again: {counts}; write the report anew with: clearcap report {campaign}")
+    print(f"{result.samples} rows computed again: {counts}; update the report with: clearcap report {campaign}")

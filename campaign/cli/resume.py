@@ -1,4 +1,4 @@
-"""``clearcap resume``: go on with a campaign."""
+"""``clearcap resume``: continue a campaign."""
 
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,11 +17,13 @@ def resume(
     where: "Cluster",
     campaign: Id = None,
     store: StoreUrl = "runs",
-    detach: Annotated[bool, typer.Option("--detach", help="Leave it to a coordinator, as submit does.")] = False,
+    detach: Annotated[
+        bool, typer.Option("--detach", help="Hand the campaign to a coordinator and return, as submit does.")
+    ] = False,
     no_report: NoReport = False,
     json: Json = False,
 ) -> None:
-    """Go on with a campaign that was interrupted or cancelled, or that failed."""
+    """Continue a campaign that was interrupted or cancelled, or that failed."""
     from campaign.coordinator.submit import assign_coordinator
     from campaign.store import open_store
     from campaign.store.layout import CANCEL

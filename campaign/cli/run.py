@@ -23,7 +23,8 @@ def run(
 ) -> None:
     """Simulate a campaign to its end and write its capability report.
 
-    The same command goes on where an earlier one stopped, and computes nothing when the campaign is complete.
+    The same command, given again, continues where the earlier one stopped, and computes nothing if the campaign is
+    complete.
     """
     from campaign.store.layout import CANCEL
 

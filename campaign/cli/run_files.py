@@ -54,7 +54,7 @@ class RunFiles:
 
             if not can_write(self.animation.suffix):
                 raise SpecError(
-                    f"--animate {self.animation}: needs ffmpeg, which is not here; install it, or write .gif or .html"
+                    f"--animate {self.animation}: needs ffmpeg, which is not found; install it, or write .gif or .html"
                 )
 
     @contextmanager

@@ -17,20 +17,30 @@ def simulate(
     mechanism: Annotated[str, typer.Argument(help="A shipped mechanism or a mechanism file.")],
     changes: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Set a joint's clearance or any key; may be repeated."),
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Set the clearance of a joint, or any other key of the mechanism; may be repeated.",
+        ),
     ] = None,
-    bench: Annotated[str | None, typer.Option(help="Put the mechanism on one of its test benches first.")] = None,
-    preset: Annotated[str | None, typer.Option(help="Set one of the mechanism's named sets of values.")] = None,
-    step: Annotated[float | None, typer.Option(help="Time step, instead of the file's.")] = None,
-    horizon: Annotated[float | None, typer.Option(help="Longest simulated time, instead of the file's.")] = None,
-    full_horizon: Annotated[bool, typer.Option("--full-horizon", help="Go on after rest.")] = False,
+    bench: Annotated[str | None, typer.Option(help="Simulate the mechanism on one of its test benches.")] = None,
+    preset: Annotated[str | None, typer.Option(help="Use one of the mechanism's named sets of values.")] = None,
+    step: Annotated[float | None, typer.Option(help="Time step, in place of the file's.")] = None,
+    horizon: Annotated[float | None, typer.Option(help="Longest simulated time, in place of the file's.")] = None,
+    full_horizon: Annotated[
+        bool,
+        typer.Option("--full-horizon", help="Simulate the whole horizon, also after the mechanism has come to rest."),
+    ] = False,
     trajectory: Annotated[Path | None, typer.Option(help="Write the motion to an HDF5 file: .h5.")] = None,
     every: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Keep only every N-th step of the motion; 1: all.")
+        int | None, typer.Option(min=1, metavar="N", help="Record only every N-th step of the motion; 1 records all.")
     ] = None,
     plot: Annotated[
         Path | None,
-        typer.Option(help="Draw curves over time, on a bench its loop: .png, .svg or .pdf; on a bench by default."),
+        typer.Option(
+            help="Draw the curves over time, or the force-displacement loop on a test bench: .png, .svg or .pdf."
+            " By default only the loop of a test bench is drawn."
+        ),
     ] = None,
     animation: Annotated[Path | None, typer.Option("--animate", help="Draw the motion: .gif, .html or .mp4.")] = None,
     json: Json = False,
@@ -68,7 +78,9 @@ def _check_every(every: int | None, files: RunFiles) -> None:
     from campaign.errors import SpecError
 
     if every and not files.named():
-        raise SpecError("--every: there is no motion to thin out; give --trajectory, --plot or --animate, or drop it")
+        raise SpecError(
+            "--every: no motion is recorded; give --trajectory, --plot or --animate too, or leave --every out"
+        )
 
 
 def _print(run: "Run", files: dict[str, str], json: bool) -> None:
@@ -81,7 +93,7 @@ def _print(run: "Run", files: dict[str, str], json: bool) -> None:
     width = max(map(len, run.responses), default=0)
     for name, value in run.responses.items():
         least, largest = run.ranges.get(name, (value, value))
-        interval = f"  (friction leaves {least:.6g} to {largest:.6g})" if largest > least else ""
+        interval = f"  (friction allows {least:.6g} to {largest:.6g})" if largest > least else ""
         unit = "" if run.units[name] == "1" else f" {run.units[name]}"
         print(f"{name:{width}}  {value:.10g}{unit}{interval}")
     print("\n".join(f"  {name} = {value}" for name, value in asdict(run.certificate).items()))

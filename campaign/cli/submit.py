@@ -21,13 +21,14 @@ def submit(
     store: StoreUrl = "runs",
     batch_size: BatchSize = None,
     queue_only: Annotated[
-        bool, typer.Option("--queue-only", help="Leave it to a coordinator that serves the store.")
+        bool, typer.Option("--queue-only", help="Only queue the campaign, for a coordinator that serves the store.")
     ] = False,
     json: Json = False,
 ) -> None:
-    """Plan a campaign, have a coordinator compute it, and return; prints its id.
+    """Hand a campaign to a coordinator in the background, print its id, and return.
 
-    A coordinator that serves the store takes it over; otherwise one is started, which outlives this terminal.
+    If a coordinator serves the store, it computes the campaign; otherwise one is started, which goes on after this
+    terminal is closed.
     """
     from campaign.coordinator.submit import assign_coordinator
 

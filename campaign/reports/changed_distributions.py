@@ -83,7 +83,7 @@ def check_drawn(spec: CampaignSpec) -> None:
     if not sampler_named(spec.sampler).weighted:
         *names, last = (name for name, sampler in SAMPLERS.items() if sampler.weighted)
         raise SpecError(
-            f"sampler {spec.sampler}: its samples are drawn from no distribution and cannot be weighted to another;"
+            f"sampler {spec.sampler}: its samples do not follow distributions, so they cannot be weighted for others;"
             f" run a campaign with sampler {', '.join(names)} or {last}"
         )
 

@@ -63,11 +63,13 @@ def read_costs(path: Path, plan: Plan) -> Costs:
     except OSError as error:
         raise SpecError(f"cost file {path}: {error.strerror}; name a file that can be read") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SpecError(f"cost file {path}: no TOML: {error}; correct it") from error
+        raise SpecError(f"cost file {path}: not TOML: {error}; correct it") from error
     except ValidationError as error:
         raise SpecError("\n  ".join([f"cost file {path}:", *structure_faults(error, Costs)])) from error
     unknown = [name for name in costs.variables if name not in plan.spec.variables]
     if unknown:
         allowed = ", ".join(plan.spec.variables)
-        raise SpecError(f"cost file {path}: variables.{unknown[0]}: no variable of the campaign; allowed: {allowed}")
+        raise SpecError(
+            f"cost file {path}: variables.{unknown[0]}: the campaign has no such variable; allowed: {allowed}"
+        )
     return costs

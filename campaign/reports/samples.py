@@ -39,7 +39,7 @@ def independent_samples(store: Store, plan: Plan) -> dict[str, Array]:
         for name in names:
             pieces[name].append(table[name].to_numpy()[rows])
     if not pieces[names[0]]:
-        raise CampaignError(f"{plan.campaign_id}: no sample is done yet; wait for the first, or run it")
+        raise CampaignError(f"{plan.campaign_id}: no sample is computed yet; wait for the first, or run the campaign")
     return {name: np.concatenate(pieces.pop(name)) for name in names}
 
 

@@ -67,9 +67,9 @@ class Response(TableModel, strict=True):
     @model_validator(mode="after")
     def _limits_make_sense(self) -> Self:
         if (self.nominal is None) != (self.tolerance is None):
-            raise ValueError("nominal and tolerance belong together; give both, or lsl and usl")
+            raise ValueError("nominal and tolerance are only valid together; give both, or lsl and usl")
         if self.nominal is not None and (self.lsl is not None or self.usl is not None):
-            raise ValueError("nominal and tolerance already say lsl and usl; give one pair or the other")
+            raise ValueError("nominal and tolerance already define lsl and usl; give one pair or the other")
         if self.lsl is not None and self.usl is not None and not self.lsl < self.usl:
             raise ValueError(f"lsl = {self.lsl:g} is not below usl = {self.usl:g}; exchange or widen the limits")
         return self
@@ -100,11 +100,11 @@ class SampleTable(TableModel, strict=True):
     @model_validator(mode="after")
     def _one_origin(self) -> Self:
         if (self.file is None) == (self.columns is None):
-            raise ValueError("give either file or columns: the table's samples have one origin")
+            raise ValueError("give file or columns, not both")
         lengths = {name: len(column) for name, column in (self.columns or {}).items()}
         if len(set(lengths.values())) > 1:
             text = ", ".join(f"{name} {length}" for name, length in lengths.items())
-            raise ValueError(f"columns of different lengths ({text}); every row needs a value of each variable")
+            raise ValueError(f"columns have different lengths ({text}); every row needs a value of each variable")
         return self
 
 
@@ -126,7 +126,7 @@ class CampaignSpec(TableModel, strict=True):
         description="Number of samples, from 1 to 100 million."
     )
     seed: Annotated[int, Field(ge=0, lt=2**63)] = Field(
-        default=0, description="Seed of all that is drawn at random, from 0, below 2^63."
+        default=0, description="Seed of all random numbers, at least 0, below 2^63."
     )
     sampler: SamplerName = Field(default="random", json_schema_extra=_describe_samplers)
     simulation: SimulationSettings = Field(
@@ -139,10 +139,11 @@ class CampaignSpec(TableModel, strict=True):
     )
     execution: Execution = Field(default=Execution(), description="Limits of the time and memory of one run.")
     stop: Stop | None = Field(
-        default=None, description="When the campaign ends before its last sample; never if absent."
+        default=None,
+        description="Rule that stops the campaign early, once a statistic is precise enough; all samples if absent.",
     )
     header: Annotated[dict[str, str], Field(default_factory=dict)] = Field(
-        description="Free lines for the head of the report: part, author, revision, ..."
+        description="Lines of free text for the head of the report: part, author, revision, ..."
     )
     variables: Annotated[dict[ShortName, Variable], Field(min_length=1)] = Field(
         description="Distribution of each input that varies. Its name is the key of the mechanism that it sets, unless"

@@ -99,12 +99,14 @@ def _read(path: Path) -> "pa.Table":
     from pyarrow import csv, parquet
 
     if path.suffix.lower() not in FORMATS:
-        raise SpecError(f"neither CSV nor Parquet by its name; allowed: {' or '.join(FORMATS)}")
+        raise SpecError("its name ends neither in .csv nor in .parquet; name a CSV or Parquet file")
     try:
         if not path.is_file():
             raise SpecError(f"no such file ({path}); paths are relative to the campaign file")
         if path.stat().st_size > LARGEST_FILE:
-            raise SpecError(f"larger than {LARGEST_FILE // 1_000_000} MB; leave out what is not drawn from")
+            raise SpecError(
+                f"larger than {LARGEST_FILE // 1_000_000} MB; keep only the columns and rows that the campaign needs"
+            )
         return csv.read_csv(path) if path.suffix.lower() == ".csv" else parquet.read_table(path)
     except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
         raise SpecError(f"not {path.suffix.lower()[1:]}: {str(error).splitlines()[0]}; correct the file") from error
@@ -117,14 +119,16 @@ def _numbers(column: "pa.ChunkedArray", name: str) -> list[float]:
     import pyarrow as pa
 
     if not (pa.types.is_integer(column.type) or pa.types.is_floating(column.type)):
-        raise SpecError(f"column {name} holds {column.type}; numbers are needed, with a point and without units")
+        raise SpecError(
+            f"column {name} holds {column.type}; it must hold numbers, with a decimal point and without units"
+        )
     values = column.cast(pa.float64()).to_numpy()  # nulls become NaN
     wrong = np.flatnonzero(~np.isfinite(values))
     if values.size == 0:
-        raise SpecError(f"column {name} is empty; at least one number is needed")
+        raise SpecError(f"column {name} is empty; it must hold at least one number")
     if wrong.size:
         raise SpecError(
-            f"column {name}, row {wrong[0] + 1} of {values.size}: no finite number, like {wrong.size - 1} others;"
+            f"column {name}, row {wrong[0] + 1} of {values.size}: no finite number, as in {wrong.size - 1} other rows;"
             " complete or remove these rows"
         )
     numbers: list[float] = values.tolist()

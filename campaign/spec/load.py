@@ -174,7 +174,7 @@ def _name_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
         names = raw.get(table)
         for name in names if isinstance(names, dict) else ():
             if name in taken:
-                text = "name taken by another column of the results; rename it and give its key as target"
+                text = "another column of the results has this name; rename it and give its key as target"
                 yield fault([table, name], None, text)
             elif table == "responses" and name not in responses:
                 yield fault([table, name], None, _no_response(name, mechanism))
@@ -200,7 +200,7 @@ def _stop_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
 def _no_response(name: str, mechanism: Mechanism) -> str:
     """Return that a mechanism has no response of a name, and which ones it has."""
     allowed = ", ".join(mechanism.responses)
-    return f"{mechanism.name} has no such response; allowed: {allowed}{did_you_mean(name, mechanism.responses)}"
+    return f"{mechanism.name} has no response of this name; allowed: {allowed}{did_you_mean(name, mechanism.responses)}"
 
 
 def _extremes(raw: Mapping[str, Any], name: str) -> list[float]:
@@ -218,7 +218,7 @@ def _target_faults(name: str, target: str, values: set[float], mechanism: Mechan
     try:
         get_value(mechanism, target)
     except MechanismError as error:
-        yield fault(keys, None, f"sets no number of {mechanism.name}: {_reason(error)}")
+        yield fault(keys, None, f"does not set a number of {mechanism.name}: {_reason(error)}")
         return
     for value in sorted(values):
         try:

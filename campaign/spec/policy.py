@@ -8,9 +8,9 @@ from campaign.inputs.distributions import PositiveNumber
 from engine.mechanism.base import TableModel
 
 RETRIED = ("not_converged", "diverged", "timeout")
-"""Statuses that other settings could avoid; an ``invalid`` run is a result, and settings do not cause a crash."""
+"""Statuses that other settings could avoid. An ``invalid`` run is a result, and settings do not cause a crash."""
 
-GROWTH = 4  # the next checkpoint of a stopping rule is one part in so many further on
+GROWTH = 4  # from a checkpoint of n samples the next one is n / GROWTH samples away
 
 
 class SimulationSettings(TableModel, strict=True):
@@ -43,16 +43,17 @@ class Failures(TableModel, strict=True):
 
     retry: Annotated[tuple[SimulationSettings, ...], Field(max_length=10, strict=False)] = Field(
         default=(),
-        description="Settings of further attempts at a run that did not converge, diverged or took too long, one after"
-        " the other; at most 10.",
+        description="Settings of further attempts at a run that did not converge, diverged or took too long, in the"
+        " order of the attempts; at most 10.",
     )
     max_failed: Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0.0, lt=1.0)] | None = Field(
         default=None,
-        description="The campaign ends as failed once more rows than this have failed: a number of rows, or, below 1, a"
-        " share of all samples; it never does if absent.",
+        description="The campaign fails as soon as more rows than this have failed: a number of rows or, below 1, a"
+        " share of all samples; no limit if absent.",
     )
     min_ok: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
-        default=0.0, description="Least share of good rows of a campaign that ends well, from 0 to 1."
+        default=0.0,
+        description="Least share of successful rows, from 0 to 1; with fewer the campaign counts as failed.",
     )
 
     def most_failed(self, samples: int) -> float:
@@ -67,10 +68,10 @@ class Execution(TableModel, strict=True):
 
     time_limit: PositiveNumber | None = Field(
         default=None,
-        description="Longest real time of a run [s], above 0; the mechanism's simulation.wall_limit if absent.",
+        description="Longest wall-clock time of a run [s], above 0; the mechanism's simulation.wall_limit if absent.",
     )
     memory_limit: Annotated[float, Field(ge=0.5, allow_inf_nan=False)] = Field(
-        default=4.0, description="Most memory of a process that simulates [GiB], at least 0.5."
+        default=4.0, description="Largest memory of a process that simulates [GiB], at least 0.5."
     )
 
     def values(self) -> dict[str, float]:
@@ -79,10 +80,11 @@ class Execution(TableModel, strict=True):
 
 
 class Stop(TableModel, strict=True):
-    """Stop when sure: the campaign ends at the first checkpoint where an interval is narrow enough.
+    """The campaign stops as soon as a statistic is precise enough, and computes no further samples.
 
-    Checkpoints are numbers of samples, and the rule looks at the first so many samples. So the end of a campaign
-    depends neither on the number of workers nor on the order in which rows arrived.
+    The rule is evaluated at checkpoints: numbers of samples. At a checkpoint n it takes the first n samples and stops
+    the campaign if the confidence interval of the statistic is narrow enough. So the end of a campaign depends neither
+    on the number of workers nor on the order in which rows arrive.
     """
 
     response: Annotated[str, Field(min_length=1)] = Field(description="Name of the response that the rule is about.")
@@ -97,7 +99,7 @@ class Stop(TableModel, strict=True):
         default=0.95, description="Confidence of the two-sided interval, between 0 and 1."
     )
     min_samples: Annotated[int, Field(ge=2)] = Field(
-        default=100, description="First checkpoint, at least 2 samples; each later one is a quarter further on."
+        default=100, description="First checkpoint, at least 2 samples; each later one has a quarter more samples."
     )
     max_samples: Annotated[int | None, Field(ge=2)] = Field(
         default=None,

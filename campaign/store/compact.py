@@ -58,7 +58,9 @@ def compact(files: Files, plan: PlanHeader) -> Compacted:
             try:
                 merged = _merge(files, plan, run, target)
             except (FileNotFoundError, BadPart) as error:
-                logger.warning("%s: not merged, because a part changed meanwhile: %s", target, error)
+                logger.warning(
+                    "%s was not written, because one of its parts changed during the merge: %s", target, error
+                )
                 continue
             written.append(target)
             parts.update((part.batch, part) for part in merged)
@@ -89,7 +91,7 @@ def _merge(files: Files, plan: PlanHeader, run: list[Part], target: str) -> list
     written = read_file(files, plan, target)
     if not written.combine_chunks().equals(rows.combine_chunks()):
         raise StoreError(
-            f"store {files.url}: {target} does not read back as it was written; its parts stay. Check the disk"
+            f"store {files.url}: {target} does not read back as it was written; its parts are kept. Check the disk"
         )
     return check_file(files, plan, target)
 

@@ -44,13 +44,13 @@ def load(plan: PlanHeader, content: bytes) -> dict[str, list[Part]]:
     document = json.loads(content)
     try:
         if (document["format"], document["campaign"]) != (FORMAT, plan.campaign_id):
-            raise ValueError("it is of another campaign or format")
+            raise ValueError("it belongs to another campaign or has another format")
         if document["digest"] != _digest(document["files"]):
             raise ValueError("its content was changed after it was written")
         files = {name: _parts(plan, name, entry) for name, entry in document["files"].items()}
         return {name: parts for name, parts in files.items() if parts}
     except (KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"it has not the form of a manifest ({error!r})") from error
+        raise ValueError(f"its content is not that of a manifest ({error!r})") from error
 
 
 def _parts(plan: PlanHeader, name: str, entry: dict[str, Any]) -> list[Part]:
@@ -58,13 +58,13 @@ def _parts(plan: PlanHeader, name: str, entry: dict[str, Any]) -> list[Part]:
     span = batches_of(name, plan)
     size, sha256 = int(entry["size"]), str(entry["sha256"])
     if span is None or size <= 0 or not re.fullmatch("[0-9a-f]{64}", sha256):
-        raise ValueError(f"it names a file that cannot be one: {name[:60]!r}")
+        raise ValueError(f"it lists a file that cannot be a file of rows: {name[:60]!r}")
     merged = span if name.startswith("rows") else None
     parts = []
     for key, statuses in entry["statuses"].items():
         batch, rows = int(key), sum(statuses.values())
         if not span[0] <= batch <= span[1] or rows != plan.batches[batch][1]:
-            raise ValueError(f"it counts other rows of batch {batch} than the plan")
+            raise ValueError(f"its number of rows of batch {batch} differs from the plan")
         parts.append(Part(batch, rows, statuses, size, sha256, merged))
     return parts if len(parts) == span[1] - span[0] + 1 else []
 

@@ -194,7 +194,7 @@ def decode(plan: PlanHeader, content: bytes, columns: Sequence[str] | None = Non
         table = pq.ParquetFile(pa.BufferReader(content)).read(columns, use_threads=False)
         table = table if columns is None else table.select(names)
     except (pa.ArrowException, OSError, KeyError) as error:
-        raise BadPart(f"no Parquet file that can be read here ({str(error).splitlines()[0]})") from error
+        raise BadPart(f"is not a Parquet file that this version can read ({str(error).splitlines()[0]})") from error
     table = table.replace_schema_metadata(plan.schema.metadata)
     if not table.schema.equals(schema, check_metadata=True):
         raise BadPart("has other columns or units than the plan")
@@ -213,7 +213,9 @@ def _seal(content: bytes) -> tuple[str, dict[str, Any]]:
     digest.update(_UNSEALED)
     digest.update(memoryview(content)[digest_at + len(_UNSEALED) :])
     if start < 0 or digest.hexdigest().encode() != stated:
-        raise BadPart(f"is not whole ({len(content)} bytes, {'without a seal' if start < 0 else 'seal broken'})")
+        raise BadPart(
+            f"is truncated or damaged ({len(content)} bytes, {'without a seal' if start < 0 else 'seal broken'})"
+        )
     seal, _ = json.JSONDecoder().raw_decode(content[start:].decode("latin-1"))
     return stated.decode(), seal
 
@@ -222,7 +224,7 @@ def _statuses(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> lis
     """Return how many rows of each batch ended in which status; ValueError if they are not the batches' rows."""
     begin, end = plan.batches[first][0], sum(plan.batches[last])
     if table["sample"].to_pylist() != list(range(begin, end)):
-        raise ValueError(f"not the rows of samples {begin} to {end - 1}")
+        raise ValueError(f"the rows are not those of samples {begin} to {end - 1}")
     statuses = table["status"].to_pylist()
     spans = (plan.batches[batch] for batch in range(first, last + 1))
     return [dict(sorted(Counter(statuses[at - begin : at - begin + count]).items())) for at, count in spans]

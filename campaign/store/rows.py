@@ -87,7 +87,7 @@ def _tables_of_files(files: Files, plan: PlanHeader, end: int, columns: Sequence
             by_batch[batch].remove(names[0])
             continue
         except BadPart as error:
-            logger.warning("%s %s: left out; run the campaign again to replace it", names[0], error)
+            logger.warning("%s %s: left out; clearcap resume computes its samples again", names[0], error)
             bad.add(names[0])
             continue
         yield table.slice(0, end - plan.batches[batch][0])

@@ -64,9 +64,9 @@ class Store:
             If there is no such campaign, or no id was given and there is not exactly one campaign.
         """
         ids = self.campaigns()
-        listed = f"campaigns there: {', '.join(ids) or 'none'}"
+        listed = f"its campaigns: {', '.join(ids) or 'none'}"
         if campaign_id is None and len(ids) != 1:
-            raise SpecError(f"store {self.url}: say which campaign; {listed}")
+            raise SpecError(f"store {self.url}: name the campaign; {listed}")
         if campaign_id is not None and campaign_id not in ids:
             raise SpecError(f"store {self.url}: no campaign {campaign_id}; {listed}")
         return campaign_id or ids[0]
@@ -203,7 +203,7 @@ class Store:
         if not isinstance(end, int) or isinstance(end, bool) or not 0 < end <= samples:
             raise StoreError(
                 f"store {self.url}: {plan.campaign_id}/{STOPPED} says samples = {end!r}; allowed: 1 to {samples};"
-                " restore it, or remove it to have all samples computed"
+                " restore it, or remove it to compute all samples"
             )
         return end
 
@@ -255,7 +255,7 @@ class Store:
         except (ValueError, RecursionError) as error:
             raise StoreError(f"store {self.url}: {path} is not JSON ({error}); restore or remove it") from error
         if not isinstance(content, dict):
-            raise StoreError(f"store {self.url}: {path} holds no JSON object; restore or remove it")
+            raise StoreError(f"store {self.url}: {path} does not hold a JSON object; restore or remove it")
         return content
 
     def write_json(self, campaign_id: str, name: str, content: dict[str, Any]) -> None:

@@ -104,7 +104,7 @@ def load_manifest(files: Files, plan: PlanHeader) -> dict[str, list[Part]]:
     except FileNotFoundError:
         return {}
     except (ValueError, StoreError, RecursionError) as error:
-        logger.warning("%s cannot be used, so all parts are read: %s", name, error)
+        logger.warning("%s is not valid, so all parts are read instead: %s", name, error)
         return {}
 
 

@@ -31,7 +31,7 @@ def series(x: ArrayLike) -> Array:
     except (TypeError, ValueError) as error:
         raise ReportError(f"values are not numbers: {error}") from error
     if values.ndim != 1:
-        raise ReportError(f"values have shape {values.shape}: one series of numbers is needed")
+        raise ReportError(f"values have shape {values.shape}: a one-dimensional array of numbers is needed")
     return values
 
 

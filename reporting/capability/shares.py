@@ -117,9 +117,11 @@ def runs_to_claim(ppm: float, confidence: float, rejects: int = 0) -> int:
         ppm outside (0, 1e6), or a negative number of rejects.
     """
     if not 0 < ppm < PPM:
-        raise ReportError(f"ppm = {ppm:.15g}: a claim lies between 0 and 1e6 ppm; nothing finite proves 0 ppm")
+        raise ReportError(
+            f"ppm = {ppm:.15g}: a claim must lie between 0 and 1e6 ppm; no finite number of runs proves 0 ppm"
+        )
     if rejects < 0:
-        raise ReportError(f"rejects = {rejects}: a count is not negative")
+        raise ReportError(f"rejects = {rejects}: a count must not be negative")
     if rejects == 0:
         return math.ceil(math.log(1 - confidence) / math.log1p(-ppm / PPM))
     runs = range(rejects + 1, 2**53)

@@ -20,7 +20,7 @@ from reporting.capability.shares import expected_normal, nonconforming, ppm_of_z
 from reporting.capability.within import Within, within
 from reporting.errors import ReportError
 
-_NO_WITHIN = "No batch has two values that differ: no sigma within, so no index within batches."
+_NO_WITHIN = "No batch has two different values, so there is no sigma and no index within batches."
 
 
 @dataclass(frozen=True)
@@ -199,7 +199,7 @@ def _check(lsl: float | None, usl: float | None, target: float | None, confidenc
     if lsl is not None and usl is not None and lsl >= usl:
         raise ReportError(f"lsl = {lsl:.15g} is not below usl = {usl:.15g}; exchange or correct the limits")
     if not 0 < confidence < 1:
-        raise ReportError(f"confidence = {confidence}: must lie between 0 and 1, 0.95 is usual")
+        raise ReportError(f"confidence = {confidence}: must lie between 0 and 1; 0.95 is usual")
 
 
 def _groups(batches: ArrayLike | None, n: int) -> NDArray[np.generic] | None:
@@ -282,12 +282,18 @@ def _notes(
     notes: Sequence[tuple[bool, str]] = (
         (size > finite.size, f"{size - finite.size} of {size} values are not finite and were left out."),
         (finite.size == 0, "No values."),
-        (finite.size == 1, "One value: no spread, so no index."),
-        (finite.size > 1 and std == 0, "All values are equal: zero spread, so no index and no expected ppm."),
-        (std is not None and not math.isfinite(std), "Values too large to be squared: no spread, so no index."),
-        (not has_limit, "No limits: no index and no share out of limits."),
+        (finite.size == 1, "One value has no spread, so there is no index."),
+        (
+            finite.size > 1 and std == 0,
+            "All values are equal: the spread is zero, so there is no index and no expected ppm.",
+        ),
+        (
+            std is not None and not math.isfinite(std),
+            "The values are too large to be squared, so there is no spread and no index.",
+        ),
+        (not has_limit, "Without limits there is no index and no share out of limits."),
         (has_limit and usl is None, "Lower limit only: Cp, Cc and Cpm are undefined; Cpk is Cpl."),
         (has_limit and lsl is None, "Upper limit only: Cp, Cc and Cpm are undefined; Cpk is Cpu."),
-        (lsl is not None and usl is not None and target is None, "No target: Cpm is undefined."),
+        (lsl is not None and usl is not None and target is None, "Without a target Cpm is undefined."),
     )
     return tuple(text for holds, text in notes if holds)

@@ -100,7 +100,7 @@ def probability_figure(response: ResponseAnalysis) -> str | None:
             if v is not None
         ),
     ]
-    label = f"Normal probability plot of {spec.name}: on the line where it is normal. {response.normality.reason}"
+    label = f"Normal probability plot of {spec.name}, a straight line if it is normal. {response.normality.reason}"
     return svg(frame, label, marks)
 
 
@@ -203,8 +203,8 @@ def compared_figure(comparison: ResponseComparison) -> str | None:
     ]
     mean, other_mean = (c.mean for c in (comparison.capability, comparison.capability_other))
     label = (
-        f"{comparison.response} in both campaigns: bars, {comparison.n} values here with mean "
-        f"{format_numbers.significant(mean, 4)}; line, {comparison.n_other} values of the other with mean "
+        f"{comparison.response} in both campaigns: bars, {comparison.n} values of this campaign with mean "
+        f"{format_numbers.significant(mean, 4)}; line, {comparison.n_other} values of the other campaign with mean "
         f"{format_numbers.significant(other_mean, 4)}."
     )
     return svg(frame, label, marks)

@@ -73,14 +73,14 @@ def headline(analysis: Analysis) -> str:
     limited = [r for r in analysis.responses if r.spec.lsl is not None or r.spec.usl is not None]
     corners = [r.worst for r in limited if r.worst is not None]
     if analysis.ok == 0:
-        return "No sample ended ok: nothing to judge."
+        return "No sample succeeded, so there is nothing to judge."
     if analysis.spec.corners and corners:
         kept = sum(bool(worst.within) for worst in corners)
-        return f"Worst case: {kept} of {len(corners)} responses with limits keep them at every corner."
+        return f"Worst case: {kept} of {len(corners)} responses with limits stay within them at every corner."
     if not limited:
-        return "No response has limits: nothing to judge."
+        return "No response has limits, so there is nothing to judge."
     if not analysis.design.production:
-        return "The samples do not represent production: there is no verdict on capability."
+        return "The samples do not represent production, so there is no verdict on capability."
     capable = sum(r.verdict == "capable" for r in limited)
     if capable == len(limited):
         return f"Every response with limits is capable ({capable} of {capable})."

@@ -73,7 +73,7 @@ def report_schema() -> dict[str, Any]:
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "capability.json",
-        "description": "Everything a capability report says; lengths and responses in the units their spec states.",
+        "description": "The content of a capability report; lengths and responses are in the units of their spec.",
         "type": "object",
         "properties": properties,
         "required": list(properties),

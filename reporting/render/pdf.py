@@ -33,4 +33,4 @@ def render_pdf(page: str) -> bytes:
 
 def _refuse(url: str, *_: object, **__: object) -> dict[str, object]:
     """Refuse every request: the page has everything inside."""
-    raise ReportError(f"the page asks for {url[:80]}, but a report needs nothing from outside")
+    raise ReportError(f"the page refers to {url[:80]}, but a report must not load anything from outside")

@@ -91,7 +91,7 @@ def _response(
     worst = worst_samples(sample, y, columns, *limits)
     varying = {v: column for v, column in columns.items() if varies(column)}
     constant = [v for v in columns if v not in varying]
-    notes = [f"{v} does not vary: nothing can depend on it." for v in constant if y.size]
+    notes = [f"{v} does not vary, so no response can depend on it." for v in constant if y.size]
     if measures is None or name not in measures.responses:
         return ResponseSensitivity(
             name, y.size, None, None, None, None, None, None, tuple(map(Influence, columns)), OPEN, None, worst,
@@ -136,11 +136,11 @@ def _notes(measures: Measures, unexplained: float, designed: TotalOrder | str | 
         ),
         (
             unexplained >= CRITICAL_SHARE,
-            f"{100 * unexplained:.0f} % of the variance is not a sum of effects of single variables: "
+            f"{100 * unexplained:.0f} % of the variance is not a sum of effects of single variables. "
             + (
-                "the shares with interactions show which variables cause it."
+                "The shares with interactions show which variables cause it."
                 if isinstance(designed, TotalOrder)
-                else "a variable without an effect of its own may still matter together with others; a designed sample"
+                else "A variable without an effect of its own may still matter together with others; a designed sample"
                 " (sampler saltelli) gives total-order indices."
             ),
         ),
@@ -160,16 +160,18 @@ def _interacting(influences: tuple[Influence, ...], totals: TotalOrder | None, c
         for i in influences
         if i.total is not None and (i.interactions or 0.0) >= CRITICAL_SHARE and significant[i.variable]
     ]
-    return (f"Acting through interactions: {', '.join(shares)}.",) if shares else ()
+    return (f"Variables that act together with others: {', '.join(shares)}.",) if shares else ()
 
 
 def _why_nothing(y: Array, variables: int) -> str:
     """Return why a response has no measures of sensitivity."""
     needed = fewest_rows(max(variables, 1))
     if y.size < needed:
-        return f"{y.size} samples: a sensitivity to {variables} variables needs at least {needed}."
+        return (
+            f"{y.size} samples are too few for the sensitivity to {variables} variables: at least {needed} are needed."
+        )
     if not varies(y):
-        return "All values are equal: nothing moves this response."
+        return "All values are equal: no variable moves this response."
     return "No variable varies."
 
 
@@ -188,5 +190,7 @@ def _length(columns: dict[str, Array]) -> int:
     shape = next(iter(columns.values())).shape
     wrong = [name for name, column in columns.items() if column.shape != shape or column.ndim != 1]
     if wrong:
-        raise ReportError(f"sensitivity: {', '.join(wrong)}: not as long as the others; give columns of one table")
+        raise ReportError(
+            f"sensitivity: {', '.join(wrong)}: differs in length from the others; give columns of one table"
+        )
     return int(shape[0])

@@ -66,7 +66,7 @@ def independent_draws(samples: Samples, spec: ReportSpec) -> Samples:
     if not spec.designed or unknown:
         raise ReportError(
             f"designed = {spec.designed}: a design has one variable or more, each of the campaign's; give the variables"
-            " of the design, or None where the samples are no design"
+            " of the design, or None if the samples form no design"
         )
     drawn = samples.sample % (len(spec.designed) + 2) < 2
     columns = ("sample", "status", "ok", "max_residual", "max_penetration", "settled")
@@ -132,7 +132,7 @@ def total_order_indices(y: Array, variables: Sequence[str]) -> TotalOrder | str:
     z = y.reshape(n, width)[random_rows(n)]
     z = z - z[:, :2].mean()
     if z[:, :2].std() <= ROUNDING * np.abs(y).max():
-        return "No total-order indices: all values are equal."
+        return "No total-order indices, because all values are equal."
     a, b, mixed = z[:, :1], z[:, 1:2], z[:, 2:]
     products = np.hstack([np.ones_like(a), a + b, a * a + b * b, b * (mixed - a), (a - mixed) ** 2 / 2])
     sums = total_and_rest(np.array([products[group::GROUPS].sum(axis=0) for group in range(GROUPS)]))

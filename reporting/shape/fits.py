@@ -116,9 +116,9 @@ def fit_families(x: ArrayLike, bounds: tuple[float, float] | None = None, names:
     values = np.sort(values[np.isfinite(values)])
     n = int(values.size)
     if n < 2 or values[-1] - values[0] <= ROUNDING * float(np.max(np.abs(values))):
-        return Fits((), None, {}, ("Fewer than two values that differ: no distribution fits.",))
+        return Fits((), None, {}, ("Fewer than two different values, so no distribution is fitted.",))
     if not float(np.max(np.abs(values))) < 1e150:
-        return Fits((), None, {}, ("Values too large to be squared: no distribution is fitted.",))
+        return Fits((), None, {}, ("The values are too large to be squared, so no distribution is fitted.",))
     few, many = condense(values, SEARCHED), condense(values, JUDGED)
     families = FAMILIES.values() if names is None else [FAMILIES[name] for name in FAMILIES if name in set(names)]
     fits, refused = [], {}

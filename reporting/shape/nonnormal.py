@@ -109,16 +109,20 @@ def fitted_indices(
     above = None if usl is None else PPM * float(fitted.sf(usl))
     sides = [share for share in (below, above) if share is not None]
     unbounded = any(z is not None and not math.isfinite(z) for z in (z_lsl, z_usl))
-    notes = ["A limit lies where the fitted distribution has no value: no Z-score there."] if unbounded else []
+    notes = (
+        ["A limit lies outside the range of the fitted distribution, so there is no Z-score at this limit."]
+        if unbounded
+        else []
+    )
     intervals: dict[str, Any] = {}
     if fit.covariance is None:
-        notes.append("The parameters of the fit are not separately determined: no interval.")
+        notes.append("The values do not determine each parameter of the fit by itself, so there is no interval.")
     else:
         intervals = _delta_intervals(fit, indices, point, confidence)
     return NonnormalIndices(
         method,
         fit.family,
-        f"The response follows the fitted distribution ({fit.title}), also beyond its extreme values.",
+        f"Assumed: the response follows the fitted distribution ({fit.title}), also beyond its extreme values.",
         **_with_ppk(point),
         **intervals,
         percentiles=(float(ends[0]), float(ends[1]), float(ends[2])) if np.all(np.isfinite(ends)) else None,
@@ -153,18 +157,20 @@ def empirical_indices(x: ArrayLike, lsl: float | None, usl: float | None, confid
     ordered = np.sort(values[np.isfinite(values)])
     assumed = "No distribution is assumed: the percentiles are those of the values themselves."
     if ordered.size < 2 or ordered[0] == ordered[-1]:
-        return NonnormalIndices("empirical", None, assumed, notes=("Fewer than two values that differ: no index.",))
+        return NonnormalIndices(
+            "empirical", None, assumed, notes=("Fewer than two different values, so there is no index.",)
+        )
     ends = empirical_percentiles(ordered, ENDS)
     with np.errstate(all="ignore"):  # percentiles may coincide
         point = _finite(_of_percentiles(ends, lsl, usl))
     notes: tuple[str, ...] = ()
     if ends[0] == ends[1] or ends[1] == ends[2]:
-        notes = ("Most values are equal: percentiles coincide, so an index is missing.",)
+        notes = ("Most values are equal, so percentiles coincide and an index is missing.",)
     intervals: dict[str, Any] = {}
     if ordered.size * ENDS[0] < 1:
         notes += (f"{ordered.size} values: the 0.135 % percentiles are the extreme values; the indices are too large.",)
     if ordered.size < FEWEST:
-        notes += (f"{ordered.size} values do not bound a 0.135 % percentile: no interval below {FEWEST} values.",)
+        notes += (f"{ordered.size} values are too few for an interval of a 0.135 % percentile: {FEWEST} are needed.",)
     else:
         bounds = percentile_bootstrap(ordered, ENDS, lambda q: _of_percentiles(q, lsl, usl), confidence)
         intervals = {f"{name}_interval": bounds.get(name) for name in ("pp", "ppl", "ppu")}

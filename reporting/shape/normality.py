@@ -63,7 +63,7 @@ class Normality:
     skewness_interval: Interval | None = None
     kurtosis_interval: Interval | None = None
     verdict: str = "too few values"
-    reason: str = "Fewer than two values that differ: no shape."
+    reason: str = "Fewer than two different values, so there is no shape."
 
 
 @dataclass(frozen=True)

@@ -124,7 +124,9 @@ def _tail(side: str, ordered: Array, limit: float, confidence: float) -> TailSha
                 scale=fit.scale,
                 note=note,
             )
-    note = f"No threshold with {FEWEST_EXCESSES} to {most} values beyond it leaves a Pareto tail that ends gently."
+    note = (
+        f"No threshold with {FEWEST_EXCESSES} to {most} values beyond it gives a tail that a Pareto distribution fits."
+    )
     return TailShare(side, sign * limit, None, None, note=note)
 
 
@@ -134,12 +136,12 @@ def _refusal(ordered: Array, rejects: int, most: int) -> str:
     if most < FEWEST_EXCESSES:
         return f"{n} values are too few for a tail: {math.ceil(FEWEST_EXCESSES / LARGEST_SHARE)} are needed."
     if rejects >= min(ENOUGH_REJECTS, most):
-        return f"{rejects} values are beyond the limit: the counted share is better than any model of the tail."
+        return f"{rejects} values are beyond the limit, so the counted share is better than any model of the tail."
     top = ordered[n - most :]
     if top[-1] - top[0] <= ROUNDING * float(np.max(np.abs(top))):
-        return "The values in the tail are all equal: no shape."
+        return "The values in the tail are all equal, so no tail is fitted."
     if np.unique(top).size < 0.9 * top.size:
-        return "Values in the tail repeat: they are rounded or bounded, and no smooth tail fits them."
+        return "Values in the tail repeat, because they are rounded or bounded, so no smooth tail fits them."
     return ""
 
 
@@ -157,7 +159,7 @@ def _beyond(excesses: Array, y: float, fit: pareto.ParetoFit, n: int, confidence
     low, high = pareto.survival_interval(excesses, y, fit, confidence)
     over_low, over_high = share_interval(excesses.size, n, confidence)
     if share == 0:
-        note = "The fitted tail ends before the limit: only the upper end of the interval says anything."
+        note = "The fitted tail ends before the limit, so only the upper end of the interval is informative."
         return 0.0, (0.0, PPM * min(over_high * high, 1.0)), note
     lowest = 0.0
     if low > 0:

@@ -125,7 +125,9 @@ def advise(
     }
     varying = {name: r for name, r in limited.items() if np.unique(r.y[np.isfinite(r.y)]).size > 1}
     if not varying:
-        raise ReportError("advice: no response has limits, a target and values that vary; give limits to at least one")
+        raise ReportError(
+            "advice: no response has limits, a target Cpk and values that vary; give limits to at least one"
+        )
     return tuple(_advice(variable, varying, lambda f, v=variable: widen(v, f, rows)) for variable in variables)  # type: ignore[misc]
 
 

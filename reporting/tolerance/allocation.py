@@ -143,7 +143,7 @@ def _with_reweighting(
         optimum = following
         if unchanged:
             return _proposal(variables, requirements, optimum, REWEIGHTING, effective)
-    note = "The correction by reweighting did not converge: confirm the proposal by a run first."
+    note = "The correction by reweighting did not converge: confirm the proposal by a campaign before you use it."
     return _proposal(variables, requirements, optimum, REWEIGHTING, effective, (note,))
 
 
@@ -167,7 +167,7 @@ def _corrected(
     for requirement in requirements:
         answer = answers[requirement.response]
         if answer.refusal or answer.mean is None or answer.std is None:
-            return answer.refusal or f"{requirement.response} has no spread there"
+            return answer.refusal or f"{requirement.response} has no spread at these tolerances"
         missing = answer.std.value**2 - requirement.variance(factors)
         corrected.append(replace(requirement, mean=answer.mean.value, added=requirement.added + missing))
     return corrected, min(answer.effective for answer in answers.values())

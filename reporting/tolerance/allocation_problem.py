@@ -98,7 +98,7 @@ def check(variables: Sequence[CostedVariable], requirements: Sequence[Requiremen
             )
     for r in requirements:
         if r.lsl is None and r.usl is None:
-            raise ReportError(f"allocation: {r.response} has no limits, so no index to keep; leave it out")
+            raise ReportError(f"allocation: {r.response} has no limits, and so no Cpk to keep; leave it out")
         if not (math.isfinite(r.target) and r.target > 0 and math.isfinite(r.mean) and math.isfinite(r.std)):
             raise ReportError(
                 f"allocation: {r.response}: mean {r.mean:g}, sigma {r.std:g}, target {r.target:g}: finite numbers and "
@@ -111,9 +111,11 @@ def infeasible(variables: Sequence[CostedVariable], requirements: Sequence[Requi
     tightest = {v.variable: 1.0 if v.locked else v.lower / v.tolerance for v in variables}
     worst = min(requirements, key=lambda r: r.allowed - r.variance(tightest))
     if worst.allowed == 0:
-        return f"{worst.response}: its mean {worst.mean:.6g} is out of limits; move the mean, no tolerance can help"
+        return (
+            f"{worst.response}: its mean {worst.mean:.6g} is out of limits, which no tolerance changes; move the mean"
+        )
     cpk = worst.target * math.sqrt(worst.allowed / worst.variance(tightest))
     return (
-        f"{worst.response}: with every tolerance at its lower bound Cpk is {cpk:.3f}, {worst.target:g} is wanted; "
-        "lower the bounds, unlock variables, move the mean to the middle of the limits, or widen the limits"
+        f"{worst.response}: with every tolerance at its lower bound Cpk is {cpk:.3f}; the target is {worst.target:g};"
+        " lower the bounds, unlock variables, move the mean to the middle of the limits, or widen the limits"
     )

@@ -137,13 +137,17 @@ def _refusal(effective: float, largest: float, k: float | None, bar: float, outs
     """Return why the weights cannot be used; empty if they can."""
     if outside > MOST_OUTSIDE:
         return (
-            f"{100 * outside:.3g} % of the new values lie where the campaign has no sample: "
-            "its samples cannot say what happens there"
+            f"{100 * outside:.3g} % of the new values lie where the campaign has no samples: "
+            "the response there is unknown"
         )
     if effective < LEAST_EFFECTIVE:
-        return f"the samples are worth {effective:.0f} of the new distribution, {LEAST_EFFECTIVE:.0f} are needed"
+        return (
+            f"the samples are worth {effective:.0f} of the new distribution; at least {LEAST_EFFECTIVE:.0f} are needed"
+        )
     if largest > LARGEST_SHARE:
-        return f"one sample would carry {100 * largest:.0f} % of the weight, at most {100 * LARGEST_SHARE:.0f} % may be"
+        return (
+            f"one sample would carry {100 * largest:.0f} % of the weight; allowed: at most {100 * LARGEST_SHARE:.0f} %"
+        )
     if k is not None and k > bar:
-        return f"the weights have too heavy a tail, Pareto k = {k:.2f} above {bar:.2f}"
+        return f"the distribution of the weights has too heavy a tail, Pareto k = {k:.2f} above {bar:.2f}"
     return ""

@@ -152,7 +152,7 @@ def _under(y: Array, w: Weights, lsl: float | None, usl: float | None, confidenc
     n, limited = int(np.count_nonzero(finite)), lsl is not None or usl is not None
     with_value = float(w.weight[finite].sum())
     base = WhatIf(n, y.size - n, w.effective, w.largest, w.pareto_k, w.pareto_k_bar, w.outside, 0)
-    empty = "no sample with a value has any weight" if n < 2 or with_value <= 0 else ""
+    empty = "no sample with a value has a weight above zero" if n < 2 or with_value <= 0 else ""
     usual_runs = runs_for(USUAL_CPK if limited else None)
     if w.refusal or empty:
         return replace(base, refusal=w.refusal or empty, runs=usual_runs)
@@ -164,7 +164,7 @@ def _under(y: Array, w: Weights, lsl: float | None, usl: float | None, confidenc
     numbers: dict[str, Any] = _moments(values, weight, lsl, usl, float(ndtri(0.5 + confidence / 2)))
     numbers |= _shares(values, weight, lsl, usl, w.outside, confidence)
     mean, std, cpk = numbers["mean"], numbers["std"], numbers["cpk"]
-    notes = () if std else ("All values are equal: zero spread, so no index and no expected ppm.",)
+    notes = () if std else ("All values are equal: the spread is zero, so there is no index and no expected ppm.",)
     return replace(
         base,
         **numbers,
@@ -172,7 +172,7 @@ def _under(y: Array, w: Weights, lsl: float | None, usl: float | None, confidenc
         pareto_k_sigma=k,
         missing=max(1.0 - with_value, 0.0) if n < y.size else 0.0,
         runs=runs_for(cpk.value) if cpk else usual_runs,
-        notes=notes if limited else (*notes, "No limits: no index and no share out of limits."),
+        notes=notes if limited else (*notes, "Without limits there is no index and no share out of limits."),
     )
 
 

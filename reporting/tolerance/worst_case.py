@@ -60,7 +60,9 @@ def worst_case(y: Array, inputs: dict[str, Array], lsl: float | None = None, usl
     y = np.asarray(y, np.float64)
     wrong = [name for name, column in inputs.items() if np.shape(column) != y.shape]
     if wrong:
-        raise ReportError(f"worst case: {', '.join(wrong)}: not as long as the response; give columns of one table")
+        raise ReportError(
+            f"worst case: {', '.join(wrong)}: differs in length from the response; give columns of one table"
+        )
     rows = np.flatnonzero(np.isfinite(y))
     missing = y.size - rows.size
     limited = lsl is not None or usl is not None

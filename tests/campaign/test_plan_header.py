@@ -29,5 +29,5 @@ def test_header_of_a_damaged_plan(store, plan, key):
     with pytest.raises(StoreError, match=r"plan\.json cannot be read"):
         store.plan_header(plan.campaign_id)
     store.files.write(name, plan.to_json().replace("[\n   10,\n   10\n  ],", "").encode())
-    with pytest.raises(StoreError, match="a batch begins at sample 20 where 10 is next"):
+    with pytest.raises(StoreError, match="a batch begins at sample 20 in place of 10"):
         store.plan_header(plan.campaign_id)

@@ -129,12 +129,12 @@ def test_unsettled_samples_are_told(campaign) -> None:
 
 def test_inputs_that_are_not_what_was_asked_are_told(campaign) -> None:
     table, spec = campaign(200)
-    assert check(analysis_of(table, spec), "Inputs as asked").level == "good"
+    assert check(analysis_of(table, spec), "Inputs as requested").level == "good"
     shifted = table.column("J3").to_numpy() + 0.1
-    found = check(analysis_of(column(table, "J3", shifted), spec), "Inputs as asked")
+    found = check(analysis_of(column(table, "J3", shifted), spec), "Inputs as requested")
     assert (found.level, "J3" in found.text) == ("bad", False)
     shifted = np.clip(table.column("J3").to_numpy() * 0.9, 0.01, 0.13)
-    found = check(analysis_of(column(table, "J3", shifted), spec), "Inputs as asked")
+    found = check(analysis_of(column(table, "J3", shifted), spec), "Inputs as requested")
     assert (found.level, "J3" in found.text) == ("attention", True)
 
 
@@ -215,8 +215,8 @@ def change(table: pa.Table, what: str) -> pa.Table:
     [
         ("missing response", "column 'FC-3' is missing"),
         ("missing certificate", "column 'settled' is missing"),
-        ("text response", "column 'FC-3' holds string; numbers are needed"),
-        ("numbers as status", "column 'status' holds int64; text is needed"),
+        ("text response", "column 'FC-3' holds string; it must hold numbers"),
+        ("numbers as status", "column 'status' holds int64; it must hold text"),
         ("empty status", "sample 0 has no status"),
         ("repeated sample", "sample 4 appears more than once"),
         ("no number", "column 'sample' has 1 empty rows"),
@@ -236,7 +236,7 @@ def test_a_spec_that_makes_no_sense_is_one_clear_error(campaign) -> None:
         analysis_of(table, crossed)
     with pytest.raises(ReportError, match="'J1' names more than one"):
         analysis_of(table, replace(spec, variables=(*spec.variables, spec.variables[0])))
-    with pytest.raises(ReportError, match="has 10 rows, the campaign asked for 9"):
+    with pytest.raises(ReportError, match="has 10 rows, but the campaign has only 9 samples"):
         analysis_of(table, replace(spec, requested=9))
     with pytest.raises(ReportError, match="requested = 0"):
         analysis_of(table.slice(0, 0), replace(spec, requested=0))

@@ -89,7 +89,7 @@ def test_what_cannot_be_compared_is_one_message_or_a_note() -> None:
     assert r.levene_p is None
     assert "does not vary" in r.notes[0]
     spec = c60_spec(1)
-    with pytest.raises(ReportError, match="no response in common"):
+    with pytest.raises(ReportError, match="no common response"):
         compared(c60_table(10), c60_table(10), responses=())
     with pytest.raises(ReportError, match="FC-1: unit N here, kN in other"):
         compared(c60_table(10), c60_table(10), responses=(replace(spec.responses[0], unit="kN"),))

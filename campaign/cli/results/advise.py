@@ -21,7 +21,7 @@ def advise(
     store: StoreUrl = "runs",
     json: Json = False,
 ) -> None:
-    """Say how far each tolerance may grow, or with --cost which set of them is cheapest."""
+    """Show how far each tolerance may grow, or with --cost which set of tolerances is cheapest."""
     from dataclasses import asdict
 
     from campaign.reports.cost_file import read_costs
@@ -57,13 +57,13 @@ def _print_advice(advice: "tuple[Advice, ...]", below: "dict[str, tuple[Advice, 
             factor = "none" if each.factor is None else f"{'' if each.bounded else 'at least '}{each.factor:.3g}"
             binding = (each.binding or "-") if each.bounded else "nothing"
             rows.append((each.variable, factor, binding, number(each.cpk, 4), each.method))
-        title = "how many times its sigma each variable may have, alone, with every Cpk of 1.33 staying so"
-        print_table(title, ("variable", "factor", "ended by", "its Cpk there", "method"), rows)
+        title = "factor by which sigma of each variable alone may grow until a response falls below Cpk 1.33"
+        print_table(title, ("variable", "factor", "limited by", "Cpk at the factor", "method"), rows)
     for response, needed in below.items():
-        factors = ["none helps" if each.factor is None else f"{each.factor:.3g}" for each in needed]
+        factors = ["no factor" if each.factor is None else f"{each.factor:.3g}" for each in needed]
         shrunk = [(e.variable, factor, number(e.cpk, 4), e.method) for e, factor in zip(needed, factors, strict=True)]
-        title = f"{response} is below Cpk 1.33: how many times its sigma each variable must have, alone"
-        print_table(title, ("variable", "factor", f"Cpk of {response} there", "method"), shrunk)
+        title = f"{response} is below Cpk 1.33: factor on sigma of each variable alone that reaches 1.33"
+        print_table(title, ("variable", "factor", f"Cpk of {response} at the factor", "method"), shrunk)
 
 
 def _print_allocation(proposal: "Allocation") -> None:
@@ -72,10 +72,10 @@ def _print_allocation(proposal: "Allocation") -> None:
         return
     rows = [(name, number(sigma, 4), f"{proposal.factors[name]:.3g}") for name, sigma in proposal.tolerances.items()]
     title = f"cheapest standard deviations: cost {number(proposal.cost)}, now {number(proposal.cost_now)}"
-    print_table(title, ("variable", "sigma", "times the present one"), rows)
+    print_table(title, ("variable", "sigma", "factor on the present sigma"), rows)
     for r in proposal.responses:
-        bound = f", which sets the tolerances; 0.01 more costs {number(r.price, 3)}" if r.binding else ""
+        bound = f", which limits the tolerances; 0.01 more Cpk costs {number(r.price, 3)}" if r.binding else ""
         print(f"{r.response}: Cpk {r.cpk:.4g} (target {r.target:g}){bound}")
     for note in proposal.notes:
         say(note)
-    print(f"by {proposal.method}; confirm it by a campaign of {proposal.runs} samples with these sigmas")
+    print(f"computed by {proposal.method}; confirm it with a campaign of {proposal.runs} samples and these sigmas")

@@ -5,17 +5,17 @@ from campaign.cli.output import Json, print_json, say
 
 
 def compact(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
-    """Merge the parts of a campaign into few files; the campaign may be running."""
+    """Merge the part files of a campaign into a few larger files; the campaign may be running."""
     from campaign.store import open_store
 
     opened = open_store(store)
     header = opened.plan_header(opened.find(campaign))
     result = opened.compact(header)
     for reason in dict.fromkeys(result.bad.values()):
-        say(f"{reason}: left as it is; run the campaign again to replace it")
+        say(f"{reason}: left as it is; clearcap resume computes its samples again")
     if json:
         document = {"campaign": header.campaign_id, "store": opened.url, "written": result.written}
         print_json({**document, "removed": result.removed, "files": result.files, "bad_batches": sorted(result.bad)})
         return
-    merged = f"{len(result.written)} files written for {result.removed}"
-    print(f"{header.campaign_id}: {merged}; {result.files} files of rows")
+    merged = f"{result.removed} files merged into {len(result.written)}"
+    print(f"{header.campaign_id}: {merged}; the campaign has {result.files} files of rows now")

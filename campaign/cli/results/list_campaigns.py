@@ -14,7 +14,7 @@ COLUMNS = ("campaign", "state", "done", "failed", "left", "when", "title")
 
 
 def list_campaigns(store: StoreUrl = "runs", json: Json = False) -> None:
-    """List the campaigns of a store and how far each is."""
+    """List the campaigns of a store and their progress."""
     from campaign.store import open_store
 
     opened = open_store(store)

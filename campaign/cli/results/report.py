@@ -15,12 +15,12 @@ def report(
         str | None, typer.Option(metavar="ID", help="Compare with another campaign of the store.")
     ] = None,
     pdf: Annotated[
-        bool, typer.Option("--pdf/--no-pdf", help="Write report.pdf too; it takes most of the time.")
+        bool, typer.Option("--pdf/--no-pdf", help="Also write report.pdf, which takes most of the time.")
     ] = False,
-    excel: Annotated[bool, typer.Option("--excel/--no-excel", help="Write report.xlsx too.")] = True,
+    excel: Annotated[bool, typer.Option("--excel/--no-excel", help="Also write report.xlsx.")] = True,
     json: Json = False,
 ) -> None:
-    """Write the report of a campaign again, from the rows there are; it may be running."""
+    """Write the report of a campaign from the rows computed so far; the campaign may be running."""
     from campaign.reports.report import report as write_report
     from campaign.store import open_store
 
@@ -29,7 +29,7 @@ def report(
     kinds = ["html", "json", "parquet", *(["pdf"] if pdf else []), *(["xlsx"] if excel else [])]
     files = write_report(opened, opened.plan(campaign_id), kinds=kinds, against=against)
     if pdf and "pdf" not in files:
-        say("report.pdf takes WeasyPrint: pip install 'clearcap[pdf]'")
+        say("report.pdf was not written, because it needs WeasyPrint: pip install 'clearcap[pdf]'")
     if json:
         print_json({"campaign": campaign_id, "store": opened.url, "report": files})
         return

@@ -1,4 +1,4 @@
-"""``clearcap status``: how far a campaign is."""
+"""``clearcap status``: the progress of a campaign."""
 
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def status(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
-    """Say how far a campaign is: its state, rows done, failed and left, and what its coordinator said last."""
+    """Show the progress of a campaign: state, rows done, failed and left, and the last message of its coordinator."""
     from campaign.coordinator.state import state_of
     from campaign.store import open_store
     from campaign.store.layout import HEARTBEAT
@@ -41,7 +41,7 @@ def count_rows(store: "Store", header: "PlanHeader") -> dict[str, Any]:
     """Return how many rows of a campaign are done and how they ended; print which parts are bad."""
     survey = store.survey(header)
     for reason in dict.fromkeys(survey.bad.values()):
-        say(f"{header.campaign_id}: {reason}; run the campaign again to replace it")
+        say(f"{header.campaign_id}: {reason}; clearcap resume computes its samples again")
     done, ok = survey.rows, survey.statuses.get("ok", 0)
     samples = store.end(header)
     counts = {"samples": samples, "done": done, "ok": ok, "failed": done - ok, "left": samples - done}

@@ -7,7 +7,7 @@ from campaign.cli.output import Json, print_json
 
 
 def watch(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
-    """Follow a campaign until its coordinator ends; the campaign goes on if you stop following."""
+    """Follow the progress of a campaign until its coordinator ends; Ctrl-C ends only the following."""
     from rich.console import Console
 
     from campaign.cli.progress import display

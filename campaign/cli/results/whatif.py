@@ -13,15 +13,17 @@ if TYPE_CHECKING:
 Settings = Annotated[
     list[str],
     typer.Option(
-        "--set", metavar="VARIABLE.KEY=VALUE", help="Change a distribution, as J1.std=0.01; repeat for others."
+        "--set",
+        metavar="VARIABLE.KEY=VALUE",
+        help="Change a key of a distribution, for example J1.std=0.01; may be repeated.",
     ),
 ]
 
 
 def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs", json: Json = False) -> None:  # noqa: B006
-    """Say what the capability would be under other distributions, by weighting the samples there are.
+    """Estimate the capability under other distributions by weighting the computed samples, without new runs.
 
-    Exit status 1 if the samples cannot say: then the answer takes new runs, and a message says how many.
+    Exit status 1 if the samples are too few for an answer; a message then says how many new runs it takes.
     """
     from dataclasses import asdict
 
@@ -33,7 +35,7 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
     from campaign.store import open_store
 
     if not settings:
-        raise SpecError("nothing is changed; write for example --set J1.std=0.01")
+        raise SpecError("no --set is given, so no distribution changes; write for example --set J1.std=0.01")
     opened = open_store(store)
     plan = opened.plan(opened.find(campaign))
     answers = what_if(opened, plan, settings)
@@ -43,10 +45,10 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
     else:
         _print(answers, plan.mechanism.response_units())
     if production_batch(plan.spec, np.zeros(1, np.int64)) is not None:
-        say("samples of a production batch share its shift; the intervals take them for independent and are too narrow")
+        say("samples of a production batch share its shift; the intervals treat them as independent and are too narrow")
     refused = {answer.refusal: answer.runs for answer in answers.values() if answer.refusal}
     for reason, runs in refused.items():
-        say(f"no answer: {reason}; run a campaign with these distributions, {runs} samples know Cpk to 5 %")
+        say(f"no answer: {reason}; run a campaign with these distributions; {runs} samples determine Cpk to 5 %")
     if refused:
         raise typer.Exit(1)
 

@@ -12,14 +12,14 @@ from engine.mechanism.base import Number, TableModel
 PositiveNumber = Annotated[Number, Field(gt=0.0)]
 LowerBound = Annotated[
     Number | None,
-    Field(description="Lower bound to which values are cut, in the target's unit; no bound if absent."),
+    Field(description="Lower bound at which the distribution is cut, in the target's unit; no bound if absent."),
 ]
 UpperBound = Annotated[
     Number | None,
-    Field(description="Upper bound to which values are cut, in the target's unit; no bound if absent."),
+    Field(description="Upper bound at which the distribution is cut, in the target's unit; no bound if absent."),
 ]
 StandardDeviation = Annotated[
-    PositiveNumber | None, Field(description="Standard deviation before any cut, in the target's unit, above 0.")
+    PositiveNumber | None, Field(description="Standard deviation before the cut, in the target's unit, above 0.")
 ]
 
 TAIL = 1e-6  # probability beyond the ends at which an unbounded variable is tried on the mechanism
@@ -77,7 +77,7 @@ class Distribution(TableModel, strict=True):
 
 
 def check_order(lower: float, upper: float) -> None:
-    """Raise ValueError unless the lower of two bounds is below the upper one."""
+    """Raise ValueError unless the lower bound is below the upper bound."""
     if not lower < upper:
         raise ValueError(f"lower = {lower:g} is not below upper = {upper:g}; exchange or widen the bounds")
 
@@ -102,11 +102,13 @@ def check_parameter_groups(table: TableModel, *groups: tuple[str, ...], hint: st
     given = [key for group in groups for key in group if getattr(table, key) is not None]
     choices = " or ".join(" and ".join(group) for group in groups)
     if not given:
-        raise ValueError(f"nothing says how it is spread; give {choices}{hint}")
+        raise ValueError(f"its parameters are missing; give {choices}{hint}")
     group = next(group for group in groups if given[0] in group)
     other = [key for key in given if key not in group]
     if other:
-        raise ValueError(f"{given[0]} and {other[0]} are two ways to say the same; give {choices}, not both")
+        raise ValueError(
+            f"{given[0]} and {other[0]} cannot be given together, because each defines the distribution; give {choices}"
+        )
     missing = [key for key in group if key not in given]
     if missing:
-        raise ValueError(f"{given[0]} needs {' and '.join(missing)} beside it; give {choices}")
+        raise ValueError(f"{given[0]} is given without {' and '.join(missing)}; give {choices}")

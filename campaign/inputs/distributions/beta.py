@@ -39,8 +39,8 @@ class Beta(Cut):
         largest = float(np.sqrt((self.mean - self.lower) * (self.upper - self.mean)))
         if not self.std < largest:
             raise ValueError(
-                f"std = {self.std:g}: no distribution of mean {self.mean:g} between {self.lower:g} and {self.upper:g}"
-                f" spreads that far; allowed: below {largest:.4g}; reduce std or widen the bounds"
+                f"std = {self.std:g}: too large for mean {self.mean:g} between {self.lower:g} and {self.upper:g}"
+                f"; allowed: below {largest:.4g}; reduce std or widen the bounds"
             )
 
     @property

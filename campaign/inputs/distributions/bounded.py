@@ -30,7 +30,8 @@ class Cut(Bounded):
     """A distribution between ends that may be cut further."""
 
     within: Within | None = Field(
-        default=None, description="Bounds [low, high] between the ends, to which values are cut, in the target's unit."
+        default=None,
+        description="Bounds [low, high] between the ends at which the distribution is cut, in the target's unit.",
     )
 
     def cut(self) -> tuple[float, float]:

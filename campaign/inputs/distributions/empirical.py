@@ -33,11 +33,11 @@ class Empirical(Discrete):
     def check_parameters(self) -> None:
         """Raise ValueError unless there are values, within the bounds if there are any."""
         if self.values is None and self.file is None and self.column is None:
-            raise ValueError("no values; give values, or file and column")
+            raise ValueError("its values are missing; give values, or file and column")
         if self.values is not None and (self.file or self.column):
-            raise ValueError("values and file are two ways to say the same; give values, or file and column, not both")
+            raise ValueError("values and file cannot be given together; give values, or file and column")
         if (self.file is None) != (self.column is None):
-            raise ValueError("file and column belong together; give both, or values")
+            raise ValueError("file and column are only valid together; give both, or values")
         if self.values is not None and self.outcomes()[0].size == 0:
             low, high = self.bounds()
             raise ValueError(

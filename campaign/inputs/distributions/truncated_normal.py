@@ -11,7 +11,7 @@ from engine.mechanism.base import Number
 class TruncatedNormal(Normal):
     """Normal distribution cut to [lower, upper]; the distribution of a variable that names none."""
 
-    hint: ClassVar[str] = "; or name another distribution, this one is meant where none is named"
+    hint: ClassVar[str] = "; or name another distribution: truncated_normal is used where none is named"
 
     distribution: Literal["truncated_normal"] = Field(  # type: ignore[assignment]
         default="truncated_normal", description="Name of the distribution."

@@ -86,11 +86,10 @@ def check_sampling(inputs: SampledInputs) -> None:
     for other in SAMPLERS.values():
         key = other.own_key
         if key and other is not sampler and getattr(inputs, key) is not None:
-            raise ValueError(
-                f'{key} is only read by sampler "{other.name}"; write sampler = "{other.name}" or remove it'
-            )
+            raise ValueError(f'{key} is only for sampler "{other.name}"; write sampler = "{other.name}" or remove it')
     sampler.check(inputs)
     if inputs.stop and sampler.not_extendable:
         raise ValueError(
-            f"stop: the first samples must be a sample by themselves, but {sampler.not_extendable}; remove stop"
+            f"stop: a stopping rule needs a sampler whose first samples are a valid sample of their own, but"
+            f" {sampler.not_extendable}; remove stop"
         )

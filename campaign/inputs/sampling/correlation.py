@@ -39,15 +39,15 @@ def check_correlations(inputs: SampledInputs) -> None:
                 names = list(inputs.variables)
                 raise ValueError(f"{entry}: no variable {name}; allowed: {', '.join(names)}{did_you_mean(name, names)}")
             if isinstance(inputs.variables[name], Constant):
-                raise ValueError(f"{entry}: {name} is a constant, which varies with nothing; remove the entry")
+                raise ValueError(f"{entry}: {name} is a constant and cannot be correlated; remove the entry")
         if a == b:
-            raise ValueError(f"{entry}: a variable with itself; name two variables")
+            raise ValueError(f"{entry}: a variable cannot be correlated with itself; name two variables")
         if pairs[frozenset((a, b))] > 1:
             raise ValueError(f"{entry}: this pair is given more than once; keep one entry")
     if inputs.correlations and (smallest := smallest_eigenvalue(inputs.correlations)) < LEAST_EIGENVALUE:
         raise ValueError(
-            f"correlations: they cannot hold together, the matrix is not positive definite (smallest eigenvalue"
-            f" {smallest:.3g}); all of them multiplied by {largest_scale(inputs.correlations):g} can"
+            f"correlations: contradict each other, their matrix is not positive definite (smallest eigenvalue"
+            f" {smallest:.3g}); multiply all of them by at most {largest_scale(inputs.correlations):g}"
         )
 
 

@@ -16,15 +16,15 @@ class EnumeratingSampler(Sampler):
     def check(self, inputs: SampledInputs) -> None:
         """Raise ValueError if a key asks for something random, which would have no effect."""
         if key := dependence(inputs):
-            raise ValueError(f"{key}: sampler {self.name} draws nothing at random and would pass it over; remove it")
+            raise ValueError(f"{key}: sampler {self.name} draws nothing at random and would ignore it; remove it")
 
     def check_ends(self, inputs: SampledInputs, names: list[str], remedy: str = "") -> None:
         """Raise ValueError if a variable has no lower or no upper end; ``remedy`` is another way than to give both."""
         endless = [name for name in names if not all(map(isfinite, inputs.variables[name].support()))]
         if endless:
             raise ValueError(
-                f"sampler {self.name} needs both ends of every variable; {', '.join(endless)} has none; give lower and"
-                f" upper{remedy}"
+                f"sampler {self.name} needs two ends of every variable, and lacks one of {', '.join(endless)}; give"
+                f" lower and upper{remedy}"
             )
 
 
@@ -33,7 +33,7 @@ def check_names(inputs: SampledInputs, key: str, given: list[str], needed: list[
     for name in given:
         if name not in inputs.variables:
             raise ValueError(
-                f"{key}.{name}: no variable of that name; allowed: {', '.join(needed)}{did_you_mean(name, needed)}"
+                f"{key}.{name}: no variable has this name; allowed: {', '.join(needed)}{did_you_mean(name, needed)}"
             )
     for name in needed:
         if name not in given:
@@ -47,6 +47,6 @@ def check_bounds(inputs: SampledInputs, key: str, given: Mapping[str, tuple[floa
         for row, value in enumerate(values):
             if not low <= value <= high:
                 raise ValueError(
-                    f"{key}.{name}: value {value:g} (number {row}) lies outside of the variable's ends, [{low:g},"
-                    f" {high:g}]; correct it, or widen the variable"
+                    f"{key}.{name}: value {value:g} (number {row}) lies outside of the variable's range, [{low:g},"
+                    f" {high:g}]; correct the value, or widen the range"
                 )

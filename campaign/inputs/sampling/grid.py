@@ -20,7 +20,7 @@ class Grid(EnumeratingSampler):
         "verdict follows from them; read minima, maxima and what moves the responses."
     )
     own_key = "grid"
-    not_extendable = "a grid has all combinations of its levels, and no more"
+    not_extendable = "a grid consists of all combinations of its levels"
 
     def check(self, inputs: SampledInputs) -> None:
         """Raise ValueError unless every variable that varies has levels and the samples are all points."""

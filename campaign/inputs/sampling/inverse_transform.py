@@ -13,7 +13,7 @@ from engine.arrays import Array
 
 EVENLY_SPREAD = (
     "the intervals are those of independent samples. Means and sigmas of responses close to a sum of effects of single "
-    "variables are known better than they say (conservative); shares far out in a tail about as well as they say."
+    "variables are more precise than these intervals (conservative); shares far out in a tail are about as precise."
 )
 
 

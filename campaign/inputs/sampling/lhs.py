@@ -23,14 +23,16 @@ class LatinHypercube(InverseTransformSampler):
     name = "lhs"
     summary = "Latin hypercube: each variable spread evenly over its distribution"
     report = f"Latin hypercube: every variable is spread evenly over its distribution, so {EVENLY_SPREAD}"
-    not_extendable = "lhs divides each range into as many strata as there are samples: more samples are others"
+    not_extendable = (
+        "lhs divides each range into as many strata as there are samples, so that more samples differ from the first"
+    )
 
     def check(self, inputs: SampledInputs) -> None:
         """Raise ValueError if there are too many samples."""
         if inputs.samples > LARGEST:
             raise ValueError(
-                f"samples = {inputs.samples}: sampler lhs allows up to {LARGEST}, kept in memory; write sampler ="
-                ' "sobol", which has no such limit'
+                f"samples = {inputs.samples}: sampler lhs allows up to {LARGEST}, because it keeps them in memory;"
+                ' write sampler = "sobol", which has no such limit'
             )
 
     def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:

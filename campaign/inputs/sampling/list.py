@@ -13,7 +13,7 @@ class UserTable(EnumeratingSampler):
     name = "list"
     summary = "the rows of a table"
     report = (
-        "The samples are a given list; nothing says that they stand for a production: sigma, indices and ppm describe "
+        "The samples are a given list, which need not represent a production: sigma, indices and ppm describe "
         "the list only, and no verdict follows from them."
     )
     own_key = "table"
@@ -42,5 +42,5 @@ class UserTable(EnumeratingSampler):
         """
         columns = inputs.table.columns if inputs.table else None
         if columns is None:
-            raise ValueError("the user's table has not been read; load the campaign from its file")
+            raise ValueError("the rows of the table have not been read; load the campaign from its file")
         return {name: np.array(columns[name][first : first + count]) for name in inputs.variables}

@@ -24,35 +24,35 @@ class Saltelli(InverseTransformSampler):
     name = "saltelli"
     summary = "Saltelli's design, for total Sobol' indices"
     report = (
-        "Saltelli's design: two scrambled Sobol' samples A and B, and A with one variable at a time of B's. Runs that "
-        "repeat values of others are no further draws: every statistic, interval, share and tail here is over A and B "
-        "alone, 2 of k + 2 runs with k variables; the others serve the total indices. For A and B, evenly spread, "
-        f"{EVENLY_SPREAD}"
+        "Saltelli's design: two scrambled Sobol' samples A and B, and copies of A with one variable taken from B. The "
+        "copies repeat values and add no independent samples: every statistic, interval, share and tail here is over A "
+        "and B alone, 2 of k + 2 runs with k variables; the copies serve the total indices. A and B are evenly "
+        f"spread, so {EVENLY_SPREAD}"
     )
 
     def check(self, inputs: SampledInputs) -> None:
         """Raise ValueError unless the variables are independent and the samples a complete design."""
         if key := dependence(inputs):
             raise ValueError(
-                f"{key}: sampler saltelli changes one variable and leaves the others, so they must be independent;"
+                f"{key}: sampler saltelli changes one variable at a time, so the variables must be independent;"
                 ' remove it, or write sampler = "sobol"'
             )
         if inputs.stop:
             raise ValueError(
-                "stop: samples of sampler saltelli repeat each other's values, so the first so many are no sample that"
-                ' an interval could be judged by; remove stop, or write sampler = "sobol"'
+                "stop: samples of sampler saltelli repeat each other's values, so they are not independent, and a"
+                ' stopping rule cannot judge an interval by them; remove stop, or write sampler = "sobol"'
             )
         k = len(varied(inputs))
         if not 0 < k <= MOST_VARIABLES:
             raise ValueError(
-                f"variables: {k} of them vary; sampler saltelli allows 1 to {MOST_VARIABLES}, each two dimensions of a"
-                ' Sobol sequence; change their number, or write sampler = "random"'
+                f"variables: {k} of them vary; sampler saltelli allows 1 to {MOST_VARIABLES}, because each takes two"
+                ' dimensions of a Sobol sequence; change their number, or write sampler = "random"'
             )
         sizes = nearest_sizes(k, inputs.samples)
         if inputs.samples not in sizes:
             raise ValueError(
-                f"samples = {inputs.samples}: sampler saltelli has n ({k} + 2) samples for {k} variables, n a power of"
-                f" 2; write samples = {' or '.join(map(str, sizes))}"
+                f"samples = {inputs.samples}: sampler saltelli needs n ({k} + 2) samples for {k} variables, where n is"
+                f" a power of 2; write samples = {' or '.join(map(str, sizes))}"
             )
 
     def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:

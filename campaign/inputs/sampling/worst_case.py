@@ -17,7 +17,7 @@ class Corners(EnumeratingSampler):
         "sigma, indices and ppm describe the corners only, and no verdict follows from them."
     )
     corners = True
-    not_extendable = "worst_case has all corners and the middle, and no more"
+    not_extendable = "worst_case consists of all corners and the middle"
 
     def check(self, inputs: SampledInputs) -> None:
         """Raise ValueError unless all variables have ends and the samples are all corners and the middle."""

@@ -69,7 +69,7 @@ class Files:
         ):
             shown = name if len(name) <= 60 else name[:57] + "..."
             raise StoreError(
-                f"store {self.url}: {shown!r} is no name of a file in it; names are relative, without .."
+                f"store {self.url}: {shown!r} is not a valid file name; names are relative, without .."
                 f" and of at most {LONGEST_NAME} characters"
             )
         return self._backend.path(name)
@@ -106,8 +106,8 @@ class Files:
         size = self.size(name)
         if size > at_most:
             raise StoreError(
-                f"store {self.url}: {name} has {size} bytes, and at most {at_most} are read; no such file is written"
-                " here, so move it away"
+                f"store {self.url}: {name} has {size} bytes, more than the {at_most} that a file of a store may"
+                " have, so clearcap did not write it; move it away"
             )
         return self._do(self._backend.read, name, "read")
 
@@ -165,7 +165,7 @@ class Files:
             reason: Exception = error
         except OSError as error:
             reason = error
-        remedy = "free or repair the disk" if self.local else "see that it is there and can be reached"
+        remedy = "free or repair the disk" if self.local else "check that it exists and can be reached"
         raise StoreError(
             f"store {self.url}: {name or 'its folder'} cannot be {what} ({_reason(reason)});"
             f" {remedy}, then run the same command again"

@@ -48,7 +48,7 @@ BAD_INPUT = {
     "every none": (["simulate", "incline", "--trajectory", "a.h5", "--every", "0"], "--every"),
     "bad value, good file": (["simulate", "incline", "--set", "J1=1", "--plot", "a.svg"], "J1: unknown key"),
     "unknown mechanism": (["mechanism", "check", "c6"], "did you mean 'c60'?"),
-    "no store": (["status", "--store", "runs"], "campaigns there: none"),
+    "no store": (["status", "--store", "runs"], "its campaigns: none"),
     "unknown id": (["report", "c60-0123456789", "--store", "runs"], "no campaign c60-0123456789"),
     "unknown option": (["run", "c60", "--sampels", "3"], "No such option"),
     "no workers": (["run", "c60", "--workers", "0"], "--workers"),
@@ -138,7 +138,7 @@ def test_interrupt_says_how_to_go_on(faked, campaign_file, monkeypatch):
 
 
 def test_not_one_success_is_a_failure(faked, campaign_file, monkeypatch):
-    """A campaign without one result exits 1 and says what most runs say; the rows stay."""
+    """A campaign without one result exits 1 and quotes the most frequent message; the rows stay."""
     raises = partial(fake_engine.raises_above, -1.0)
     monkeypatch.setattr(
         campaign.coordinator.coordinate,
@@ -148,7 +148,7 @@ def test_not_one_success_is_a_failure(faked, campaign_file, monkeypatch):
     done = faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--no-report", "--json"])
     assert done.exit_code == 1
     assert json.loads(done.stdout)["statuses"] == {"crashed": 25}
-    assert "25 of 25 say: ArithmeticError: no solution" in done.stderr
+    assert "the message of 25 of 25 runs: ArithmeticError: no solution" in done.stderr
 
 
 def test_status(faked, campaign_file):
@@ -224,7 +224,7 @@ def test_mechanism_verbs(capsys, monkeypatch):
     assert shown["clearances"]["J1"]["unit"] == "mm"
     assert shown["responses"]["FC-1"]["unit"] == "N"
     assert shown["validity"]
-    assert printed("check", "c60") == "c60: right\n"
+    assert printed("check", "c60") == "c60: no errors\n"
     assert "FC-1 [N]" in printed("show", "c60")
 
 

@@ -89,7 +89,7 @@ def test_replay_is_equal_to_the_bit(there, monkeypatch):
     store.write_part(plan, 1, changed)
     done = CliRunner().invoke(app, ["replay", plan.campaign_id, "7", "--plot", "seven.svg"])
     assert done.exit_code == 1, done.output
-    assert "differs from its row" in done.stdout
+    assert "differs from the row in the store" in done.stdout
     assert (folder / "seven.svg").exists()
     done = CliRunner().invoke(app, ["replay", plan.campaign_id, "12"])
     assert "has samples 0 to 11" in str(done.exception)
@@ -108,7 +108,7 @@ def test_rerun_of_what_failed(there, monkeypatch):
     table = open_store("runs").table().to_pylist()
     assert {row["sample"] for row in table if row["attempts"] == 2} == {row["sample"] for row in failed}
     done = CliRunner().invoke(app, ["rerun", plan.campaign_id, "--status", "crashed"])
-    assert "no such run" in done.stdout
+    assert "no failed run matches" in done.stdout
 
 
 def test_cancel_and_resume(faked, campaign_file):

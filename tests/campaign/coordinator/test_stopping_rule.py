@@ -104,7 +104,7 @@ def test_every_statistic_has_an_interval(tmp_path, campaign_file, statistic):
 
 
 BAD = {
-    "unknown response": ('response = "FC-1"', 'response = "FC-9"', 'stop.response = "FC-9": c60 has no such response'),
+    "unknown response": ('response = "FC-1"', 'response = "FC-9"', 'stop.response = "FC-9": c60 has no response of'),
     "no limits": ('response = "FC-1"\nstatistic = "mean"', 'response = "FC-2"\nstatistic = "cpk"', "needs limits"),
     "crossed": ("max_samples = 200", "max_samples = 5", "less than min_samples = 8"),
     "unknown statistic": ('"mean"', '"median"', "stop.statistic"),

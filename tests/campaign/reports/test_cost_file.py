@@ -11,8 +11,8 @@ from campaign.reports.cost_file import read_costs
     [
         ("", "variables"),
         ("[variables.J1]\ncost = -1", "variables.J1.cost"),
-        ("[variables.J9]\ncost = 1", "variables.J9: no variable"),
-        ("target = [", "no TOML"),
+        ("[variables.J9]\ncost = 1", "variables.J9: the campaign has no such variable"),
+        ("target = [", "not TOML"),
     ],
 )
 def test_a_cost_file_with_a_fault_is_one_message(plan, tmp_path, text, said):

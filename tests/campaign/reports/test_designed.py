@@ -59,7 +59,7 @@ def test_total_indices_of_a_campaign(tmp_path):
         low, high = found[name]["total_interval"]
         assert low < right < high
     assert found["preload"]["total"] is None
-    assert any(note.startswith("Acting through interactions: J1 explains") for note in notes)
+    assert any(note.startswith("Variables that act together with others: J1 explains") for note in notes)
 
 
 def test_a_hole_is_closed_by_a_rerun(tmp_path):

@@ -97,7 +97,7 @@ def test_a_running_campaign_gets_a_provisional_report(plan, tmp_path):
     store = open_store(str(tmp_path))
     store.create_plan(plan)
     page = Path(report(store, plan)["html"]).read_text()
-    assert "0 of 25 requested samples are done" in page.replace("\u202f", "")
+    assert "0 of 25 requested samples are computed" in page.replace("\u202f", "")
     run_batch(CampaignAddress.of(store, plan, fake_engine.simulate), BatchRequest(1))
     written = report(store, plan)
     content = json.loads(Path(written["json"]).read_text())

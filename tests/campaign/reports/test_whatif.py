@@ -35,15 +35,15 @@ def test_samples_of_no_distribution_are_not_weighted(filled):
     """Corners, grids and lists are refused before a row is read."""
     store, plan = filled
     corners = replace(plan, spec=plan.spec.model_copy(update={"sampler": "worst_case"}))
-    with pytest.raises(SpecError, match="drawn from no distribution"):
+    with pytest.raises(SpecError, match="do not follow distributions"):
         what_if(store, corners, ["J1.std=0.01"])
-    with pytest.raises(SpecError, match="drawn from no distribution"):
+    with pytest.raises(SpecError, match="do not follow distributions"):
         tolerance_advice(store, corners)
 
 
 def test_a_campaign_without_rows_is_one_message(store, plan):
     """Nothing done, nothing to ask."""
-    with pytest.raises(CampaignError, match="no sample is done yet"):
+    with pytest.raises(CampaignError, match="no sample is computed yet"):
         what_if(store, plan, ["J1.std=0.01"])
 
 
@@ -72,7 +72,7 @@ def test_production_batches_are_minded(campaign_file, tmp_path):
     path.write_text(campaign_file.read_text().replace("std = 0.0175", "std = 0.0175\nbatch = {size = 20, std = 0.002}"))
     store, plan = computed(tmp_path / "s", load_campaign(str(path), samples=400), 200)
     asked = ["whatif", plan.campaign_id, "--set", "J1.std=0.016", "--store", store.url]
-    assert "intervals take them for independent" in CliRunner().invoke(app, asked).stderr
+    assert "intervals treat them as independent" in CliRunner().invoke(app, asked).stderr
 
 
 def test_two_campaigns_are_compared_on_one_page(filled, campaign_file):

@@ -56,7 +56,7 @@ FAULTS = {
     "no distribution": (
         'distribution = "uniform"',
         "",
-        ["variables.preload: nothing says how it", "name another distribution"],
+        ["variables.preload: its parameters are missing", "name another distribution"],
     ),
     "unknown bench": (
         'mechanism = "c60"',
@@ -100,11 +100,11 @@ FAULTS = {
         ["samples = 25: the grid has 15 points; write samples = 15"],
     ),
     "corners miscounted": ("seed = 7", 'seed = 7\nsampler = "worst_case"', ["write samples = "]),
-    "unknown joint": ("[variables.J1]", "[variables.J9]", ["variables.J9: sets no number of c60", "J1, J2"]),
+    "unknown joint": ("[variables.J1]", "[variables.J9]", ["variables.J9: does not set a number of c60", "J1, J2"]),
     "unknown target": (
         '"springs.A3.preload"',
         '"springs.A3.x"',
-        ["variables.preload: sets no number of c60"],
+        ["variables.preload: does not set a number of c60"],
     ),
     "clearance of 0": (
         "lower = 0.01",
@@ -118,13 +118,21 @@ FAULTS = {
         '"joints.J1.radial_clearance"',
         ["J1 and preload both set joints.J1"],
     ),
-    "column name taken": ("[variables.preload]", "[variables.status]", ["variables.status: name taken"]),
-    "unknown response": ("[responses.FC-1]", "[responses.FC1]", ["responses.FC1: c60 has no such", "'FC-1'"]),
+    "column name taken": (
+        "[variables.preload]",
+        "[variables.status]",
+        ["variables.status: another column of the results has this name"],
+    ),
+    "unknown response": (
+        "[responses.FC-1]",
+        "[responses.FC1]",
+        ["responses.FC1: c60 has no response of this name", "'FC-1'"],
+    ),
     "limits crossed": ("lsl = 9.0", "lsl = 16.0", ["responses.FC-1: lsl = 16 is not below usl = 16"]),
     "half a tolerance": (
         "lsl = 9.0",
         "nominal = 9.0",
-        ["responses.FC-1: nominal and tolerance belong together"],
+        ["responses.FC-1: nominal and tolerance are only valid together"],
     ),
     "limits twice": (
         "lsl = 9.0",
@@ -259,7 +267,7 @@ def test_corners_of_an_unbounded_variable_are_refused(campaign_file):
     normal = '[variables.J2]\ndistribution = "normal"\nmean = 0.07\nstd = 0.001\n\n'
     campaign_file.write_text(text.replace("[variables.J1]", normal + "[variables.J1]"))
     path = replaced(campaign_file, "seed = 7", 'seed = 7\nsampler = "worst_case"')
-    with pytest.raises(SpecError, match="J2 has none; give lower and upper"):
+    with pytest.raises(SpecError, match="lacks one of J2; give lower and upper"):
         load_campaign(path)
 
 
@@ -296,15 +304,15 @@ def test_measured_values_become_part_of_the_campaign(campaign_file, tmp_path, ki
     ("old", "new", "said"),
     [
         ('"gap"', '"gop"', 'variables.J1.file = "gaps.csv": no column gop; columns: gap, name, holes; did you mean'),
-        ('"gap"', '"name"', "column name holds string; numbers are needed"),
+        ('"gap"', '"name"', "column name holds string; it must hold numbers"),
         ('"gap"', '"holes"', "column holes, row 2 of 3: no finite number"),
         ("gaps.csv", "no.csv", r'variables.J1.file = "no.csv": no such file'),
-        ("gaps.csv", "gaps.xlsx", "neither CSV nor Parquet by its name; allowed: .csv or .parquet"),
+        ("gaps.csv", "gaps.xlsx", "its name ends neither in .csv nor in .parquet"),
         ("gaps.csv", "empty.csv", "not csv: Empty CSV file"),
         ("gaps.csv", "text.parquet", "not parquet: "),
-        ('column = "gap"', "", "variables.J1: file and column belong together"),
+        ('column = "gap"', "", "variables.J1: file and column are only valid together"),
         ('"gap"', '"gap"\nlower = 0.2', "none of the 3 values, 0.05 to 0.07, lies in"),
-        ('"gap"', '"gap"\nvalues = [0.05]', "values and file are two ways to say the same"),
+        ('"gap"', '"gap"\nvalues = [0.05]', "values and file cannot be given together"),
     ],
 )
 def test_unusable_column_is_refused(campaign_file, tmp_path, old, new, said):

@@ -124,7 +124,7 @@ def test_bad_part_with_a_merged_double(store, plan, caplog):
     survey = store.survey(plan)
     assert (survey.missing, list(survey.bad), survey.rows) == ([], [1], 25)
     assert store.table().equals(whole)
-    assert "part-000001.parquet is not whole" in caplog.text
+    assert "part-000001.parquet is truncated or damaged" in caplog.text
     assert store.read_part(plan, 1).num_rows == 10
     assert store.quarantine(plan, survey.bad) == ["part-000001.parquet.bad"]
     assert store.survey(plan).bad == {}
@@ -257,7 +257,7 @@ def test_other_rows_than_were_merged(store, plan, monkeypatch):
     names = parts(store, plan)
     other = pa.concat_tables([relabelled(store, plan, batch, 9) for batch in range(3)])
     monkeypatch.setattr(compaction, "encode", lambda plan, rows, first, last: encode(plan, other, first, last))
-    with pytest.raises(StoreError, match="does not read back as it was written; its parts stay"):
+    with pytest.raises(StoreError, match="does not read back as it was written; its parts are kept"):
         store.compact(plan)
     assert [name for name in parts(store, plan) if name in names] == names
     assert store.table()["attempts"].to_pylist() == [1] * 25

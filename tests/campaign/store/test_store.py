@@ -103,8 +103,8 @@ def huge(store, plan, name):
 @pytest.mark.parametrize(
     ("spoil", "reason"),
     [
-        (truncate, "is not whole"),
-        (empty, "is not whole (0 bytes, without a seal)"),
+        (truncate, "is truncated or damaged"),
+        (empty, "is truncated or damaged (0 bytes, without a seal)"),
         (damage, "seal broken"),
         (unsealed, "without a seal"),
         (foreign, "belongs to campaign other-0123456789"),
@@ -152,7 +152,7 @@ def test_no_flipped_byte_goes_unnoticed(sealed, position, flip):
 def test_no_truncation_goes_unnoticed(sealed, tenths):
     """A part cut at any tenth is a bad one."""
     plan, content = sealed
-    with pytest.raises(BadPart, match="is not whole"):
+    with pytest.raises(BadPart, match="is truncated or damaged"):
         check(plan, content[: len(content) * tenths // 10], 1, 1, merged=False)
 
 
@@ -184,7 +184,7 @@ def test_part_that_became_sound_stays(store, plan):
 def test_wrong_rows_are_not_written(store, plan):
     """A part is never written with the rows of other samples."""
     fill(store, plan, [0])
-    with pytest.raises(ValueError, match="not the rows of samples 10 to 19"):
+    with pytest.raises(ValueError, match="the rows are not those of samples 10 to 19"):
         store.write_part(plan, 1, store.read_part(plan, 0))
     assert store.survey(plan).missing == [1, 2]
 
@@ -238,7 +238,7 @@ def test_which_campaign(store, plan, campaign_file):
     for campaign_id in (None, "../etc", "demo"):
         with pytest.raises(SpecError, match=plan.campaign_id):
             store.find(campaign_id)
-    with pytest.raises(SpecError, match="campaigns there: none"):
+    with pytest.raises(SpecError, match="its campaigns: none"):
         open_store(store.url + "-not-there").find(None)
 
 

@@ -93,7 +93,7 @@ def test_manifest_that_is_lost_or_damaged(store, plan, checked, caplog, spoil):
     checked.clear()
     assert store.survey(plan) == before
     assert len(checked) == 3
-    assert ("manifest.json cannot be used" in caplog.text) == (text is not None)
+    assert ("manifest.json is not valid" in caplog.text) == (text is not None)
 
 
 def test_manifest_of_ten_gigabytes(store, plan, caplog):
@@ -209,5 +209,7 @@ def test_documents(store, plan):
     assert store.create_json(name, "lease.json", {"owner": "b"})
     for content in (b"{", b"[]", b"\xff"):
         store.files.write(f"{name}/state.json", content)
-        with pytest.raises(StoreError, match=r"state\.json (is not JSON|holds no JSON object).*restore or remove it"):
+        with pytest.raises(
+            StoreError, match=r"state\.json (is not JSON|does not hold a JSON object).*restore or remove it"
+        ):
             store.read_json(name, "state.json")

@@ -81,7 +81,7 @@ def test_values_that_are_missing_take_their_batch_along() -> None:
 def test_no_batch_with_a_spread_has_no_sigma_within() -> None:
     c = capability([1.0, 2.0, 3.0], 0, 4, batches=[1, 2, 3])
     assert c.within is None
-    assert any("No batch has two values" in note for note in c.notes)
+    assert any("No batch has two different values" in note for note in c.notes)
     assert capability([1.0, 1.0, 3.0, 3.0], 0, 4, batches=[1, 1, 2, 2]).within is None
 
 

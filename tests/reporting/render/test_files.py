@@ -85,8 +85,8 @@ def test_a_file_that_takes_another_package_is_left_out_and_told(campaign, tmp_pa
     written = write_report(*campaign(30), tmp_path, kinds=("pdf", "xlsx", "parquet"))
     assert sorted(written) == ["html", "json", "parquet"]
     page = Path(written["html"]).read_text(encoding="utf-8")
-    assert "report.pdf takes pip install &#39;clearcap[pdf]&#39;" in page
-    assert "report.xlsx takes pip install &#39;clearcap[excel]&#39;" in page
+    assert "report.pdf needs pip install &#39;clearcap[pdf]&#39;" in page
+    assert "report.xlsx needs pip install &#39;clearcap[excel]&#39;" in page
 
 
 def test_rows_in_tables_that_follow_each_other_are_one_table(campaign) -> None:

@@ -97,7 +97,7 @@ def test_too_few_rows_say_how_many(n):
     found = sensitivity({"a": np.arange(n)}, {"y": np.arange(n)}, {"y": (-1.0, None)})
     response = found.responses[0]
     assert response.influences[0].first_order is None
-    assert "needs at least 40" in response.notes[-1]
+    assert "at least 40 are needed" in response.notes[-1]
     assert len(response.worst) == min(n, 5)
     assert response.verdict == "open"
 
@@ -123,5 +123,5 @@ def test_odd_data_never_stop_it():
 
 def test_columns_of_different_lengths_are_refused():
     """With their names."""
-    with pytest.raises(ReportError, match="y: not as long as the others"):
+    with pytest.raises(ReportError, match="y: differs in length from the others"):
         sensitivity({"a": np.zeros(5)}, {"y": np.zeros(6)})

@@ -149,7 +149,7 @@ def test_a_report_says_who_acts_through_interactions(tmp_path: Path):
     assert [i["verdict"] for i in first["influences"]] == ["critical"] * 3
     assert first["notes"][0].startswith("25 % of the variance is not a sum")
     named = re.fullmatch(
-        r"Acting through interactions: x1 explains (\d+) % with them and (\d+) % alone,"
+        r"Variables that act together with others: x1 explains (\d+) % with them and (\d+) % alone,"
         r" x3 explains (\d+) % with them and (\d+) % alone\.",
         first["notes"][1],
     )
@@ -217,14 +217,14 @@ def test_a_hole_in_the_design_is_told_and_closed_by_a_rerun():
 def test_a_design_without_its_variables_is_refused(variables):
     """Its mixed runs would pass for draws, and intervals would be too narrow."""
     x, y = ishigami_design(32, np.random.default_rng(12))
-    with pytest.raises(ReportError, match="or None where the samples are no design"):
+    with pytest.raises(ReportError, match="or None if the samples form no design"):
         analysis_of(*report_of(x, {"y": y}, designed=variables))
 
 
 @pytest.mark.parametrize("change", [{"sampler": "sobol"}, {"corners": True}, {"designed": NAMES}])
 def test_samples_that_are_not_independent_do_not_pass_for_such(change):
     """Whoever gives no design for them has intervals that do not hold, or a verdict on no production."""
-    with pytest.raises(ReportError, match="nothing says what its samples are; give design"):
+    with pytest.raises(ReportError, match="the samples are not described; describe them in design"):
         replace(c60_spec(10), **change)
 
 

@@ -121,7 +121,7 @@ def test_the_loosest_response_costs_nothing():
     ("wanted", "why"),
     [
         (requirement(mean=10.2), "gap: its mean 10.2 is out of limits"),
-        (requirement(rest=1.0), "gap: with every tolerance at its lower bound Cpk is 0.050, 1.33 is wanted"),
+        (requirement(rest=1.0), "gap: with every tolerance at its lower bound Cpk is 0.050; the target is 1.33"),
     ],
 )
 def test_what_cannot_be_kept_is_refused(wanted, why):

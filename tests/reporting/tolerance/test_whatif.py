@@ -140,6 +140,6 @@ def test_odd_data():
     assert one.cpk == one.cpu
     both = what_if_all({"a": np.arange(500.0), "b": np.full(500, 2.0)}, change, {"a": (0.0, None)})
     json.dumps({name: dataclasses.asdict(answer) for name, answer in both.items()}, allow_nan=False)
-    assert "No limits" in both["b"].notes[-1]
+    assert "Without limits" in both["b"].notes[-1]
     with pytest.raises(ReportError, match="same samples"):
         what_if(np.zeros(3), Change(np.zeros(4)))

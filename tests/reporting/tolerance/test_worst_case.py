@@ -50,7 +50,7 @@ def test_corners_without_a_value_are_counted_and_never_within():
 
 def test_columns_of_different_lengths_are_refused():
     """With their names."""
-    with pytest.raises(ReportError, match="J2: not as long as the response"):
+    with pytest.raises(ReportError, match="J2: differs in length from the response"):
         worst_case(np.zeros(8), INPUTS | {"J2": np.zeros(7)})
 
 
@@ -64,7 +64,7 @@ def test_on_the_page(failures):
     page = render_html(analysis)
     limited = [r for r in analysis.responses if r.worst.within is not None]
     kept = sum(r.worst.within for r in limited)
-    assert headline(analysis) == f"Worst case: {kept} of 6 responses with limits keep them at every corner."
+    assert headline(analysis) == f"Worst case: {kept} of 6 responses with limits stay within them at every corner."
     assert 'id="worst"' in page
     assert "not a production" in page
     assert ("9 of 129 without a value" in page) == (failures > 0)

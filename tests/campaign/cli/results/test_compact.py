@@ -16,6 +16,6 @@ def test_compact(store, plan, capsys, monkeypatch):
     assert code == 0
     assert document["written"] == ["rows-000000-000001.parquet"]
     assert (document["removed"], document["files"], document["bad_batches"]) == (2, 1, [2])
-    assert "part-000002.parquet is not whole" in messages
+    assert "part-000002.parquet is truncated or damaged" in messages
     code, output, _ = clearcap_here(capsys, monkeypatch, "compact", plan.campaign_id, "--store", store.url)
-    assert (code, output) == (0, f"{plan.campaign_id}: 0 files written for 0; 1 files of rows\n")
+    assert (code, output) == (0, f"{plan.campaign_id}: 0 files merged into 0; the campaign has 1 files of rows now\n")

@@ -45,7 +45,7 @@ def test_the_remedy_of_impossible_correlations_works():
     variables = dict.fromkeys("abc", UNIT)
     with pytest.raises(ValidationError) as caught:
         spec(variables, correlations=triples)
-    scale = float(str(caught.value).split("multiplied by ")[1].split()[0])
+    scale = float(str(caught.value).split("by at most ")[1].split()[0])
     spec(variables, correlations=[[a, b, scale * r] for a, b, r in triples])
     with pytest.raises(ValidationError, match="not positive definite"):
         spec(variables, correlations=[[a, b, (scale + 0.01) * r] for a, b, r in triples])

@@ -121,21 +121,21 @@ ONE = {"a": UNIT, "b": J}
 
 REFUSED = [
     ({"correlations": [["a", "c", 0.5]]}, 'correlations, ."a", "c", 0.5.: no variable c; allowed: a, b'),
-    ({"correlations": [["a", "a", 0.5]]}, "a variable with itself"),
+    ({"correlations": [["a", "a", 0.5]]}, "a variable cannot be correlated with itself"),
     ({"correlations": [["a", "k", 0.5]]}, "k is a constant"),
     ({"correlations": [["a", "b", 0.5], ["b", "a", 0.5]]}, "given more than once"),
     ({"correlations": [["a", "b", 1.0]]}, "less than 1"),
     ({"correlations": [["a", "b"]]}, "2"),
     (
         {"correlations": [["a", "b", 0.9], ["b", "c2", 0.9], ["a", "c2", -0.9]]},
-        r"not positive definite \(smallest eigenvalue -0\.8\d*\); all of them multiplied by 0\.5\d? can",
+        r"not positive definite \(smallest eigenvalue -0\.8\d*\); multiply all of them by at most 0\.5\d?",
     ),
-    ({"sampler": "worst_case", "correlations": [["a", "b", 0.5]], "samples": 17}, "would pass it over"),
+    ({"sampler": "worst_case", "correlations": [["a", "b", 0.5]], "samples": 17}, "would ignore it"),
     ({"sampler": "worst_case", "samples": 18}, "4 variables have 16 corners and a middle; write samples = 17"),
     ({"sampler": "lhs", "samples": 10_000_001}, 'samples = 10000001: .* write sampler = "sobol"'),
     (
         {"sampler": "saltelli"},
-        r"samples = 400: sampler saltelli has n \(3 \+ 2\) samples .* write samples = 320 or 640",
+        r"samples = 400: sampler saltelli needs n \(3 \+ 2\) samples .* write samples = 320 or 640",
     ),
     ({"sampler": "saltelli", "samples": 3}, "write samples = 5 "),
     (
@@ -146,10 +146,10 @@ REFUSED = [
         {"sampler": "saltelli", "samples": 320, "stop": {"response": "y", "statistic": "mean", "half_width": 1.0}},
         "stop: samples of sampler saltelli repeat .* remove stop",
     ),
-    ({"grid": {"a": 3}}, 'grid is only read by sampler "grid"'),
-    ({"table": {"columns": {"a": [1.0]}}}, 'table is only read by sampler "list"'),
+    ({"grid": {"a": 3}}, 'grid is only for sampler "grid"'),
+    ({"table": {"columns": {"a": [1.0]}}}, 'table is only for sampler "list"'),
     ({"sampler": "grid"}, "grid.a: missing; give a number of levels"),
-    ({"sampler": "grid", "grid": {"a": 3, "b": 2, "c2": 2, "d": 2}}, "grid.d: no variable of that name"),
+    ({"sampler": "grid", "grid": {"a": 3, "b": 2, "c2": 2, "d": 2}}, "grid.d: no variable has this name"),
     ({"sampler": "grid", "grid": {"a": 3, "b": [0.2], "c2": 2}}, "grid.b: value 0.2 .number 0. lies outside"),
     (
         {"sampler": "grid", "grid": {"a": 3, "b": 2, "c2": 2}},
@@ -159,7 +159,7 @@ REFUSED = [
     ({"sampler": "list"}, "table: missing"),
     ({"sampler": "list", "table": {"columns": {"a": [1.0]}}}, "table.columns.b: missing; add its column"),
     ({"sampler": "list", "table": {"columns": {"a": [1.0], "b": [0.05, 0.06]}}}, "different lengths .a 1, b 2."),
-    ({"sampler": "list", "table": {"file": "x.csv", "columns": {"a": [1.0]}}}, "either file or columns"),
+    ({"sampler": "list", "table": {"file": "x.csv", "columns": {"a": [1.0]}}}, "give file or columns, not both"),
     (
         {"sampler": "list", "table": {"columns": {"a": [1.0], "b": [0.05], "c2": [0.5], "k": [1.0]}}},
         "samples = 400: the table has 1 rows; write samples = 1 or fewer",

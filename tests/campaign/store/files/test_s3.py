@@ -139,7 +139,7 @@ def test_server_that_is_killed(monkeypatch, plan):
         table = store.read_part(plan, 1)
         server.kill()
         server.wait()
-        with pytest.raises(StoreError, match=r"part-000001\.parquet cannot be written .*3 times\); see that it is"):
+        with pytest.raises(StoreError, match=r"part-000001\.parquet cannot be written .*3 times\); check that it"):
             store.write_part(plan, 1, table)
         with pytest.raises(StoreError, match="cannot be read"):
             store.survey(plan)
