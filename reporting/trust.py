@@ -180,7 +180,7 @@ def _converged(responses: tuple[ResponseAnalysis, ...], *, production: bool) -> 
     errors = format_numbers.fixed(drifts[name], 1, (DRIFT_BAR,))
     text = f"First and second half of the samples differ by at most {errors} standard errors of an index ({name})"
     if drifts[name] <= DRIFT_BAR:
-        return Check("Converged", "good", f"{text}, as chance explains.", drifts[name])
+        return Check("Converged", "good", f"{text}, which chance explains.", drifts[name])
     return Check(
         "Converged",
         "attention",

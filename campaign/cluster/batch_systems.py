@@ -68,7 +68,7 @@ def job_certificates(cluster: Cluster) -> Iterator[Security | None]:
     except OSError as error:
         raise SpecError(
             f"jobqueue.{cluster.kind}.shared-temp-directory: {shared} cannot be written ({error.strerror});"
-            " name a folder of yours that all nodes see"
+            " name a folder of yours that all nodes can reach"
         ) from error
     with folder as made:
         files = certificates.make_certificates(Path(made), certificates.LONGEST)
@@ -112,12 +112,12 @@ def job_cluster(cluster: Cluster, certificates: Security | None) -> Any:
     kind = cluster.kind
     jobqueue = _package("dask_jobqueue", "jobqueue", kind)
     if cluster.workers is None:
-        raise SpecError(f"--cluster {kind}: say how many workers the jobs are to have in all: --workers N")
+        raise SpecError(f"--cluster {kind}: the total number of workers is not given; add --workers N")
     _needed(kind, "memory")
     made: Any = getattr(jobqueue, _BATCH_SYSTEMS[kind])
     command = made.job_cls.submit_command.split()[0]
     if shutil.which(command) is None:
-        raise UnreachableError(f"--cluster {kind}: no command {command} here; run this where jobs are submitted")
+        raise UnreachableError(f"--cluster {kind}: command {command} not found; run clearcap where jobs are submitted")
     return made(
         processes=_needed(kind, "cores"),
         security=certificates,
@@ -134,7 +134,7 @@ def _needed(kind: str, key: str) -> Any:
     if not value:
         raise SpecError(
             f"jobqueue.{kind}.{key}: not set; write it into dask's configuration, for example in"
-            " ~/.config/dask/jobqueue.yaml; deploy/jobqueue.yaml is one to begin with"
+            " ~/.config/dask/jobqueue.yaml; deploy/jobqueue.yaml is an example"
         )
     return value
 
@@ -162,7 +162,7 @@ def kubernetes_resource(cluster: Cluster) -> Iterator[str]:
     kr8s, httpx = (_package(name, "kubernetes", "kubernetes") for name in ("kr8s", "httpx"))
     objects = importlib.import_module("kr8s.objects")
     if security(cluster.tls) is None and not cluster.insecure:
-        raise SpecError(f"--cluster kubernetes: {NEEDED}, or type --insecure")
+        raise SpecError(f"--cluster kubernetes: {NEEDED}, or add --insecure")
     manifest = _manifest()
     if cluster.workers is not None:
         manifest["spec"]["worker"]["replicas"] = cluster.workers
@@ -189,7 +189,7 @@ def _manifest() -> Any:
     if given is None:
         raise SpecError(
             f"{key}: not set; name the manifest of a DaskCluster in dask's configuration;"
-            " deploy/kubernetes/cluster.yaml is one"
+            " deploy/kubernetes/cluster.yaml is an example"
         )
     if isinstance(given, dict):
         return given
@@ -208,5 +208,5 @@ def _package(name: str, extra: str, kind: str) -> Any:
         return importlib.import_module(name)
     except ImportError as error:
         raise SpecError(
-            f"--cluster {kind}: needs the package {name}, which is not here; pip install 'clearcap[{extra}]'"
+            f"--cluster {kind}: needs the package {name}, which is not installed; pip install 'clearcap[{extra}]'"
         ) from error

@@ -30,7 +30,7 @@ PODS_WITHIN = 300.0  # s, in which images may have to be fetched
 
 
 def check_cluster(cluster: Cluster) -> None:
-    """Refuse options that contradict each other or allow traffic in the clear, before any work is done.
+    """Refuse options that contradict each other or allow unencrypted traffic, before any work is done.
 
     Raises
     ------
@@ -41,12 +41,12 @@ def check_cluster(cluster: Cluster) -> None:
         raise SpecError(f"--cluster {cluster.kind}: not a kind of cluster; allowed: {', '.join(KINDS)}")
     if cluster.scheduler is not None and cluster.kind != "local":
         raise SpecError(
-            f"--scheduler {cluster.scheduler} with --cluster {cluster.kind}: the one uses workers that are there, the"
-            " other starts some; keep one of them"
+            f"--scheduler {cluster.scheduler} with --cluster {cluster.kind}: --scheduler uses the workers of a"
+            " running scheduler, --cluster starts workers; keep one of them"
         )
     if cluster.scheduler is not None and cluster.workers is not None:
         raise SpecError(
-            f"--workers {cluster.workers} with --scheduler {cluster.scheduler}: a scheduler that is there has its own"
+            f"--workers {cluster.workers} with --scheduler {cluster.scheduler}: a running scheduler has its own"
             " workers; leave --workers out"
         )
     if cluster.scheduler is not None and not _is_file(cluster.scheduler):
@@ -157,13 +157,11 @@ def _check_address(address: str, cluster: Cluster) -> None:
         if not (cluster.tls or configured()):
             raise SpecError(f"--scheduler {address}: {NEEDED}")
     elif cluster.tls:
-        raise SpecError(
-            f"--scheduler {address}: tcp is not encrypted, the certificates would not be used; write tls://"
-        )
+        raise SpecError(f"--scheduler {address}: tcp is not encrypted and would not use the certificates; write tls://")
     elif not (cluster.insecure or is_loopback(parts.hostname or "")):
         raise SpecError(
-            f"--scheduler {address}: beyond this machine and in the clear, where anyone could run code on the workers;"
-            " use tls:// with --tls-ca, --tls-cert and --tls-key (clearcap certificates makes them), or type --insecure"
+            f"--scheduler {address}: not encrypted beyond this machine, so that anyone could run code on the workers;"
+            " use tls:// with --tls-ca, --tls-cert and --tls-key (clearcap certificates makes them), or add --insecure"
         )
 
 

@@ -131,7 +131,7 @@ def _finish(future: Future[Any], task: "distributed.Future[Any]") -> None:
     try:
         future.set_result(task.result(timeout=ANSWERS_WITHIN))
     except TimeoutError as error:
-        raise SchedulerLost("a finished call does not answer") from error
+        raise SchedulerLost("a finished call sends no result") from error
     except KilledWorker as error:
         future.set_exception(WorkerDied(str(error)))
     except Exception as error:

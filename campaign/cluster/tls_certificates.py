@@ -53,13 +53,13 @@ def make_certificates(folder: Path, days: int, hosts: Sequence[str] = ()) -> dic
         If the days are out of bounds, one of the files is there, or the folder cannot be written. Nothing is replaced.
     """
     if not 1 <= days <= LONGEST:
-        raise SpecError(f"--days {days}: must be 1 to {LONGEST}; make new certificates before these end")
+        raise SpecError(f"--days {days}: must be 1 to {LONGEST}; make new certificates before these expire")
     paths = {
         name: folder / name for name in ("ca.pem", *(f"{role}{end}" for role in ROLES for end in (".pem", ".key")))
     }
     there = [str(path) for path in paths.values() if path.exists()]
     if there:
-        raise SpecError(f"{', '.join(there)}: already there, and never replaced; name another folder")
+        raise SpecError(f"{', '.join(there)}: already exist and are never replaced; name another folder")
     now = datetime.datetime.now(datetime.UTC)
     valid = (now - _SKEW, now + datetime.timedelta(days=days))
     authority = _authority(valid)

@@ -120,7 +120,7 @@ def _ready_workers(cluster: Cluster, simulated: Simulate) -> Iterator[Workers]:
         if cluster.starts_here and simulated is simulate:
             compiled = workers.submit("warm-up", warm_up)
             if workers.next_finished(LOADS_WITHIN) is None:
-                logger.info("compiling the engine: once after each change of version, about a minute")
+                logger.info("compiling the engine, which takes about a minute after each change of version")
                 workers.next_finished()
             compiled.result()
         yield workers

@@ -112,8 +112,8 @@ class Coordinator:
             self._rescan(verify=True)
         else:
             raise StoreError(
-                f"store {self.store.url}: parts that were written whole are damaged when they are read, {TRIES} times"
-                " in a row; check the disk"
+                f"store {self.store.url}: part files were damaged after they had been written, {TRIES} times in a row;"
+                " check the disk"
             )
         self.store.record(self.plan, self.queue.parts.values())
         self.store.files.sweep(f"{self.plan.campaign_id}/{PARTS}")
@@ -149,7 +149,7 @@ class Coordinator:
             workers.cancel()
 
     def publish_heartbeat(self, state: str) -> None:
-        """Write how far the campaign is into the store, and show it."""
+        """Write the progress of the campaign into the store, and show it."""
         self._heartbeats += 1
         heartbeat = self.progress.heartbeat(state, token=self._token, beat=self._heartbeats, pid=os.getpid())
         self.store.write_json(self.plan.campaign_id, HEARTBEAT, heartbeat.to_json())
@@ -170,8 +170,10 @@ class Coordinator:
                     raise  # it was never reached, so there is nothing to reconnect to
                 lost_at = lost_at or time.monotonic()
                 if time.monotonic() - lost_at > RECONNECTS_FOR:
-                    raise UnreachableError(f"{error}; gave up after {RECONNECTS_FOR:.0f} s, nothing is lost") from error
-                logger.warning("lost the scheduler (%s); connecting anew", error)
+                    raise UnreachableError(
+                        f"{error}; gave up after {RECONNECTS_FOR:.0f} s; finished rows are kept"
+                    ) from error
+                logger.warning("lost the scheduler (%s); reconnecting", error)
                 pauses.fail()
                 pauses.wait()
                 self.publish_heartbeat("running")
@@ -182,7 +184,7 @@ class Coordinator:
         self.progress.workers = window.count_workers()
         campaign_id = self.plan.campaign_id
         if self.store.files.exists(f"{campaign_id}/{CANCEL}"):
-            raise Cancelled(f"campaign {campaign_id} is cancelled; clearcap resume {campaign_id} goes on")
+            raise Cancelled(f"campaign {campaign_id} is cancelled; clearcap resume {campaign_id} continues it")
         if lease_holder(self.store, campaign_id) not in (self._token, None):
             raise LeaseLost(f"campaign {campaign_id} was taken over by another process")
         if time.monotonic() - self._recorded_at > RECORD_INTERVAL:
@@ -195,7 +197,9 @@ class Coordinator:
         try:
             results = future.result()
         except WorkerDied:
-            logger.warning("%s took its worker with it: its runs get a process of their own", _text(requests))
+            logger.warning(
+                "%s ended its worker process; its runs are repeated in a process of their own", _text(requests)
+            )
             self.queue.requeue([_isolated(request) for request in requests])
         except WrongBuild as error:
             logger.warning("worker %s: %s; it gets no more batches", window.refuse(future), error)
@@ -220,7 +224,7 @@ class Coordinator:
         if self.progress.failed > most:
             raise TooManyFailed(
                 f"{self.progress.failed} of {self.progress.done} runs failed, and failures.max_failed allows {most:g};"
-                " look at their messages with clearcap status, mend the cause, or raise the limit"
+                " look at their messages with clearcap status, remove the cause, or raise the limit"
             )
 
     def _handle_store_failure(self, requests: list[BatchRequest], error: Exception) -> None:
@@ -273,7 +277,7 @@ def _isolated(request: BatchRequest) -> BatchRequest:
     """Return the next attempt at a batch that killed its worker."""
     if request.attempt >= TRIES:
         raise CampaignError(
-            f"batch {request.batch} was given to {TRIES} workers and all of them ended, although its runs had a process"
+            f"batch {request.batch} ended each of the {TRIES} workers that computed it, although its runs had a process"
             " of their own; look at the workers' logs and their memory, then resume"
         )
     return replace(request, attempt=request.attempt + 1, isolated=True)

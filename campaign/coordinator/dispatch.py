@@ -68,9 +68,9 @@ class Window:
                 future = self._workers.submit(key, run_batches, self._address, requests)
             except NoWorkerLeft as error:
                 raise CampaignError(
-                    f"no worker left with engine build {self._address.engine_build}, which campaign"
-                    f" {self._address.campaign_id} is planned for; install that version on the workers, or run the"
-                    " campaign anew"
+                    f"no worker has engine build {self._address.engine_build}, which campaign"
+                    f" {self._address.campaign_id} is planned for; install that version on the workers, or plan"
+                    " the campaign again with clearcap run"
                 ) from error
             self._in_flight[future] = requests
 

@@ -59,13 +59,13 @@ def take_lease(store: Store, campaign_id: str) -> str:
     other = store.read_json(campaign_id, LEASE)
     if other is not None and is_alive(store, campaign_id, other):
         raise LeaseHeld(
-            f"campaign {campaign_id} is driven by process {other.get('pid')} on {other.get('name')};"
+            f"campaign {campaign_id} is computed by process {other.get('pid')} on {other.get('name')};"
             " follow it with clearcap watch, or end it with clearcap cancel"
         )
     store.write_json(campaign_id, LEASE, mine)
     time.sleep(RACE_WAIT)
     if lease_holder(store, campaign_id) != mine["token"]:
-        raise LeaseHeld(f"campaign {campaign_id} was taken by another process at the same time; it drives it")
+        raise LeaseHeld(f"campaign {campaign_id} was taken by another process at the same time, which computes it")
     return str(mine["token"])
 
 

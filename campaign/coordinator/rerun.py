@@ -138,8 +138,8 @@ def _by_batch(store: Store, plan: Plan, samples: Iterable[int]) -> dict[int, lis
         batch = bisect_right(first_samples, sample) - 1
         if batch not in parts or sample >= sum(plan.batches[batch]):
             raise SpecError(
-                f"sample {sample}: campaign {plan.campaign_id} has no row of it; allowed: 0 to"
-                f" {plan.spec.samples - 1}, as far as they are computed; clearcap resume computes the others"
+                f"sample {sample}: campaign {plan.campaign_id} has no row of this sample; allowed:"
+                f" computed samples from 0 to {plan.spec.samples - 1}; clearcap resume computes the others"
             )
         batches[batch].append(sample)
     return dict(batches)

@@ -32,7 +32,7 @@ def reuse_rows(store: Store, plan: Plan) -> int:
     reused = 0
     for other in _plans_with_same_rows(store, plan):
         if reason := sampler_named(plan.spec.sampler).not_extendable:
-            logger.info("the rows of %s cannot be taken over: %s", other.campaign_id, reason)
+            logger.info("the rows of %s cannot be reused: %s", other.campaign_id, reason)
             return 0
         reused += _copy(store, other, plan)
     return reused

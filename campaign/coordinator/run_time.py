@@ -49,7 +49,7 @@ def _first_batch(samples: int, runs: int) -> tuple[tuple[int, int], ...]:
 def _explained_delay() -> Iterator[None]:
     """Log why nothing happens, if the block takes long."""
     timer = threading.Timer(
-        LOADS_WITHIN, logger.info, ["compiling the engine: once after each change of version, about a minute"]
+        LOADS_WITHIN, logger.info, ["compiling the engine, which takes about a minute after each change of version"]
     )
     timer.daemon = True
     timer.start()

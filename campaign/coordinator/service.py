@@ -47,7 +47,7 @@ def serve(store: Store, cluster: Cluster, *, once: bool = False, with_report: bo
         while True:
             queued = [c for c in store.campaigns() if state_of(store, c)["open"]]
             for campaign_id in queued:
-                logger.info("driving %s", campaign_id)
+                logger.info("computing campaign %s", campaign_id)
                 if _coordinate(store, campaign_id, cluster, with_report):
                     completed.append(campaign_id)
             if once and not queued:
@@ -88,8 +88,8 @@ def _report(store: Store, plan: Plan) -> None:
         logger.warning("campaign %s: %s", plan.campaign_id, error)
         close_campaign(store, plan.campaign_id, str(error))
     except Exception as error:  # a fault in one report must not stop the service
-        logger.exception("report of %s", plan.campaign_id)
-        close_campaign(store, plan.campaign_id, f"no report, a fault in clearcap: {error!r}")
+        logger.exception("report of %s failed", plan.campaign_id)
+        close_campaign(store, plan.campaign_id, f"no report, because of a bug in clearcap: {error!r}")
     else:
         close_campaign(store, plan.campaign_id)
 

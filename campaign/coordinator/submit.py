@@ -50,7 +50,9 @@ def submit(store: Store, campaign: Campaign, batch_size: int | None = None, simu
         seconds = None if is_size_known else seconds_per_run(new, simulate)
         plan = store.create_plan(make_plan(campaign, batch_size, seconds))
         if reused := reuse_rows(store, plan):
-            logger.info("%d rows are there already, in a campaign of other length or limits: taken over", reused)
+            logger.info(
+                "%d rows are reused from a campaign that differs only in its number of samples or its limits", reused
+            )
         write_state(store, plan.campaign_id, "queued")
     if batch_size is not None and plan.batches != new.batches:
         logger.warning("the campaign is planned already: its batches of %d samples are kept", plan.batches[0][1])
@@ -79,11 +81,11 @@ class Assignment:
     def text(self) -> str:
         """Return the assignment in words."""
         if self.kind == "service":
-            return "the coordinator that serves the store takes it over"
+            return "the coordinator that serves the store computes it"
         if self.kind == "none":
-            return "queued; clearcap coordinate, without an id, drives what is queued in a store"
+            return "queued; clearcap coordinate, without an id, computes the queued campaigns of a store"
         if self.pid is None:
-            return "a coordinator drives it"
+            return "a coordinator computes it already"
         return f"started a coordinator (process {self.pid}, log {self.log})"
 
     def to_json(self) -> dict[str, Any]:

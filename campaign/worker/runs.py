@@ -26,7 +26,7 @@ def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
     if build_id() != address.engine_build:
         raise WrongBuild(
             f"campaign {address.campaign_id} is planned for engine build {address.engine_build}, this process runs"
-            f" {build_id()}; install that version here, or run the campaign anew"
+            f" {build_id()}; install that version here, or plan the campaign again with clearcap run"
         )
     if address.simulate is simulate:
         warm_up()  # compiling must not count as time of a run

@@ -94,7 +94,7 @@ def test_what_must_be_said(settings, commands, monkeypatch):
         ):
             pass
     monkeypatch.setenv("PATH", "/nowhere")
-    with pytest.raises(UnreachableError, match="no command oarsub here"):
+    with pytest.raises(UnreachableError, match="command oarsub not found"):
         job_cluster(Cluster(kind="oar", workers=1), None)
 
 

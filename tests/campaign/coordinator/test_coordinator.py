@@ -129,7 +129,7 @@ def test_two_coordinators(tmp_path, campaign):
     """The second one learns which process holds the lease; when that one is gone it coordinates the campaign."""
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, campaign, 3)
-    with hold_lease(store, plan.campaign_id), pytest.raises(LeaseHeld, match="is driven by process"):
+    with hold_lease(store, plan.campaign_id), pytest.raises(LeaseHeld, match="is computed by process"):
         coordinate(store, plan, Cluster(workers=1), simulate=fake_engine.simulate)
     assert state_of(store, plan.campaign_id)["state"] == "queued"
     coordinate(store, plan, Cluster(workers=1), simulate=fake_engine.simulate)
@@ -226,7 +226,7 @@ def test_workers_of_another_build_are_named(tmp_path, campaign, monkeypatch):
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, campaign, 3)
     other = replace(plan, engine_build="0123456789abcdef")
-    with pytest.raises(CampaignError, match="no worker left with engine build 0123456789abcdef"):
+    with pytest.raises(CampaignError, match="no worker has engine build 0123456789abcdef"):
         coordinate(store, other, Cluster(workers=2), simulate=fake_engine.simulate)
 
 

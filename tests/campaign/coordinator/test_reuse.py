@@ -19,7 +19,7 @@ def test_a_longer_campaign_takes_over_the_rows_of_a_shorter_one(tmp_path, campai
     store, short = computed(tmp_path / "a", campaign, 10)
     longer = load_campaign(str(campaign_file), samples=64)
     plan = submit(store, longer, 4)
-    assert "24 rows are there already" in caplog.text
+    assert "24 rows are reused" in caplog.text
     assert plan.campaign_id != short.campaign_id
     assert store.survey(plan).rows == 24
     rows = store.table(plan.campaign_id)
@@ -30,7 +30,7 @@ def test_a_longer_campaign_takes_over_the_rows_of_a_shorter_one(tmp_path, campai
 
 
 def test_other_limits_need_no_new_runs(tmp_path, campaign, campaign_file):
-    """Nor does another title: the whole table is taken over."""
+    """Nor does another title: the whole table is reused."""
     store, _ = computed(tmp_path, campaign, 10)
     campaign_file.write_text(campaign_file.read_text().replace("usl = 16.0", "usl = 15.0"))
     plan = submit(store, load_campaign(str(campaign_file)), 7)
@@ -78,11 +78,11 @@ def test_sampler_that_cannot_keep_its_samples_says_so(tmp_path, campaign_file, c
     store, short = computed(tmp_path, load_campaign(str(campaign_file)), 10)
     plan = submit(store, load_campaign(str(campaign_file), samples=50), 10)
     assert store.survey(plan).rows == 0
-    assert f"the rows of {short.campaign_id} cannot be taken over: lhs divides each range" in caplog.text
+    assert f"the rows of {short.campaign_id} cannot be reused: lhs divides each range" in caplog.text
 
 
 def test_crashed_rows_are_computed_again(tmp_path, campaign, campaign_file):
-    """What came from a machine and not from the sample is not taken over."""
+    """What came from a machine and not from the sample is not reused."""
     limit = sorted(computed(tmp_path / "a", campaign, 10)[0].table()["J1"].to_pylist())[-2]
     store, short = computed(tmp_path / "b", campaign, 10, partial(fake_engine.raises_above, limit))
     assert store.survey(short).statuses == {"crashed": 1, "ok": 24}
