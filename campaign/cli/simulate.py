@@ -38,7 +38,7 @@ def simulate(
     plot: Annotated[
         Path | None,
         typer.Option(
-            help="Draw the curves over time, or the force-displacement loop on a test bench: .png, .svg or .pdf."
+            help="Draw the curves over time, or the hysteresis loop on a test bench: .png, .svg or .pdf."
             " By default only the loop of a test bench is drawn."
         ),
     ] = None,
