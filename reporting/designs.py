@@ -19,4 +19,4 @@ class Design:
     text: str
 
 
-INDEPENDENT = Design(True, "Independent random samples: all intervals are valid.")
+INDEPENDENT = Design(True, "Independent random samples, as the intervals assume.")

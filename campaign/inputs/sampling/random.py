@@ -11,7 +11,7 @@ class RandomSampler(InverseTransformSampler):
 
     name = "random"
     summary = "independent random samples"
-    report = "Independent random samples: all intervals are valid."
+    report = "Independent random samples, as the intervals assume."
     ordered = False
 
     def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
