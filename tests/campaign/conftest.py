@@ -74,12 +74,13 @@ def store(tmp_path, plan):
 @pytest.fixture(scope="module")
 def kept_workers(tmp_path_factory):
     """Return two processes that compute for all tests of a module; they start in a folder of their own."""
-    with process_workers(2) as workers, pytest.MonkeyPatch.context() as patch:
-        patch.chdir(tmp_path_factory.mktemp("workers"))
-        for _ in range(2):
-            workers.submit("start", os.getpid)
-        while workers.next_finished():
-            pass
+    with process_workers(2) as workers:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.chdir(tmp_path_factory.mktemp("workers"))
+            for _ in range(2):
+                workers.submit("start", os.getpid)
+            while workers.next_finished():
+                pass
         yield workers
 
 

@@ -27,7 +27,7 @@ from tests.campaign.cluster_processes import free_port, scheduler, worker
 from tests.campaign.driving import computed
 from tests.campaign.storms.checks import bits, check_whole
 from tests.campaign.storms.cluster import DASK, drive, start_cluster, strike
-from tests.campaign.storms.supervisor import Supervisor, those_left
+from tests.campaign.storms.supervisor import ROOT, Supervisor, those_left
 
 pytestmark = pytest.mark.slow
 
@@ -204,7 +204,7 @@ def test_a_sound_worker_is_waited_for(tmp_path, asked, reference):
     other = tmp_path / "other" / "sitecustomize.py"
     other.parent.mkdir()
     other.write_text("import engine\nengine.build_id = lambda: 'ffffffffffffffff'\n")
-    root = os.getcwd()
+    root = str(ROOT)
     wrong = {"PYTHONPATH": f"{other.parent}:{root}"}
     right = {"PYTHONPATH": root}
     marker = tmp_path / "killed"
