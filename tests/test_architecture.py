@@ -162,6 +162,15 @@ def test_functions_on_the_way_of_a_row_exist():
         assert any(name.split(".")[-1] in {f.name for f in functions(m)} for m in inside), function
 
 
+def test_stages_of_the_step_are_called_by_it():
+    """Every function that the table of the step names is one of the kernels, or the friction solver."""
+    named = {name.rpartition(".")[2] for row in rows("A step") for name in re.findall(r"`([\w.]+)`", row[1])}
+    kernels = [m for m in modules() if m.startswith(("engine.kernels.", "engine.friction."))]
+    known = {m.rpartition(".")[2] for m in kernels}.union(*(compiled_in(m) for m in kernels))
+    assert len(named) > 8
+    assert named <= known
+
+
 def test_recipes_are_short():
     """Whoever adds something touches five places at most, tests and docs among them."""
     recipes = rows("Where to add")
