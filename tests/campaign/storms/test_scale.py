@@ -50,20 +50,20 @@ class Course:
         self.done, self.spent, self.at = [], [], []
 
     def watch(self, supervisor, store, plan):
-        """Look every second until the coordinator is finished."""
+        """Look four times a second until the coordinator is finished: a quick machine is done within seconds."""
         last = {}
         while not supervisor.finished("coordinator"):
-            time.sleep(1.0)
+            time.sleep(0.25)
             with suppress(psutil.NoSuchProcess):
                 for process in _of(supervisor):
                     last[process.pid] = sum(process.cpu_times()[:2])
                 sizes = {name: psutil.Process(supervisor.pid(name)).memory_info().rss for name in self.memory}
-                heartbeat = store.read_json(plan.campaign_id, "heartbeat.json")
-                if heartbeat is None or heartbeat["done"] in (0, plan.spec.samples):
+                written = [name for name in store.files.names(f"{plan.campaign_id}/parts") if name.endswith(".parquet")]
+                if len(written) in (0, len(plan.batches)):
                     continue
                 for name, size in sizes.items():
                     self.memory[name].append(size)
-                self.done.append(heartbeat["done"])
+                self.done.append(len(written) * plan.batches[0][1])
                 self.spent.append(sum(last.values()))
                 self.at.append(time.monotonic())
 
