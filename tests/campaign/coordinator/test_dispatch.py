@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from campaign.cluster.workers import SchedulerLost
+from campaign.cluster.workers import SchedulerLost, WorkerDied
 from campaign.coordinator.coordinator import Coordinator
 from campaign.coordinator.dispatch import CALLS_PER_WORKER, LARGEST_CALL
 from campaign.coordinator.lease import hold_lease
@@ -54,6 +54,24 @@ class ImmediateWorkers:
     def cancel(self):
         """Note how many calls are taken back."""
         self.cancelled, self.finished = len(self.finished), []
+
+
+class DyingWorkers(ImmediateWorkers):
+    """Workers of which the first call that is given ends its worker."""
+
+    def __init__(self):
+        super().__init__()
+        self.requests = []
+
+    def submit(self, key, function, address, requests):
+        """Note the requests; the first call has no result."""
+        self.requests += requests
+        if len(self.requests) > len(requests):
+            return super().submit(key, function, address, requests)
+        future = Future()
+        future.set_exception(WorkerDied("killed"))
+        self.finished.append(future)
+        return future
 
 
 @pytest.fixture
@@ -126,3 +144,12 @@ def test_calls_in_flight_are_taken_back_at_the_end(begin):
     coordinator.show = lose
     with pytest.raises(SchedulerLost, match="client closed"):
         coordinator.compute(workers)
+
+
+def test_a_batch_that_ended_its_worker_is_isolated_next_time(begin):
+    """Its second attempt is in a subprocess; the other batches have one attempt, in the worker."""
+    coordinator, workers = begin(30, 10), DyingWorkers()
+    coordinator.compute(workers)
+    assert coordinator.queue.completed(30)
+    attempts = sorted((request.batch, request.attempt, request.isolated) for request in workers.requests)
+    assert attempts == [(0, 1, False), (0, 2, True), (1, 1, False), (2, 1, False)]
