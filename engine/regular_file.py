@@ -1,0 +1,71 @@
+"""Read a file that anybody may have prepared: never a pipe that hangs, a device without end, or more than expected."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+_CHUNK = 1 << 20  # bytes read at a time
+_KINDS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+
+
+class UnfitFile(OSError):
+    """What has this name is not a regular file, or is too large; ``strerror`` says which."""
+
+
+def read_regular_file(path: str | Path, at_most: int, *, follow_link: bool = True) -> bytes:
+    """Return the content of a regular file.
+
+    It never waits for a pipe or a terminal, and never reads more than allowed, even of a file that grows meanwhile.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    at_most : int
+        Largest number of bytes allowed.
+    follow_link : bool
+        Whether the path may be a symbolic link to the file.
+
+    Returns
+    -------
+    bytes
+        All of its content.
+
+    Raises
+    ------
+    UnfitFile
+        If it is a folder, a pipe, a socket, a device, a link that is not allowed, or has more bytes.
+    OSError
+        If it does not exist or cannot be read.
+    """
+    flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY | (0 if follow_link else os.O_NOFOLLOW)
+    try:
+        descriptor = os.open(path, flags)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise UnfitFile(errno.ELOOP, "is a symbolic link, not a regular file", str(path)) from None
+        if error.errno == errno.ENXIO:
+            raise UnfitFile(errno.ENXIO, "is a socket or a device, not a regular file", str(path)) from None
+        raise
+    try:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
+            kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
+            raise UnfitFile(errno.EINVAL, f"is {kind}, not a regular file", str(path))
+        if status.st_size > at_most:
+            raise UnfitFile(errno.EFBIG, f"{status.st_size} bytes; allowed: up to {at_most}", str(path))
+        content = bytearray()
+        while chunk := os.read(descriptor, _CHUNK):
+            content += chunk
+            if len(content) > at_most:
+                raise UnfitFile(errno.EFBIG, f"more than {at_most} bytes; allowed: up to {at_most}", str(path))
+        return bytes(content)
+    finally:
+        os.close(descriptor)
