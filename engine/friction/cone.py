@@ -4,7 +4,8 @@ import numpy as np
 
 from engine.jit import inner
 
-LARGEST = 1e7
+GAIN = 100.0  # impulses count as at most so many times the velocities: they may grow without end, a data scale may not
+LARGEST = 1e7  # beyond so many times the velocities the rounding of u exceeds any tolerance
 
 
 @inner
@@ -24,11 +25,14 @@ def project(mu, r0, r1, r2):
 def residual(nc, mu, r, u, q, scale):
     """Return the relative natural-map residual of a friction problem.
 
-    sqrt(sum_i |s r_i - P_K(s r_i - (u_i + mu_i |u_T,i| N))|^2) / max(|q|, |s r|, |u|), with s = ``scale`` the mean
-    diagonal of W = H M^-1 H', which makes an impulse a velocity: the number does not depend on units.
-    ``r, u, q`` have shape (nc, 3). A problem of zeros has residual 0; a NaN is returned as it is. Where |s r| is more
-    than ``LARGEST`` times |q| and |u| the residual is 1: impulses that grow without end, as they do where there is no
-    solution, make the velocities negligible and would meet any tolerance.
+    sqrt(sum_i |s r_i - P_K(s r_i - (u_i + mu_i |u_T,i| N))|^2) / max(V, min(|s r|, GAIN V)), V = max(|q|, |u|), with
+    s = ``scale`` the mean diagonal of W = H M^-1 H', which makes an impulse a velocity: the number does not depend on
+    units. ``r, u, q`` have shape (nc, 3). A problem of zeros has residual 0; a NaN is returned as it is.
+
+    The numerator bounds all that Coulomb's law asks for: with e_i the difference inside it, s r_i - e_i lies in K,
+    u_i + mu_i |u_T,i| N - e_i in K*, and they are orthogonal. So no contact approaches at more than
+    sqrt(1 + mu^2) GAIN V times the residual, however large the impulses are. Where |s r| is more than ``LARGEST`` V the
+    residual is 1.
     """
     miss, q2, r2, u2 = 0.0, 0.0, 0.0, 0.0
     for i in range(nc):
@@ -39,9 +43,8 @@ def residual(nc, mu, r, u, q, scale):
         r2 += a * a + b * b + c * c
         u2 += u[i, 0] * u[i, 0] + slip2
         q2 += q[i, 0] * q[i, 0] + q[i, 1] * q[i, 1] + q[i, 2] * q[i, 2]
-    size = max(q2, r2, u2)
-    if size == 0.0:
-        return 0.0
-    if r2 > LARGEST * LARGEST * max(q2, u2):
+    speed2 = max(q2, u2)
+    if r2 > LARGEST * LARGEST * speed2:
         return 1.0
-    return np.sqrt(miss / size)
+    size = max(speed2, min(r2, GAIN * GAIN * speed2))
+    return 0.0 if size == 0.0 else np.sqrt(miss / size)

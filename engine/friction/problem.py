@@ -1,6 +1,7 @@
 """The public face of the friction solver: a problem in the form of the field's collections, and its solution."""
 
 from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,7 +10,10 @@ from engine.arrays import Array
 from engine.errors import EngineError
 from engine.friction.arrays import CONVERGED, FrictionArrays, friction_arrays
 from engine.friction.banded import BODY, PAIR
+from engine.friction.infeasibility import squeezing_impulses
 from engine.friction.solver import solve_friction
+
+ASYMMETRY = 1e-9  # largest of M, relative to its largest entry
 
 
 class FrictionError(EngineError):
@@ -34,7 +38,8 @@ class FrictionProblem:
     Raises
     ------
     FrictionError
-        If the shapes do not fit together, a number is not finite, or a coefficient is negative.
+        If an array is not one of real numbers, the shapes do not fit together, a number is not finite, a coefficient is
+        negative, or M is not symmetric.
     """
 
     M: Array
@@ -43,17 +48,17 @@ class FrictionProblem:
     mu: Array
 
     def __init__(self, M: ArrayLike, H: ArrayLike, q: ArrayLike, mu: ArrayLike) -> None:
-        arrays = {"M": M, "H": H, "q": q, "mu": mu}
-        for name, value in arrays.items():
-            object.__setattr__(self, name, np.ascontiguousarray(value, dtype=float))
-        n, nc = self.M.shape[0], self.mu.size
+        for name, value in {"M": M, "H": H, "q": q, "mu": mu}.items():
+            object.__setattr__(self, name, real_numbers(name, value))
+        n, nc = len(np.atleast_1d(self.M)), self.mu.size
         for name, shape in {"M": (n, n), "H": (3 * nc, n), "q": (3 * nc,), "mu": (nc,)}.items():
             if getattr(self, name).shape != shape:
                 raise FrictionError(f"friction problem: {name} has shape {getattr(self, name).shape}, expected {shape}")
-            if not np.isfinite(getattr(self, name)).all():
-                raise FrictionError(f"friction problem: {name} holds a number that is not finite")
         if (self.mu < 0).any():
             raise FrictionError(f"friction problem: mu[{int(self.mu.argmin())}] = {self.mu.min():g}; allowed: >= 0")
+        # halves, as a difference of two finite numbers may be infinite
+        if np.abs(self.M / 2 - self.M.T / 2).max(initial=0) > ASYMMETRY * np.abs(self.M).max(initial=0):
+            raise FrictionError("friction problem: M is not symmetric positive definite")
 
 
 @dataclass(frozen=True)
@@ -70,8 +75,13 @@ class FrictionSolution:
         Relative natural-map residual, see `engine.friction.cone.residual`.
     iterations : int
         Steps of the solver.
-    converged : bool
-        Whether ``residual <= tolerance``.
+    status : str
+        "converged" if ``residual <= tolerance``; "infeasible" if the certificate proves that there is no solution;
+        else "not_converged".
+    certificate : (nc,) array or None
+        Of an infeasible problem: normal impulses p >= 0 of sum 1 that balance each other, H_N' p = 0, while
+        p . q_N < 0. Whatever the bodies do, their approach at the contacts with p > 0 is -p . q_N on average, and the
+        law asks for none. See `engine.friction.infeasibility`.
     """
 
     r: Array
@@ -79,7 +89,13 @@ class FrictionSolution:
     v: Array
     residual: float
     iterations: int
-    converged: bool
+    status: Literal["converged", "not_converged", "infeasible"]
+    certificate: Array | None = None
+
+    @property
+    def converged(self) -> bool:
+        """Whether the residual is within the tolerance."""
+        return self.status == "converged"
 
 
 def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | None = None) -> FrictionSolution:
@@ -100,28 +116,61 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
     Raises
     ------
     FrictionError
-        If the mass matrix is not positive definite.
+        If the mass matrix is not positive definite, or ``start`` does not fit.
     """
     nc, n = problem.mu.size, problem.M.shape[0]
+    given = np.zeros(3 * nc) if start is None else real_numbers("start", start)
+    if given.size != 3 * nc:
+        raise FrictionError(f"friction problem: start has shape {given.shape}, expected {(3 * nc,)}")
     try:
         root = np.linalg.cholesky(problem.M)
     except np.linalg.LinAlgError:
         raise FrictionError("friction problem: M is not symmetric positive definite") from None
-    G = np.linalg.solve(root, problem.H.T).T.reshape(nc, 3, n)
-    arrays = sparse_rows(G, n)
-    arrays.q[:] = problem.q.reshape(nc, 3)
-    arrays.mu[:] = problem.mu
-    if start is not None:
-        arrays.r[:] = np.asarray(start, float).reshape(nc, 3)
-    status, iterations, residual = solve_friction(n, nc, arrays, tolerance)
-    return FrictionSolution(
-        r=arrays.r.ravel(),
-        u=arrays.u.ravel(),
-        v=np.linalg.solve(root.T, arrays.w),
-        residual=float(residual),
-        iterations=int(iterations),
-        converged=status == CONVERGED,
-    )
+    with np.errstate(all="ignore"):  # numbers near the largest double: the residual judges what becomes of them
+        # velocities of the order of 1, whose squares are numbers; a power of two changes no digit
+        unit = float(np.ldexp(0.5, np.frexp(np.abs(problem.q).max(initial=0))[1])) if problem.q.any() else np.inf
+        q = problem.q / unit
+        G = np.linalg.solve(root, problem.H.T).T.reshape(nc, 3, n)
+        arrays = sparse_rows(G, n)
+        arrays.q[:] = q.reshape(nc, 3)
+        arrays.mu[:] = problem.mu
+        arrays.r[:] = (given / unit).reshape(nc, 3)
+        status, iterations, residual = solve_friction(n, nc, arrays, tolerance)
+        certificate = None
+        if status != CONVERGED:
+            certificate = squeezing_impulses(G[:, 0], q[::3], float(np.abs(q).max()))
+        unit = unit if unit < np.inf else 1.0
+        return FrictionSolution(
+            r=unit * arrays.r.ravel(),
+            u=unit * arrays.u.ravel(),
+            v=unit * np.linalg.solve(root.T, arrays.w),
+            residual=float(residual),
+            iterations=int(iterations),
+            status="converged" if status == CONVERGED else "not_converged" if certificate is None else "infeasible",
+            certificate=certificate,
+        )
+
+
+def real_numbers(name: str, value: Any) -> Array:
+    """Return a contiguous array of finite doubles.
+
+    Raises
+    ------
+    FrictionError
+        If it holds something else, is ragged or masked, or a number is not finite.
+    """
+    try:
+        with np.errstate(all="ignore"):
+            given = np.asanyarray(value)
+            masked = isinstance(given, np.ma.MaskedArray)
+            numbers = None if masked or given.dtype.kind not in "biuf" else np.ascontiguousarray(given, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        numbers = None
+    if numbers is None:
+        raise FrictionError(f"friction problem: {name} is not an array of real numbers")
+    if not np.isfinite(numbers).all():
+        raise FrictionError(f"friction problem: {name} holds a number that is not finite")
+    return numbers
 
 
 def sparse_rows(G: Array, n: int) -> FrictionArrays:
