@@ -2,13 +2,14 @@
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-from campaign.errors import StoreError
 from campaign.inputs.sampling import sampler_named
-from campaign.plan_header import FORMAT, PlanHeader, parse_plan, unreadable_plan
+from campaign.plan_header import FORMAT, PlanHeader, changed_plan, parse_plan, seal_plan, unreadable_plan
+from campaign.row_build import UNKNOWN, row_build
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.load import Campaign
 from campaign.spec.result_columns import results_schema
@@ -23,7 +24,7 @@ LEAST_BATCHES = 40  # so that progress is visible and the last batches keep all 
 
 @dataclass(frozen=True)
 class Plan(PlanHeader):
-    """What is to be computed: a pure function of the spec, the mechanism and the engine.
+    """What is to be computed: a pure function of the spec, the mechanism and the build of clearcap.
 
     Attributes
     ----------
@@ -31,12 +32,15 @@ class Plan(PlanHeader):
         The campaign.
     mechanism : Mechanism
         The mechanism, complete: workers need no other file.
+    row_build : str
+        The only build whose rows may enter; see `campaign.row_build`.
     engine_build : str
-        The only engine build whose rows may enter.
+        Build of the engine, for the report.
     """
 
     spec: CampaignSpec
     mechanism: Mechanism
+    row_build: str
     engine_build: str
 
     @cached_property
@@ -47,8 +51,8 @@ class Plan(PlanHeader):
     def to_json(self) -> str:
         """Return the content of ``plan.json``."""
         content = {
-            "format": FORMAT,
             "campaign": self.campaign_id,
+            "row_build": self.row_build,
             "engine_build": self.engine_build,
             "mechanism_digest": self.mechanism.digest(),
             "spec": dump_spec(self.spec),
@@ -56,7 +60,7 @@ class Plan(PlanHeader):
             "batches": self.batches,
             "mechanism": json.loads(self.mechanism.model_dump_json(by_alias=True, exclude_none=True)),
         }
-        return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+        return seal_plan(content)
 
     @classmethod
     def from_json(cls, text: str) -> "Plan":
@@ -81,34 +85,18 @@ class Plan(PlanHeader):
         try:
             spec = CampaignSpec.model_validate(document["spec"])
             mechanism = Mechanism.model_validate_json(json.dumps(document["mechanism"]))
-            plan = _build_plan(spec, mechanism, document["engine_build"], header.batches)
-        except (ValueError, KeyError, TypeError) as error:
+            build, engine = document.get("row_build", UNKNOWN), document["engine_build"]
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
             raise unreadable_plan(error) from error
-        if plan.campaign_id != header.campaign_id:
-            raise StoreError(
-                "plan.json was changed after it was written: its content no longer matches the id"
-                f" {header.campaign_id}; restore it, or run in a new store"
-            )
-        return plan
-
-
-def _build_plan(spec: CampaignSpec, mechanism: Mechanism, build: str, batches: tuple[tuple[int, int], ...]) -> Plan:
-    """Return the plan of these batches, named after what its rows depend on."""
-    campaign_id = _identity(spec, mechanism, build)
-    columns = [
-        {
-            "name": field.name,
-            "type": str(field.type),
-            "unit": (field.metadata or {}).get(b"unit", b"").decode(),
-            "nullable": field.nullable,
-        }
-        for field in results_schema(mechanism, spec.targets(), campaign_id)
-    ]
-    return Plan(campaign_id, spec.title or spec.name, batches, columns, spec, mechanism, build)
+        if document["format"] != FORMAT:  # it has no digest
+            campaign_id = _identity(spec, mechanism, {"engine": engine})
+            if campaign_id != header.campaign_id or _columns(spec, mechanism, campaign_id) != header.columns:
+                raise changed_plan()
+        return cls(header.campaign_id, header.title, header.batches, header.columns, spec, mechanism, build, engine)
 
 
 def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run: float | None = None) -> Plan:
-    """Plan a campaign for this build of the engine.
+    """Plan a campaign for this build of clearcap.
 
     Parameters
     ----------
@@ -120,10 +108,12 @@ def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run
         Time of a run. If no size is given, a batch takes a worker about ten seconds: there are at least forty batches,
         of at most 500 samples, or of at most 100 if the time is not given either.
     """
-    spec, build = campaign.spec, build_id()
+    spec, mechanism, build = campaign.spec, campaign.mechanism, row_build()
     size = batch_size or _size(spec.samples, seconds_per_run)
     batches = tuple((first, min(size, spec.samples - first)) for first in range(0, spec.samples, size))
-    return _build_plan(spec, campaign.mechanism, build, batches)
+    campaign_id = _identity(spec, mechanism, {"build": build})
+    columns = _columns(spec, mechanism, campaign_id)
+    return Plan(campaign_id, spec.title or spec.name, batches, columns, spec, mechanism, build, build_id())
 
 
 def batch_size_is_fixed(samples: int) -> bool:
@@ -142,9 +132,22 @@ def dump_spec(spec: CampaignSpec) -> dict[str, Any]:
     return spec.model_dump(mode="json", exclude_none=True)
 
 
-def _identity(spec: CampaignSpec, mechanism: Mechanism, build: str) -> str:
+def _columns(spec: CampaignSpec, mechanism: Mechanism, campaign_id: str) -> list[dict[str, Any]]:
+    """Return the columns of the table as plain data."""
+    return [
+        {
+            "name": field.name,
+            "type": str(field.type),
+            "unit": (field.metadata or {}).get(b"unit", b"").decode(),
+            "nullable": field.nullable,
+        }
+        for field in results_schema(mechanism, spec.targets(), campaign_id)
+    ]
+
+
+def _identity(spec: CampaignSpec, mechanism: Mechanism, build: Mapping[str, str]) -> str:
     """Return the id of a campaign: its name, and a hash of what its rows depend on."""
-    content: dict[str, Any] = {"spec": dump_spec(spec), "mechanism": mechanism.digest(), "engine": build}
+    content: dict[str, Any] = {"spec": dump_spec(spec), "mechanism": mechanism.digest(), **build}
     if sampler_named(spec.sampler).ordered:
         content["order"] = list(spec.variables)
     canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)

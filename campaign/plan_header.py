@@ -1,6 +1,11 @@
-"""The header of a plan: what the store must know of it, read without the models of mechanism and campaign."""
+"""The file of a plan and its header: what the store must know of it, read without the models of mechanism and campaign.
 
+A digest in the file covers all of it, to the byte. Files of format 1, which earlier versions wrote, have none.
+"""
+
+import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -10,7 +15,10 @@ from campaign.errors import StoreError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-FORMAT = 1  # of plan.json
+FORMAT = 2  # of plan.json
+WITHOUT_DIGEST = 1  # the format before
+TYPES = ("bool", "double", "int64", "string")  # of columns
+_UNSEALED = "0" * 64  # in place of the digest, while it is computed
 
 
 @dataclass(frozen=True)
@@ -20,7 +28,7 @@ class PlanHeader:
     Attributes
     ----------
     campaign_id : str
-        Name and ten hexadecimal digits of a hash over spec, mechanism and engine build.
+        Name and ten hexadecimal digits of a hash over spec, mechanism and the build that rows come from.
     title : str
         Title of the campaign; its name if it has none.
     batches : tuple of (int, int)
@@ -56,6 +64,19 @@ class PlanHeader:
         return pa.schema(fields, metadata={"format": "1", "campaign": self.campaign_id})
 
 
+def seal_plan(content: Mapping[str, Any]) -> str:
+    """Return the text of ``plan.json``.
+
+    Parameters
+    ----------
+    content : mapping
+        The plan as plain data, without format and digest.
+    """
+    document = {"format": FORMAT, "sha256": _UNSEALED, **content}
+    text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return text.replace(_UNSEALED, _digest(text), 1)
+
+
 def parse_plan(text: str) -> tuple[PlanHeader, dict[str, Any]]:
     """Read ``plan.json``: its header, and the whole document.
 
@@ -67,27 +88,22 @@ def parse_plan(text: str) -> tuple[PlanHeader, dict[str, Any]]:
     Returns
     -------
     (PlanHeader, dict)
-        The header, checked; and the document, of which nothing else is checked.
+        The header, checked; and the document, which is as it was written. Of a plan of format 1 only the header is
+        checked.
 
     Raises
     ------
     StoreError
-        If it is of another format, or damaged as far as the header shows it.
+        If it is of another format, or not what was written.
     """
     try:
         document = json.loads(text)
-        if document["format"] != FORMAT:
-            raise StoreError(f"plan.json has format {document['format']}; this version reads {FORMAT}")
-        spec = document["spec"]
-        batches = tuple((int(first), int(count)) for first, count in document["batches"])
-        header = PlanHeader(document["campaign"], spec.get("title") or spec["name"], batches, document["schema"])
-        expected = 0
-        for first, count in batches:
-            if first != expected or count < 1:
-                raise ValueError(f"a batch begins at sample {first} in place of {expected}")
-            expected += count
-        if expected != spec["samples"]:
-            raise ValueError(f"its batches hold {expected} samples, but its spec asks for {spec['samples']}")
+        if document["format"] not in (FORMAT, WITHOUT_DIGEST):
+            formats = f"{WITHOUT_DIGEST} and {FORMAT}"
+            raise StoreError(f"plan.json has format {document['format']!r:.20}; this version reads {formats}")
+        if document["format"] == FORMAT or document.keys() & {"sha256", "row_build"}:
+            _check_digest(text, document.get("sha256"))
+        header = PlanHeader(document["campaign"], _title(document), _batches(document), _columns(document))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise unreadable_plan(error) from error
     return header, document
@@ -95,4 +111,56 @@ def parse_plan(text: str) -> tuple[PlanHeader, dict[str, Any]]:
 
 def unreadable_plan(error: Exception) -> StoreError:
     """Return the error that says why ``plan.json`` cannot be read."""
-    return StoreError(f"plan.json cannot be read: {error}; restore it, or run in a new store")
+    why = f"it lacks {error}" if isinstance(error, KeyError) else str(error) or type(error).__name__
+    return StoreError(f"plan.json cannot be read: {why}; restore it, or run in a new store")
+
+
+def changed_plan() -> StoreError:
+    """Return the error that ``plan.json`` is not what was written."""
+    return StoreError("plan.json was changed after it was written; restore it, or run in a new store")
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _check_digest(text: str, stated: Any) -> None:
+    """Refuse a text that has not the digest which it states."""
+    if not isinstance(stated, str) or len(stated) != len(_UNSEALED):
+        raise changed_plan()
+    if _digest(text.replace(stated, _UNSEALED, 1)) != stated:
+        raise changed_plan()
+
+
+def _title(document: Mapping[str, Any]) -> str:
+    spec = document["spec"]
+    title: str = spec.get("title") or spec["name"]
+    f"{title}{document['campaign']}".encode()  # a ValueError if they cannot be written anywhere
+    if not isinstance(title, str) or not isinstance(document["campaign"], str):
+        raise ValueError("its title or its id is no text")
+    return title
+
+
+def _batches(document: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:
+    """Return the batches of a plan, after checking that they hold each of its samples once and in order."""
+    batches, samples = tuple((first, count) for first, count in document["batches"]), document["spec"]["samples"]
+    if not all(type(number) is int for number in (samples, *(n for batch in batches for n in batch))):
+        raise ValueError("a number of samples is no whole number")
+    expected = 0
+    for first, count in batches:
+        if first != expected or count < 1:
+            raise ValueError(f"a batch begins at sample {first} in place of {expected}")
+        expected += count
+    if expected != samples or samples < 1:
+        raise ValueError(f"its batches hold {expected} samples, but its spec asks for {samples}")
+    return batches
+
+
+def _columns(document: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the columns of a plan's table, after checking what each of them says."""
+    columns: list[dict[str, Any]] = document["schema"]
+    for column in columns:
+        named = isinstance(column["name"], str) and isinstance(column["unit"], str)
+        if not named or column["type"] not in TYPES or not isinstance(column["nullable"], bool):
+            raise ValueError(f"its table has a column {column['name']!r:.40} of unknown type")
+    return columns

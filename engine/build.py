@@ -2,28 +2,56 @@
 
 import hashlib
 import platform
+from collections.abc import Iterable
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
+LIBRARIES = ("numpy", "numba", "llvmlite")  # below the kernels
 
-@lru_cache(maxsize=1)
-def build_id() -> str:
-    """Return the hash of all engine sources and of the numerical libraries below them.
 
-    Two machines with the same id compute the same row; the compiled-kernel cache is keyed by it, because
-    Numba looks only at the file of the decorated function and would reuse a stale callee.
+def hash_sources(root: Path, parts: Iterable[str] = (".",)) -> str:
+    """Return the hash of the Python sources in a folder.
+
+    Parameters
+    ----------
+    root : Path
+        The folder.
+    parts : iterable of str
+        Files and folders in it that count; by default all of it.
 
     Returns
     -------
     str
         16 hexadecimal digits.
     """
-    root = Path(__file__).parent
     digest = hashlib.sha256()
-    for path in sorted(root.rglob("*.py")):
+    files = {
+        path for part in parts for path in ([root / part] if part.endswith(".py") else (root / part).rglob("*.py"))
+    }
+    for path in sorted(files):
         digest.update(path.relative_to(root).as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
-    for name in ("numpy", "numba", "llvmlite"):
-        digest.update(f"{name} {version(name)}\n".encode())
-    digest.update(platform.python_version().encode())
     return digest.hexdigest()[:16]
+
+
+@lru_cache(maxsize=1)
+def engine_sources() -> str:
+    """Return the hash of all engine sources, 16 hexadecimal digits."""
+    return hash_sources(Path(__file__).parent)
+
+
+@lru_cache(maxsize=1)
+def build_id() -> str:
+    """Return the hash of all engine sources and of the libraries below the kernels.
+
+    The cache of compiled kernels is keyed by it, because Numba looks only at the file of the decorated function and
+    would reuse a stale callee.
+
+    Returns
+    -------
+    str
+        16 hexadecimal digits.
+    """
+    libraries = "".join(f"{name} {version(name)}\n" for name in LIBRARIES)
+    content = f"{engine_sources()}\n{libraries}python {platform.python_version()}\n"
+    return hashlib.sha256(content.encode()).hexdigest()[:16]

@@ -17,7 +17,7 @@ from campaign.coordinator.stopping_rule import Verdict
 from campaign.errors import StoreError, UnreachableError
 from campaign.plan import Plan
 from campaign.store import Store, Survey
-from campaign.worker.messages import Cancelled, Simulate
+from campaign.worker.messages import Cancelled, Simulate, check_build
 from engine import simulate, warm_up
 
 logger = logging.getLogger(__name__)
@@ -90,6 +90,8 @@ def coordinate(
         If another process coordinates the campaign.
     Cancelled
         If the campaign is cancelled.
+    WrongBuild
+        If rows are missing and the campaign is planned for another build of clearcap.
     TooManyFailed
         If more runs fail than the campaign's policy allows.
     StoreError, UnreachableError
@@ -102,7 +104,7 @@ def coordinate(
         write_state(store, plan.campaign_id, "running")
         try:
             coordinator = Coordinator(store, plan, token, show, simulate)
-            coordinator.run(lambda: _ready_workers(cluster, simulate))
+            coordinator.run(lambda: _ready_workers(plan, cluster, simulate))
         except BaseException as error:
             _write_failure(store, plan.campaign_id, error)
             raise
@@ -114,8 +116,10 @@ def coordinate(
 
 
 @contextmanager
-def _ready_workers(cluster: Cluster, simulated: Simulate) -> Iterator[Workers]:
+def _ready_workers(plan: Plan, cluster: Cluster, simulated: Simulate) -> Iterator[Workers]:
     """Connect to the workers; on this machine one compiles the engine first, so that the others load the result."""
+    if cluster.starts_here:
+        check_build(plan.campaign_id, plan.row_build)
     with connect_workers(cluster) as workers:
         if cluster.starts_here and simulated is simulate:
             compiled = workers.submit("warm-up", warm_up)

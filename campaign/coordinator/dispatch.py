@@ -60,7 +60,7 @@ class Window:
         SchedulerLost
             If the connection to the workers is gone.
         CampaignError
-            If every worker runs another engine build.
+            If every worker runs another build of clearcap.
         """
         while len(self) < self.size and (requests := self._next_requests(queue)):
             key = f"batch-{requests[0].batch:06d}"
@@ -68,8 +68,8 @@ class Window:
                 future = self._workers.submit(key, run_batches, self._address, requests)
             except NoWorkerLeft as error:
                 raise CampaignError(
-                    f"no worker has engine build {self._address.engine_build}, which campaign"
-                    f" {self._address.campaign_id} is planned for; install that version on the workers, or plan"
+                    f"no worker has the build of clearcap that campaign {self._address.campaign_id} is planned for"
+                    f" ({self._address.row_build or 'an earlier version'}); install that build on the workers, or plan"
                     " the campaign again with clearcap run"
                 ) from error
             self._in_flight[future] = requests

@@ -78,6 +78,8 @@ def rerun(
     ------
     SpecError
         If a sample has no row yet.
+    WrongBuild
+        If the campaign is planned for another build of clearcap.
     LeaseHeld
         If a process coordinates the campaign.
     WorkerDied, SchedulerLost, StoreError

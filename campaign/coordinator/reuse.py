@@ -56,7 +56,7 @@ def _what_rows_depend_on(content: Mapping[str, Any]) -> list[Any]:
     spec = {key: value for key, value in document.items() if key not in IRRELEVANT}
     spec["failures"] = document.get("failures", {}).get("retry", [])
     order = list(document.get("variables", {}))  # of columns, and of the dimensions of a sampler
-    return [spec, order, *(content.get(key) for key in ("engine_build", "mechanism_digest"))]
+    return [spec, order, *(content.get(key) for key in ("row_build", "mechanism_digest"))]
 
 
 def _copy(store: Store, other: Plan, plan: Plan) -> int:

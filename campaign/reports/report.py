@@ -157,6 +157,7 @@ def provenance(plan: Plan, store_option: Iterable[str] = ()) -> dict[str, str]:
         "step": f"{spec.simulation.step or simulation.step:g} {unit}",
         "horizon": f"{spec.simulation.horizon or simulation.horizon:g} {unit}",
         "engine build": plan.engine_build,
+        "build of the rows": plan.row_build or "not recorded",
         "clearcap": clearcap_version(),
         "python": platform.python_version(),
         "report written on": f"{platform.node()}, {platform.machine()}, {platform.system()}",

@@ -38,7 +38,7 @@ def run_batch(address: CampaignAddress, request: BatchRequest) -> BatchResult:
     Raises
     ------
     WrongBuild
-        If this process runs another engine build than the campaign is planned for.
+        If this process runs another build of clearcap than the campaign is planned for.
     Cancelled
         If the campaign is cancelled meanwhile.
     StoreError

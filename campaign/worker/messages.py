@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from campaign.errors import CampaignError
 from campaign.plan import Plan
+from campaign.row_build import differences
 from campaign.store import Part, Store
 from campaign.worker.moments import Moments
 from engine import Run, simulate
@@ -16,7 +17,7 @@ Simulate = Callable[..., Run]
 
 
 class WrongBuild(CampaignError):
-    """A worker runs another engine build than the campaign is planned for."""
+    """A process runs another build of clearcap than the campaign is planned for."""
 
 
 class Cancelled(CampaignError):
@@ -35,21 +36,36 @@ class CampaignAddress:
         URL of the store that holds the plan and takes the rows.
     campaign_id : str
         Id of the campaign.
-    engine_build : str
-        Build of the engine that the campaign is planned for.
+    row_build : str
+        Build that the campaign is planned for; see `campaign.row_build`.
     simulate : callable
         `engine.simulate`, or a function of a module with the same parameters that takes its place.
     """
 
     store: str
     campaign_id: str
-    engine_build: str
+    row_build: str
     simulate: Simulate = simulate
 
     @classmethod
     def of(cls, store: Store, plan: Plan, simulate: Simulate = simulate) -> "CampaignAddress":
         """Return the address of a plan in a store; a folder's path becomes absolute, for workers elsewhere."""
-        return cls(store.files.root, plan.campaign_id, plan.engine_build, simulate)
+        return cls(store.files.root, plan.campaign_id, plan.row_build, simulate)
+
+
+def check_build(campaign_id: str, planned: str) -> None:
+    """Refuse to compute rows of a campaign that is planned for another build than that of this process.
+
+    Raises
+    ------
+    WrongBuild
+        It says what differs.
+    """
+    if different := differences(planned):
+        raise WrongBuild(
+            f"campaign {campaign_id} is planned for another build of clearcap ({different}); its rows must"
+            " not mix with rows of this one: install that build here, or plan the campaign again with clearcap run"
+        )
 
 
 @dataclass(frozen=True)

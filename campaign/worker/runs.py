@@ -7,9 +7,9 @@ from campaign.plan import Plan
 from campaign.store import Store, open_store
 from campaign.store.layout import CANCEL
 from campaign.worker.limits import cancelled_by, memory_limit
-from campaign.worker.messages import CampaignAddress, Cancelled, WrongBuild
+from campaign.worker.messages import CampaignAddress, Cancelled, check_build
 from campaign.worker.row import Row, compute_row, sample_inputs
-from engine import build_id, simulate, warm_up
+from engine import simulate, warm_up
 
 
 @lru_cache(maxsize=4)
@@ -19,15 +19,11 @@ def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
     Raises
     ------
     WrongBuild
-        If this process runs another engine build than the campaign is planned for.
+        If this process runs another build of clearcap than the campaign is planned for.
     StoreError
         If the store or the plan cannot be read.
     """
-    if build_id() != address.engine_build:
-        raise WrongBuild(
-            f"campaign {address.campaign_id} is planned for engine build {address.engine_build}, this process runs"
-            f" {build_id()}; install that version here, or plan the campaign again with clearcap run"
-        )
+    check_build(address.campaign_id, address.row_build)
     if address.simulate is simulate:
         warm_up()  # compiling must not count as time of a run
     store = open_store(address.store)

@@ -50,10 +50,10 @@ def test_another_content_of_the_mechanism_another_id(campaign, campaign_file):
     assert len(ids) == 2
 
 
-def test_another_engine_another_id(campaign, monkeypatch):
-    """Rows of two engine builds never meet in one campaign."""
+def test_another_build_another_id(campaign, monkeypatch):
+    """Rows of two builds never meet in one campaign."""
     before = make_plan(campaign).campaign_id
-    monkeypatch.setattr("campaign.plan.build_id", lambda: "another")
+    monkeypatch.setattr("campaign.plan.row_build", lambda: "another")
     assert make_plan(campaign).campaign_id != before
 
 
@@ -96,7 +96,7 @@ def test_changed_plan_is_refused(plan):
         Plan.from_json(json.dumps(content))
 
 
-@pytest.mark.parametrize("text", ["", "{}", "[]", '{"format": 2}', '{"format": 1, "spec": {}}'])
+@pytest.mark.parametrize("text", ["", "{}", "[]", '{"format": 3}', '{"format": 2}', '{"format": 1, "spec": {}}'])
 def test_unreadable_plan_is_refused(text):
     """What is no plan is said to be none."""
     with pytest.raises(StoreError, match=r"plan\.json"):

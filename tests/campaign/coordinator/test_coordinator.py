@@ -20,7 +20,7 @@ from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import Store, open_store, part_name
 from campaign.store.layout import CANCEL
-from campaign.worker.messages import Cancelled
+from campaign.worker.messages import Cancelled, WrongBuild
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows, start
 
@@ -221,13 +221,17 @@ def test_store_that_fails_is_tried_again_then_reported(tmp_path, campaign, monke
 
 
 def test_workers_of_another_build_are_named(tmp_path, campaign, monkeypatch):
-    """No worker has the engine the campaign is planned for: a message says so and nothing is computed."""
+    """No worker has the build the campaign is planned for: a message says so and nothing is computed."""
     monkeypatch.setattr(dask_workers, "RETURNS_WITHIN", 1.0)
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, campaign, 3)
-    other = replace(plan, engine_build="0123456789abcdef")
-    with pytest.raises(CampaignError, match="no worker has engine build 0123456789abcdef"):
+    other = replace(plan, row_build="engine 0123456789abcdef")
+    with pytest.raises(WrongBuild, match=r"sources of engine .* here, 0123456789abcdef in the plan"):
         coordinate(store, other, Cluster(workers=2), simulate=fake_engine.simulate)
+    monkeypatch.setattr(coordinating, "check_build", lambda *_: None)  # as if the workers were elsewhere
+    with pytest.raises(CampaignError, match=r"no worker has the build .* \(engine 0123456789abcdef\); install"):
+        coordinate(store, other, Cluster(workers=2), simulate=fake_engine.simulate)
+    assert store.survey(plan).rows == 0
 
 
 def test_heartbeat_says_how_far_it_is(tmp_path, campaign, workers):

@@ -63,7 +63,7 @@ def test_rows_that_arrive_after_the_end_do_not_count(tmp_path, campaign_file, wo
     record = Store.record
 
     def late(self, plan, parts):
-        address = CampaignAddress(self.url, plan.campaign_id, plan.engine_build, fake_engine.simulate)
+        address = CampaignAddress(self.url, plan.campaign_id, plan.row_build, fake_engine.simulate)
         run_batch(address, BatchRequest(len(plan.batches) - 1))
         record(self, plan, parts)
 

@@ -203,7 +203,7 @@ def test_a_sound_worker_is_waited_for(tmp_path, asked, reference):
     address = f"tcp://127.0.0.1:{(port := free_port())}"
     other = tmp_path / "other" / "sitecustomize.py"
     other.parent.mkdir()
-    other.write_text("import engine\nengine.build_id = lambda: 'ffffffffffffffff'\n")
+    other.write_text("from campaign import row_build\nrow_build.row_build = lambda: 'engine ffffffffffffffff'\n")
     root = str(ROOT)
     wrong = {"PYTHONPATH": f"{other.parent}:{root}"}
     right = {"PYTHONPATH": root}

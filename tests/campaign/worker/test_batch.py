@@ -1,7 +1,9 @@
 """A batch: its rows in one part, computed once, by the engine the plan is for."""
 
 import pickle
+import re
 from functools import partial
+from importlib.metadata import version
 
 import pytest
 
@@ -38,13 +40,14 @@ def test_part_that_is_there_is_not_computed(store, plan):
     assert (first.computed, again.computed) == (True, False)
 
 
-def test_other_engine_build_is_refused(store, plan):
-    """A worker with another engine refuses the campaign, naming both builds."""
-    address = CampaignAddress(store.url, plan.campaign_id, "0123456789abcdef", fake_engine.simulate)
-    with pytest.raises(WrongBuild, match=f"build 0123456789abcdef, this process runs {plan.engine_build}"):
+def test_another_build_is_refused(store, plan):
+    """A worker of another build refuses the campaign, naming what differs."""
+    other = plan.row_build.replace(f"scipy {version('scipy')}", "scipy 1.2.3")
+    address = CampaignAddress(store.url, plan.campaign_id, other, fake_engine.simulate)
+    with pytest.raises(WrongBuild, match=re.escape(f"(scipy {version('scipy')} here, 1.2.3 in the plan)")):
         run_batch(address, BatchRequest(0))
 
 
 def test_address_is_small(store, plan):
     """What travels to a worker stays under a kilobyte."""
-    assert len(pickle.dumps(CampaignAddress(store.url, plan.campaign_id, plan.engine_build))) < 1000
+    assert len(pickle.dumps(CampaignAddress(store.url, plan.campaign_id, plan.row_build))) < 1000

@@ -46,7 +46,7 @@ def test_child_ends_with_its_parent(store, plan, tmp_path):
         "import sys\nfrom functools import partial\nfrom campaign.worker.messages import CampaignAddress\n"
         "from campaign.worker.subprocess_runs import rows_in_subprocess\nfrom tests.campaign import fake_engine\n"
         "slow = partial(fake_engine.takes, 60.0)\n"
-        f"address = CampaignAddress({store.url!r}, {plan.campaign_id!r}, {plan.engine_build!r}, slow)\n"
+        f"address = CampaignAddress({store.url!r}, {plan.campaign_id!r}, {plan.row_build!r}, slow)\n"
         "next(rows_in_subprocess(address, range(3), 1))\n"
     )
     parent = subprocess.Popen([sys.executable, "-c", code])

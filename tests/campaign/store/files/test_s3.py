@@ -220,7 +220,7 @@ def test_listing_is_never_old(remote, plan):
     """What another process writes is seen at once."""
     assert remote.survey(plan).missing == [0, 1, 2]
     script = "import sys; from tests.campaign.store.files.test_s3 import write_apart; write_apart(*sys.argv[1:])"
-    subprocess.run([sys.executable, "-c", script, remote.url, plan.campaign_id, plan.engine_build], check=True)
+    subprocess.run([sys.executable, "-c", script, remote.url, plan.campaign_id, plan.row_build], check=True)
     assert remote.survey(plan).missing == [0, 2]
     assert remote.read_part(plan, 1).num_rows == 10
 

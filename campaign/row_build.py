@@ -1,0 +1,55 @@
+"""The build that rows come from: all sources and libraries that a row depends on, besides its campaign and its number.
+
+Not among them, because they carry a row and do not change it: the store, which seals rows and reads them back to the
+bit; pyarrow, which holds them meanwhile; pydantic, which reads the spec, whose values are in the plan. Nor are the
+coordinator and the cluster: a row does not depend on where and in which order rows are computed.
+"""
+
+import platform
+from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
+
+from engine.build import LIBRARIES, engine_sources, hash_sources
+
+SOURCES = ("inputs", "spec", "worker", "plan.py", "plan_header.py", "row_build.py")  # of campaign
+UNKNOWN = ""  # the build of a plan that an earlier version wrote, which recorded no more than the engine's
+
+
+@lru_cache(maxsize=1)
+def row_build() -> str:
+    """Return the build of this installation.
+
+    Two machines with the same build compute the same row.
+
+    Returns
+    -------
+    str
+        Hashes of the sources of `engine` and `campaign`, and versions of Python and the libraries that compute:
+        ``engine 5d0e..., campaign 9ab1..., python 3.11.7, numpy 2.4.1, ...``.
+    """
+    ingredients = {
+        "engine": engine_sources(),
+        "campaign": hash_sources(Path(__file__).parent, SOURCES),
+        "python": platform.python_version(),
+        **{name: version(name) for name in (*LIBRARIES, "scipy")},
+    }
+    return ", ".join(f"{name} {value}" for name, value in ingredients.items())
+
+
+def differences(planned: str) -> str:
+    """Return in words what of this installation differs from the build of a plan; nothing if they are the same."""
+    if planned == UNKNOWN:
+        return "an earlier version of clearcap planned it, which did not record all that rows depend on"
+    there, here = _ingredients(planned), _ingredients(row_build())
+    words = []
+    for name in {**there, **here}:
+        if there.get(name) != here.get(name):
+            what = f"sources of {name}" if name in ("engine", "campaign") else name
+            words.append(f"{what} {here.get(name, 'none')} here, {there.get(name, 'none')} in the plan")
+    return "; ".join(words)
+
+
+def _ingredients(build: str) -> dict[str, str]:
+    """Return the version of each ingredient of a build."""
+    return {name: value for name, _, value in (item.partition(" ") for item in build.split(", "))}
