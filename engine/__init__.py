@@ -1,7 +1,7 @@
 """The physics of one mechanism with one set of clearances: nonsmooth contact dynamics (paper, section 2)."""
 
 from engine.build import build_id
-from engine.errors import EngineError, MechanismError, TrajectoryError
+from engine.errors import EngineError, FolderError, MechanismError, TrajectoryError
 from engine.mechanism import Mechanism, library_names, load_mechanism, set_values
 from engine.run import Certificate, Run
 from engine.simulate import check, simulate, warm_up
@@ -10,6 +10,7 @@ from engine.trajectory import Recording, Trajectory, read_trajectory
 __all__ = [
     "Certificate",
     "EngineError",
+    "FolderError",
     "Mechanism",
     "MechanismError",
     "Recording",

@@ -17,3 +17,7 @@ class MechanismError(EngineError):
 
 class TrajectoryError(EngineError):
     """A trajectory file cannot be written or read."""
+
+
+class FolderError(EngineError):
+    """Somebody else could have filled the folder of compiled code: what is in it is not run."""

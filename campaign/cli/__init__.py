@@ -96,10 +96,10 @@ def main() -> None:
 def _exit_code(error: Exception) -> int | None:
     """Return the exit status of an error whose message is for the user; None for a bug."""
     from campaign.errors import CampaignError
-    from engine import EngineError, MechanismError
+    from engine import EngineError, FolderError, MechanismError
 
     if isinstance(error, CampaignError):
         return error.exit_code
-    if isinstance(error, MechanismError):
+    if isinstance(error, MechanismError | FolderError):
         return 2
     return 1 if isinstance(error, EngineError) else None

@@ -1,0 +1,77 @@
+"""Where compiled code is kept, and what happens where it cannot be."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PRINT = "from engine import jit; print(jit.numba.config.CACHE_DIR, flush=True)"
+PRINT_TWICE = f"{PRINT}; import subprocess, sys; subprocess.run([sys.executable, '-c', {PRINT!r}], check=True)"
+
+
+def run(code, tmp_path, **environment):
+    """Run Python with a home and a temporary folder of its own."""
+    for name in ("home", "temporary"):
+        (tmp_path / name).mkdir(exist_ok=True)
+    given = {"PYTHONPATH": str(ROOT), "HOME": str(tmp_path / "home"), "TMPDIR": str(tmp_path / "temporary")}
+    words = [sys.executable, "-c", code]
+    return subprocess.run(words, env=given | environment, capture_output=True, text=True, timeout=60, check=False)
+
+
+@pytest.mark.parametrize(
+    ("environment", "expected"),
+    [
+        ({}, "home/.cache/clearcap/numba"),
+        ({"XDG_CACHE_HOME": "xdg"}, "xdg/clearcap/numba"),
+        ({"XDG_CACHE_HOME": "xdg", "NUMBA_CACHE_DIR": "named"}, "named"),
+    ],
+)
+def test_folder(environment, expected, tmp_path):
+    """NUMBA_CACHE_DIR names it, or it is below XDG_CACHE_HOME or the home; each kind of processor has its own."""
+    environment = {name: str(tmp_path / path) for name, path in environment.items()}
+    done = run(PRINT, tmp_path, **environment)
+    folder = Path(done.stdout.strip())
+    assert folder.parent == tmp_path / expected, done.stderr
+    assert folder.stat().st_mode & 0o777 == 0o700
+    other = run(PRINT, tmp_path, **environment, NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="")
+    assert Path(other.stdout.strip()).parent == folder.parent
+    assert other.stdout.strip() != str(folder)
+
+
+@pytest.mark.parametrize("fault", ["open to all", "a file", "no home"])
+def test_a_temporary_folder(fault, open_folder):
+    """Where the usual folder is not to be used, one message says why; child processes share it, and it is removed."""
+    home = open_folder / "home" if fault != "no home" else Path("/dev/null")
+    if fault != "no home":
+        home.mkdir()
+    if fault == "a file":
+        (home / ".cache").touch()
+    elif fault == "open to all":
+        home.chmod(0o777)
+    done = run(PRINT_TWICE, open_folder, HOME=str(home))
+    first, second = done.stdout.splitlines()
+    assert first == second, done.stderr
+    assert Path(first).parents[1] == open_folder / "temporary"
+    assert done.stderr.count("compiled code is not kept") == done.stderr.count("\n") == 1
+    assert str(home) in done.stderr
+    assert os.listdir(open_folder / "temporary") == []
+
+
+def test_a_folder_that_is_named_but_cannot_be_used(tmp_path):
+    """It is an error that names the variable, the reason and the remedy."""
+    (tmp_path / "file").touch()
+    command = "import campaign.cli, sys; sys.argv = ['clearcap', 'simulate', 'incline']; campaign.cli.main()"
+    done = run(command, tmp_path, NUMBA_CACHE_DIR=str(tmp_path / "file"))
+    assert done.returncode == 2
+    assert done.stderr.startswith(f"clearcap: error: NUMBA_CACHE_DIR={tmp_path}/file: clearcap does not run")
+    assert "Name a folder in which only you can write" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_no_unchecked_folder(tmp_path):
+    """Numba looks nowhere else for compiled code."""
+    done = run("from engine import jit; print(jit.numba.config.CACHE_LOCATOR_CLASSES)", tmp_path)
+    assert done.stdout == "UserProvidedCacheLocator\n"
