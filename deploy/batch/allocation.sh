@@ -28,11 +28,9 @@ secured() { # secured ROLE: print the options of mutual TLS
 read -ra as_scheduler <<<"$(secured scheduler)"
 read -ra as_worker <<<"$(secured worker)"
 
-local=${TMPDIR:-/tmp}
-environment=(env "PATH=$PATH" "NUMBA_CACHE_DIR=$local/clearcap-$USER" NUMBA_NUM_THREADS=1)
-worker=("${environment[@]}" dask worker --scheduler-file "$file" "${network[@]}" "${as_worker[@]}" "${closed[@]}"
-    --nworkers -1 --nthreads 1 --local-directory "$local" --death-timeout 120
-    --preload-nanny 'import engine; engine.warm_up()')
+here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+worker=(env "PATH=$PATH" "$here/on_node.sh" dask worker --scheduler-file "$file" "${network[@]}" "${as_worker[@]}"
+    "${closed[@]}" --nworkers -1 --nthreads 1 --death-timeout 120 --preload-nanny 'import engine; engine.warm_up()')
 
 pids=()
 finish() {

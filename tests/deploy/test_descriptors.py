@@ -1,5 +1,6 @@
 """Every descriptor in deploy/ is accepted by the parser of the tool it is for, and keeps what is promised of it."""
 
+import os
 import re
 import shlex
 import shutil
@@ -301,12 +302,54 @@ def test_directives(name, mark, options):
 def test_worker_commands(name):
     """The workers' commands are right for dask."""
     text = (DEPLOY / "batch" / name).read_text()
-    command = re.search(r"^exec (dask worker (?:.*\\\n)*.*)", text, re.M)[1].replace("\\\n", " ")
+    command = re.search(r"^exec .*/on_node.sh\" \\\n +(dask worker (?:.*\\\n)*.*)", text, re.M)[1].replace("\\\n", " ")
     for variable, value in {r"\$\{LIFETIME:-230m\}": "230m", r"\$\{SLURM_CPUS\w+:-1\}": "16"}.items():
         command = re.sub(variable, value, command)
     files = ("--tls-ca-file=", "--tls-cert=", "--tls-key=")
     words = [word for word in shlex.split(command) if not word.startswith(files)]
     check_dask(words)
+
+
+def node_folder(commands, temporary):
+    """Run what prepares a worker's folder on its node; return the folder of compiled code, and the other."""
+    show = 'echo "$NUMBA_CACHE_DIR"'
+    if commands == "on_node.sh":
+        words = [DEPLOY / "batch/on_node.sh", "sh", "-c", f'{show}; echo "$2"', "worker"]
+    else:
+        [settings] = documents(DEPLOY / "jobqueue.yaml")
+        prologue = "\n".join(settings["jobqueue"][commands]["job-script-prologue"])
+        words = ["bash", "-euc", f"{prologue}\n{show}; echo {settings['jobqueue'][commands]['local-directory']}"]
+    printed = output(*words, env={"PATH": "/usr/bin:/bin", "TMPDIR": str(temporary)})
+    return [Path(line) for line in printed.splitlines()]
+
+
+@pytest.mark.parametrize("commands", ["on_node.sh", "slurm", "oar", "pbs"])
+def test_node_folder(tmp_path, commands):
+    """Workers' folder on a node is their user's alone, has no name that can be foreseen, and is found again."""
+    open_to_all, link = tmp_path / "clearcap.open", tmp_path / "clearcap.link"
+    open_to_all.mkdir()
+    open_to_all.chmod(0o777)
+    link.symlink_to(tmp_path)
+    if os.getuid() == 0:
+        theirs = tmp_path / "clearcap.theirs"
+        theirs.mkdir(mode=0o700)
+        os.chown(theirs, 20002, 20002)
+    compiled, folder = node_folder(commands, tmp_path)
+    assert compiled.parent == folder
+    assert folder.parent == tmp_path
+    assert re.fullmatch(r"clearcap\.\w{6}", folder.name)
+    assert (folder.stat().st_uid, folder.stat().st_mode & 0o7777) == (os.getuid(), 0o700)
+    assert node_folder(commands, tmp_path) == [compiled, folder]
+    shutil.rmtree(folder)
+    assert node_folder(commands, tmp_path)[1].name != folder.name
+
+
+@pytest.mark.parametrize("path", sorted(DEPLOY.rglob("*.*")), ids=lambda path: path.name)
+def test_no_name_can_be_foreseen(path):
+    """No descriptor names a file in a folder that users of a machine share, unless mktemp makes the name."""
+    for line in path.read_text().splitlines():
+        for name in re.findall(r"(?:TMPDIR|/tmp|local)\}?\"?/([^\s\"']+)", line):
+            assert name.endswith(".XXXXXX"), line
 
 
 def allocation(tmp_path, system, **environment):
@@ -341,6 +384,7 @@ def test_allocation(tmp_path, system, launchers):
             continue
         role = "scheduler" if call.startswith("dask") else "worker"
         assert f"--tls-key={tmp_path}/.clearcap/tls/{role}.key" in call
+        assert (f" {DEPLOY}/batch/on_node.sh dask worker " in call) == (role == "worker")
         assert "--protocol tls --interface ib0" in call
         assert "--no-dashboard --dashboard-address 127.0.0.1:0" in call
     if system != "slurm":

@@ -30,7 +30,9 @@ def home(tmp_path_factory):
     home = tmp_path_factory.mktemp("home")
     warm_up()
     make_certificates(home / ".clearcap/tls", 2)
-    (home / "clearcap-root").symlink_to(Path(jit.numba.config.CACHE_DIR).parent)
+    node = home / "clearcap.test"
+    node.mkdir(mode=0o700)
+    (node / "compiled").symlink_to(Path(jit.numba.config.CACHE_DIR).parent)
     return home
 
 
