@@ -79,5 +79,8 @@ def _page(player: str, label: str) -> str:
     player = re.sub(r'<link rel="stylesheet"[^>]*>', "", player)
     player = re.sub(r'<i class="fa fa-([a-z -]+)"></i>', lambda match: SYMBOLS[match[1]], player)
     player = player.replace("<img ", f'<img alt="{escape(label)}" ', 1)
-    head = f'<meta charset="utf-8"><title>{escape(label)}</title>'
+    # matplotlib's player is inline script; nothing is loaded from elsewhere or sent there
+    policy = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:"
+    head = f'<meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{policy}">'
+    head += f"<title>{escape(label)}</title>"
     return f'<!doctype html>\n<html lang="en"><head>{head}</head><body>\n{player}\n</body></html>\n'

@@ -1,4 +1,11 @@
-"""The report as one self-contained page: style and figures inline, no script, no request."""
+"""The report as one self-contained page: style and figures inline, no script, no request.
+
+A content security policy tells the browser so: whatever got into the page, it runs no script, loads nothing and sends
+nothing. Of style sheets it allows the page's own.
+"""
+
+import base64
+import hashlib
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -117,6 +124,7 @@ def _environment() -> Environment:
         p=format_numbers.probability,
         unit=figures.unit_suffix,
         places=format_numbers.decimals_for,
+        source_hash=_source_hash,
         histogram=lambda r: _markup(figures.response_figure(r)),
         probability_plot=lambda r: _markup(figures.probability_figure(r)),
         convergence_plot=lambda r: _markup(figures.convergence_figure(r)),
@@ -125,6 +133,11 @@ def _environment() -> Environment:
         compared=lambda c: _markup(figures.compared_figure(c)),
     )
     return environment
+
+
+def _source_hash(text: str) -> str:
+    """Return the hash by which a content security policy names an element."""
+    return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 
 
 def _markup(svg: str | None) -> Markup | None:

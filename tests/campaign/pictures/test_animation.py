@@ -32,6 +32,7 @@ def test_page_needs_no_network(slide, tmp_path):
     page = path.read_text("utf-8")
     assert page.count("data:image/png;base64") == 3
     assert not re.search(r"""(src|href)\s*=\s*["']?\s*(https?:)?//""", page)
+    assert """<meta http-equiv="Content-Security-Policy" content="default-src 'none';""" in page
     assert "<i " not in page
     assert '<html lang="en">' in page
     assert 'alt="3 frames of Block on a slope: ok at t = 0.2 s"' in page

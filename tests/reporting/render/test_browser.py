@@ -154,3 +154,42 @@ def test_the_pdf_says_what_the_page_says(files, tmp_path: Path) -> None:
         grey = np.frombuffer(raw, np.uint8).reshape(height, width)
         assert np.count_nonzero(grey < 160) > 300, page  # an almost empty page is a fault of the layout
         assert grey[:, -8:].min() > 200, page  # the margin is empty
+
+
+@pytest.fixture
+def attacked(browser, files, tmp_path: Path) -> Any:
+    """Open a page into which somebody has got a script, a style sheet, a picture, a frame and a form."""
+    page = Path(files["html"]).read_text(encoding="utf-8")
+    sent = (tmp_path / "secret.svg").as_uri()
+    inserted = (
+        "<script>document.title = 'run'</script><style>h1 { color: rgb(1, 2, 3) }</style>"
+        f"<img id=picture src='{sent}' onerror=\"document.title = 'run'\"><iframe id=frame src='{sent}'></iframe>"
+        f"<a id=link href=\"javascript:document.title = 'run'\">link</a><base href='{sent}'>"
+    )
+    path = tmp_path / "attacked.html"
+    path.write_text(page.replace("</h1>", f"</h1>{inserted}", 1), encoding="utf-8")
+    (tmp_path / "secret.svg").write_text("<svg xmlns='http://www.w3.org/2000/svg' width='7' height='7'/>")
+    browser.get_log("browser")
+    browser.get(path.as_uri())
+    yield browser
+    browser.get_log("browser")
+    browser.get(Path(files["html"]).as_uri())
+
+
+def test_what_got_into_the_page_does_nothing(attacked) -> None:
+    """The content security policy keeps it from running, restyling, loading and sending; the page's style is there."""
+    attacked.execute_script("document.getElementById('link').click()")
+    assert attacked.title.endswith("capability report")
+    assert attacked.execute_script("return getComputedStyle(document.querySelector('h1')).color") != "rgb(1, 2, 3)"
+    assert attacked.execute_script("return document.getElementById('picture').naturalWidth") == 0
+    assert attacked.execute_script("return document.baseURI") == attacked.current_url
+    refused = [entry["message"] for entry in attacked.get_log("browser")]
+    for what in ("script-src", "style-src", "img-src", "default-src 'none'", "base-uri"):
+        assert any(what in message for message in refused), (what, refused)
+
+
+def test_the_policy_lets_the_pages_own_style_through(browser) -> None:
+    """Style sheet and the shade of a cell are as they are without the policy."""
+    assert browser.execute_script("return getComputedStyle(document.body).margin") == "0px"
+    shaded = "return getComputedStyle(document.querySelector('td[style]')).backgroundColor"
+    assert browser.execute_script(shaded).startswith("rgba(27, 95, 158")
