@@ -27,12 +27,8 @@ def certificates(
     each machine only the files of its role, and make a new folder for each cluster. The authority's own key is not
     kept.
     """
-    from campaign.errors import SpecError
+    from campaign.cluster.tls_certificates import make_certificates
 
-    try:
-        from campaign.cluster.tls_certificates import make_certificates
-    except ImportError as error:
-        raise SpecError("certificates: needs a package that is not installed; pip install 'clearcap[tls]'") from error
     paths = make_certificates(folder, days, hosts or ())
     if json:
         print_json({"folder": str(folder), "days": days, "files": {name: str(path) for name, path in paths.items()}})

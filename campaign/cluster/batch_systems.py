@@ -18,13 +18,15 @@ import dask
 from distributed import Client, Security, Status
 
 from campaign.cluster.cluster import Cluster
-from campaign.cluster.local import SETTINGS, interrupts_held
+from campaign.cluster.local import CLOSED, CLOSED_HTTP, SETTINGS, interrupts_held
+from campaign.cluster.scratch import scratch_folder
 from campaign.cluster.tls import NEEDED, Tls, security
+from campaign.cluster.tls_certificates import LONGEST, make_certificates
 from campaign.errors import SpecError, UnreachableError
 
 _BATCH_SYSTEMS = {"slurm": "SLURMCluster", "oar": "OARCluster", "pbs": "PBSCluster"}
-# Dashboards are closed: they are neither encrypted nor authenticated.
-_NO_DASHBOARD = ("--no-dashboard", "--dashboard-address", "127.0.0.1:0")
+# HTTP is neither encrypted nor authenticated.
+_NO_HTTP = ("--no-dashboard", "--dashboard-address", "127.0.0.1:0", "--preload", CLOSED_HTTP)
 
 
 @contextmanager
@@ -38,8 +40,8 @@ def batch_jobs(cluster: Cluster) -> Iterator[Client]:
     UnreachableError
         If the batch system refuses the jobs, or its commands are not here.
     """
-    with job_certificates(cluster) as certificates:
-        with dask.config.set(SETTINGS), interrupts_held():
+    with job_certificates(cluster) as certificates, scratch_folder() as scratch:
+        with dask.config.set({**SETTINGS, **CLOSED, "temporary-directory": str(scratch)}), interrupts_held():
             jobs = job_cluster(cluster, certificates)
         try:
             _submit(jobs, cluster)
@@ -61,7 +63,6 @@ def job_certificates(cluster: Cluster) -> Iterator[Security | None]:
         yield given
         return
     _package("dask_jobqueue", "jobqueue", cluster.kind)  # brings the configuration's defaults
-    certificates = _package("campaign.cluster.tls_certificates", "tls", cluster.kind)
     shared = Path(os.path.expandvars(_needed(cluster.kind, "shared-temp-directory"))).expanduser()
     try:
         folder = tempfile.TemporaryDirectory(prefix=".clearcap-tls-", dir=shared)
@@ -71,7 +72,7 @@ def job_certificates(cluster: Cluster) -> Iterator[Security | None]:
             " name a folder of yours that all nodes can reach"
         ) from error
     with folder as made:
-        files = certificates.make_certificates(Path(made), certificates.LONGEST)
+        files = make_certificates(Path(made), LONGEST)
         yield security(Tls(*(str(files[name]) for name in ("ca.pem", "client.pem", "client.key"))))
 
 
@@ -121,7 +122,7 @@ def job_cluster(cluster: Cluster, certificates: Security | None) -> Any:
     return made(
         processes=_needed(kind, "cores"),
         security=certificates,
-        worker_extra_args=[*_setting(kind, "worker-extra-args"), *_NO_DASHBOARD],
+        worker_extra_args=[*_setting(kind, "worker-extra-args"), *_NO_HTTP],
         scheduler_options=_setting(kind, "scheduler-options")
         | {"dashboard": False, "dashboard_address": "127.0.0.1:0"},
         silence_logs=logging.CRITICAL,

@@ -25,6 +25,8 @@ from campaign.cluster.local import SETTINGS, cores, interrupts_held, local_clien
 from campaign.cluster.tls import NEEDED, configured, security
 from campaign.errors import SpecError, UnreachableError
 
+logger = logging.getLogger(__name__)
+
 REACHED_WITHIN = 30.0  # s, in which a scheduler that is being started answers
 PODS_WITHIN = 300.0  # s, in which images may have to be fetched
 
@@ -91,6 +93,12 @@ def _existing(scheduler: str, cluster: Cluster) -> Iterator[Client]:
     """Yield a client to a running scheduler."""
     address = _address_in(Path(scheduler)) if _is_file(scheduler) else scheduler
     _check_address(address, cluster)
+    if address.startswith("tcp://") and not cluster.insecure:
+        logger.warning(
+            "--scheduler %s: not encrypted; every user of this machine can run code as you on its workers, unless you"
+            " start it with certificates and write tls:// (clearcap certificates makes them)",
+            address,
+        )
     with client_at(address, security(cluster.tls) if address.startswith("tls://") else None) as client:
         yield client
 

@@ -1,21 +1,27 @@
 """Workers of a dask cluster. No other module submits work to dask."""
 
+import logging
 import secrets
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
 from queue import Empty, SimpleQueue
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import distributed
 from distributed import Client, KilledWorker, get_worker
 
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.connect import connect
+from campaign.cluster.silence import LOOK_INTERVAL, Silence
 from campaign.cluster.workers import NoWorkerLeft, SchedulerLost, WorkerDied, Workers
 
-ANSWERS_WITHIN = 30.0  # s, in which the result of a finished call must arrive
+logger = logging.getLogger(__name__)
+
+ANSWERS_WITHIN = 30.0  # s, in which the scheduler answers, and the result of a finished call must arrive
+SILENT_AFTER = 60.0  # s without a heartbeat, after which a worker hangs
+GONE_AFTER = 150.0  # s without any worker here: longer than one takes to start
 RETURNS_WITHIN = 8.0  # s, in which a killed worker is replaced
 RETRY_INTERVAL = 0.5  # s, between two looks for a worker that is not refused
 
@@ -26,7 +32,7 @@ T = TypeVar("T")
 def connect_workers(cluster: Cluster) -> Iterator[Workers]:
     """Start or reach a cluster and yield its workers; errors are those of `campaign.cluster.connect.connect`."""
     with connect(cluster) as client:
-        yield DaskWorkers(client)
+        yield DaskWorkers(client, started_here=cluster.starts_here)
 
 
 class DaskWorkers:
@@ -36,15 +42,22 @@ class DaskWorkers:
     ----------
     client : Client
         Connected to the scheduler; it is not closed here.
+    started_here : bool
+        Whether the workers are processes of this machine, which nobody else replaces when all are gone.
     """
 
-    def __init__(self, client: Client) -> None:
+    def __init__(self, client: Client, *, started_here: bool = False) -> None:
         self._client = client
+        self._started_here = started_here
         self._token = secrets.token_hex(8)  # tells its keys from those of other clients of the scheduler
         self._submitted = 0
         self._refused: set[str] = set()
         self._in_flight: dict[str, tuple[distributed.Future[Any], Future[Any]]] = {}
         self._finished: SimpleQueue[distributed.Future[Any]] = SimpleQueue()
+        self._silence = Silence(SILENT_AFTER)
+        self._looked_at = time.monotonic()
+        self._silent: set[str] = set()
+        self._looks_without = 0  # in a row that found no worker
 
     @property
     def name(self) -> str:
@@ -75,16 +88,21 @@ class DaskWorkers:
 
     def next_finished(self, timeout: float | None = None) -> Future[Any] | None:
         """Wait for a call that is finished; its result is released from the cluster."""
-        if not self._in_flight:
-            return None
-        try:
-            task = self._finished.get(timeout=None if timeout is None else max(timeout, 0.0))
-        except Empty:
-            return None
-        _, future = self._in_flight.pop(str(task.key))
-        _finish(future, task)
-        task.release()
-        return future
+        end = None if timeout is None else time.monotonic() + timeout
+        while self._in_flight:
+            self._look()
+            left = LOOK_INTERVAL if end is None else end - time.monotonic()
+            try:
+                task = self._finished.get(timeout=max(min(left, LOOK_INTERVAL), 0.0))
+            except Empty:
+                if left <= LOOK_INTERVAL and end is not None:
+                    return None
+                continue
+            _, future = self._in_flight.pop(str(task.key))
+            self._finish(future, task)
+            task.release()
+            return future
+        return None
 
     def refuse(self, call: Future[Any]) -> str:
         """Submit nothing more to the worker in which this call failed; return its address."""
@@ -110,9 +128,57 @@ class DaskWorkers:
         return sorted(accepted)
 
     def _addresses(self) -> set[str]:
+        return set(self._heartbeats())
+
+    def _heartbeats(self) -> dict[str, float]:
+        """Return when each worker sent its last heartbeat, by the scheduler's clock."""
         if self._client.status != "running":
             raise SchedulerLost(f"client {self._client.status}")
-        return set(self._client.scheduler_info(n_workers=-1)["workers"])
+        scheduler: Any = self._client.scheduler
+        try:
+            known = self._client.sync(scheduler.identity, n_workers=-1, callback_timeout=ANSWERS_WITHIN)["workers"]
+        except (OSError, TimeoutError) as error:
+            raise SchedulerLost(f"the scheduler does not answer ({error or type(error).__name__})") from error
+        return {address: worker["last_seen"] for address, worker in known.items()}
+
+    def _look(self) -> None:
+        """Every two seconds, look for workers that are silent, and have them replaced."""
+        now = time.monotonic()
+        if now - self._looked_at < LOOK_INTERVAL:
+            return
+        self._looked_at = now
+        heartbeats = self._heartbeats()
+        self._looks_without = 0 if heartbeats else self._looks_without + 1
+        if self._started_here and self._looks_without * LOOK_INTERVAL > GONE_AFTER:
+            raise SchedulerLost("all workers of this machine are gone, and none returns")
+        for worker in self._silence.look(heartbeats, now):
+            logger.warning(
+                "worker %s sends no heartbeat for %.0f s: it hangs and is replaced; its batches are computed again",
+                worker,
+                SILENT_AFTER,
+            )
+            self._silent.add(worker)
+            self._replace(worker)
+
+    def _replace(self, worker: str) -> None:
+        """Have the scheduler end a worker, or drop it if its nanny hangs as well; does not wait for it."""
+        loop, scheduler = cast(Any, (self._client.loop, self._client.scheduler))
+        options = {"wait_for_workers": False, "on_error": "return", "timeout": ANSWERS_WITHIN}
+        loop.add_callback(scheduler.restart_workers, workers=[worker], stimulus_id=f"silent-{worker}", **options)
+
+    def _finish(self, future: Future[Any], task: "distributed.Future[Any]") -> None:
+        """Finish a future as a task of dask did."""
+        if task.status == "cancelled":
+            raise SchedulerLost("connection closed")
+        try:
+            future.set_result(task.result(timeout=ANSWERS_WITHIN))
+        except TimeoutError as error:
+            raise SchedulerLost("a finished call sends no result") from error
+        except KilledWorker as error:
+            hung = error.last_worker.address in self._silent
+            future.set_exception(WorkerDied("a worker that hung" if hung else "a worker that ended"))
+        except Exception as error:
+            future.set_exception(error)
 
 
 def _call(function: Callable[..., T], *arguments: Any) -> T:
@@ -122,17 +188,3 @@ def _call(function: Callable[..., T], *arguments: Any) -> T:
     except Exception as error:
         error.worker = str(get_worker().address)  # type: ignore[attr-defined]  # any exception takes attributes
         raise
-
-
-def _finish(future: Future[Any], task: "distributed.Future[Any]") -> None:
-    """Finish a future as a task of dask did."""
-    if task.status == "cancelled":
-        raise SchedulerLost("connection closed")
-    try:
-        future.set_result(task.result(timeout=ANSWERS_WITHIN))
-    except TimeoutError as error:
-        raise SchedulerLost("a finished call sends no result") from error
-    except KilledWorker as error:
-        future.set_exception(WorkerDied(str(error)))
-    except Exception as error:
-        future.set_exception(error)

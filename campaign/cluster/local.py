@@ -1,15 +1,31 @@
-"""Workers on this machine: a local dask cluster of single-threaded processes, quiet and bound to loopback."""
+"""Workers on this machine: a local dask cluster of single-threaded processes, quiet and closed to all others.
+
+Scheduler and workers listen on loopback, where every user of the machine reaches them. So they speak mutual TLS, with
+certificates that live as long as the run and in its memory only, and nothing answers HTTP.
+"""
 
 import logging
 import os
 import signal
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from multiprocessing import resource_tracker
+from multiprocessing import active_children, resource_tracker
+from multiprocessing.process import BaseProcess
+from types import FrameType
 
 import dask
 from distributed import Client, LocalCluster, Security
 from distributed.system import MEMORY_LIMIT
+
+from campaign.cluster.scratch import scratch_folder
+from campaign.cluster.tls_certificates import passing_security
+from campaign.errors import UnreachableError
+
+logger = logging.getLogger(__name__)
+
+STARTS = 3  # attempts to start the workers
+STARTS_WITHIN = 120.0  # s, in which a worker starts, on a machine that starts many at once
 
 # Keys are dotted, because setting a whole table would replace it. Independent tasks need neither stealing nor
 # rebalancing, and results are counts, which are never worth spilling to disk.
@@ -17,6 +33,7 @@ SETTINGS = {
     "distributed.scheduler.allowed-failures": 0,
     "distributed.scheduler.work-stealing": False,
     "distributed.scheduler.active-memory-manager.start": False,
+    "distributed.scheduler.worker-ttl": None,  # it takes a machine that slept for a worker that hangs; see `silence`
     "distributed.worker.profile.enabled": False,
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
@@ -34,6 +51,12 @@ SETTINGS = {
     "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1,
     "distributed.nanny.pre-spawn-environ.DASK_LOGGING__DISTRIBUTED": "critical",
 }
+CLOSED_HTTP = "campaign.cluster.closed_http"  # what dask loads into a process to close its HTTP server
+CLOSED = {
+    f"distributed.{service}.{key}": value
+    for service in ("scheduler", "worker")
+    for key, value in {"preload": [CLOSED_HTTP], "preload-argv": [], "http.routes": []}.items()
+}
 
 
 def cores() -> int:
@@ -46,43 +69,102 @@ def local_client(workers: int, security: Security | None = None) -> Iterator[Cli
     """Start ``workers`` single-threaded processes and yield a dask client to them; stop them at the end.
 
     Each may use an equal share of the machine's memory, and this process has one share too. A worker that takes more is
-    restarted, and its batch counts as one that killed its worker. The scratch folder is dask's: what killed workers
-    left in it is removed at the next start.
+    restarted, and its batch counts as one that killed its worker.
+
+    Parameters
+    ----------
+    workers : int
+        Number of processes.
+    security : Security or None
+        Certificates; None for new ones that live as long as the run.
+
+    Raises
+    ------
+    UnreachableError
+        If the workers do not start, several times in a row.
     """
-    quiet = dask.config.set(SETTINGS)
-    with quiet:
-        with interrupts_held():
-            cluster = LocalCluster(  # type: ignore[no-untyped-call]  # distributed is annotated in parts
-                n_workers=workers,
-                threads_per_worker=1,
-                processes=True,
-                host="127.0.0.1",
-                protocol="tls://" if security else "tcp://",
-                security=security,
-                memory_limit=MEMORY_LIMIT // (workers + 1),
-                scheduler_kwargs={
-                    "dashboard": False,
-                    "dashboard_address": "127.0.0.1:0",
-                },  # 8787 may be taken
-                silence_logs=logging.CRITICAL,
-            )
-            client = Client(cluster, set_as_default=False)  # type: ignore[no-untyped-call]
+    security = security or passing_security()
+    with scratch_folder() as scratch, dask.config.set({**SETTINGS, **CLOSED, "temporary-directory": str(scratch)}):
+        earlier = active_children()
+        cluster = _start(workers, security)
         try:
-            yield client
+            with interrupts_held():
+                client = Client(cluster, set_as_default=False)  # type: ignore[no-untyped-call]
+            try:
+                yield client
+            finally:
+                client.close()  # type: ignore[no-untyped-call]
         finally:
-            client.close()  # type: ignore[no-untyped-call]
             cluster.close()
+            _end_children_but(earlier)
+
+
+def _start(workers: int, security: Security) -> LocalCluster:
+    """Return a cluster whose workers run; a worker that dies or hangs while it starts costs another attempt."""
+    earlier = active_children()
+    for attempt in range(1, STARTS + 1):
+        try:
+            with interrupts_held():
+                return LocalCluster(  # type: ignore[no-untyped-call]  # distributed is annotated in parts
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    processes=True,
+                    host="127.0.0.1",
+                    protocol="tls://",
+                    security=security,
+                    memory_limit=MEMORY_LIMIT // (workers + 1),
+                    death_timeout=STARTS_WITHIN,
+                    scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},  # 8787 may be taken
+                    silence_logs=logging.CRITICAL,
+                )
+        except Exception as error:  # whatever dask makes of it
+            _end_children_but(earlier)
+            reason = str(error.__cause__ or error) or type(error).__name__
+            if attempt == STARTS:
+                raise UnreachableError(
+                    f"{workers} workers cannot be started on this machine: {reason}, {STARTS} times in a row; look for"
+                    " what ends them (memory? a limit of processes?) and try with fewer, --workers N"
+                ) from error
+            logger.warning("the workers of this machine did not start (%s); trying again", reason)
+    raise AssertionError
+
+
+def _end_children_but(earlier: list[BaseProcess]) -> None:
+    """Kill the processes that this one has started since ``earlier`` and that dask has lost sight of."""
+    for process in set(active_children()) - set(earlier):
+        process.kill()
+        process.join()
 
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Block Ctrl-C for this thread while the block runs, and for good for the threads and processes it starts.
+    """Hold back signals that end this process while the block runs: half a cluster could not be stopped in order.
 
-    A terminal sends Ctrl-C to every process; only the one that talks to the user should react.
+    The threads and processes started in the block never see Ctrl-C and the hangup of a terminal, which sends both to
+    every process; only the one that talks to the user should react.
     """
-    resource_tracker.ensure_running()  # started later, it would let Ctrl-C through again
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    try:
+        resource_tracker.ensure_running()  # started later, it would let Ctrl-C through again
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        with _termination_held():
+            yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _termination_held() -> Iterator[None]:
+    """Handle SIGTERM after the block; processes started in it can be terminated, as they must."""
+    handler = signal.getsignal(signal.SIGTERM)
+    if not callable(handler) or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    held: list[FrameType | None] = []
+    signal.signal(signal.SIGTERM, lambda _, frame: held.append(frame))
     try:
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGTERM, handler)
+        if held:
+            handler(signal.SIGTERM, held[0])

@@ -149,7 +149,7 @@ class ProcessWorkers:
         except (EOFError, OSError):
             process.end()
             self._processes.remove(process)
-            future.set_exception(WorkerDied(f"{process.name} ended with exit status {process.process.exitcode}"))
+            future.set_exception(WorkerDied(f"{process.name}, which ended with exit status {process.process.exitcode}"))
             return
         if error is None:
             future.set_result(result)

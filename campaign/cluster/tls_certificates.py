@@ -16,6 +16,7 @@ from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+from distributed import Security
 
 from campaign.errors import SpecError
 
@@ -54,25 +55,46 @@ def make_certificates(folder: Path, days: int, hosts: Sequence[str] = ()) -> dic
     """
     if not 1 <= days <= LONGEST:
         raise SpecError(f"--days {days}: must be 1 to {LONGEST}; make new certificates before these expire")
-    paths = {
-        name: folder / name for name in ("ca.pem", *(f"{role}{end}" for role in ROLES for end in (".pem", ".key")))
-    }
+    now = datetime.datetime.now(datetime.UTC)
+    contents = _contents((now - _SKEW, now + datetime.timedelta(days=days)), hosts)
+    paths = {name: folder / name for name in contents}
     there = [str(path) for path in paths.values() if path.exists()]
     if there:
         raise SpecError(f"{', '.join(there)}: already exist and are never replaced; name another folder")
-    now = datetime.datetime.now(datetime.UTC)
-    valid = (now - _SKEW, now + datetime.timedelta(days=days))
-    authority = _authority(valid)
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        _write(paths["ca.pem"], authority.certificate.public_bytes(serialization.Encoding.PEM), 0o644)
-        for role in ROLES:
-            certificate, key = _signed(authority, role, hosts if role == "scheduler" else (), valid)
-            _write(paths[f"{role}.pem"], certificate, 0o644)
-            _write(paths[f"{role}.key"], key, 0o600)
+        for name, content in contents.items():
+            _write(paths[name], content, 0o600 if name.endswith(".key") else 0o644)
     except OSError as error:
         raise SpecError(f"{folder}: cannot be written ({error.strerror}); name a folder of yours") from error
     return paths
+
+
+def passing_security() -> Security:
+    """Return certificates of a new authority for one run on this machine; they are in memory only.
+
+    Their validity reaches as far back as ahead: a clock that is set right while the run lasts must not lock out the
+    worker that replaces one which died.
+    """
+    now, validity = datetime.datetime.now(datetime.UTC), datetime.timedelta(days=LONGEST)
+    contents = _contents((now - validity, now + validity), ())
+    roles = {
+        f"tls_{role}_{part}": contents[f"{role}.{end}"].decode()
+        for role in ROLES
+        for part, end in (("cert", "pem"), ("key", "key"))
+    }
+    ca = contents["ca.pem"].decode()
+    return Security(tls_ca_file=ca, require_encryption=True, **roles)  # type: ignore[no-untyped-call]
+
+
+def _contents(valid: tuple[datetime.datetime, datetime.datetime], hosts: Sequence[str]) -> dict[str, bytes]:
+    """Return the certificates of a new authority and their keys, in PEM by file name."""
+    authority = _authority(valid)
+    contents = {"ca.pem": authority.certificate.public_bytes(serialization.Encoding.PEM)}
+    for role in ROLES:
+        pair = _signed(authority, role, hosts if role == "scheduler" else (), valid)
+        contents[f"{role}.pem"], contents[f"{role}.key"] = pair
+    return contents
 
 
 def _authority(valid: tuple[datetime.datetime, datetime.datetime]) -> _Authority:

@@ -10,7 +10,7 @@ T = TypeVar("T")
 
 
 class WorkerDied(CampaignError):
-    """The process that ran a call ended before it answered."""
+    """The process that was given a call ended before it answered, or hung; the message names it."""
 
 
 class SchedulerLost(UnreachableError):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.dask_workers import connect_workers
-from campaign.cluster.workers import Workers
+from campaign.cluster.workers import WorkerDied, Workers
 from campaign.coordinator.coordinator import Coordinator
 from campaign.coordinator.heartbeat import Show
 from campaign.coordinator.lease import LeaseLost, hold_lease
@@ -23,6 +23,7 @@ from engine import simulate, warm_up
 logger = logging.getLogger(__name__)
 
 LOADS_WITHIN = 4.0  # s: an engine that takes longer is being compiled
+COMPILATIONS = 3  # attempts to load or compile the engine
 
 
 @dataclass(frozen=True)
@@ -122,12 +123,27 @@ def _ready_workers(plan: Plan, cluster: Cluster, simulated: Simulate) -> Iterato
         check_build(plan.campaign_id, plan.row_build)
     with connect_workers(cluster) as workers:
         if cluster.starts_here and simulated is simulate:
-            compiled = workers.submit("warm-up", warm_up)
-            if workers.next_finished(LOADS_WITHIN) is None:
-                logger.info("compiling the engine, which takes about a minute after each change of version")
-                workers.next_finished()
-            compiled.result()
+            _compile(workers)
         yield workers
+
+
+def _compile(workers: Workers) -> None:
+    """Have a worker compile the engine; if something ends that worker, have another do it."""
+    for attempt in range(1, COMPILATIONS + 1):
+        compiled = workers.submit("warm-up", warm_up)
+        if workers.next_finished(LOADS_WITHIN) is None:
+            logger.info("compiling the engine, which takes about a minute after each change of version")
+            workers.next_finished()
+        try:
+            compiled.result()
+            return
+        except WorkerDied as error:
+            if attempt == COMPILATIONS:
+                raise UnreachableError(
+                    f"the engine could not be loaded or compiled: given to {error}, {attempt} times in a row; look"
+                    " for what ends workers (memory?) and try with fewer, --workers N"
+                ) from error
+            logger.warning("loading the engine was given to %s; trying again", error)
 
 
 def _write_failure(store: Store, campaign_id: str, error: BaseException) -> None:
@@ -140,5 +156,6 @@ def _write_failure(store: Store, campaign_id: str, error: BaseException) -> None
     is_open = isinstance(error, SystemExit | StoreError | UnreachableError)
     state = "cancelled" if isinstance(error, Cancelled) else "failed"
     state = "interrupted" if is_open or isinstance(error, KeyboardInterrupt) else state
+    message = "" if isinstance(error, SystemExit) else str(error)  # which has a number only
     with suppress(StoreError):
-        write_state(store, campaign_id, state, str(error), is_open=is_open)
+        write_state(store, campaign_id, state, message, is_open=is_open)

@@ -3,7 +3,7 @@
 What happens when something fails:
 
 - a run fails: it becomes a row with its status, and the others go on;
-- a batch kills its worker: it is computed again with its runs in an isolated subprocess;
+- a batch kills its worker, or the worker hangs: it is computed again with its runs in an isolated subprocess;
 - a worker has another engine build: it gets no more batches, and a message names it;
 - the store fails: the batch is tried again, ever more rarely; in the end the campaign pauses with a message;
 - the scheduler is lost: connect again, survey the store, and go on.
@@ -196,9 +196,9 @@ class Coordinator:
         """Take in the batches of a finished call, or requeue them for another attempt."""
         try:
             results = future.result()
-        except WorkerDied:
+        except WorkerDied as error:
             logger.warning(
-                "%s ended its worker process; its runs are repeated in a process of their own", _text(requests)
+                "%s was given to %s; its runs are repeated in a process of their own", _text(requests), error
             )
             self.queue.requeue([_isolated(request) for request in requests])
         except WrongBuild as error:

@@ -1,12 +1,22 @@
 """Local workers: bound to loopback, single-threaded, deaf to Ctrl-C, silent, and gone at the end."""
 
+import asyncio
 import os
+import re
 import signal
+import sys
+import threading
+from contextlib import contextmanager, suppress
+from pathlib import Path
 
 import psutil
 import pytest
+from distributed.comm.core import connect as open_comm
 
-from campaign.cluster.local import local_client
+from campaign.cluster.local import interrupts_held, local_client
+from campaign.cluster.scratch import PREFIX
+from campaign.cluster.tls_certificates import passing_security
+from campaign.errors import UnreachableError
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +41,45 @@ def listening():
 def test_binds_loopback_only(client):
     """Nobody outside this machine can reach the scheduler, a worker or a dashboard."""
     assert listening() == {"127.0.0.1"}
+
+
+def test_only_scheduler_workers_and_their_nannies_listen(client):
+    """Dask's HTTP servers, which answer everybody, are closed."""
+    sockets = [s for p in processes() for s in p.net_connections(kind="all") if s.status == psutil.CONN_LISTEN]
+    ports = {s.laddr.port for s in sockets}
+    info = client.scheduler_info(n_workers=-1)
+    known = [info["address"], *info["workers"], *(worker["nanny"] for worker in info["workers"].values())]
+    assert all(address.startswith("tls://127.0.0.1:") for address in known)
+    assert ports == {int(address.rsplit(":", 1)[1]) for address in known}
+
+
+def test_nobody_without_the_certificates_of_the_run_is_heard(client):
+    """Neither in the clear nor with other certificates, by scheduler, workers and nannies."""
+    theirs = passing_security().get_connection_args("client")
+    info = client.scheduler_info(n_workers=-1)
+    known = [info["address"], *info["workers"], *(worker["nanny"] for worker in info["workers"].values())]
+    for address in known:
+        for protocol, arguments in (("tcp", {}), ("tls", theirs)):
+            other = f"{protocol}://{address.split('://')[1]}"
+            with pytest.raises(OSError):  # noqa: PT011  # each way of being refused
+                asyncio.run(open_comm(other, timeout=2, **arguments))
+
+
+def test_files_of_the_run_are_private(client):
+    """No key lies in a file, an environment or a command line; the scratch folder is the run's own."""
+    (folder,) = {os.path.dirname(os.path.dirname(path)) for path in client.run(scratch).values()}
+    assert os.path.basename(folder).startswith(PREFIX)
+    assert os.stat(folder).st_mode & 0o077 == 0
+    for process in processes():
+        for text in (*process.cmdline(), *process.environ().values()):
+            assert "PRIVATE KEY" not in text
+    keys = [path for path in Path(folder).rglob("*") if path.is_file() and "PRIVATE" in path.read_text("latin-1")]
+    assert keys == []
+
+
+def scratch(dask_worker):
+    """Return the scratch folder of a worker."""
+    return dask_worker.local_directory
 
 
 def test_single_threaded_processes(client):
@@ -73,8 +122,83 @@ def test_a_restarted_worker_is_like_the_first(client):
 
 def test_nothing_stays(capfd):
     """Workers are gone at the end, and neither they nor dask said a word."""
+    path = list(sys.path)
     with local_client(1) as client:
         (pid, _), *_ = client.run(environment).values()
         assert psutil.pid_exists(pid)
     assert not psutil.pid_exists(pid)
+    assert sys.path == path
     assert capfd.readouterr() == ("", "")
+
+
+def workers():
+    """Return the processes of workers, those that are being started too."""
+    children = set()
+    for child in psutil.Process().children():
+        with suppress(psutil.Error):
+            children |= {child} if "spawn_main" in " ".join(child.cmdline()) else set()
+    return children
+
+
+@contextmanager
+def struck(signal_number, times):
+    """Send a signal to the first workers that are started in the block, as many as said; yield those there before."""
+    over, before, hit = threading.Event(), workers(), set()
+
+    def strike():
+        while not over.wait(0.005):
+            for child in workers() - before - hit:
+                if len(hit) < times:
+                    with suppress(psutil.Error):
+                        child.send_signal(signal_number)
+                    hit.add(child)
+
+    thread = threading.Thread(target=strike)
+    thread.start()
+    try:
+        yield before
+    finally:
+        over.set()
+        thread.join()
+
+
+@pytest.mark.parametrize(("signal_number", "within"), [(signal.SIGKILL, 120.0), (signal.SIGSTOP, 8.0)])
+def test_a_worker_that_ends_or_hangs_while_it_starts(signal_number, within, monkeypatch):
+    """Workers are started once more; nothing stays of the first ones."""
+    said = []  # dask mutes the handlers of pytest
+    monkeypatch.setattr("campaign.cluster.local.logger.warning", lambda text, *values: said.append(text % values))
+    monkeypatch.setattr("campaign.cluster.local.STARTS_WITHIN", within)
+    with struck(signal_number, 1) as before:
+        with local_client(1) as client:
+            assert client.submit(sum, [1, 2]).result(timeout=60) == 3
+            assert len(workers() - before) == 1
+        assert workers() == before
+    assert ["did not start" in text for text in said] == [True]
+
+
+def test_workers_that_never_start(tmp_path, monkeypatch):
+    """A few attempts, then one message, and no process and no folder stays."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with struck(signal.SIGKILL, 99) as before:
+        with pytest.raises(UnreachableError, match=r"3 times in a row.*--workers N") as raised, local_client(2):
+            pass
+        assert raised.value.exit_code == 4
+        assert workers() == before
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_termination_waits_until_the_workers_run():
+    """SIGTERM while workers start is handled as soon as they can be stopped in order."""
+    seen = []
+    before = signal.signal(signal.SIGTERM, lambda *_: seen.append("handled"))
+    try:
+        with interrupts_held():
+            os.kill(os.getpid(), signal.SIGTERM)
+            seen.append("held")
+        assert seen == ["held", "handled"]
+        with local_client(1) as client:
+            (pid, _), *_ = client.run(environment).values()
+            masked = int(re.search(r"SigBlk:\s*(\w+)", Path(f"/proc/{pid}/status").read_text())[1], 16)
+        assert [bool(masked & 1 << (s - 1)) for s in (signal.SIGINT, signal.SIGHUP, signal.SIGTERM)] == [1, 1, 0]
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,11 @@
+"""Close the HTTP server that dask starts with each scheduler and worker: it asks nobody who they are.
+
+Dask's settings ``distributed.scheduler.preload`` and ``distributed.worker.preload`` name this module.
+"""
+
+from typing import Any
+
+
+def dask_setup(service: Any) -> None:
+    """Stop listening for HTTP; dask calls this when a scheduler or a worker starts."""
+    service.http_server.stop()
