@@ -30,12 +30,13 @@ from campaign.cli.run import run
 from campaign.cli.schema import schema_app
 from campaign.cli.simulate import simulate
 from campaign.cli.submit import submit
+from campaign.cli.termination import terminated_in_order
 
 app = typer.Typer(
     name="clearcap",
     help="From clearance to capability: what the play in a mechanism's joints does to its function.",
     epilog="Exit status: 0 done; 1 the work failed; 2 wrong input; 3 cancelled; 4 the store or cluster cannot be"
-    " reached; 130 interrupted.",
+    " reached; 130 interrupted; 143 or 129 ended by SIGTERM or SIGHUP.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     add_completion=False,
@@ -84,7 +85,8 @@ def main() -> None:
     """Run the command; an error that the user can mend is one message and an exit status, never a traceback."""
     show_logs()
     try:
-        app()
+        with terminated_in_order():
+            app()
     except Exception as error:
         code = _exit_code(error)
         if code is None:

@@ -1,7 +1,6 @@
 """``clearcap coordinate``: compute a planned campaign, or serve a store."""
 
-import signal
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -30,7 +29,6 @@ def coordinate(
     """
     from campaign.store import open_store
 
-    signal.signal(signal.SIGTERM, _terminate)
     opened = open_store(store)
     if campaign is None:
         from campaign.coordinator.service import serve
@@ -40,8 +38,3 @@ def coordinate(
             print_json({"store": opened.url, "campaigns": completed})
         return
     drive(opened, opened.plan(opened.find(campaign)), where, with_report=not no_report, as_json=json)
-
-
-def _terminate(*_: Any) -> None:
-    """Exit in order on SIGTERM; the campaign stays open for the next coordinator."""
-    raise SystemExit(143)

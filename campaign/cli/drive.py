@@ -24,7 +24,7 @@ def drive(
     Raises
     ------
     typer.Exit
-        1 if no run succeeded, or fewer than the campaign asks for; 130 on Ctrl-C.
+        1 if no run succeeded, or fewer than the campaign asks for; 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
     """
     from rich.console import Console
 
@@ -34,10 +34,10 @@ def drive(
     try:
         with nullcontext(lambda _: None) if quiet else display(Console(stderr=True)) as show:
             outcome = coordinate(store, plan, cluster, show)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemExit) as ending:
         command = shlex.join(["clearcap", "resume", plan.campaign_id, "--store", store.url, *options_of(cluster)])
         say(f"interrupted; the finished rows are kept in {store.url}. Continue with:\n  {command}")
-        raise typer.Exit(130) from None
+        raise typer.Exit(130 if isinstance(ending, KeyboardInterrupt) else int(str(ending.code))) from None
     finish(store, outcome, with_report=with_report, as_json=as_json)
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from campaign.coordinator.heartbeat import Heartbeat, Show
 
 LINE_EVERY = 10.0  # s, between two lines where there is no terminal
+IDLE_AFTER = 30.0  # s: a batch takes about ten
 BAR = 40  # characters
 
 
@@ -56,7 +57,8 @@ def line(heartbeat: "Heartbeat") -> str:
     head = f"{heartbeat.done}/{heartbeat.samples} runs, {heartbeat.failed} failed"
     if heartbeat.state != "running":
         return f"{head}, {heartbeat.state}"
-    return f"{head}, {heartbeat.rate:.1f} runs/s, ETA {eta(heartbeat.eta_s)}, {_workers(heartbeat.workers)}"
+    idle = f", nothing finished for {heartbeat.idle_s:.0f} s" if heartbeat.idle_s > IDLE_AFTER else ""
+    return f"{head}, {heartbeat.rate:.1f} runs/s, ETA {eta(heartbeat.eta_s)}, {_workers(heartbeat.workers)}{idle}"
 
 
 def view(heartbeat: "Heartbeat") -> RenderableType:

@@ -35,6 +35,8 @@ class Heartbeat:
         Remaining time at that rate [s]; None while the rate is unknown.
     workers : int
         Number of workers.
+    idle_s : float
+        Time since the last batch was completed, or since the start [s].
     responses : dict
         By name: ``n``, ``mean``, ``std`` and ``cpk`` of the stored rows.
     token : str
@@ -60,6 +62,7 @@ class Heartbeat:
     rate: float
     eta_s: float | None
     workers: int
+    idle_s: float = 0.0
     responses: dict[str, dict[str, float | None]] = field(default_factory=dict)
     token: str = ""
     pid: int = 0
@@ -165,6 +168,7 @@ class Progress:
             rate=rate,
             eta_s=left / rate if rate else None,
             workers=self.workers,
+            idle_s=time.monotonic() - self._times[-1][0],
             responses={name: self._response(name, m) for name, m in self.moments.items()},
             time=time.time(),
             **of_coordinator,

@@ -1,0 +1,95 @@
+"""SIGTERM and the hangup of a terminal end the command in order, with a status of their own."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+
+from campaign.cli.termination import terminated_in_order
+from campaign.store import open_store
+from campaign.store.layout import LEASE
+from tests.campaign.commands import ROOT, clearcap
+
+WITHIN = 120.0  # s
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_unwinds_with_the_status_of_the_signal(number, status):
+    """What the block has to give back it gives back, and a second signal does not disturb it."""
+    given_back = []
+
+    def work():
+        try:
+            os.kill(os.getpid(), number)
+            time.sleep(5.0)
+        finally:
+            os.kill(os.getpid(), number)
+            given_back.append(True)
+
+    before = [signal.getsignal(n) for n in (signal.SIGTERM, signal.SIGHUP)]
+    with pytest.raises(SystemExit) as ending, terminated_in_order():
+        work()
+    assert (ending.value.code, given_back) == (status, [True])
+    assert [signal.getsignal(n) for n in (signal.SIGTERM, signal.SIGHUP)] == before
+
+
+def test_an_ignored_hangup_stays_ignored():
+    """So that ``nohup clearcap run`` outlives its terminal."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with terminated_in_order():
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_run_ends_in_order_and_goes_on(tmp_path, campaign_file, number, status):
+    """No lease, no process and no temporary file stays; the message says how to continue, and that completes it."""
+    temporary = tmp_path / "tmp"
+    temporary.mkdir()
+    words = ["run", str(campaign_file), "--store", "runs", "--workers", "1", "--batch-size", "1", "--no-report"]
+    running = subprocess.Popen(
+        [sys.executable, "-m", "campaign", *words],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(temporary)},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        wait(lambda: list(tmp_path.glob("runs/*/parts/*.parquet")) or running.poll() is not None)
+        others = psutil.Process(running.pid).children(recursive=True)
+        assert others
+        os.killpg(running.pid, number) if number == signal.SIGHUP else running.send_signal(number)
+        _, said = running.communicate(timeout=WITHIN)
+    finally:
+        running.kill()
+        running.wait()
+    assert running.returncode == status
+    assert "Traceback" not in said
+    assert re.search(r"Continue with:\n  clearcap resume \S+ --store \S+", said)
+    assert psutil.wait_procs(others, timeout=20.0)[1] == []
+    assert list(temporary.iterdir()) == []
+    store = open_store(str(tmp_path / "runs"))
+    (campaign_id,) = store.campaigns()
+    assert store.read_json(campaign_id, LEASE) is None
+    assert store.read_json(campaign_id, "state.json")["state"] == "interrupted"
+    assert store.survey(store.plan(campaign_id)).missing
+    again = clearcap("resume", "--store", "runs", "--no-report", cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert store.survey(store.plan(campaign_id), verify=True).missing == []
+
+
+def wait(until):
+    end = time.monotonic() + WITHIN
+    while not until():
+        assert time.monotonic() < end
+        time.sleep(0.05)
