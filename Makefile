@@ -2,22 +2,33 @@
 PYTHON ?= python3
 VENV   ?= .venv
 BIN    := $(VENV)/bin
+TOOLS  := build/tools/bin
+LOCK   := deploy/requirements.lock
+EXTRAS := excel jobqueue kubernetes pdf s3 tls
 PARALLEL := --numprocesses auto --dist loadfile --no-loadscope-reorder
 export MPLBACKEND := Agg
 
 .DEFAULT_GOAL := help
-.PHONY: help run test prove storms lint bench clean
+.PHONY: help run test prove storms lint audit lock bench clean
 
 help: ## show these verbs
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1|\2/' | column -t -s '|'
 
-$(BIN)/clearcap: pyproject.toml
+# The versions of the lock file, which CI has tested: a new release of a library cannot break these two verbs.
+$(BIN)/clearcap: pyproject.toml $(LOCK)
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --editable '.[excel]'
+	grep -E '^[a-z0-9]' $(LOCK) | sed 's/ *\\$$//' > $(VENV)/versions.txt
+	$(BIN)/pip install --quiet --constraint $(VENV)/versions.txt --editable '.[excel]'
 	@touch $@
 
 $(VENV)/.dev: $(BIN)/clearcap
-	$(BIN)/pip install --quiet --editable '.[dev]'
+	$(BIN)/pip install --quiet --constraint $(VENV)/versions.txt --editable '.[dev]'
+	@touch $@
+
+# They are no part of the environment: what they need must not change what clearcap runs with.
+$(TOOLS)/uv:
+	$(PYTHON) -m venv build/tools
+	$(TOOLS)/pip install --quiet uv pip-audit cyclonedx-bom
 	@touch $@
 
 run: $(BIN)/clearcap ## install, simulate 500 C-60 circuit breakers on this machine's cores, write the capability report
@@ -38,6 +49,15 @@ lint: $(VENV)/.dev ## style, types, import contracts
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+audit: $(TOOLS)/uv ## the locked packages: installable with these hashes, without known faults; their list in build/sbom.json
+	$(TOOLS)/uv pip install --quiet --dry-run --python $(TOOLS)/python --require-hashes --requirement $(LOCK)
+	$(TOOLS)/cyclonedx-py requirements $(LOCK) --pyproject pyproject.toml --output-reproducible --output-file build/sbom.json
+	$(TOOLS)/python deploy/audit.py
+
+lock: $(TOOLS)/uv ## lock the newest versions of all packages that a cluster needs, with their hashes
+	$(TOOLS)/uv pip compile --quiet --upgrade --universal --python-version 3.11 --generate-hashes \
+		$(EXTRAS:%=--extra %) --custom-compile-command 'make lock' --output-file $(LOCK) pyproject.toml deploy/requirements.in
 
 bench: $(VENV)/.dev ## measure: microseconds per step, friction solver, campaign efficiency
 	$(BIN)/python -m benchmarks

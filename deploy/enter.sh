@@ -1,7 +1,10 @@
 #!/bin/sh
-# Copy the compiled engine from the image to a writable folder: Numba reads a cache only if it can write to it.
+# Copy the compiled engine from the image to a folder of this container's user alone: Numba reads compiled code only
+# where it can write, and clearcap only where nobody else can.
 set -eu
+umask 077
+mkdir -p "$NUMBA_CACHE_DIR"
 if [ -z "$(ls -A "$NUMBA_CACHE_DIR")" ]; then
-    cp -R --preserve=mode,timestamps /opt/clearcap/compiled/. "$NUMBA_CACHE_DIR"
+    cp -R --preserve=timestamps /opt/clearcap/compiled/. "$NUMBA_CACHE_DIR"
 fi
 exec "$@"

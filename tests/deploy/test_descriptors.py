@@ -117,18 +117,28 @@ def unknown(settings, defaults, path=()):
 @needs("docker-compose", "docker-compose")
 def test_compose():
     """docker-compose reads compose.yaml; nothing is published, and each role has its own certificate only."""
-    printed = output("docker-compose", "-f", DEPLOY / "compose.yaml", "--project-directory", ROOT, "config")
-    services = yaml.safe_load(printed)["services"]
+    command = ("docker-compose", "-f", DEPLOY / "compose.yaml", "--project-directory", ROOT, "config")
+    settings = yaml.safe_load(output(*command, env=os.environ | {"CLEARCAP_MEMORY": "2g"}))
+    services = settings["services"]
     assert set(services) == {"scheduler", "worker", "coordinator"}
+    assert settings["networks"] == {"inside": {"internal": True}}
     for name, service in services.items():
         assert service["restart"] == "always"
         assert service["read_only"]
         assert "ports" not in service
+        assert service["security_opt"] == ["no-new-privileges:true"]
+        assert service["cap_drop"] == ["ALL"]
+        assert service["mem_limit"]
+        assert service["pids_limit"] <= 4096
+        assert "cpus" in service
+        assert list(service["networks"]) == ["inside"]
         files = {volume.split(":")[1] for volume in service["volumes"] if "/tls/" in volume}
         expected = ("ca.pem", f"{ROLES[name]}.pem", f"{ROLES[name]}.key")
         assert files == {f"/etc/clearcap/tls/{file}" for file in expected}
         if name != "coordinator":
             check_dask(service["command"])
+    with pytest.raises(AssertionError, match="how much memory"):
+        output(*command, env={k: v for k, v in os.environ.items() if k != "CLEARCAP_MEMORY"})
 
 
 def test_dockerfile():
@@ -140,6 +150,34 @@ def test_dockerfile():
     assert len(sources) >= 6
     assert all((ROOT / source).exists() for source in sources)
     assert "\nUSER 10001\n" in text
+    assert set(re.findall(r"^FROM (\S+)", text, re.M)) == {"${BASE}"}
+    assert 'RUN ./has_digest.sh "$BASE"' in text
+
+
+DIGEST = f"sha256:{'0123456789abcdef' * 4}"
+
+
+@pytest.mark.parametrize("image", [f"clearcap@{DIGEST}", f"registry.example:5000/a/clear-cap_1@{DIGEST}"])
+def test_an_image_by_digest(image):
+    """It is put into every manifest that has an image."""
+    manifests = [path for path in sorted((DEPLOY / "kubernetes").glob("*.yaml")) if "image:" in path.read_text()]
+    assert len(manifests) == 3
+    printed = output(DEPLOY / "kubernetes/with_image.sh", image, *manifests)
+    assert "DIGEST" not in printed
+    found = [pod["containers"][0]["image"] for document in yaml.safe_load_all(printed) for _, pod in pods_in(document)]
+    assert found == [image] * len(list(pods()))
+
+
+@pytest.mark.parametrize(
+    "image",
+    ["", "clearcap", "clearcap:1.0", "clearcap@sha256:12", f"a|b@{DIGEST}", f"x@{DIGEST}\ny", f"y\nx@{DIGEST}"],
+)
+def test_an_image_without_digest(image):
+    """It is refused, by its name, for the image's base and for manifests; so is what could change the command."""
+    for command in ([DEPLOY / "has_digest.sh", image], [DEPLOY / "kubernetes/with_image.sh", image]):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stdout) == (2, "")
+        assert done.stderr == f"{image}: not an image with its digest, such as registry.example/name@sha256:...\n"
 
 
 # ---- Kubernetes ------------------------------------------------------------------------------------------------------
@@ -198,10 +236,13 @@ def test_pods():
     for name, pod in pods():
         seen.add(name)
         assert pod["securityContext"]["runAsNonRoot"]
+        assert pod["automountServiceAccountToken"] is False
         for container in pod["containers"]:
             assert container["securityContext"]["readOnlyRootFilesystem"]
             assert not container["securityContext"]["allowPrivilegeEscalation"]
             assert container["securityContext"]["capabilities"]["drop"] == ["ALL"]
+            assert container["image"] == "clearcap@DIGEST"
+            assert container["resources"]["limits"]["memory"]
             assert {m["name"] for m in container["volumeMounts"]} == {v["name"] for v in pod["volumes"]}
         secrets = [volume["secret"]["secretName"] for volume in pod["volumes"] if "secret" in volume]
         assert secrets == [f"clearcap-tls-{ROLES[name]}"]
@@ -237,9 +278,16 @@ def test_systemd(tmp_path):
     units = sorted(tmp_path.glob("*.service"))
     assert len(units) == 3
     output("systemd-analyze", "verify", "--man=no", *units)
+    scores = re.findall(r"exposure level for (\S+): ([\d.]+)", output(*security(units)))
+    assert [name for name, score in scores if float(score) < 2.5] == [unit.name.replace("@", "@i") for unit in units]
     units[0].write_text(units[0].read_text().replace("Restart=always", "Restart=forever"))
     with pytest.raises(AssertionError, match="restart specifier"):
         output("systemd-analyze", "verify", "--man=no", units[0])
+
+
+def security(units):
+    """Return the command that says how much of the machine units can reach, from 0 to 10."""
+    return ("systemd-analyze", "security", "--offline=true", "--no-pager", *units)
 
 
 @pytest.mark.parametrize("name", ["clearcap-scheduler", "clearcap-worker@", "clearcap-coordinator"])
@@ -247,6 +295,9 @@ def test_units(name):
     """Each is started again whatever its exit status, and the commands of dask are right."""
     text = (DEPLOY / f"systemd/{name}.service").read_text()
     assert "\nRestart=always\n" in text
+    assert re.search(r"^MemoryMax=\d+[G%]$", text, re.M)
+    assert re.search(r"^TasksMax=\d+$", text, re.M)
+    assert ("NUMBA_CACHE_DIR=" in text) == ("\nCacheDirectory=clearcap\nCacheDirectoryMode=0700\n" in text)
     words = shlex.split(re.search(r"^ExecStart=/opt/clearcap/bin/(.*)", text, re.M)[1])
     if words[0] == "dask":
         check_dask(words)
@@ -254,7 +305,7 @@ def test_units(name):
 
 # ---- batch systems ---------------------------------------------------------------------------------------------------
 
-SCRIPTS = [DEPLOY / "enter.sh", *sorted((DEPLOY / "batch").iterdir())]
+SCRIPTS = [*sorted((DEPLOY / "batch").iterdir()), *sorted(DEPLOY.glob("*.sh")), *sorted(DEPLOY.glob("kubernetes/*.sh"))]
 OAR_OPTIONS = {
     "-n": str,
     "-l": str,

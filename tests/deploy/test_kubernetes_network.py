@@ -1,0 +1,105 @@
+"""Which pods reach what, as Kubernetes reads the network policies of deploy/kubernetes."""
+
+from ipaddress import ip_address, ip_network
+from pathlib import Path
+
+import pytest
+import yaml
+from dask_kubernetes.operator.controller import controller
+
+KUBERNETES = Path(__file__).parents[2] / "deploy/kubernetes"
+
+
+def labels(build, *before):
+    """Return the labels that the operator gives a pod of a cluster called clearcap."""
+    made = build(*before, {}, {})
+    return made["spec"].get("template", made)["metadata"]["labels"]
+
+
+COORDINATOR = yaml.safe_load((KUBERNETES / "coordinator.yaml").read_text())
+POD = {"containers": [{"name": "", "env": []}]}
+PODS = {
+    "scheduler": labels(controller.build_scheduler_deployment_spec, "clearcap", POD),
+    "worker": labels(controller.build_worker_deployment_spec, "default", "ns", "clearcap", "1", POD),
+    "job-runner": labels(controller.build_job_pod_spec, "clearcap", "clearcap", "ns", POD),
+    "coordinator": COORDINATOR["spec"]["template"]["metadata"]["labels"],
+    "stranger": {"app": "other"},
+}
+NAMES = {"kubernetes.io/metadata.name": "kube-system"}, {"k8s-app": "kube-dns"}
+
+
+def policies(*names):
+    """Return the policies of files."""
+    return [policy for name in names for policy in yaml.safe_load_all((KUBERNETES / name).read_text())]
+
+
+def selected(selector, labels):
+    """Tell whether a selector takes what has these labels."""
+    wanted = all(labels.get(key) == value for key, value in selector.get("matchLabels", {}).items())
+    for rule in selector.get("matchExpressions", []):
+        assert rule["operator"] == "NotIn"
+        wanted &= labels.get(rule["key"]) not in rule["values"]
+    return wanted
+
+
+def peer(rule, other):
+    """Tell whether one end of a rule is a pod (its labels, or those of its namespace and its own) or an address."""
+    if isinstance(other, str):
+        block = rule.get("ipBlock")
+        return (
+            bool(block)
+            and ip_address(other) in ip_network(block["cidr"])
+            and not any(ip_address(other) in ip_network(each) for each in block.get("except", []))
+        )
+    namespace, labels = other if isinstance(other, tuple) else ({}, other)
+    if "ipBlock" in rule or bool(namespace) != ("namespaceSelector" in rule):
+        return False
+    return selected(rule.get("namespaceSelector", {}), namespace) and selected(rule.get("podSelector", {}), labels)
+
+
+def lets(policies, way, pod, other, port):
+    """Tell whether the policies of a pod let traffic pass one way, Ingress or Egress."""
+    ours = [p["spec"] for p in policies if way in p["spec"]["policyTypes"] and selected(p["spec"]["podSelector"], pod)]
+    key, ends = way.lower(), {"Ingress": "from", "Egress": "to"}[way]
+    return not ours or any(
+        any(peer(each, other) for each in rule[ends])
+        and ("ports" not in rule or port in [(each["protocol"], each["port"]) for each in rule["ports"]])
+        for spec in ours
+        for rule in spec.get(key, [])
+    )
+
+
+def connects(found, source, target, port):
+    """Tell whether a pod reaches another one, or an address."""
+    other = PODS.get(target, target)
+    out = lets(found, "Egress", PODS[source], other, port)
+    return out and (target not in PODS or lets(found, "Ingress", other, PODS[source], port))
+
+
+def test_who_reaches_whom():
+    """The coordinator reaches the scheduler's port; the pods of the cluster each other; nobody else anything."""
+    found = policies("network.yaml")
+    cluster = {"scheduler", "worker", "job-runner"}
+    for port in (8786, 40000):
+        reached = {(a, b) for a in PODS for b in PODS if connects(found, a, b, ("TCP", port))}
+        expected = {(a, b) for a in cluster for b in cluster}
+        assert reached == expected | ({("coordinator", "scheduler")} if port == 8786 else set())
+
+
+@pytest.mark.parametrize("pod", PODS)
+def test_what_is_outside(pod):
+    """Every pod may look up names, and reaches neither the internet nor the API server nor the clouds' metadata."""
+    found = policies("network.yaml")
+    assert lets(found, "Egress", PODS[pod], NAMES, ("UDP", 53))
+    assert not lets(found, "Egress", PODS[pod], NAMES, ("TCP", 443))
+    for address in ("93.184.216.34", "10.96.0.1", "169.254.169.254"):
+        assert not connects(found, pod, address, ("TCP", 443))
+
+
+def test_a_store_behind_a_url():
+    """With network-url.yaml all but the scheduler reach TLS servers, but neither clouds' metadata nor other ports."""
+    found = policies("network.yaml", "network-url.yaml")
+    for pod in PODS:
+        assert connects(found, pod, "93.184.216.34", ("TCP", 443)) == (pod != "scheduler")
+        assert not connects(found, pod, "93.184.216.34", ("TCP", 80))
+        assert not connects(found, pod, "169.254.169.254", ("TCP", 443))
