@@ -60,12 +60,12 @@ def read_regular_file(path: str | Path, at_most: int, *, follow_link: bool = Tru
             kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
             raise UnfitFile(errno.EINVAL, f"is {kind}, not a regular file", str(path))
         if status.st_size > at_most:
-            raise UnfitFile(errno.EFBIG, f"{status.st_size} bytes; allowed: up to {at_most}", str(path))
+            raise UnfitFile(errno.EFBIG, f"has {status.st_size} bytes; allowed: up to {at_most}", str(path))
         content = bytearray()
         while chunk := os.read(descriptor, _CHUNK):
             content += chunk
             if len(content) > at_most:
-                raise UnfitFile(errno.EFBIG, f"more than {at_most} bytes; allowed: up to {at_most}", str(path))
+                raise UnfitFile(errno.EFBIG, f"has more than {at_most} bytes; allowed: up to {at_most}", str(path))
         return bytes(content)
     finally:
         os.close(descriptor)

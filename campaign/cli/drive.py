@@ -140,7 +140,9 @@ def plan_campaign(
 
     opened = open_store(url)
     if not opened.files.shared:
-        raise SpecError(f"store {url}: the workers cannot reach the memory of this process; name a folder or a URL")
+        raise SpecError(
+            f"store {opened.url}: the workers cannot reach the memory of this process; name a folder or a URL"
+        )
     loaded = load_campaign(campaign, samples=samples, seed=seed)
     opened.files.check_writable()
     return opened, submit(opened, loaded, batch_size)

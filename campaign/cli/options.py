@@ -8,12 +8,39 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from campaign.cli.output import say
+from campaign.environment import STORE
+
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
 
 CampaignId = Annotated[str, typer.Argument(help="Id of the campaign.")]
 Id = Annotated[str | None, typer.Argument(help="Id of the campaign; not needed if it is the only one.")]
-StoreUrl = Annotated[str, typer.Option("--store", help="Folder or URL where the results are kept.")]
+
+
+def _warn_of_secret(context: typer.Context, url: str) -> str:
+    """Say, once, that other users of the machine see a password on the command line, and where to put it instead."""
+    from campaign.store.files.private_url import PrivateUrl
+
+    source = context.get_parameter_source("store")
+    if PrivateUrl(url).has_secrets and source is not None and source.name == "COMMANDLINE":
+        say(
+            f"warning: --store {PrivateUrl(url)}: any user of this machine can read the password in the list of"
+            f" processes; put the URL into the environment variable {STORE}, or the password into fsspec's"
+            " configuration (docs/campaign.md)"
+        )
+    return url
+
+
+StoreUrl = Annotated[
+    str,
+    typer.Option(
+        "--store",
+        envvar=STORE,
+        help="Folder or URL where the results are kept.",
+        callback=_warn_of_secret,
+    ),
+]
 
 Campaign = Annotated[str, typer.Argument(help="A shipped campaign (c60) or a campaign file.")]
 Samples = Annotated[int | None, typer.Option(help="Number of samples, in place of the file's.")]

@@ -30,5 +30,5 @@ def run(
 
     opened, plan = plan_campaign(campaign, store, samples, seed, batch_size)
     opened.remove(plan.campaign_id, CANCEL)
-    say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {store}")
+    say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {opened.url}")
     drive(opened, plan, where, with_report=not no_report, as_json=json)

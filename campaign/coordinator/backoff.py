@@ -2,7 +2,7 @@
 
 import time
 
-TRIES = 10  # attempts in a row at a batch and at the store
+TRIES = 10  # attempts in a row at a batch
 PAUSES = (0.5, 15.0)  # s, the first and the longest; each is twice as long as the one before
 
 

@@ -158,4 +158,4 @@ def _write_failure(store: Store, campaign_id: str, error: BaseException) -> None
     state = "interrupted" if is_open or isinstance(error, KeyboardInterrupt) else state
     message = "" if isinstance(error, SystemExit) else str(error)  # which has a number only
     with suppress(StoreError):
-        write_state(store, campaign_id, state, message, is_open=is_open)
+        write_state(store.hasty, campaign_id, state, message, is_open=is_open)

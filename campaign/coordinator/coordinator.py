@@ -5,7 +5,8 @@ What happens when something fails:
 - a run fails: it becomes a row with its status, and the others go on;
 - a batch kills its worker, or the worker hangs: it is computed again with its runs in an isolated subprocess;
 - a worker has another engine build: it gets no more batches, and a message names it;
-- the store fails: the batch is tried again, ever more rarely; in the end the campaign pauses with a message;
+- the store fails: whoever needs it tries again for minutes, and batches go on as far as they can; in the end the
+  campaign pauses with a message;
 - the scheduler is lost: connect again, survey the store, and go on.
 """
 
@@ -21,12 +22,13 @@ from campaign.cluster.workers import SchedulerLost, WorkerDied, Workers
 from campaign.coordinator.backoff import TRIES, Backoff
 from campaign.coordinator.dispatch import Window
 from campaign.coordinator.heartbeat import Progress, Show
-from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseLost, lease_holder
+from campaign.coordinator.lease import HEARTBEAT_INTERVAL, check_lease
 from campaign.coordinator.stopping_rule import Checkpoints
 from campaign.coordinator.work_queue import WorkQueue
 from campaign.errors import CampaignError, StoreError, UnreachableError
 from campaign.plan import Plan
 from campaign.store import Store, Survey
+from campaign.store.files.patience import Outage
 from campaign.store.layout import CANCEL, HEARTBEAT, PARTS
 from campaign.worker.messages import (
     BatchRequest,
@@ -43,6 +45,7 @@ logger = logging.getLogger(__name__)
 
 RECONNECTS_FOR = 600.0  # s after a scheduler was lost
 RECORD_INTERVAL = 30.0  # s between two manifests, which only save time
+STORE_TRIES = 3  # workers in a row for which the store fails, each after it has tried for minutes
 
 Connect = Callable[[], AbstractContextManager[Workers]]
 
@@ -87,7 +90,8 @@ class Coordinator:
         self.checkpoints = Checkpoints(store, plan)
         self._token = token
         self._heartbeats = 0
-        self._store_failures = Backoff()
+        self._outage = Outage(store.url, store.files.patience)
+        self._store_failures = 0  # of workers, in a row
         self._recorded_at = 0.0
 
     def run(self, connect: Connect) -> None:
@@ -115,6 +119,7 @@ class Coordinator:
                 f"store {self.store.url}: part files were damaged after they had been written, {TRIES} times in a row;"
                 " check the disk"
             )
+        check_lease(self.store, self.plan.campaign_id, self._token)
         self.store.record(self.plan, self.queue.parts.values())
         self.store.files.sweep(f"{self.plan.campaign_id}/{PARTS}")
 
@@ -148,12 +153,12 @@ class Coordinator:
         finally:
             workers.cancel()
 
-    def publish_heartbeat(self, state: str) -> None:
-        """Write the progress of the campaign into the store, and show it."""
+    def publish_heartbeat(self, state: str, store: Store | None = None) -> None:
+        """Show the progress of the campaign, and write it into the store."""
         self._heartbeats += 1
         heartbeat = self.progress.heartbeat(state, token=self._token, beat=self._heartbeats, pid=os.getpid())
-        self.store.write_json(self.plan.campaign_id, HEARTBEAT, heartbeat.to_json())
         self.show(heartbeat)
+        (store or self.store).write_json(self.plan.campaign_id, HEARTBEAT, heartbeat.to_json())
 
     def _compute_through_losses(self, connect: Connect) -> None:
         """Connect and compute; connect again when the scheduler is lost."""
@@ -180,17 +185,30 @@ class Coordinator:
                 self._rescan()
 
     def _check(self, window: Window) -> None:
-        """Check workers, cancellation and lease, record the manifest and publish a heartbeat; every two seconds."""
+        """Check workers and store every two seconds.
+
+        A store that fails is not waited for here, so that batches go on meanwhile; the next check tries again.
+        """
         self.progress.workers = window.count_workers()
+        try:
+            self._check_store(self.store.hasty)
+        except StoreError as error:
+            if self._outage.too_long:
+                raise
+            self._outage.begin(error)
+        else:
+            self._outage.end()
+
+    def _check_store(self, store: Store) -> None:
+        """Check cancellation and lease, publish a heartbeat, and record the manifest."""
         campaign_id = self.plan.campaign_id
-        if self.store.files.exists(f"{campaign_id}/{CANCEL}"):
+        if store.files.exists(f"{campaign_id}/{CANCEL}"):
             raise Cancelled(f"campaign {campaign_id} is cancelled; clearcap resume {campaign_id} continues it")
-        if lease_holder(self.store, campaign_id) not in (self._token, None):
-            raise LeaseLost(f"campaign {campaign_id} was taken over by another process")
+        check_lease(store, campaign_id, self._token)
+        self.publish_heartbeat("running", store)
         if time.monotonic() - self._recorded_at > RECORD_INTERVAL:
-            self.store.record(self.plan, self.queue.parts.values())
+            store.record(self.plan, self.queue.parts.values())
             self._recorded_at = time.monotonic()
-        self.publish_heartbeat("running")
 
     def _handle_result(self, window: Window, requests: list[BatchRequest], future: Future[list[BatchResult]]) -> None:
         """Take in the batches of a finished call, or requeue them for another attempt."""
@@ -207,7 +225,11 @@ class Coordinator:
         except Cancelled:
             self.queue.requeue(requests)  # the next check finds the marker and ends the campaign
         except (StoreError, OSError) as error:
-            self._handle_store_failure(requests, error)
+            self.queue.requeue(requests)
+            self._store_failures += 1
+            if self._store_failures >= STORE_TRIES:
+                raise StoreError(f"{_text(requests)}: {error}") from error
+            logger.warning("%s is computed again, because its worker gave up: %s", _text(requests), error)
         except Exception as error:
             raise CampaignError(f"{_text(requests)} cannot be computed: {type(error).__name__}: {error}") from error
         else:
@@ -215,7 +237,7 @@ class Coordinator:
 
     def _take_in(self, window: Window, results: list[BatchResult]) -> None:
         """Count batches whose rows are in the store."""
-        self._store_failures.reset()
+        self._store_failures = 0
         for result in results:
             self.queue.complete(result.part)
             self.progress.add(result)
@@ -226,16 +248,6 @@ class Coordinator:
                 f"{self.progress.failed} of {self.progress.done} runs failed, and failures.max_failed allows {most:g};"
                 " look at their messages with clearcap status, remove the cause, or raise the limit"
             )
-
-    def _handle_store_failure(self, requests: list[BatchRequest], error: Exception) -> None:
-        """Requeue batches that the store refused and wait; after too many failures in a row raise the store's error."""
-        self.queue.requeue(requests)
-        self._store_failures.fail()
-        if self._store_failures.failures >= TRIES:
-            raise error if isinstance(error, StoreError) else StoreError(f"{_text(requests)}: {error}") from error
-        if self._store_failures.failures == 1:
-            logger.warning("%s; trying again", error)
-        self._store_failures.wait()
 
     def _stop_at_checkpoint(self) -> bool:
         """Ask the stopping rule, if a checkpoint is completed; return whether the campaign ends there."""

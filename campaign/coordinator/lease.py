@@ -10,7 +10,7 @@ import secrets
 import socket
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -43,12 +43,17 @@ def hold_lease(store: Store, campaign_id: str) -> Iterator[str]:
     token = take_lease(store, campaign_id)
     try:
         yield token
-    finally:
-        try:
-            if lease_holder(store, campaign_id) == token:
-                store.remove(campaign_id, LEASE)
-        except StoreError:
-            pass  # a lease that stays becomes stale when this process ends
+    except BaseException:
+        _give_back(store.hasty, campaign_id, token)  # what ends the block must not wait for a store that is away
+        raise
+    _give_back(store, campaign_id, token)
+
+
+def _give_back(store: Store, campaign_id: str, token: str) -> None:
+    """Remove the lease, if it is still ours; one that stays becomes stale when this process ends."""
+    with suppress(StoreError):
+        if lease_holder(store, campaign_id) == token:
+            store.remove(campaign_id, LEASE)
 
 
 def take_lease(store: Store, campaign_id: str) -> str:
@@ -73,6 +78,12 @@ def lease_holder(store: Store, campaign_id: str) -> str | None:
     """Return the token of the lease; None if there is no lease."""
     lease = store.read_json(campaign_id, LEASE)
     return None if lease is None else str(lease.get("token"))
+
+
+def check_lease(store: Store, campaign_id: str, token: str) -> None:
+    """Raise `LeaseLost` if another process holds the lease by now, such as after an outage of the store."""
+    if lease_holder(store, campaign_id) not in (token, None):
+        raise LeaseLost(f"campaign {campaign_id} was taken over by another process")
 
 
 def is_alive(store: Store, folder: str, lease: dict[str, Any], heartbeat: str = HEARTBEAT) -> bool:

@@ -16,6 +16,7 @@ from campaign.errors import StoreError
 from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan
 from campaign.store import Store
+from campaign.store.files.files import LARGEST
 from campaign.store.layout import PLAN
 
 logger = logging.getLogger(__name__)
@@ -43,7 +44,7 @@ def _plans_with_same_rows(store: Store, plan: Plan) -> Iterator[Plan]:
     required = _what_rows_depend_on(json.loads(plan.to_json()))
     for campaign_id in store.campaigns():
         try:
-            content = store.read_json(campaign_id, PLAN) or {}
+            content = store.read_json(campaign_id, PLAN, LARGEST) or {}
             if campaign_id != plan.campaign_id and _what_rows_depend_on(content) == required:
                 yield store.plan(campaign_id)
         except StoreError:

@@ -13,6 +13,7 @@ from campaign.coordinator.state import close_campaign, state_of
 from campaign.errors import CampaignError, StoreError
 from campaign.plan import Plan
 from campaign.store import Store
+from campaign.store.files.patience import Outage
 from campaign.store.layout import HEARTBEAT, SERVICE
 
 logger = logging.getLogger(__name__)
@@ -97,16 +98,17 @@ def _report(store: Store, plan: Plan) -> None:
 @contextmanager
 def _service_heartbeats(store: Store) -> Iterator[None]:
     """Write a heartbeat of the service every two seconds while the block runs."""
-    over = threading.Event()
+    over, hasty, outage = threading.Event(), store.hasty, Outage(store.url, store.files.patience)
 
     def write_heartbeats() -> None:
         count = 0
         while not over.is_set():
             count += 1
             try:
-                store.write_json(SERVICE, HEARTBEAT, {"beat": count, "time": time.time()})
+                hasty.write_json(SERVICE, HEARTBEAT, {"beat": count, "time": time.time()})
+                outage.end()
             except StoreError as error:
-                logger.warning("%s", error)
+                outage.begin(error)
             over.wait(HEARTBEAT_INTERVAL)
 
     thread = threading.Thread(target=write_heartbeats, name="service", daemon=True)

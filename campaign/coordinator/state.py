@@ -7,6 +7,7 @@ from campaign.coordinator.lease import is_coordinated, this_process
 from campaign.store import Store
 from campaign.store.layout import STATE
 
+LATEST = 32_503_680_000.0  # s since 1970: the year 3000
 STATES = ("queued", "running", "completed", "cancelled", "failed", "interrupted")
 
 
@@ -37,6 +38,12 @@ def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
     return {
         "state": "interrupted" if orphaned else state,
         "message": str(content.get("message", "")),
-        "since": content.get("since"),
+        "since": _date(content.get("since")),
         "open": orphaned or state == "queued" or content.get("open") is True,
     }
+
+
+def _date(since: Any) -> float | None:
+    """Return when a state began [s since 1970]; None if the file holds no such number of this millennium."""
+    is_number = isinstance(since, int | float) and not isinstance(since, bool)
+    return float(since) if is_number and 0.0 <= since < LATEST else None

@@ -12,6 +12,7 @@ from campaign.coordinator.lease import is_alive, is_coordinated
 from campaign.coordinator.reuse import reuse_rows
 from campaign.coordinator.run_time import seconds_per_run
 from campaign.coordinator.state import state_of, write_state
+from campaign.environment import STORE
 from campaign.plan import Plan, batch_size_is_fixed, make_plan
 from campaign.spec.load import Campaign
 from campaign.store import Store
@@ -144,7 +145,7 @@ def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int
     """
     folder = Path(store.files.path(plan.campaign_id)) if store.files.local else Path.cwd()
     log = folder / (LOG if store.files.local else f"{plan.campaign_id}.log")
-    words = [sys.executable, "-m", "campaign", "coordinate", plan.campaign_id, "--store", store.files.root, *options]
+    words = [sys.executable, "-m", "campaign", "coordinate", plan.campaign_id, *options]
     with log.open("ab") as file:
         process = subprocess.Popen(
             words,
@@ -152,7 +153,11 @@ def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int
             stdout=file,
             stderr=file,
             cwd="/",
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            env={
+                **os.environ,
+                "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+                STORE: store.files.full_url,  # where other users do not see its password
+            },
             start_new_session=True,  # neither Ctrl-C nor the end of the terminal reaches it
         )
     return process.pid, str(log)

@@ -9,6 +9,7 @@ from campaign.errors import SpecError, StoreError
 from campaign.plan_header import PlanHeader, parse_plan
 from campaign.store import manifest
 from campaign.store.files.files import Files
+from campaign.store.files.patience import PATIENT, Patience
 from campaign.store.layout import CAMPAIGN_FILE, MANIFEST, PLAN, STOPPED
 from campaign.store.parts import Part, check, encode, file_name, part_name
 from campaign.store.quarantine import quarantine
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from campaign.store.compact import Compacted
 
 _CAMPAIGN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}")
+LARGEST_DOCUMENT = 2**20  # bytes: a thousand times what a state, a lease or a heartbeat takes
 P = TypeVar("P", bound=PlanHeader)
 
 
@@ -39,8 +41,13 @@ class Store:
 
     @property
     def url(self) -> str:
-        """Folder or URL that the store was opened with."""
+        """Folder or URL that the store was opened with, as it may be shown: without passwords."""
         return self.files.url
+
+    @property
+    def hasty(self) -> "Store":
+        """The same store, for whoever must not wait: each operation is tried once."""
+        return Store(self.files.hasty)
 
     # -- campaigns ---------------------------------------------------------------------------------------------------
 
@@ -50,13 +57,7 @@ class Store:
         return [name for name in names if self.files.exists(f"{name}/{PLAN}")]
 
     def find(self, campaign_id: str | None) -> str:
-        """Return the id of a campaign, after checking that it exists.
-
-        Parameters
-        ----------
-        campaign_id : str or None
-            Not needed if the store holds only one campaign.
-
+        """Return the id of a campaign that exists; None stands for the only one of the store.
 
         Raises
         ------
@@ -96,7 +97,7 @@ class Store:
     def _read_plan(self, campaign_id: str, parse: Callable[[str], P]) -> P:
         """Read ``plan.json``, and check that it is in the folder of its own campaign."""
         try:
-            plan = parse(self.files.read(f"{campaign_id}/{PLAN}").decode())
+            plan = parse(self.files.read(f"{campaign_id}/{PLAN}", must_exist=True).decode())
         except (FileNotFoundError, UnicodeDecodeError, StoreError) as error:
             raise StoreError(f"store {self.url}, campaign {campaign_id}: {error}") from error
         if plan.campaign_id != campaign_id:
@@ -245,11 +246,11 @@ class Store:
 
     # -- small documents ---------------------------------------------------------------------------------------------
 
-    def read_json(self, campaign_id: str, name: str) -> dict[str, Any] | None:
+    def read_json(self, campaign_id: str, name: str, at_most: int = LARGEST_DOCUMENT) -> dict[str, Any] | None:
         """Return a document of a campaign; None if it does not exist, StoreError if it cannot be read."""
         path = f"{campaign_id}/{name}"
         try:
-            content = json.loads(self.files.read(path))
+            content = json.loads(self.files.read(path, at_most))
         except FileNotFoundError:
             return None
         except (ValueError, RecursionError) as error:
@@ -274,20 +275,22 @@ class Store:
         self.files.remove(f"{campaign_id}/{name}")
 
 
-def open_store(url: str) -> Store:
+def open_store(url: str, patience: Patience = PATIENT) -> Store:
     """Open a store; nothing is read or written yet.
 
     Parameters
     ----------
     url : str
         Path of a folder, or an fsspec URL.
+    patience : Patience
+        For how long an operation that fails is tried again.
 
     Raises
     ------
     SpecError
         If the URL names no file system that is installed here.
     """
-    return Store(Files(url))
+    return Store(Files(url, patience))
 
 
 def _json(content: dict[str, Any]) -> bytes:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from campaign.errors import StoreError
 from campaign.plan_header import PlanHeader
 from campaign.store import manifest
-from campaign.store.files.files import LARGEST, Files
+from campaign.store.files.files import Files, OddFile
 from campaign.store.layout import MANIFEST
 from campaign.store.parts import BadPart, Part, batches_of, check, decode, folder, total
 
@@ -136,12 +136,11 @@ def _read_checked(files: Files, plan: PlanHeader, name: str) -> tuple[bytes, lis
 
 
 def _read_content(files: Files, plan: PlanHeader, name: str) -> bytes:
-    """Return the content of a file of rows; BadPart if it is too large for one."""
-    path = f"{folder(plan)}/{name}"
-    size = files.size(path)
-    if size > LARGEST:
-        raise BadPart(f"has {size} bytes, more than any file of rows")
-    return files.read(path)
+    """Return the content of a file of rows; BadPart if it is none, or too large for one."""
+    try:
+        return files.read(f"{folder(plan)}/{name}")
+    except OddFile as error:
+        raise BadPart(error.reason) from error
 
 
 def _index_parts(files: Files, plan: PlanHeader, *, verify: bool) -> PartIndex:
@@ -186,9 +185,12 @@ def _unchanged(plan: PlanHeader, name: str, recorded: list[Part] | None, size: i
 
 
 def _check_files(files: Files, plan: PlanHeader, names: list[str], index: PartIndex) -> None:
-    """Read files and add them to the index, some at a time: an object store answers slowly."""
+    """Read files and add them to the index, some at a time: an object store answers slowly.
 
-    def check_one(name: str) -> list[Part] | str:
+    If the store fails, this thread alone waits for it, so that Ctrl-C ends the waiting.
+    """
+
+    def check_one(files: Files, name: str) -> list[Part] | str:
         try:
             return check_file(files, plan, name)
         except FileNotFoundError:  # merged or quarantined since it was listed
@@ -196,9 +198,16 @@ def _check_files(files: Files, plan: PlanHeader, names: list[str], index: PartIn
         except BadPart as error:
             return f"{name} {error}"
 
+    def try_one(name: str) -> list[Part] | str | None:
+        try:
+            return check_one(files.hasty, name)
+        except StoreError:
+            return None
+
     files_of_rows = [name for name in names if batches_of(name, plan)]
     with ThreadPoolExecutor(READERS) as pool:
-        for name, result in zip(files_of_rows, pool.map(check_one, files_of_rows), strict=True):
+        for name, tried in zip(files_of_rows, pool.map(try_one, files_of_rows), strict=True):
+            result = check_one(files, name) if tried is None else tried
             if isinstance(result, str):
                 first, last = batches_of(name, plan) or (0, -1)
                 index.bad.update(dict.fromkeys(range(first, last + 1), result))

@@ -10,6 +10,7 @@ from campaign.errors import CampaignError
 from campaign.plan import Plan
 from campaign.row_build import differences
 from campaign.store import Part, Store
+from campaign.store.files.patience import PATIENT, Patience
 from campaign.worker.moments import Moments
 from engine import Run, simulate
 
@@ -33,24 +34,27 @@ class CampaignAddress:
     Attributes
     ----------
     store : str
-        URL of the store that holds the plan and takes the rows.
+        URL of the store that holds the plan and takes the rows, with its secrets: it is not shown.
     campaign_id : str
         Id of the campaign.
     row_build : str
         Build that the campaign is planned for; see `campaign.row_build`.
     simulate : callable
         `engine.simulate`, or a function of a module with the same parameters that takes its place.
+    patience : Patience
+        For how long a worker tries again what the store refuses.
     """
 
-    store: str
+    store: str = field(repr=False)
     campaign_id: str
     row_build: str
     simulate: Simulate = simulate
+    patience: Patience = PATIENT
 
     @classmethod
     def of(cls, store: Store, plan: Plan, simulate: Simulate = simulate) -> "CampaignAddress":
         """Return the address of a plan in a store; a folder's path becomes absolute, for workers elsewhere."""
-        return cls(store.files.root, plan.campaign_id, plan.row_build, simulate)
+        return cls(store.files.full_url, plan.campaign_id, plan.row_build, simulate, store.files.patience)
 
 
 def check_build(campaign_id: str, planned: str) -> None:

@@ -26,7 +26,7 @@ def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
     check_build(address.campaign_id, address.row_build)
     if address.simulate is simulate:
         warm_up()  # compiling must not count as time of a run
-    store = open_store(address.store)
+    store = open_store(address.store, address.patience)
     return store, store.plan(address.campaign_id)
 
 
@@ -58,8 +58,8 @@ def rows_in_process(address: CampaignAddress, samples: Sequence[int], attempt: i
 
     store, plan = open_campaign(address)
     cancel = Cancel()
-    marker = f"{plan.campaign_id}/{CANCEL}"
-    with memory_limit(plan.spec.execution.memory_limit), cancelled_by(lambda: store.files.exists(marker), cancel):
+    marker, files = f"{plan.campaign_id}/{CANCEL}", store.files.hasty
+    with memory_limit(plan.spec.execution.memory_limit), cancelled_by(lambda: files.exists(marker), cancel):
         for sample, values in sample_inputs(plan, samples):
             row = compute_row(plan, address.simulate, sample, values, attempt, cancel)
             if cancel.flag[0]:

@@ -27,8 +27,9 @@ def advise(
     from campaign.reports.cost_file import read_costs
     from campaign.reports.tolerances import cheapest_tolerances, tolerance_advice
     from campaign.store import open_store
+    from campaign.store.files.patience import QUICK
 
-    opened = open_store(store)
+    opened = open_store(store, QUICK)
     plan = opened.plan(opened.find(campaign))
     document = {"campaign": plan.campaign_id, "store": opened.url}
     if cost is None:

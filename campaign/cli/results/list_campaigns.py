@@ -16,8 +16,9 @@ COLUMNS = ("campaign", "state", "done", "failed", "left", "when", "title")
 def list_campaigns(store: StoreUrl = "runs", json: Json = False) -> None:
     """List the campaigns of a store and their progress."""
     from campaign.store import open_store
+    from campaign.store.files.patience import QUICK
 
-    opened = open_store(store)
+    opened = open_store(store, QUICK)
     entries = [_entry(opened, campaign_id) for campaign_id in opened.campaigns()]
     if json:
         print_json(entries)

@@ -23,8 +23,9 @@ def report(
     """Write the report of a campaign from the rows computed so far; the campaign may be running."""
     from campaign.reports.report import report as write_report
     from campaign.store import open_store
+    from campaign.store.files.patience import QUICK
 
-    opened = open_store(store)
+    opened = open_store(store, QUICK)
     campaign_id = opened.find(campaign)
     kinds = ["html", "json", "parquet", *(["pdf"] if pdf else []), *(["xlsx"] if excel else [])]
     files = write_report(opened, opened.plan(campaign_id), kinds=kinds, against=against)

@@ -15,9 +15,10 @@ def status(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) ->
     """Show the progress of a campaign: state, rows done, failed and left, and the last message of its coordinator."""
     from campaign.coordinator.state import state_of
     from campaign.store import open_store
+    from campaign.store.files.patience import QUICK
     from campaign.store.layout import HEARTBEAT
 
-    opened = open_store(store)
+    opened = open_store(store, QUICK)
     header = opened.plan_header(opened.find(campaign))
     state, counts = state_of(opened, header.campaign_id), count_rows(opened, header)
     heartbeat = opened.read_json(header.campaign_id, HEARTBEAT) if state["state"] == "running" else None

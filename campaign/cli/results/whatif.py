@@ -33,10 +33,11 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
     from campaign.inputs.sampling import production_batch
     from campaign.reports.whatif import what_if
     from campaign.store import open_store
+    from campaign.store.files.patience import QUICK
 
     if not settings:
         raise SpecError("no --set is given, so no distribution changes; write for example --set J1.std=0.01")
-    opened = open_store(store)
+    opened = open_store(store, QUICK)
     plan = opened.plan(opened.find(campaign))
     answers = what_if(opened, plan, settings)
     if json:

@@ -1,11 +1,17 @@
 """Files of a store, in a folder or behind any fsspec URL: each is written whole or not at all."""
 
 import re
+import time
 from collections.abc import Callable
+from copy import copy
+from itertools import chain, count
 from typing import TYPE_CHECKING, TypeVar
 
 from campaign.errors import SpecError, StoreError
 from campaign.store.files.local import LocalFolder
+from campaign.store.files.patience import HASTY, PATIENT, Outage, Patience
+from campaign.store.files.private_url import PrivateUrl
+from engine.regular_file import UnfitFile
 
 if TYPE_CHECKING:
     from campaign.store.files.object_store import ObjectStore
@@ -18,13 +24,37 @@ DEAD_AFTER = 3600.0  # s: no write of one file takes this long
 T = TypeVar("T")
 
 
+class OddFile(StoreError):
+    """What has the name of a file is not one that clearcap wrote: a pipe, a link, a folder, or too large.
+
+    Parameters
+    ----------
+    where : str
+        The store and the file.
+    reason : str
+        What it is instead.
+    """
+
+    def __init__(self, where: str, reason: str) -> None:
+        super().__init__(f"{where} {reason}, so clearcap did not write it; move it away")
+        self.where, self.reason = where, reason
+
+    def __reduce__(self) -> tuple[type["OddFile"], tuple[str, str]]:
+        return OddFile, (self.where, self.reason)
+
+
 class Files:
     """Reads and writes under one root.
+
+    Whatever the operation, a fault that may pass is tried again for as long as ``patience`` says; `StoreError` is what
+    remains after that. A second attempt at something that the first one had done, but not confirmed, succeeds.
 
     Parameters
     ----------
     url : str
         A folder's path, or an fsspec URL.
+    patience : Patience
+        For how long a fault is tried again.
 
     Attributes
     ----------
@@ -37,15 +67,33 @@ class Files:
         If the URL names no file system that is installed here.
     """
 
-    def __init__(self, url: str) -> None:
-        self.url = url
+    def __init__(self, url: str, patience: Patience = PATIENT) -> None:
+        self._private = PrivateUrl(url)
+        self.patience = patience
         self.local = ("://" not in url and "::" not in url) or url.startswith(("file://", "local://"))
-        self._backend = LocalFolder(re.sub(r"^(file|local)://", "", url)) if self.local else _open_url(url)
+        self._backend = LocalFolder(re.sub(r"^(file|local)://", "", url)) if self.local else _open_url(self._private)
 
     @property
-    def root(self) -> str:
-        """The path or URL under which every process finds the same files, whatever its working folder."""
-        return self._backend.root if isinstance(self._backend, LocalFolder) else self.url
+    def url(self) -> str:
+        """The folder or URL as it may be shown: without its secrets."""
+        return self._private.shown
+
+    @property
+    def full_url(self) -> str:
+        """The path or URL by which any process opens the same files; never to be shown, logged or stored."""
+        return self._backend.root if isinstance(self._backend, LocalFolder) else self._private.full
+
+    @property
+    def has_secrets(self) -> bool:
+        """Whether the full URL holds a password or another secret."""
+        return self._private.has_secrets
+
+    @property
+    def hasty(self) -> "Files":
+        """The same files, for whoever must not wait: each operation is tried once."""
+        hasty = copy(self)
+        hasty.patience = HASTY
+        return hasty
 
     @property
     def shared(self) -> bool:
@@ -60,6 +108,145 @@ class Files:
         StoreError
             If the name leads out of the root, or no file can have such a name.
         """
+        self._check_name(name)
+        return self._backend.path(name)
+
+    def address(self, name: str) -> str:
+        """Return the path or URL by which other programs open a file."""
+        self._check_name(name)
+        return self._backend.path(name) if self.local else f"{self.url.rstrip('/')}/{name}"
+
+    def check_writable(self) -> None:
+        """Check, in one attempt, that files can be written; none is left.
+
+        Raises
+        ------
+        SpecError
+            If they cannot.
+        """
+        try:
+            self._backend.probe()
+        except Exception as error:  # every file system has its own errors
+            raise SpecError(
+                f"store {self.url}: not writable ({self._reason(error)}); name a folder you may write to"
+            ) from self._cause(error)
+
+    def read(self, name: str, at_most: int = LARGEST, *, must_exist: bool = False) -> bytes:
+        """Return a file's content.
+
+        Parameters
+        ----------
+        name : str
+            The file.
+        at_most : int
+            Largest number of bytes allowed.
+        must_exist : bool
+            The file was there before: if it is not found, the store may be away, so it is waited for.
+
+        Raises
+        ------
+        FileNotFoundError
+            If it does not exist.
+        OddFile
+            If it is not a regular file, or has more than ``at_most`` bytes.
+        StoreError
+            If it cannot be read.
+        """
+        if not self.local and (size := self._do(self._backend.size, name, "read", must_exist=must_exist)) > at_most:
+            raise OddFile(f"store {self.url}: {name}", f"has {size} bytes; allowed: up to {at_most}")
+        return self._do(lambda path: self._backend.read(path, at_most), name, "read", must_exist=must_exist)
+
+    def size(self, name: str) -> int:
+        """Return a file's size in bytes, -1 if it is no regular file; FileNotFoundError if it does not exist."""
+        return self._do(self._backend.size, name, "read")
+
+    def exists(self, name: str) -> bool:
+        """Return whether there is such a file."""
+        try:
+            self.size(name)
+        except FileNotFoundError:
+            return False
+        return True
+
+    def sizes(self, folder: str) -> dict[str, int]:
+        """Return the size of each file in a folder, by name, as `size` does; none if there is no such folder."""
+        return self._do(self._backend.sizes, folder, "listed")
+
+    def names(self, folder: str) -> list[str]:
+        """Return the names of the files and folders in a folder, sorted; none if there is no such folder."""
+        return self._do(self._backend.names, folder, "listed")
+
+    def write(self, name: str, content: bytes) -> None:
+        """Write a file whole or not at all, replacing an earlier one; StoreError if it would hold the URL's secret."""
+        self._refuse_secret(name, content)
+        self._do(lambda path: self._backend.write(path, content), name, "written")
+
+    def create(self, name: str, content: bytes) -> bool:
+        """Write a file whole or not at all, unless it exists; return whether it was written.
+
+        The content must name its writer: by it, a writer knows that its own earlier attempt had succeeded.
+        """
+        self._refuse_secret(name, content)
+        return self._do(
+            lambda path: self._backend.create(path, content) or self._backend.read(path, LARGEST) == content,
+            name,
+            "written",
+        )
+
+    def move(self, old: str, new: str) -> None:
+        """Give a file another name; FileNotFoundError if it does not exist.
+
+        Behind a URL it is copied and then removed: if the process is killed between, both exist.
+        """
+        self._check_name(new)
+        attempts = count(1)
+
+        def move(path: str) -> None:
+            repeated = next(attempts) > 1
+            try:
+                self._backend.move(path, self._backend.path(new))
+            except FileNotFoundError:
+                if not repeated:
+                    raise
+                self._backend.size(self._backend.path(new))  # FileNotFoundError, unless the first attempt moved it
+
+        self._do(move, old, "moved")
+
+    def remove(self, name: str) -> None:
+        """Remove a file, if it exists."""
+        self._do(self._backend.remove, name, "removed")
+
+    def sweep(self, folder: str) -> None:
+        """Remove the temporary files of dead writers from a folder."""
+        self._do(lambda path: self._backend.sweep(path, TEMPORARY, DEAD_AFTER), folder, "swept")
+
+    def _do(self, action: Callable[[str], T], name: str, what: str, *, must_exist: bool = False) -> T:
+        """Return the result of an action on a file; after a fault that may pass, try again while patience lasts."""
+        self._check_name(name)
+        outage = Outage(self.url, self.patience)
+        for pause in chain(self.patience.pauses(), [None]):
+            try:
+                result = action(self._backend.path(name))
+            except UnfitFile as error:
+                raise OddFile(f"store {self.url}: {name}", str(error.strerror)) from error
+            except self._backend.faults as error:
+                missing = isinstance(error, FileNotFoundError | NotADirectoryError) and what in ("read", "moved")
+                if missing and (pause is None or not must_exist):
+                    outage.end()
+                    raise FileNotFoundError(name) from self._cause(error)
+                fault = f"store {self.url}: {name or 'its folder'} cannot be {what} ({self._reason(error)})"
+                if pause is None or (self._backend.is_final(error) and not missing):
+                    raise StoreError(f"{fault}; {self._remedy}") from self._cause(error)
+                outage.begin(fault)
+                self._backend.reopen()
+                time.sleep(pause)
+            else:
+                outage.end()
+                return result
+        raise AssertionError
+
+    def _check_name(self, name: str) -> None:
+        """Refuse a name that leads out of the root, or that no file can have."""
         if (
             len(name) > LONGEST_NAME
             or not name.isprintable()
@@ -72,116 +259,36 @@ class Files:
                 f"store {self.url}: {shown!r} is not a valid file name; names are relative, without .."
                 f" and of at most {LONGEST_NAME} characters"
             )
-        return self._backend.path(name)
 
-    def address(self, name: str) -> str:
-        """Return the path or URL by which other programs open a file."""
-        return self._backend.address(self.path(name))
-
-    def check_writable(self) -> None:
-        """Check that files can be written; none is left.
-
-        Raises
-        ------
-        SpecError
-            If they cannot.
-        """
-        try:
-            self._backend.probe()
-        except Exception as error:  # every file system has its own errors
-            raise SpecError(
-                f"store {self.url}: not writable ({_reason(error)}); name a folder you may write to"
-            ) from error
-
-    def read(self, name: str, at_most: int = LARGEST) -> bytes:
-        """Return a file's content.
-
-        Raises
-        ------
-        FileNotFoundError
-            If it does not exist.
-        StoreError
-            If it cannot be read, or has more than ``at_most`` bytes.
-        """
-        size = self.size(name)
-        if size > at_most:
+    def _refuse_secret(self, name: str, content: bytes) -> None:
+        """Refuse to write a secret of the URL into the store, where whoever reads results would find it."""
+        if self.has_secrets and self._private.is_in(content):
             raise StoreError(
-                f"store {self.url}: {name} has {size} bytes, more than the {at_most} that a file of a store may"
-                " have, so clearcap did not write it; move it away"
+                f"store {self.url}: {name} is not written, because its content holds the password of the store's URL;"
+                " leave the password out of the URL and give it in fsspec's configuration"
             )
-        return self._do(self._backend.read, name, "read")
 
-    def size(self, name: str) -> int:
-        """Return a file's size in bytes; FileNotFoundError if it does not exist."""
-        return self._do(self._backend.size, name, "read")
-
-    def exists(self, name: str) -> bool:
-        """Return whether there is such a file."""
-        try:
-            self.size(name)
-        except FileNotFoundError:
-            return False
-        return True
-
-    def sizes(self, folder: str) -> dict[str, int]:
-        """Return the size in bytes of each file in a folder, by name; none if there is no such folder."""
-        return self._do(self._backend.sizes, folder, "listed")
-
-    def names(self, folder: str) -> list[str]:
-        """Return the names of the files and folders in a folder, sorted; none if there is no such folder."""
-        return self._do(self._backend.names, folder, "listed")
-
-    def write(self, name: str, content: bytes) -> None:
-        """Write a file whole or not at all, replacing an earlier one."""
-        self._do(lambda path: self._backend.write(path, content), name, "written")
-
-    def create(self, name: str, content: bytes) -> bool:
-        """Write a file whole or not at all, unless it exists; return whether it was written."""
-        return self._do(lambda path: self._backend.create(path, content), name, "written")
-
-    def move(self, old: str, new: str) -> None:
-        """Give a file another name; FileNotFoundError if it does not exist.
-
-        Behind a URL it is copied and then removed: if the process is killed between, both exist.
-        """
-        target = self.path(new)
-        self._do(lambda path: self._backend.move(path, target), old, "moved")
-
-    def remove(self, name: str) -> None:
-        """Remove a file, if it exists."""
-        self._do(lambda path: self._backend.remove(path), name, "removed")
-
-    def sweep(self, folder: str) -> None:
-        """Remove the temporary files of dead writers from a folder."""
-        self._do(lambda path: self._backend.sweep(path, TEMPORARY, DEAD_AFTER), folder, "swept")
-
-    def _do(self, action: Callable[[str], T], name: str, what: str) -> T:
-        """Apply an action to a file; turn the errors of the file system into a StoreError that names a remedy."""
-        try:
-            return action(self.path(name))
-        except (FileNotFoundError, NotADirectoryError) as error:
-            if what in ("read", "moved"):
-                raise FileNotFoundError(name) from error
-            reason: Exception = error
-        except OSError as error:
-            reason = error
+    @property
+    def _remedy(self) -> str:
+        """What to do about a store that keeps failing."""
         remedy = "free or repair the disk" if self.local else "check that it exists and can be reached"
-        raise StoreError(
-            f"store {self.url}: {name or 'its folder'} cannot be {what} ({_reason(reason)});"
-            f" {remedy}, then run the same command again"
-        ) from reason
+        return f"{remedy}, then run the same command again"
+
+    def _reason(self, error: Exception) -> str:
+        """Return in words why something failed."""
+        text = (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
+        return self._private.redact(str(text))
+
+    def _cause(self, error: Exception) -> Exception | None:
+        """Return the cause to show with an error of ours; none if it might quote the URL with its secrets."""
+        return None if self.has_secrets else error
 
 
-def _reason(error: Exception) -> str:
-    """Return in words why something failed."""
-    return (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
-
-
-def _open_url(url: str) -> "ObjectStore":
+def _open_url(url: PrivateUrl) -> "ObjectStore":
     """Open the file system of a URL."""
     from campaign.store.files.object_store import ObjectStore  # imports fsspec, which folders do without
 
     try:
-        return ObjectStore(url)
+        return ObjectStore(url.full)
     except (ValueError, ImportError) as error:
-        raise SpecError(f"store {url}: {error}; name a folder, or a URL fsspec can open") from error
+        raise SpecError(f"store {url}: {url.redact(str(error))}; name a folder, or a URL fsspec can open") from None

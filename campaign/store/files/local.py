@@ -6,18 +6,26 @@ time.
 """
 
 import contextlib
+import errno
 import hashlib
 import os
 import re
 import secrets
 import socket
+import stat
 import tempfile
 from functools import cache
 from pathlib import Path
 
+from engine.regular_file import UnfitFile, read_regular_file
+
+FINAL = {errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.EINVAL}  # the same if it were tried again
+
 
 class LocalFolder:
     """Files under a folder. Paths are full; errors are those of the operating system.
+
+    Only regular files are read. Links are followed up to the root, and below it only from folder to folder within it.
 
     Parameters
     ----------
@@ -26,17 +34,24 @@ class LocalFolder:
     """
 
     shared = True
+    faults = OSError
 
     def __init__(self, root: str) -> None:
         self.root = os.path.abspath(os.path.expanduser(root))
 
     def path(self, name: str) -> str:
-        """Return the full path of a name; the folder's own for an empty one."""
-        return os.path.join(self.root, name) if name else self.root
-
-    def address(self, path: str) -> str:
-        """Return the path itself."""
+        """Return the full path of a name, the folder's own for an empty one; UnfitFile if a link leads out of it."""
+        path = os.path.join(self.root, name) if name else self.root
+        if "/" in name:
+            self._check_within(os.path.dirname(path))
         return path
+
+    def is_final(self, error: Exception) -> bool:
+        """Return whether an operation that failed like this would fail again."""
+        return isinstance(error, OSError) and error.errno in FINAL
+
+    def reopen(self) -> None:
+        """Do nothing: a folder has no connection that could be broken."""
 
     def probe(self) -> None:
         """Write and remove a file in the folder, or in its nearest parent that exists."""
@@ -46,30 +61,29 @@ class LocalFolder:
         with tempfile.TemporaryFile(dir=existing):
             pass
 
-    def read(self, path: str) -> bytes:
-        """Return a file's content."""
-        return Path(path).read_bytes()
+    def read(self, path: str, at_most: int) -> bytes:
+        """Return a file's content; UnfitFile if it is a link, not a regular file, or has more bytes."""
+        return read_regular_file(path, at_most, follow_link=False)
 
     def size(self, path: str) -> int:
-        """Return a file's size in bytes."""
-        return os.stat(path).st_size
+        """Return a file's size in bytes; -1 if it is no regular file."""
+        status = os.lstat(path)
+        return status.st_size if stat.S_ISREG(status.st_mode) else -1
 
     def names(self, path: str) -> list[str]:
         """Return the names in a folder, sorted."""
+        self._check_within(path)
         try:
             return sorted(os.listdir(path))
         except (FileNotFoundError, NotADirectoryError):
             return []
 
     def sizes(self, path: str) -> dict[str, int]:
-        """Return the size of each file in a folder."""
+        """Return the size of each file in a folder, as `size` does."""
         sizes = {}
         for name in self.names(path):
-            try:
-                status = os.stat(os.path.join(path, name))
-            except FileNotFoundError:  # renamed since it was listed
-                continue
-            sizes[name] = status.st_size
+            with contextlib.suppress(FileNotFoundError):  # renamed since it was listed
+                sizes[name] = self.size(os.path.join(path, name))
         return sizes
 
     def write(self, path: str, content: bytes) -> None:
@@ -121,6 +135,12 @@ class LocalFolder:
                 continue
             if old or _writer_is_gone(leftover):
                 _discard(leftover)
+
+    def _check_within(self, folder: str) -> None:
+        """Refuse a folder below the root to which a link leads from elsewhere."""
+        root, real = os.path.realpath(self.root), os.path.realpath(folder)
+        if real != root and not real.startswith(os.path.join(root, "")):
+            raise UnfitFile(errno.ELOOP, "is reached through a link that leads out of the store", folder)
 
 
 @cache

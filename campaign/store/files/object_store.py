@@ -2,52 +2,68 @@
 
 import errno
 import secrets
-import time
-from collections.abc import Callable
-from typing import Any, TypeVar
+import threading
+from typing import Any
 
 import fsspec
+from fsspec.core import split_protocol
 
-PAUSES = (0.5, 1.0, 2.0)  # s, before each repetition; s3fs and botocore repeat on their own before
+from engine.regular_file import UnfitFile
+
 FINAL = (  # errors that would be the same if the request were repeated
     FileNotFoundError,
     FileExistsError,
     IsADirectoryError,
     NotADirectoryError,
-    PermissionError,
     NotImplementedError,
     ValueError,
     TypeError,
     AttributeError,
+    ImportError,
 )
-
-T = TypeVar("T")
 
 
 class ObjectStore:
-    """Files under a URL. Paths are those of the file system; errors are OSError whatever the file system raised.
+    """Files under a URL. Paths are those of the file system, and so are errors.
 
-    What may be a passing fault (a timeout, a server error, "slow down") is tried four times.
+    The file system is opened at the first use. One that works over a connection of its own (FTP, SFTP) is opened once
+    in each thread, because two threads cannot talk over one connection.
 
     Parameters
     ----------
     url : str
-        An fsspec URL.
+        An fsspec URL, with its secrets.
+
+    Raises
+    ------
+    ValueError, ImportError
+        If no file system of this name is installed.
     """
 
+    faults = Exception  # every file system has its own errors
+
     def __init__(self, url: str) -> None:
-        self.fs, root = fsspec.url_to_fs(url, use_listings_cache=False)
-        self.root = str(root).rstrip("/")
-        protocols = {self.fs.protocol} if isinstance(self.fs.protocol, str) else set(self.fs.protocol)
+        self._url = url
+        self._opened = threading.local()
+        self._shared: tuple[Any, str] | None = None
+        self._made: set[str] = set()
+        protocols = [split_protocol(link)[0] or link for link in url.split("::") if "://" in link or link.isalnum()]
+        for protocol in protocols:
+            fsspec.get_filesystem_class(protocol)
         self.shared = "memory" not in protocols
 
     def path(self, name: str) -> str:
         """Return the full path of a name; the root's own for an empty one."""
-        return f"{self.root}/{name}" if name else self.root
+        root = self._open()[1]
+        return f"{root}/{name}" if name else root
 
-    def address(self, path: str) -> str:
-        """Return the URL of a file."""
-        return str(self.fs.unstrip_protocol(path))
+    def is_final(self, error: Exception) -> bool:
+        """Return whether an operation that failed like this would fail again."""
+        return isinstance(error, FINAL)
+
+    def reopen(self) -> None:
+        """Forget the connection of this thread, which may be what is broken."""
+        self._opened = threading.local()
 
     def probe(self) -> None:
         """Write and remove a file."""
@@ -55,14 +71,22 @@ class ObjectStore:
         self.write(probe, b"x")
         self.remove(probe)
 
-    def read(self, path: str) -> bytes:
-        """Return a file's content."""
-        return bytes(_retry(lambda: self.fs.cat_file(path)))
+    def read(self, path: str, at_most: int) -> bytes:
+        """Return a file's content; UnfitFile if it has more bytes."""
+        try:
+            content = bytes(self._fs.cat_file(path))
+        except FileNotFoundError:
+            if self._exists(path):  # over FTP every fault has this name
+                raise OSError(errno.EIO, "it is there, but was not sent") from None
+            raise
+        if len(content) > at_most:
+            raise UnfitFile(errno.EFBIG, f"has {len(content)} bytes; allowed: up to {at_most}", path)
+        return content
 
     def size(self, path: str) -> int:
         """Return a file's size in bytes."""
-        self.fs.invalidate_cache()
-        entry = _retry(lambda: self.fs.info(path))
+        self._fs.invalidate_cache()
+        entry = self._fs.info(path)
         if entry["type"] != "file":
             raise FileNotFoundError(path)
         return int(entry["size"])
@@ -77,7 +101,7 @@ class ObjectStore:
 
     def write(self, path: str, content: bytes) -> None:
         """Put a file."""
-        _retry(lambda: self.fs.pipe_file(path, content))
+        self._put(path, content)
 
     def create(self, path: str, content: bytes) -> bool:
         """Put a file unless it exists; return whether it was written.
@@ -86,60 +110,82 @@ class ObjectStore:
         then two writers at the same moment may both get True.
         """
         try:
-            _retry(lambda: self.fs.pipe_file(path, content, mode="create"))
+            self._put(path, content, mode="create")
         except FileExistsError:
-            # the answer to our own PUT may have been lost, and the PUT repeated
-            return self.read(path) == content
-        except (NotImplementedError, ValueError):
-            if _retry(lambda: self.fs.exists(path)):
+            return False
+        except (NotImplementedError, ValueError, OSError) as error:
+            if isinstance(error, OSError) and error.errno != errno.ENOSYS:
+                raise
+            if self._exists(path):
                 return False
             self.write(path, content)
         return True
 
     def move(self, path: str, new: str) -> None:
-        """Copy a file, then remove it."""
-        _retry(lambda: self.fs.cp_file(path, new))
+        """Rename a file; on an object store, which cannot, copy it and remove it."""
+        if not self._fs.async_impl:
+            self._fs.mv(path, new)
+            return
+        self._fs.cp_file(path, new)
         self.remove(path)
 
     def remove(self, path: str) -> None:
         """Remove a file."""
         try:
-            _retry(lambda: self.fs.rm_file(path))
-        except FileNotFoundError:
-            return
+            self._fs.rm_file(path)
+        except Exception:  # every file system has its own error for a file that is not there
+            if self._exists(path):
+                raise
 
     def sweep(self, path: str, ending: str, dead_after: float) -> None:
         """Do nothing: a PUT that does not finish leaves no file."""
 
+    @property
+    def _fs(self) -> Any:
+        """The file system."""
+        return self._open()[0]
+
+    def _open(self) -> tuple[Any, str]:
+        """Return the file system and the root in it."""
+        opened: tuple[Any, str] | None = self._shared or getattr(self._opened, "pair", None)
+        if opened is None:
+            fs, root = fsspec.url_to_fs(self._url, use_listings_cache=False)
+            opened = fs, str(root).rstrip("/")
+            if fs.async_impl:
+                self._shared = opened
+            else:
+                self._opened.pair = opened
+        return opened
+
+    def _exists(self, path: str) -> bool:
+        """Return whether there is such a file; a fault is raised, where fsspec's own `exists` says no."""
+        try:
+            self.size(path)
+        except FileNotFoundError:
+            return False
+        return True
+
+    def _put(self, path: str, content: bytes, **how: Any) -> None:
+        """Put a file; where there are true folders, make its own first if that was why it failed."""
+        try:
+            self._fs.pipe_file(path, content, **how)
+        except FileExistsError:
+            raise
+        except Exception:
+            folder = path.rpartition("/")[0]
+            if self._fs.async_impl or folder in self._made:
+                raise
+            self._fs.makedirs(folder, exist_ok=True)
+            self._made.add(folder)
+            self._fs.pipe_file(path, content, **how)
+
     def _entries(self, path: str) -> list[dict[str, Any]]:
         """Return what the file system lists in a folder."""
-        self.fs.invalidate_cache()
+        self._fs.invalidate_cache()
         try:
-            return list(_retry(lambda: self.fs.ls(path, detail=True)))
+            return list(self._fs.ls(path, detail=True))
         except (FileNotFoundError, NotADirectoryError):
             return []
-
-
-def _retry(action: Callable[[], T]) -> T:
-    """Return the result of an action, repeating it after passing faults.
-
-    Raises
-    ------
-    OSError
-        If it fails four times. Errors in `FINAL` are raised at once.
-    """
-    for pause in (*PAUSES, None):
-        try:
-            return action()
-        except FINAL:
-            raise
-        except Exception as error:  # every file system has its own errors
-            if isinstance(error, OSError) and error.errno == errno.ENOSYS:
-                raise NotImplementedError(str(error)) from error
-            if pause is None:
-                raise OSError(f"{error or type(error).__name__}, {len(PAUSES) + 1} times") from error
-            time.sleep(pause)
-    raise AssertionError
 
 
 def _name(entry: dict[str, Any]) -> str:

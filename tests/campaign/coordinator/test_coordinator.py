@@ -8,7 +8,6 @@ import pytest
 
 from campaign.cluster import dask_workers
 from campaign.cluster.cluster import Cluster
-from campaign.coordinator import backoff
 from campaign.coordinator import coordinate as coordinating
 from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.coordinator import TooManyFailed
@@ -205,9 +204,8 @@ def test_too_many_failures_end_it(tmp_path, campaign_file, workers):
     assert outcome.survey.statuses == {"crashed": 25}
 
 
-def test_store_that_fails_is_tried_again_then_reported(tmp_path, campaign, monkeypatch):
+def test_store_that_fails_is_tried_again_then_reported(tmp_path, campaign):
     """A store that refuses parts for good ends the campaign with its own words, after some tries."""
-    monkeypatch.setattr(backoff, "PAUSES", (0.01, 0.01))
     store = open_store(str(tmp_path / "s"))
     plan = submit(store, campaign, 3)
     parts = tmp_path / "s" / plan.campaign_id / "parts"

@@ -3,7 +3,9 @@
 import os
 import re
 import secrets
+import socket
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import pyarrow as pa
@@ -17,6 +19,7 @@ from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import BadPart, open_store, part_name
 from campaign.store.parts import check, encode
+from campaign.store.store import LARGEST_DOCUMENT
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine
@@ -100,9 +103,30 @@ def huge(store, plan, name):
         file.truncate(10 * 2**30)
 
 
+def odd(make):
+    """Return what puts something else than a file in a part's place."""
+
+    def spoil(store, plan, name):
+        path = Path(store.files.path(name))
+        path.unlink()
+        make(path)
+
+    return spoil
+
+
+def listen(path):
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(os.path.relpath(path))  # the path of a socket has at most 107 characters
+
+
 @pytest.mark.parametrize(
     ("spoil", "reason"),
     [
+        (odd(os.mkfifo), "is a named pipe, not a regular file"),
+        (odd(listen), "is a socket or a device, not a regular file"),
+        (odd(os.mkdir), "is a folder, not a regular file"),
+        (odd(lambda path: path.symlink_to("/dev/zero")), "is a symbolic link, not a regular file"),
+        (odd(lambda path: path.symlink_to("part-000000.parquet")), "is a symbolic link, not a regular file"),
         (truncate, "is truncated or damaged"),
         (empty, "is truncated or damaged (0 bytes, without a seal)"),
         (damage, "seal broken"),
@@ -111,11 +135,12 @@ def huge(store, plan, name):
         (other_samples, "does not hold exactly the samples 10 to 19"),
         (other_batches, "does not hold exactly the samples 10 to 19"),
         (other_columns, "has other columns or units than the plan"),
-        (huge, "has 10737418240 bytes, more than any file of rows"),
+        (huge, "has 10737418240 bytes; allowed: up to"),
     ],
 )
-def test_bad_part_is_named_quarantined_and_replaced(store, plan, caplog, spoil, reason):
+def test_bad_part_is_named_quarantined_and_replaced(store, plan, caplog, monkeypatch, tmp_path, spoil, reason):
     """A bad part is not used; readers say so, writers quarantine it, as often as it comes, and compute it again."""
+    monkeypatch.chdir(tmp_path)
     fill(store, plan)
     whole = store.table()
     for quarantined in (["part-000001.parquet.bad"], ["part-000001.parquet.bad", "part-000001.parquet.bad-2"]):
@@ -135,6 +160,54 @@ def test_bad_part_is_named_quarantined_and_replaced(store, plan, caplog, spoil, 
         ]
         fill(store, plan, [1])
         assert store.table().equals(whole)
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, os.mkdir, lambda path: path.symlink_to("/dev/zero")])
+@pytest.mark.parametrize("name", ["plan.json", "state.json", "lease.json", "stopped.json"])
+def test_document_that_is_no_file_is_one_message(store, plan, make, name):
+    """It is neither waited for nor read: an error names it and says to move it away."""
+    path = Path(store.files.path(f"{plan.campaign_id}/{name}"))
+    path.unlink(missing_ok=True)
+    make(path)
+    with pytest.raises(StoreError, match=rf"{name} is a .*, not a regular file, so clearcap did not write it; move"):
+        store.plan(plan.campaign_id) if name == "plan.json" else store.read_json(plan.campaign_id, name)
+
+
+def test_manifest_that_is_no_file_costs_time_only(store, plan, caplog):
+    """The parts are read instead, and the next manifest takes its place."""
+    fill(store, plan)
+    os.mkfifo(path := Path(store.files.path(f"{plan.campaign_id}/manifest.json")))
+    survey = store.survey(plan)
+    assert (survey.missing, "is a named pipe" in caplog.text) == ([], True)
+    store.record(plan, survey.parts.values())
+    assert path.is_file()
+
+
+def test_no_link_leads_out_of_a_store(store, plan, tmp_path):
+    """A folder that is a link to elsewhere is neither read nor written; the store itself may be a link."""
+    fill(store, plan)
+    parts = Path(store.files.path(f"{plan.campaign_id}/parts"))
+    (outside := tmp_path / "outside").mkdir()
+    parts.rename(outside / "parts")
+    parts.symlink_to(outside / "parts")
+    for operation in (store.survey, lambda plan: fill(store, plan, [1])):
+        with pytest.raises(StoreError, match="is reached through a link that leads out of the store"):
+            operation(plan)
+    parts.unlink()
+    (outside / "parts").rename(parts)
+    (tmp_path / "link").symlink_to(tmp_path / "runs")
+    assert open_store(str(tmp_path / "link")).survey(plan).missing == []
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"a":' * 100_000, '{"token": ' + "9" * 10_000 + "}", "[1]", "{"])
+def test_document_that_is_no_json_of_ours(store, plan, text):
+    """Depth and digits without end are refused by name, as is what is no object."""
+    store.files.write(f"{plan.campaign_id}/lease.json", text.encode())
+    with pytest.raises(StoreError, match=r"lease\.json (is not JSON|does not hold a JSON object)"):
+        store.read_json(plan.campaign_id, "lease.json")
+    store.files.write(f"{plan.campaign_id}/lease.json", b" " * (LARGEST_DOCUMENT + 1))
+    with pytest.raises(StoreError, match=r"lease\.json has 1048577 bytes; allowed: up to 1048576"):
+        store.read_json(plan.campaign_id, "lease.json")
 
 
 @settings(max_examples=300, deadline=None)

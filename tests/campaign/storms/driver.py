@@ -15,6 +15,7 @@ from campaign.cluster.tls import Tls
 from campaign.coordinator.coordinate import coordinate
 from campaign.errors import CampaignError
 from campaign.store import open_store
+from campaign.store.files.patience import PATIENT, Patience
 from tests.campaign import fake_engine
 
 
@@ -26,10 +27,11 @@ def main():
     parser.add_argument("--scheduler")
     parser.add_argument("--workers", type=int)
     parser.add_argument("--seconds", type=float, default=0.0, help="that a run takes")
+    parser.add_argument("--patience", type=float, default=PATIENT.seconds, help="with a store that fails")
     parser.add_argument("--tls", type=Path, help="folder of certificates")
     options = parser.parse_args()
     show_logs()
-    store = open_store(options.store)
+    store = open_store(options.store, Patience(options.patience))
     tls = options.tls and Tls(*(str(options.tls / name) for name in ("ca.pem", "client.pem", "client.key")))
     where = Cluster(scheduler=options.scheduler, workers=options.workers, tls=tls)
     simulate = partial(fake_engine.takes, options.seconds) if options.seconds else fake_engine.simulate

@@ -61,12 +61,12 @@ def wait(until, what, within=WITHIN):
         time.sleep(0.05)
 
 
-def driven(folder, asked, supervisor, batch_size, seconds):
+def driven(folder, asked, supervisor, batch_size, seconds, *options):
     """Have a campaign driven on a cluster; return its store, its plan, and the scheduler's address."""
     store = open_store(str(folder / "s"))
     plan = submit(store, asked, batch_size)
     address = start_cluster(supervisor, supervisor.folder)
-    drive(supervisor, store, plan, address, seconds)
+    drive(supervisor, store, plan, address, seconds, *options)
     return store, plan, address
 
 
@@ -99,7 +99,7 @@ def remount(folder, *options):
 def test_disk_full(tmp_path, asked, reference, supervisor):
     """The coordinator says so and pauses, open for the next one; with room again the campaign ends as always."""
     with tmpfs(tmp_path / "full", "400k") as folder:
-        store, plan, _ = driven(folder, asked, supervisor, 3, 0.01)
+        store, plan, _ = driven(folder, asked, supervisor, 3, 0.01, "--patience", 3)
         wait(lambda: supervisor.codes.get("coordinator"), lambda: supervisor.said("coordinator"))
         assert supervisor.codes["coordinator"][0] == StoreError.exit_code
         assert "No space left on device" in supervisor.said("coordinator")
@@ -114,7 +114,7 @@ def test_disk_full(tmp_path, asked, reference, supervisor):
 def test_store_becomes_read_only(tmp_path, asked, reference, supervisor):
     """A store that takes nothing for a while costs time; the coordinator that gave up is followed by one that ends."""
     with tmpfs(tmp_path / "ro", "20m") as folder:
-        store, plan, _ = driven(folder, asked, supervisor, 3, 0.02)
+        store, plan, _ = driven(folder, asked, supervisor, 3, 0.02, "--patience", 3)
         wait(lambda: len(parts(store, plan)) > 5, lambda: supervisor.said("coordinator"))
         remount(folder, "ro")
         wait(lambda: supervisor.codes.get("coordinator"), lambda: supervisor.said("coordinator"))

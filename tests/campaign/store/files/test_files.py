@@ -12,6 +12,7 @@ import pytest
 
 from campaign.errors import SpecError, StoreError
 from campaign.store.files.files import DEAD_AFTER, Files
+from campaign.store.files.patience import HASTY
 
 
 @pytest.fixture(params=["folder", "memory"])
@@ -54,7 +55,7 @@ def test_failed_write_leaves_nothing(tmp_path, monkeypatch):
     def full(descriptor):
         raise OSError(28, "No space left on device")
 
-    files = Files(str(tmp_path / "s"))
+    files = Files(str(tmp_path / "s"), HASTY)
     files.write("a/x", b"before")
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(StoreError, match=r"a/x cannot be written \(No space left on device\); free or repair"):
@@ -109,7 +110,7 @@ def test_too_large_is_refused_unread(tmp_path):
     path = tmp_path / "manifest.json"
     with path.open("wb") as file:
         file.truncate(10 * 2**30)
-    with pytest.raises(StoreError, match=r"manifest\.json has 10737418240 bytes, more than the"):
+    with pytest.raises(StoreError, match=r"manifest\.json has 10737418240 bytes; allowed: up to"):
         Files(str(tmp_path)).read("manifest.json")
 
 
@@ -125,7 +126,7 @@ def small_disk(tmp_path):
 
 def test_full_disk(small_disk):
     """What does not fit is not there at all, what was there stays, and the message says what to do."""
-    files = Files(str(small_disk))
+    files = Files(str(small_disk), HASTY)
     files.write("parts/a", b"a" * 100_000)
     for _ in range(3):
         with pytest.raises(StoreError, match=r"parts/b cannot be written \(No space left on device\); free or repair"):
@@ -137,7 +138,7 @@ def test_full_disk(small_disk):
 
 def test_read_only_store(small_disk):
     """A store that is mounted read-only can be read, and is refused by name for writing."""
-    files = Files(str(small_disk))
+    files = Files(str(small_disk), HASTY)
     files.write("parts/a", b"a")
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     assert files.read("parts/a") == b"a"

@@ -19,6 +19,7 @@ from campaign.errors import SpecError, StoreError
 from campaign.store import open_store, part_name
 from campaign.store.files import object_store
 from campaign.store.files.files import Files
+from campaign.store.files.patience import HASTY, Patience
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine
@@ -130,16 +131,15 @@ def test_killed_writer_leaves_whole_parts(remote, plan, seed):
 
 def test_server_that_is_killed(monkeypatch, plan):
     """A server that dies is a StoreError that says what to do; with it back, the same call succeeds."""
-    monkeypatch.setattr(object_store, "PAUSES", (0.1, 0.1))
     with s3_server() as (server, port):
         url = bucket(monkeypatch, port)
-        store = open_store(url)
+        store = open_store(url, Patience(0.5, 0.1))
         store.create_plan(plan)
         fill(store, plan)
         table = store.read_part(plan, 1)
         server.kill()
         server.wait()
-        with pytest.raises(StoreError, match=r"part-000001\.parquet cannot be written .*3 times\); check that it"):
+        with pytest.raises(StoreError, match=r"part-000001\.parquet cannot be written .*; check that it"):
             store.write_part(plan, 1, table)
         with pytest.raises(StoreError, match="cannot be read"):
             store.survey(plan)
@@ -164,9 +164,8 @@ def test_server_that_comes_back_in_time(monkeypatch, plan):
 
 def test_busy_server(monkeypatch, plan, campaign):
     """Every third request is answered "slow down", and no call fails."""
-    monkeypatch.setattr(object_store, "PAUSES", (0.01, 0.01, 0.01))
     with s3_server(busy=3) as (_, port):
-        store = open_store(bucket(monkeypatch, port))
+        store = open_store(bucket(monkeypatch, port), Patience(60.0, 0.01))
         monkeypatch.setattr(s3fs.S3FileSystem, "retries", 1)
         assert store.create_plan(plan) == plan
         fill(store, plan)
@@ -241,10 +240,9 @@ def test_no_such_bucket(url):
 
 def test_no_credentials(url, monkeypatch):
     """Without credentials there is one message too."""
-    monkeypatch.setattr(object_store, "PAUSES", (0.01,))
     for key in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
         monkeypatch.delenv(key)
     monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
     s3fs.S3FileSystem.clear_instance_cache()
     with pytest.raises(StoreError, match=r"(?i)credentials"):
-        Files(url).write("a", b"x")
+        Files(url, HASTY).write("a", b"x")

@@ -1,0 +1,71 @@
+"""How long operations on a store are tried again: the one policy for every file, in a folder and behind a URL."""
+
+import logging
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from random import uniform
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Patience:
+    """For how long a fault that may pass is tried again.
+
+    Attributes
+    ----------
+    seconds : float
+        From the first fault to the last attempt [s]; 0 for one attempt only.
+    first, longest : float
+        Pauses between attempts [s]; each is twice as long as the one before.
+    """
+
+    seconds: float
+    first: float = 0.5
+    longest: float = 10.0
+
+    def pauses(self) -> Iterator[float]:
+        """Yield how long to wait before each further attempt [s]; by chance a quarter more or less."""
+        end, pause = time.monotonic() + self.seconds, self.first
+        while (left := end - time.monotonic()) > 0.0:
+            yield min(pause * uniform(0.75, 1.25), left)
+            pause = min(2.0 * pause, self.longest)
+
+
+PATIENT = Patience(180.0)  # whoever computes: an outage of minutes must not end a night's work
+QUICK = Patience(10.0)  # whoever only asks
+HASTY = Patience(0.0)  # whoever must not wait: it is ending, or comes again by itself
+
+
+class Outage:
+    """A time in which something in a store fails: one message when it begins, one when it ends.
+
+    Parameters
+    ----------
+    store : str
+        The store, as messages name it.
+    patience : Patience
+        For how long it is tried again.
+    """
+
+    def __init__(self, store: str, patience: Patience) -> None:
+        self._store, self._patience = store, patience
+        self._since: float | None = None
+
+    @property
+    def too_long(self) -> bool:
+        """Whether patience is at its end."""
+        return self._since is not None and time.monotonic() - self._since > self._patience.seconds
+
+    def begin(self, fault: object) -> None:
+        """Take note of a fault, a message that names the store; say so if it is the first."""
+        if self._since is None:
+            self._since = time.monotonic()
+            logger.info("%s; trying again for %.0f s", fault, self._patience.seconds)
+
+    def end(self) -> None:
+        """Take note of a success; say so if there was a fault before."""
+        if self._since is not None:
+            logger.info("store %s: answers again after %.0f s", self._store, time.monotonic() - self._since)
+            self._since = None

@@ -1,0 +1,91 @@
+"""A store's URL is shown, logged and stored without its secrets, whatever they look like."""
+
+import json
+import pickle
+import traceback
+from urllib.parse import quote
+
+import pytest
+
+from campaign.errors import CampaignError, SpecError, StoreError
+from campaign.store.files.files import Files
+from campaign.store.files.patience import HASTY
+from campaign.store.files.private_url import PrivateUrl
+from campaign.worker.messages import CampaignAddress
+
+PASSWORD = "S3cretPassw0rd"  # tracebacks quote sources, so tests of them do not spell it out
+
+
+@pytest.mark.parametrize(
+    ("full", "shown"),
+    [
+        ("ftp://alice:S3cret99@host/runs", "ftp://alice:***@host/runs"),
+        ("ftp://alice:p%40ss%2Fw0rd@host:2121/runs", "ftp://alice:***@host:2121/runs"),
+        ("ftp://alice:p/a@ss#w0rd@host/runs", "ftp://alice:***@host/runs"),
+        ("ftp://alice:a:b::c@host/runs", "ftp://alice:***@host/runs"),
+        ("s3://KEY:SECRET99@bucket/runs", "s3://KEY:***@bucket/runs"),
+        ("simplecache::ftp://u:passw0rd@h/runs", "simplecache::ftp://u:***@h/runs"),
+        ("zip://a@b.zip::https://u:passw0rd@h/x", "zip://a@b.zip::https://u:***@h/x"),
+        ("https://ghp_0123456789@host/runs", "https://***@host/runs"),
+        ("https://h/f?token=abcdef&x=1&sig=xyzzyx::zip", "https://h/f?token=***&x=1&sig=***::zip"),
+        ("https://h/f?X-Amz-Date=1&X-Amz-Signature=0a1b", "https://h/f?X-Amz-Date=1&X-Amz-Signature=***"),
+        ("abfs://container@account.dfs/runs", "abfs://container@account.dfs/runs"),
+        ("sftp://alice@host/runs", "sftp://alice@host/runs"),
+        ("ftp://host:21/a@b", "ftp://host:21/a@b"),
+        ("ftp://[::1]:21/a@b", "ftp://[::1]:21/a@b"),
+        ("s3://bucket/a@b:c", "s3://bucket/a@b:c"),
+        ("runs/a:b@c?token=x", "runs/a:b@c?token=x"),
+        ("", ""),
+    ],
+)
+def test_what_is_shown(full, shown):
+    """Passwords and tokens are hidden, in every link of a chain; users, hosts, ports and paths are not."""
+    url = PrivateUrl(full)
+    assert (url.shown, str(url), url.has_secrets) == (shown, shown, full != shown)
+    assert repr(url) == f"PrivateUrl({shown!r})"
+    assert url.redact(f"530 cannot open {full}") == f"530 cannot open {shown}"
+
+
+@pytest.mark.parametrize("password", ["S3cretPassw0rd", "p@ss/w\"o'r<d>", "grün & geheim"])
+def test_every_spelling_is_hidden_and_refused(tmp_path, password):
+    """Libraries quote a password in their own ways: as it is, with percent signs, in JSON, in HTML."""
+    url = PrivateUrl(f"ftp://alice:{quote(password, safe='')}@host/runs")
+    for text in (password, quote(password), quote(password, safe=""), json.dumps(password), f"alice:{password}@host"):
+        bare = text.strip('"')
+        assert bare not in url.redact(f"login failed for {text} there") or len(password) < 6
+        assert url.is_in(f"x {bare} y".encode()) == (len(password) >= 6 or "@host" in text)
+    assert not url.is_in(b"alice@host")
+
+
+@pytest.mark.parametrize("protocol", ["ftp", "nosuch", "simplecache::ftp", "memory"])
+def test_no_error_quotes_it(protocol):
+    """Neither the message of an error nor the traceback with its causes shows a password."""
+    with pytest.raises(CampaignError) as caught:
+        files = Files(f"{protocol}://alice:{PASSWORD}@127.0.0.1:1/runs", HASTY)
+        files.write("a", b"x")
+        files.write("b", f"my password is {PASSWORD}".encode())
+    assert PASSWORD not in "".join(traceback.format_exception(caught.value))
+    assert "alice:***@127.0.0.1:1/runs" in str(caught.value)
+
+
+def test_probe_does_not_quote_it():
+    """Checking a store that is not there is an error of the input, without the password."""
+    with pytest.raises(SpecError, match=r"store ftp://alice:\*\*\*@127.0.0.1:1/runs: not writable") as caught:
+        Files(f"ftp://alice:{PASSWORD}@127.0.0.1:1/runs").check_writable()
+    assert PASSWORD not in "".join(traceback.format_exception(caught.value))
+
+
+def test_store_refuses_to_keep_it():
+    """The last line of defence: a document that would hold the password is not written."""
+    files = Files("memory://alice:S3cretPassw0rd@host/refuse")
+    for write in (files.write, files.create):
+        with pytest.raises(StoreError, match=r"x/a is not written, because its content holds the password"):
+            write("x/a", b'{"store": "S3cretPassw0rd"}')
+    assert files.names("x") == []
+
+
+def test_address_of_a_campaign_does_not_show_it():
+    """Workers get the whole URL; what is printed of a task does not have it."""
+    address = CampaignAddress("ftp://alice:S3cretPassw0rd@host/runs", "demo-0123456789", "0123456789abcdef")
+    assert "S3cret" not in f"{address} {address!r}"
+    assert pickle.loads(pickle.dumps(address)).store == "ftp://alice:S3cretPassw0rd@host/runs"

@@ -1,0 +1,185 @@
+"""A store that fails for a while costs that while: the campaign goes on, and its rows are those of a quiet day."""
+
+import logging
+import subprocess
+import threading
+import time
+from functools import partial
+
+import pytest
+
+from campaign.cluster.cluster import Cluster
+from campaign.coordinator.coordinate import coordinate
+from campaign.coordinator.coordinator import Coordinator
+from campaign.coordinator.lease import LeaseLost, lease_holder
+from campaign.coordinator.state import state_of
+from campaign.coordinator.submit import submit
+from campaign.errors import StoreError
+from campaign.spec.load import load_campaign
+from campaign.store import Store, open_store
+from campaign.store.files.patience import Patience
+from campaign.store.layout import HEARTBEAT, LEASE
+from tests.campaign import fake_engine
+from tests.campaign.driving import computed, rows
+from tests.campaign.storms.test_failures import remount, tmpfs
+
+SLOW = partial(fake_engine.takes, 0.05)
+
+
+@pytest.fixture
+def asked(campaign_file):
+    """Return a campaign that takes two processes some seconds."""
+    return load_campaign(str(campaign_file), samples=150)
+
+
+def hurt(folder, store, plan, begin, end, seconds, struck):
+    """Wait until some parts are there, and have the store fail for a while."""
+    while len(store.files.hasty.names(f"{plan.campaign_id}/parts")) < 5:
+        time.sleep(0.02)
+    begin(folder)
+    struck.append(store.survey(plan).rows)
+    time.sleep(seconds)
+    end(folder)
+
+
+def read_only(folder):
+    remount(folder, "ro")
+
+
+def writable(folder):
+    remount(folder, "rw")
+
+
+def take_all_inodes(folder):
+    """Fill the file system with empty files."""
+    try:
+        for number in range(10_000):
+            (folder / f"empty-{number}").touch()
+    except OSError:
+        return
+
+
+def give_inodes_back(folder):
+    for file in folder.glob("empty-*"):
+        file.unlink()
+
+
+def take_all_room(folder):
+    subprocess.run(["dd", "if=/dev/zero", f"of={folder / 'filler'}", "bs=4k"], capture_output=True)
+
+
+def give_room_back(folder):
+    (folder / "filler").unlink()
+
+
+OUTAGES = {
+    "read-only for 3 s": (read_only, writable, 3.0),
+    "read-only for 20 s": (read_only, writable, 20.0),
+    "no inodes for 3 s": (take_all_inodes, give_inodes_back, 3.0),
+    "no room for 3 s": (take_all_room, give_room_back, 3.0),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("outage", OUTAGES)
+def test_outage_of_the_store(tmp_path, asked, workers, caplog, outage):
+    """Whatever part, heartbeat, lease or manifest comes to be written meanwhile, it is written after it."""
+    caplog.set_level(logging.INFO)
+    begin, end, seconds = OUTAGES[outage]
+    reference = rows(*computed(tmp_path / "quiet", asked, 150))
+    with tmpfs(tmp_path / "store", "4m,nr_inodes=600") as folder:
+        store = open_store(str(folder / "s"))
+        plan = submit(store, asked, 1)
+        struck = []
+        thread = threading.Thread(target=hurt, args=(folder, store, plan, begin, end, seconds, struck))
+        thread.start()
+        outcome = coordinate(store, plan, Cluster(workers=2), simulate=SLOW)
+        thread.join()
+        assert 0 < struck[0] < 150
+        assert outcome.survey.missing == []
+        assert rows(store, outcome).equals(reference)
+        assert lease_holder(store, plan.campaign_id) is None
+        assert [name for name in store.files.names(f"{plan.campaign_id}/parts") if name.endswith(".tmp")] == []
+    said = caplog.text
+    assert (said.count("trying again"), said.count("answers again")) == (1, 1)
+
+
+class Away:
+    """A store of which one process sees nothing while it is away."""
+
+    def __init__(self, store):
+        self._backend, self.away = store.files._backend, threading.Event()
+        self.faults, self.is_final, self.reopen = OSError, self._backend.is_final, self._backend.reopen
+        self.path, self.shared, self.root = self._backend.path, True, self._backend.root
+        store.files._backend = self
+
+    def __getattr__(self, name):
+        if self.away.is_set():
+            raise OSError(5, "Input/output error")
+        return getattr(self._backend, name)
+
+
+@pytest.fixture
+def split(tmp_path, campaign, monkeypatch):
+    """Return a store, the view of it that its coordinator has, and the plan; the heartbeat comes often."""
+    store, seen = (open_store(str(tmp_path / "s"), Patience(60.0, 0.05, 0.2)) for _ in range(2))
+    return store, seen, submit(store, campaign, 1)
+
+
+def during_outage(store, view, plan, action):
+    """Wait until rows come, take the store away from the coordinator, act meanwhile, and give it back."""
+    while store.survey(plan).rows < 3:
+        time.sleep(0.02)
+    view.away.set()
+    time.sleep(2.5)  # of which its checks see something
+    action()
+    view.away.clear()
+
+
+@pytest.mark.parametrize("taken_over", [False, True])
+def test_lease_after_an_outage(split, workers, taken_over):
+    """Who still holds the lease goes on; who lost it meanwhile ends, so that never both compute."""
+    store, seen, plan = split
+    view = Away(seen)
+
+    def act():
+        if taken_over:
+            store.write_json(plan.campaign_id, LEASE, {"token": "theirs"})
+
+    thread = threading.Thread(target=during_outage, args=(store, view, plan, act))
+    thread.start()
+    slow = partial(fake_engine.takes, 0.5)
+    if taken_over:
+        with pytest.raises(LeaseLost, match="was taken over by another process"):
+            coordinate(seen, plan, Cluster(workers=2), simulate=slow)
+        assert lease_holder(store, plan.campaign_id) == "theirs"
+    else:
+        assert coordinate(seen, plan, Cluster(workers=2), simulate=slow).survey.missing == []
+        assert lease_holder(store, plan.campaign_id) is None
+    thread.join()
+
+
+def test_heartbeat_that_cannot_be_written(tmp_path, campaign, workers, monkeypatch):
+    """Batches go on all the same; when patience ends, so does the campaign, open for the next coordinator."""
+    store = open_store(str(tmp_path / "s"), Patience(3.0, 0.05, 0.2))
+    plan = submit(store, campaign, 1)
+    write_json = Store.write_json
+
+    def refuse_heartbeats(self, campaign_id, name, content):
+        if name == HEARTBEAT:
+            raise StoreError("store s: heartbeat.json cannot be written")
+        write_json(self, campaign_id, name, content)
+
+    monkeypatch.setattr(Store, "write_json", refuse_heartbeats)
+    slow = partial(fake_engine.takes, 0.3)
+    with pytest.raises(StoreError, match="heartbeat"):
+        coordinate(store, plan, Cluster(workers=2), simulate=slow)
+    assert store.survey(plan).rows > 10
+    monkeypatch.undo()
+    assert state_of(store, plan.campaign_id)["open"]
+
+
+def test_store_that_fails_a_worker_is_tried_by_others(store, plan, monkeypatch):
+    """A worker that lost its mount ends the campaign only if the others fail too."""
+    coordinator = Coordinator(store, plan, "token", lambda _: None)
+    assert coordinator.address.patience == store.files.patience
