@@ -14,7 +14,8 @@ from campaign.store.files.files import Files, OddFile
 from campaign.store.files.patience import HASTY, PATIENT, Patience
 
 SOON = Patience(30.0, 0.001, 0.01)
-PASSING = [getattr(errno, name) for name in "EIO EROFS ESTALE ENOSPC EDQUOT ETIMEDOUT ECONNRESET EACCES EAGAIN".split()]
+NAMES = ("EIO", "EROFS", "ESTALE", "ENOSPC", "EDQUOT", "ETIMEDOUT", "ECONNRESET", "EACCES", "EAGAIN")
+PASSING = [getattr(errno, name) for name in NAMES]
 
 
 class Faulty:

@@ -57,13 +57,11 @@ def test_every_spelling_is_hidden_and_refused(tmp_path, password):
     assert not url.is_in(b"alice@host")
 
 
-@pytest.mark.parametrize("protocol", ["ftp", "nosuch", "simplecache::ftp", "memory"])
+@pytest.mark.parametrize("protocol", ["ftp", "nosuch", "memory"])
 def test_no_error_quotes_it(protocol):
     """Neither the message of an error nor the traceback with its causes shows a password."""
     with pytest.raises(CampaignError) as caught:
-        files = Files(f"{protocol}://alice:{PASSWORD}@127.0.0.1:1/runs", HASTY)
-        files.write("a", b"x")
-        files.write("b", f"my password is {PASSWORD}".encode())
+        Files(f"{protocol}://alice:{PASSWORD}@127.0.0.1:1/runs", HASTY).write("a", f"it is {PASSWORD}".encode())
     assert PASSWORD not in "".join(traceback.format_exception(caught.value))
     assert "alice:***@127.0.0.1:1/runs" in str(caught.value)
 
@@ -73,6 +71,16 @@ def test_probe_does_not_quote_it():
     with pytest.raises(SpecError, match=r"store ftp://alice:\*\*\*@127.0.0.1:1/runs: not writable") as caught:
         Files(f"ftp://alice:{PASSWORD}@127.0.0.1:1/runs").check_writable()
     assert PASSWORD not in "".join(traceback.format_exception(caught.value))
+
+
+@pytest.mark.parametrize("protocol", ["ftp", "simplecache::ftp"])
+def test_no_error_of_an_operation_quotes_it(protocol):
+    """A server that is not there, over whatever chain of file systems."""
+    files = Files(f"{protocol}://alice:{PASSWORD}@127.0.0.1:1/runs", HASTY)
+    for operation in (files.read, files.names, files.remove, files.exists):
+        with pytest.raises(StoreError, match=r"alice:\*\*\*@127.0.0.1:1/runs") as caught:
+            operation("a")
+        assert PASSWORD not in "".join(traceback.format_exception(caught.value))
 
 
 def test_store_refuses_to_keep_it():
