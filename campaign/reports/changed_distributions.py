@@ -1,6 +1,5 @@
 """Changed distributions of a campaign, and what they make of its samples: a ratio of densities at each."""
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.faults import structure_faults
 from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
+from engine.toml_file import UnfitToml, parse_toml
 from reporting.tolerance.reweighting import Change
 
 _NEAREST = 1e-16  # distance from 0 and 1 of a probability that becomes a normal score
@@ -68,13 +68,17 @@ def _apply(variables: dict[str, dict[str, Any]], setting: str) -> None:
         variables[name].pop(key, None)
         return
     try:
-        value = tomllib.loads(f"x = {text}")["x"]
-    except tomllib.TOMLDecodeError:
+        value = parse_toml(f"x = {text}".encode("utf-8", "surrogateescape"))["x"]
+    except UnfitToml:
         value = text  # a name without quotes, as a shell leaves it
     table = variables[name]
     *tables, last = key.split(".")
     for part in tables:
         table = table.setdefault(part, {})
+        if not isinstance(table, dict):
+            raise SpecError(
+                f"--set {setting}: {part} is no table; allowed: VARIABLE.KEY=VALUE with a key of the variable"
+            )
     table[last] = value
 
 

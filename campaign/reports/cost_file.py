@@ -1,6 +1,5 @@
 """The cost file of `clearcap advise --cost`: what a smaller standard deviation of a variable costs."""
 
-import tomllib
 from pathlib import Path
 from typing import Annotated
 
@@ -11,6 +10,7 @@ from campaign.inputs.distributions import PositiveNumber
 from campaign.plan import Plan
 from campaign.spec.faults import structure_faults
 from engine.mechanism.base import Number, TableModel
+from engine.toml_file import UnfitToml, read_toml
 from reporting.capability.verdict import CAPABLE
 
 
@@ -59,11 +59,11 @@ def read_costs(path: Path, plan: Plan) -> Costs:
         With all faults of the file.
     """
     try:
-        costs = Costs.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        costs = Costs.model_validate(read_toml(path))
     except OSError as error:
-        raise SpecError(f"cost file {path}: {error.strerror}; name a file that can be read") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SpecError(f"cost file {path}: not TOML: {error}; correct it") from error
+        raise SpecError(f"cost file {path}: {error.strerror or error}; name a file that can be read") from error
+    except UnfitToml as error:
+        raise SpecError(f"cost file {path}: {error}") from error
     except ValidationError as error:
         raise SpecError("\n  ".join([f"cost file {path}:", *structure_faults(error, Costs)])) from error
     unknown = [name for name in costs.variables if name not in plan.spec.variables]

@@ -12,6 +12,7 @@ from campaign.spec.policy import Execution, Failures, SimulationSettings, Stop
 from engine.mechanism.base import Number, TableModel
 
 LARGEST_LIST = 1_000_000  # rows of a user's table
+MOST_VARIABLES = 1000
 
 ShortName = Annotated[str, Field(min_length=1, max_length=100)]
 Correlation = Annotated[
@@ -145,7 +146,7 @@ class CampaignSpec(TableModel, strict=True):
     header: Annotated[dict[str, str], Field(default_factory=dict)] = Field(
         description="Lines of free text for the head of the report: part, author, revision, ..."
     )
-    variables: Annotated[dict[ShortName, Variable], Field(min_length=1)] = Field(
+    variables: Annotated[dict[ShortName, Variable], Field(min_length=1, max_length=MOST_VARIABLES)] = Field(
         description="Distribution of each input that varies. Its name is the key of the mechanism that it sets, unless"
         " target names another key."
     )

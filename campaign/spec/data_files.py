@@ -1,14 +1,17 @@
 """Data files beside a campaign file: their values become part of the campaign when it is loaded."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 
 from campaign.errors import SpecError
+from campaign.spec.data_formats import CsvColumns, ParquetColumns, is_number
 from campaign.spec.faults import fault
 from engine.mechanism.faults import did_you_mean
+from engine.regular_file import UnfitFile, read_regular_file
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -42,7 +45,7 @@ def read_data_files(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, Any
             if not _names_file(entry, "values") or not isinstance(entry.get("column"), str):
                 continue
             try:
-                values = read_columns(folder / entry["file"], [entry["column"]])[entry["column"]]
+                values = _read_beside(folder, entry["file"], [entry["column"]])[entry["column"]]
                 rest = {key: value for key, value in entry.items() if key not in ("file", "column")}
                 origin = f"{entry['file']}, column {entry['column']}"
                 whole["variables"][name] = {"source": origin, **rest, "values": values}
@@ -50,7 +53,7 @@ def read_data_files(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, Any
                 faults.append(fault(["variables", name, "file"], entry["file"], str(error)))
     if _names_file(table, "columns") and isinstance(variables, dict):
         try:
-            columns = read_columns(folder / table["file"], list(variables))
+            columns = _read_beside(folder, table["file"], list(variables))
             rest = {key: value for key, value in table.items() if key != "file"}
             whole["table"] = {"source": table["file"], **rest, "columns": columns}
         except SpecError as error:
@@ -58,7 +61,7 @@ def read_data_files(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, Any
     return whole, faults
 
 
-def read_columns(path: Path, names: list[str]) -> dict[str, list[float]]:
+def read_columns(path: Path, names: list[str], *, quote: bool = True) -> dict[str, list[float]]:
     """Return columns of numbers of a CSV or Parquet file by name.
 
     Parameters
@@ -67,23 +70,45 @@ def read_columns(path: Path, names: list[str]) -> dict[str, list[float]]:
         The file.
     names : list of str
         The columns to read.
+    quote : bool
+        Whether a message may name the columns of the file.
 
     Raises
     ------
     SpecError
-        If the file cannot be read, lacks a column, or holds anything but finite numbers. The message lacks the key.
+        If the file cannot be read, lacks a column, has too many rows, or holds anything but finite numbers. The message
+        lacks the key.
     """
-    content = _read(path)
-    columns = {}
-    for name in names:
-        count = content.column_names.count(name)
-        if count != 1:
-            what = f"no column {name}" if count == 0 else f"{count} columns {name}"
-            raise SpecError(
-                f"{what}; columns: {', '.join(content.column_names)}{did_you_mean(name, content.column_names)}"
-            )
-        columns[name] = _numbers(content.column(name), name)
-    return columns
+    import pyarrow as pa
+
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        raise SpecError("its name ends neither in .csv nor in .parquet; name a CSV or Parquet file")
+    try:
+        columns = (CsvColumns if suffix == ".csv" else ParquetColumns)(read_regular_file(path, LARGEST_FILE))
+        if columns.names:  # otherwise reading says what is wrong
+            _check_names(names, columns.names, quote)
+        table = columns.read(names)
+    except FileNotFoundError as error:
+        raise SpecError(f"no such file ({path}); paths are relative to the campaign file") from error
+    except (pa.ArrowException, MemoryError, OverflowError) as error:
+        raise SpecError(f"not {suffix[1:]}: {_reason(error)}; correct the file") from error
+    except UnfitFile as error:
+        most = f"files of up to {LARGEST_FILE // 1_000_000} MB; keep only the columns and rows that the campaign needs"
+        raise SpecError(f"cannot be read ({error.strerror}); allowed: {most}") from error
+    except OSError as error:
+        what = error.strerror if error.errno else _reason(error)  # pyarrow's own have no number
+        raise SpecError(f"cannot be read ({what}); name a readable {suffix[1:]} file") from error
+    return {name: _numbers(table.column(name), name) for name in names}
+
+
+def _read_beside(folder: Path, file: str, names: list[str]) -> dict[str, list[float]]:
+    """Return columns of a file; a message quotes nothing of one that lies outside the campaign's folder."""
+    try:
+        inside = (folder / file).resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError) as error:  # a loop of links, a NUL in the name
+        raise SpecError(f"no such file ({error}); paths are relative to the campaign file") from error
+    return read_columns(folder / file, names, quote=inside)
 
 
 def _names_file(entry: Any, content: str) -> TypeGuard[dict[str, Any]]:
@@ -93,32 +118,27 @@ def _names_file(entry: Any, content: str) -> TypeGuard[dict[str, Any]]:
     )
 
 
-def _read(path: Path) -> "pa.Table":
-    """Return a file as a table."""
-    import pyarrow as pa
-    from pyarrow import csv, parquet
+def _check_names(names: Iterable[str], there: list[str], quote: bool) -> None:
+    """Refuse a file that has not exactly one column of each name."""
+    for name in names:
+        if (count := there.count(name)) != 1:
+            what = f"no column {name}" if count == 0 else f"{count} columns {name}"
+            some = ", ".join(f"{column:.40}" for column in there[:20]) + (", ..." if len(there) > 20 else "")
+            columns = f"columns: {some}{did_you_mean(name, there[:1000])}" if quote else f"it has {len(there)} others"
+            raise SpecError(f"{what}; {columns}")
 
-    if path.suffix.lower() not in FORMATS:
-        raise SpecError("its name ends neither in .csv nor in .parquet; name a CSV or Parquet file")
-    try:
-        if not path.is_file():
-            raise SpecError(f"no such file ({path}); paths are relative to the campaign file")
-        if path.stat().st_size > LARGEST_FILE:
-            raise SpecError(
-                f"larger than {LARGEST_FILE // 1_000_000} MB; keep only the columns and rows that the campaign needs"
-            )
-        return csv.read_csv(path) if path.suffix.lower() == ".csv" else parquet.read_table(path)
-    except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
-        raise SpecError(f"not {path.suffix.lower()[1:]}: {str(error).splitlines()[0]}; correct the file") from error
-    except OSError as error:
-        raise SpecError(f"cannot be read ({error.strerror or error}); name a readable file") from error
+
+def _reason(error: BaseException) -> str:
+    """Return pyarrow's reason in a line, without the row that it quotes: a campaign may name any file."""
+    line = next(iter(str(error).splitlines()), "") or type(error).__name__
+    return re.sub(r"(, got \d+|invalid value).*", r"\1", line)[:200]
 
 
 def _numbers(column: "pa.ChunkedArray", name: str) -> list[float]:
     """Return a column as finite numbers."""
     import pyarrow as pa
 
-    if not (pa.types.is_integer(column.type) or pa.types.is_floating(column.type)):
+    if not is_number(column.type):
         raise SpecError(
             f"column {name} holds {column.type}; it must hold numbers, with a decimal point and without units"
         )

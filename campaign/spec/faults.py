@@ -8,11 +8,11 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from campaign.inputs.distributions import DISTRIBUTIONS
-from engine.mechanism.faults import did_you_mean, locate
+from engine.mechanism.faults import MOST_FAULTS, did_you_mean, locate, one_line
 
 
 def structure_faults(error: ValidationError, root: type[BaseModel]) -> list[str]:
-    """Return one line for each fault that pydantic sees.
+    """Return one line for each fault that pydantic sees, at most as many as are listed.
 
     Parameters
     ----------
@@ -21,13 +21,14 @@ def structure_faults(error: ValidationError, root: type[BaseModel]) -> list[str]
     root : type of BaseModel
         The model that was validated.
     """
-    return list(dict.fromkeys(_line(details, root) for details in error.errors(include_url=False)))
+    lines = dict.fromkeys(_line(details, root) for details in error.errors(include_url=False)[: MOST_FAULTS + 1])
+    return list(lines)[:MOST_FAULTS]
 
 
 def fault(keys: Iterable[str], value: Any, text: str) -> str:
     """Return ``table.key = value: text``; tables are named without their content."""
     shown = "" if value is None or isinstance(value, (dict, list)) else f" = {_shown(value)}"
-    return f"{key_path(keys)}{shown}: {text}"
+    return one_line(f"{key_path(keys)}{shown}: {text}")
 
 
 def key_path(keys: Iterable[str]) -> str:

@@ -3,11 +3,11 @@
 All faults of a file are collected before it is refused, so that a user can correct it in one go.
 """
 
-import tomllib
-from collections import defaultdict
+import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +15,15 @@ from pydantic import TypeAdapter, ValidationError
 
 from campaign.errors import SpecError
 from campaign.inputs.distributions import Distribution, Empirical, Variable
-from campaign.spec.campaign_file import CampaignSpec
+from campaign.spec.campaign_file import MOST_VARIABLES, CampaignSpec
 from campaign.spec.data_files import read_data_files
 from campaign.spec.faults import fault, structure_faults
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from engine import EngineError, MechanismError, check, load_mechanism
 from engine.mechanism import Mechanism, full_key, get_value
-from engine.mechanism.faults import did_you_mean
-
-LARGEST_FILE = 1_000_000  # bytes
+from engine.mechanism.base import is_number
+from engine.mechanism.faults import MOST_FAULTS, did_you_mean, listed
+from engine.toml_file import UnfitToml, read_toml
 
 _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(Variable)
 
@@ -87,14 +87,14 @@ def load_campaign(name_or_path: str, *, samples: int | None = None, seed: int | 
         key = "mechanism" if mechanism is None else "bench"
         faults.append(fault([key], raw[key], str(error)))
     if mechanism is not None:
-        faults += mechanism_faults(raw, mechanism)
+        faults += islice(mechanism_faults(raw, mechanism), MOST_FAULTS)
     if faults or spec is None or mechanism is None:
-        raise SpecError("\n  ".join([f"campaign {path}:", *faults]))
+        raise SpecError("\n  ".join([f"campaign {path}:", *listed(faults, len(faults))]))
     return Campaign(spec, mechanism)
 
 
-def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> list[str]:
-    """Return what does not fit between a campaign and its mechanism, one line for each fault.
+def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
+    """Yield what does not fit between a campaign and its mechanism, one line for each fault.
 
     Parameters
     ----------
@@ -103,18 +103,17 @@ def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> list[str]:
     mechanism : Mechanism
         The mechanism of the campaign.
     """
-    variables = dict(_sound_variables(raw.get("variables")))
-    faults = [*_name_faults(raw, mechanism), *_stop_faults(raw, mechanism)]
-    by_target = defaultdict(list)
-    for name, variable in variables.items():
+    yield from _name_faults(raw, mechanism)
+    yield from _stop_faults(raw, mechanism)
+    by_target: dict[str, str] = {}
+    for name, variable in islice(_sound_variables(raw.get("variables")), MOST_VARIABLES):
         target = variable.target or name
-        by_target[full_key(mechanism, target)].append(name)
-        faults += _target_faults(name, target, {*variable.ends(), *_extremes(raw, name)}, mechanism)
-    for target, names in by_target.items():
-        if len(names) > 1:
-            both = " and ".join(names)
-            faults.append(fault(["variables", names[1]], None, f"{both} both set {target}; keep one of them"))
-    return faults
+        other = by_target.setdefault(full_key(mechanism, target), name)
+        if other == name:
+            yield from _target_faults(name, target, {*variable.ends(), *_extremes(raw, name)}, mechanism)
+        else:
+            text = f"{other} and {name} both set {target}; keep one of them"
+            yield fault(["variables", name], None, text)
 
 
 def _locate(name_or_path: str) -> Path:
@@ -123,7 +122,7 @@ def _locate(name_or_path: str) -> Path:
     if name_or_path in names:
         return Path(str(resources.files("campaign").joinpath("library", f"{name_or_path}.toml")))
     path = Path(name_or_path)
-    if not path.exists():
+    if not os.path.exists(path):
         raise SpecError(
             f"campaign {name_or_path}: no such file, and no shipped campaign of that name;"
             f" shipped: {', '.join(names)}{did_you_mean(name_or_path, names)}"
@@ -134,15 +133,11 @@ def _locate(name_or_path: str) -> Path:
 def _read(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file."""
     try:
-        if path.stat().st_size > LARGEST_FILE:
-            raise SpecError(f"campaign {path}: larger than 1 MB; name a campaign file in TOML")
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return read_toml(path)
     except OSError as error:
-        raise SpecError(f"campaign {path}: cannot be read ({error.strerror}); name a readable file") from error
-    except UnicodeDecodeError as error:
-        raise SpecError(f"campaign {path}: not UTF-8 text ({error}); save it as UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
-        raise SpecError(f"campaign {path}: not TOML: {error}; correct that line") from error
+        raise SpecError(f"campaign {path}: cannot be read ({error.strerror or error}); name a campaign file") from error
+    except UnfitToml as error:
+        raise SpecError(f"campaign {path}: {error}") from error
 
 
 def _mechanism(name: Any, folder: Path) -> Mechanism | None:
@@ -208,7 +203,7 @@ def _extremes(raw: Mapping[str, Any], name: str) -> list[float]:
     grid, table = raw.get("grid"), raw.get("table")
     columns = table.get("columns") if isinstance(table, dict) else None
     listed = [entry.get(name) for entry in (grid, columns) if isinstance(entry, dict)]
-    numbers = [x for values in listed if isinstance(values, list) for x in values if isinstance(x, (int, float))]
+    numbers = [x for values in listed if isinstance(values, list) for x in values if is_number(x)]
     return [min(numbers), max(numbers)] if numbers else []
 
 

@@ -14,6 +14,9 @@ from pydantic.fields import FieldInfo
 from engine.mechanism.base import is_number
 from engine.mechanism.quantities import Quantity, UnitSystem
 
+MOST_FAULTS = 50  # that are listed of one file
+LONGEST_FAULT = 1000  # characters
+
 _NOTHING = object()
 
 
@@ -40,10 +43,10 @@ class Fault:
 
     def __str__(self) -> str:
         if self.value is _NOTHING:
-            return f"{self.key}: {self.text}"
+            return one_line(f"{self.key}: {self.text}")
         shown = str(self.value).lower() if isinstance(self.value, bool) else repr(self.value)
         unit = f" {self.unit}" if self.unit not in ("", "1") and is_number(self.value) else ""
-        return f"{self.key} = {shown if len(shown) <= 80 else shown[:77] + '...'}{unit}: {self.text}"
+        return one_line(f"{self.key} = {shown if len(shown) <= 80 else shown[:77] + '...'}{unit}: {self.text}")
 
 
 @dataclass(frozen=True)
@@ -71,9 +74,21 @@ class Location:
         return [field.alias or name for name, field in fields]
 
 
+def one_line(text: str) -> str:
+    """Return a fault as one line of bounded length; a key or value of a file can hold any character."""
+    shown = text if len(text) <= LONGEST_FAULT else f"{text[: LONGEST_FAULT - 200]} ... {text[-195:]}"
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in shown)
+
+
+def listed(faults: Sequence[Any], count: int) -> list[Any]:
+    """Return the first faults of ``count``, and last how many others there are."""
+    others = count - MOST_FAULTS
+    return list(faults[:MOST_FAULTS]) + ([f"and {others} more; correct these first"] if others > 0 else [])
+
+
 def did_you_mean(word: str, words: Iterable[str]) -> str:
     """Return `; did you mean 'x'?` for the one of ``words`` closest to ``word``, or nothing if none is close."""
-    close = difflib.get_close_matches(word, list(words), n=1, cutoff=0.6)
+    close = difflib.get_close_matches(word[:100], list(words), n=1, cutoff=0.6)
     return f"; did you mean '{close[0]}'?" if close else ""
 
 
@@ -105,9 +120,9 @@ def faults_of(error: ValidationError, root: type[BaseModel], system: UnitSystem)
     Returns
     -------
     list of Fault
-        One for each error, in the order of the file.
+        One for each error, in the order of the file, at most as many as are listed.
     """
-    return [_fault(details, root, system) for details in error.errors(include_url=False)]
+    return [_fault(details, root, system) for details in error.errors(include_url=False)[:MOST_FAULTS]]
 
 
 def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem) -> Fault:

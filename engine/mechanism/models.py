@@ -15,7 +15,7 @@ from engine.mechanism.bodies import Body
 from engine.mechanism.conditions import ValidityCondition
 from engine.mechanism.contacts import Contact
 from engine.mechanism.derived import ResponseDifference
-from engine.mechanism.faults import Fault, did_you_mean, faults_of
+from engine.mechanism.faults import Fault, did_you_mean, faults_of, listed
 from engine.mechanism.joints import AnyJoint, Joint
 from engine.mechanism.loads import Damper, Force, Spring, Torque
 from engine.mechanism.motions import Motion
@@ -270,11 +270,13 @@ def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
     except ValidationError as error:
         system: UnitSystem = "SI" if data.get("units") == "SI" else "mm-g-ms"
         faults: list[Fault] = faults_of(error, Mechanism, system)
+        count = error.error_count()
         if error.errors()[0]["type"] == "references":
-            faults = []
-        faults += reference_faults(data)
-    lines = "\n".join(f"  {fault}" for fault in faults)
-    raise MechanismError(f"{source}: {len(faults)} fault{'s' if len(faults) > 1 else ''}\n{lines}") from None
+            faults, count = [], 0
+        references = reference_faults(data)
+        faults, count = faults + references, count + len(references)
+    lines = "\n".join(f"  {fault}" for fault in listed(faults, count))
+    raise MechanismError(f"{source}: {count} fault{'s' if count > 1 else ''}\n{lines}") from None
 
 
 def mechanism_schema() -> dict[str, Any]:

@@ -176,7 +176,7 @@ def test_all_faults_at_once(campaign_file):
     [
         (b"samples = = 3", "not TOML"),
         (b"title = '\xff'", "not UTF-8"),
-        (b"#" * 1_000_001, "larger than 1 MB"),
+        (b"#" * 1_000_001, "1000001 bytes; allowed: up to 1000000"),
     ],
 )
 def test_unreadable_file(tmp_path, content, said):

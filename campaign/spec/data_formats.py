@@ -1,0 +1,124 @@
+"""Columns in the content of a CSV or Parquet file, decoded only after it is known how much there is."""
+
+import csv
+import io
+from typing import TYPE_CHECKING
+
+from campaign.errors import SpecError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+MOST_ROWS = 1_000_000
+MOST_COLUMNS = 1000
+LONGEST_HEADER = 100_000  # bytes of a CSV file's first line
+LARGEST_COLUMN = 64_000_000  # bytes, decoded: of the most rows, eight for each, and many times as much for the encoding
+BATCH = 65_536  # rows decoded at a time
+
+
+class CsvColumns:
+    """The columns of a CSV file.
+
+    Parameters
+    ----------
+    content : bytes
+        Of the file.
+
+    Attributes
+    ----------
+    names : list of str
+        Names of all columns.
+
+    Raises
+    ------
+    SpecError
+        If there are too many rows or columns.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        start = content[:LONGEST_HEADER]
+        if len(content) > LONGEST_HEADER and b"\n" not in start and b"\r" not in start:
+            raise SpecError(f"its first line has more than {LONGEST_HEADER} bytes; keep only the columns that you need")
+        lines = csv.reader(io.StringIO(start.decode("utf-8-sig", "replace"), newline=""))
+        try:
+            self.names = next(filter(None, lines), [])
+        except csv.Error as error:
+            raise SpecError(f"not csv: its first line cannot be read ({error}); correct the file") from error
+        check_size(len(self.names), MOST_COLUMNS, "columns")
+        check_size(max(content.count(b"\n"), content.count(b"\r")), MOST_ROWS + 1, "lines")
+        self._content = content
+
+    def read(self, names: list[str]) -> "pa.Table":
+        """Return some columns; pyarrow.ArrowException if the file is no CSV."""
+        import pyarrow as pa
+        from pyarrow import csv as arrow
+
+        options = arrow.ConvertOptions(include_columns=names)
+        return arrow.read_csv(pa.BufferReader(self._content), convert_options=options)
+
+
+class ParquetColumns:
+    """The columns of a Parquet file.
+
+    A page of a few bytes may hold gigabytes. The footer says how much there is, and is asked before anything is
+    decoded. As it may be wrong, no more rows are decoded than are allowed.
+
+    Parameters
+    ----------
+    content : bytes
+        Of the file.
+
+    Attributes
+    ----------
+    names : list of str
+        Names of all columns.
+
+    Raises
+    ------
+    SpecError
+        If there are too many rows or columns.
+    pyarrow.ArrowException, OSError
+        If it is no Parquet file.
+    """
+
+    def __init__(self, content: bytes) -> None:
+        import pyarrow as pa
+        from pyarrow import parquet
+
+        self._file = parquet.ParquetFile(pa.BufferReader(content))
+        self.names: list[str] = self._file.schema_arrow.names
+        check_size(self._file.metadata.num_columns, MOST_COLUMNS, "columns")
+        check_size(self._file.metadata.num_rows, MOST_ROWS, "rows")
+
+    def read(self, names: list[str]) -> "pa.Table":
+        """Return some columns; errors as of the class."""
+        import pyarrow as pa
+
+        schema, metadata = self._file.schema_arrow, self._file.metadata
+        empty = pa.schema([schema.field(name) for name in names]).empty_table()
+        if not all(is_number(kind) for kind in empty.schema.types):
+            return empty  # whoever asks refuses the type
+        for group in map(metadata.row_group, range(metadata.num_row_groups)):
+            for column in map(group.column, range(group.num_columns)):
+                if column.path_in_schema in names:
+                    check_size(column.num_values, MOST_ROWS, "values")
+                    check_size(column.total_uncompressed_size, LARGEST_COLUMN, "bytes in a column")
+        tables, rows = [empty], 0
+        for batch in self._file.iter_batches(BATCH, columns=names, use_threads=False):
+            rows += batch.num_rows
+            check_size(rows, MOST_ROWS, "rows")
+            tables.append(pa.table(batch).select(names))
+        return pa.concat_tables(tables)
+
+
+def is_number(kind: "pa.DataType") -> bool:
+    """Return whether values of an Arrow type are numbers."""
+    import pyarrow as pa
+
+    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind))
+
+
+def check_size(count: int, most: int, what: str) -> None:
+    """Refuse a file that holds more of something than any campaign needs."""
+    if count > most:
+        raise SpecError(f"more than {most} {what} ({count}); keep only what the campaign needs")

@@ -1,0 +1,97 @@
+"""Read a TOML file that anybody may have written, in a time that grows with its size and no faster.
+
+The parser of the standard library takes minutes for a key of many parts, and nested arrays exhaust its stack. So the
+text is scanned first, token by token, and refused if it goes beyond what any file of ours needs.
+"""
+
+import re
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from engine.regular_file import read_regular_file
+
+LARGEST = 1_000_000  # bytes
+MOST_PARTS = 16  # of a dotted key
+MOST_NESTED = 16  # arrays and inline tables in each other
+MOST_TABLES = 20_000  # keys; and tables, arrays and inline tables
+LONGEST_WORD = 400  # characters of a bare key or number
+
+_TOKEN = re.compile(
+    r'''(?P<skipped>[ \t\r]+|\#[^\n]*
+        |"""(?:[^\\"]|\\.|"(?!""))*+(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:[^"\\\n]|\\[^\n])*+"?|'[^'\n]*+'?)
+    |(?P<word>[^\s\#"'\[\]{}=,.]+)|(?P<dot>\.)|(?P<key>=)|(?P<comma>,)|(?P<open>[\[{])|(?P<close>[\]}])|(?P<end>\n)|(?P<other>.)''',
+    re.VERBOSE | re.DOTALL,
+)
+
+
+class UnfitToml(ValueError):
+    """A text is no TOML, or goes beyond a limit; the message says where and what to do."""
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the content of a TOML file.
+
+    Parameters
+    ----------
+    path : Path
+        A regular file of at most a megabyte.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read, is no regular file, or is too large.
+    UnfitToml
+        If it is no TOML in UTF-8, or goes beyond a limit.
+    """
+    return parse_toml(read_regular_file(path, LARGEST))
+
+
+def parse_toml(content: bytes) -> dict[str, Any]:
+    """Return the tables in the content of a TOML file; errors as of `read_toml`."""
+    try:
+        text = content.decode("utf-8-sig")  # some editors put a mark before the first character
+    except UnicodeDecodeError as error:
+        line = content[: error.start].count(b"\n") + 1
+        raise UnfitToml(f"line {line}: not UTF-8 text; save the file as UTF-8") from None
+    _check_limits(text)
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise UnfitToml(f"not TOML: {str(error).replace(chr(10), ' '):.200}; correct the file there") from None
+    except (ValueError, RecursionError) as error:
+        raise UnfitToml(f"not TOML: {error}; correct the file") from None
+
+
+def _check_limits(text: str) -> None:
+    """Refuse a text that would take the parser long, or that nests too deeply."""
+    parts, depth, keys, tables, line = 1, 0, 0, 0, 1
+    for token in _TOKEN.finditer(text):
+        match token.lastgroup:
+            case "skipped":
+                line += token[0].count("\n")
+                continue
+            case "dot":
+                parts += 1
+                _check(parts, MOST_PARTS, "a key of more than {} parts; shorten it", line)
+                continue
+            case "word":
+                _check(len(token[0]), LONGEST_WORD, "a key or number of more than {} characters; shorten it", line)
+                continue
+            case "open":
+                depth, tables = depth + 1, tables + 1
+                _check(depth, MOST_NESTED, "more than {} lists or tables in each other; write fewer", line)
+                _check(tables, MOST_TABLES, "the file has more than {} tables and lists; write fewer", line)
+            case "close":
+                depth = max(depth - 1, 0)
+            case "key":
+                keys += 1
+                _check(keys, MOST_TABLES, "the file has more than {} keys; write fewer", line)
+            case "end":
+                line += 1
+        parts = 1
+
+
+def _check(count: int, most: int, text: str, line: int) -> None:
+    if count > most:
+        raise UnfitToml(f"line {line}: {text.format(most)}")
