@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeGuard
 import numpy as np
 
 from campaign.errors import SpecError
-from campaign.spec.data_formats import CsvColumns, ParquetColumns, is_number
+from campaign.spec.data_formats import CsvColumns, ParquetColumns, bounded_memory, is_number
 from campaign.spec.faults import fault
 from engine.mechanism.faults import did_you_mean
 from engine.regular_file import UnfitFile, read_regular_file
@@ -85,13 +85,17 @@ def read_columns(path: Path, names: list[str], *, quote: bool = True) -> dict[st
     if suffix not in FORMATS:
         raise SpecError("its name ends neither in .csv nor in .parquet; name a CSV or Parquet file")
     try:
-        columns = (CsvColumns if suffix == ".csv" else ParquetColumns)(read_regular_file(path, LARGEST_FILE))
-        if columns.names:  # otherwise reading says what is wrong
-            _check_names(names, columns.names, quote)
-        table = columns.read(names)
+        content = read_regular_file(path, LARGEST_FILE)
+        with bounded_memory():
+            columns = (CsvColumns if suffix == ".csv" else ParquetColumns)(content)
+            if columns.names:  # otherwise reading says what is wrong
+                _check_names(names, columns.names, quote)
+            table = columns.read(names)
     except FileNotFoundError as error:
         raise SpecError(f"no such file ({path}); paths are relative to the campaign file") from error
-    except (pa.ArrowException, MemoryError, OverflowError) as error:
+    except MemoryError as error:
+        raise SpecError("its content takes too much memory; keep only the columns and rows that you need") from error
+    except (pa.ArrowException, OverflowError) as error:
         raise SpecError(f"not {suffix[1:]}: {_reason(error)}; correct the file") from error
     except UnfitFile as error:
         most = f"files of up to {LARGEST_FILE // 1_000_000} MB; keep only the columns and rows that the campaign needs"

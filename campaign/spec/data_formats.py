@@ -2,6 +2,10 @@
 
 import csv
 import io
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from campaign.errors import SpecError
@@ -13,6 +17,7 @@ MOST_ROWS = 1_000_000
 MOST_COLUMNS = 1000
 LONGEST_HEADER = 100_000  # bytes of a CSV file's first line
 LARGEST_COLUMN = 64_000_000  # bytes, decoded: of the most rows, eight for each, and many times as much for the encoding
+LARGEST_DECODED = 1 << 30  # bytes that decoding may take
 BATCH = 65_536  # rows decoded at a time
 
 
@@ -61,7 +66,7 @@ class ParquetColumns:
     """The columns of a Parquet file.
 
     A page of a few bytes may hold gigabytes. The footer says how much there is, and is asked before anything is
-    decoded. As it may be wrong, no more rows are decoded than are allowed.
+    decoded. As it may be wrong, no more rows are decoded than are allowed, and in `bounded_memory`.
 
     Parameters
     ----------
@@ -109,6 +114,23 @@ class ParquetColumns:
             check_size(rows, MOST_ROWS, "rows")
             tables.append(pa.table(batch).select(names))
         return pa.concat_tables(tables)
+
+
+@contextmanager
+def bounded_memory() -> Iterator[None]:
+    """Make allocations in the block fail with MemoryError if they take more than decoding any data file does."""
+    try:
+        in_use = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+    except OSError:  # an operating system that does not say
+        yield
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    limits = [limit for limit in (soft, hard, in_use + LARGEST_DECODED) if limit != resource.RLIM_INFINITY]
+    resource.setrlimit(resource.RLIMIT_DATA, (min(limits), hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
 
 
 def is_number(kind: "pa.DataType") -> bool:
