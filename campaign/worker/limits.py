@@ -6,7 +6,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 if TYPE_CHECKING:
     from engine.loop import Cancel
@@ -64,11 +64,11 @@ def cancelled_by(is_cancelled: Callable[[], bool], cancel: "Cancel") -> Iterator
         watcher.join()
 
 
-def end_with_stdin() -> None:
-    """End this process when its standard input is closed, which happens when the process that started it ends."""
+def end_with(pipe: BinaryIO) -> None:
+    """End this process when a pipe is closed, which happens when the process at its other end does."""
 
     def wait() -> None:
-        while os.read(0, 4096):
+        while pipe.read(4096):
             pass
         os._exit(1)
 

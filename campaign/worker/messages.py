@@ -5,6 +5,7 @@ Everything here is pickled: it travels between processes and machines.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 from campaign.errors import CampaignError
 from campaign.plan import Plan
@@ -19,6 +20,24 @@ Simulate = Callable[..., Run]
 
 class WrongBuild(CampaignError):
     """A process runs another build of clearcap than the campaign is planned for."""
+
+
+class ChildFailed(CampaignError):
+    """The process that computes runs in isolation failed for reasons of its own; no run is to blame."""
+
+
+class DoubtfulRun(CampaignError):
+    """A run raised an error that may be the machine's; a process of its own will show.
+
+    Parameters
+    ----------
+    row : dict
+        The row of the run, if the error is its own.
+    """
+
+    def __init__(self, row: dict[str, Any]) -> None:
+        super().__init__(row)
+        self.row = row
 
 
 class Cancelled(CampaignError):

@@ -20,6 +20,13 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]
 
+# Errors by which a machine says that it lacks something: memory, a disk, a file that was there a moment ago.
+OF_THE_MACHINE = (MemoryError, OSError, ImportError)
+
+
+class DoubtfulRow(Row):
+    """The row of a run that raised an error which may be the machine's: the run is repeated elsewhere."""
+
 
 def compute_row(
     plan: Plan, simulate: Simulate, sample: int, values: Mapping[str, float], attempt: int, cancel: "Cancel"
@@ -124,13 +131,10 @@ def _attempt(
     try:
         with time_limit(_longest(plan)):
             run = simulate(plan.mechanism, changes, step=settings.step, horizon=settings.horizon, cancel=cancel)
-    except MemoryError:
-        limit = plan.spec.execution.memory_limit
-        message = f"out of memory: the process may use {limit:g} GiB (execution.memory_limit)"
-        return crashed_row(plan, sample, values, message, wall_s=perf_counter() - start)
-    except Exception as error:  # one run never stops the others
-        return crashed_row(plan, sample, values, f"{type(error).__name__}: {error}", wall_s=perf_counter() - start)
-    status, message = _checked(run, plan.mechanism)
+        status, message = _checked(run, plan.mechanism)
+    except (Exception, SystemExit) as error:  # one run never stops the others
+        row = crashed_row(plan, sample, values, _text(error, plan), wall_s=perf_counter() - start)
+        return DoubtfulRow(row) if isinstance(error, OF_THE_MACHINE) else row
     return {
         "sample": sample,
         **values,
@@ -143,6 +147,14 @@ def _attempt(
         "max_penetration": run.certificate.max_penetration,
         "settled": run.certificate.settled,
     }
+
+
+def _text(error: BaseException, plan: Plan) -> str:
+    """Return what the row of a run says of the error that the run raised."""
+    if isinstance(error, MemoryError):
+        limit = plan.spec.execution.memory_limit
+        return f"out of memory: the process may use {limit:g} GiB (execution.memory_limit)"
+    return f"{type(error).__name__}: {error}"
 
 
 def _longest(plan: Plan) -> float:

@@ -1,14 +1,14 @@
 """Compute rows in this process, one run after the other."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 
 from campaign.plan import Plan
 from campaign.store import Store, open_store
 from campaign.store.layout import CANCEL
 from campaign.worker.limits import cancelled_by, memory_limit
-from campaign.worker.messages import CampaignAddress, Cancelled, check_build
-from campaign.worker.row import Row, compute_row, sample_inputs
+from campaign.worker.messages import CampaignAddress, Cancelled, DoubtfulRun, check_build
+from campaign.worker.row import DoubtfulRow, Row, compute_row, sample_inputs
 from engine import simulate, warm_up
 
 
@@ -30,7 +30,12 @@ def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
     return store, store.plan(address.campaign_id)
 
 
-def rows_in_process(address: CampaignAddress, samples: Sequence[int], attempt: int = 1) -> Iterator[Row]:
+def rows_in_process(
+    address: CampaignAddress,
+    samples: Sequence[int],
+    attempt: int = 1,
+    begin: Callable[[int], None] = lambda _: None,
+) -> Iterator[Row]:
     """Yield the row of each sample, computed in this process.
 
     Parameters
@@ -41,6 +46,8 @@ def rows_in_process(address: CampaignAddress, samples: Sequence[int], attempt: i
         Numbers of the samples.
     attempt : int
         Attempt number of the batch, from 1.
+    begin : callable
+        Called with the number of each sample before its run begins.
 
     Yields
     ------
@@ -51,6 +58,8 @@ def rows_in_process(address: CampaignAddress, samples: Sequence[int], attempt: i
     ------
     Cancelled
         If the campaign is cancelled meanwhile.
+    DoubtfulRun
+        If a run raises an error that may be the machine's.
     WrongBuild, StoreError
         If the campaign cannot be opened; see `open_campaign`.
     """
@@ -61,7 +70,10 @@ def rows_in_process(address: CampaignAddress, samples: Sequence[int], attempt: i
     marker, files = f"{plan.campaign_id}/{CANCEL}", store.files.hasty
     with memory_limit(plan.spec.execution.memory_limit), cancelled_by(lambda: files.exists(marker), cancel):
         for sample, values in sample_inputs(plan, samples):
+            begin(sample)
             row = compute_row(plan, address.simulate, sample, values, attempt, cancel)
             if cancel.flag[0]:
                 raise Cancelled(f"campaign {plan.campaign_id} is cancelled")
+            if isinstance(row, DoubtfulRow):
+                raise DoubtfulRun(row)
             yield row

@@ -1,32 +1,78 @@
 """Compute rows in an isolated subprocess, for a batch that killed its worker: the run at fault becomes a row.
 
-The child (``python -m campaign.worker.subprocess_runs``) reads from its standard input what to compute and writes one
-pickle for each row. It ends when its standard input is closed, so no child outlives its worker.
+Only a run that had begun can be to blame for the end of its child process, and only if it was the child's first run:
+what an earlier one left behind, a thread or a full memory, may have ended it. A child that ends before a run, between
+two runs, or with an error of its own has failed itself; it is started again. Where the cause may lie outside, such as a
+signal that others send too, a run is guilty when child after child ends in it, with ever longer pauses.
 """
 
-import os
+import logging
 import pickle
 import signal
 import subprocess
-import sys
-from collections.abc import Iterator, Sequence
-from typing import BinaryIO
+import time
+from collections.abc import Generator, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from campaign.worker.limits import end_with_stdin
-from campaign.worker.messages import CampaignAddress, Cancelled
+from campaign.errors import CampaignError
+from campaign.plan import Plan
+from campaign.safe_path import python_environment
+from campaign.worker.isolated_child import COMMAND
+from campaign.worker.messages import CampaignAddress, ChildFailed
 from campaign.worker.row import Row, crashed_row, sample_values
-from campaign.worker.runs import open_campaign, rows_in_process
+from campaign.worker.runs import open_campaign
+
+logger = logging.getLogger(__name__)
 
 # Signals that operators and the operating system send too, so that they do not prove the run guilty.
 AMBIGUOUS = {signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP}
-TRIES = 3  # attempts at a run whose process such a signal ends
+TRIES = 5  # processes that a run must end one after the other to be guilty, if the cause may be another one
+TIMEOUTS = 2  # processes whose time limit it must exceed: one that was paused runs out of time too
+STARTS = 10  # attempts at a process that fails on its own
+PAUSES = (0.5, 8.0)  # s, the first and the longest between two processes; each is twice as long as the one before
+
+
+@dataclass(frozen=True)
+class _Ending:
+    """How a child ended.
+
+    Attributes
+    ----------
+    rows : int
+        Rows that it sent.
+    kind, content
+        Its last message, see `campaign.worker.isolated_child`; the kind is empty if it sent none.
+    exit_status : int
+        As of `subprocess.Popen.wait`.
+    """
+
+    rows: int
+    kind: str
+    content: Any
+    exit_status: int
+
+    @property
+    def in_run(self) -> bool:
+        """Whether a run had begun that did not end."""
+        return self.kind in ("begun", "doubtful")
+
+    @property
+    def tries(self) -> int:
+        """Number of children that must end this way, each in its first run, for the run to be guilty."""
+        if self.kind == "doubtful" or -self.exit_status in AMBIGUOUS:
+            return TRIES
+        return TIMEOUTS if self.exit_status == -signal.SIGALRM else 1
+
+    def text(self) -> str:
+        """Return the ending in words."""
+        if -self.exit_status in set(signal.Signals):
+            return signal.Signals(-self.exit_status).name
+        return f"signal {-self.exit_status}" if self.exit_status < 0 else f"exit status {self.exit_status}"
 
 
 def rows_in_subprocess(address: CampaignAddress, samples: Sequence[int], attempt: int) -> Iterator[Row]:
-    """Yield the row of each sample, computed in a child process; a child that dies is replaced by another.
-
-    The run at which a child died becomes a row too. If the signal that ended the child may have come from outside, the
-    run is first repeated alone, and counts as guilty if it ends `TRIES` children in a row.
+    """Yield the row of each sample, computed in a child process; a child that ends too early is replaced by another.
 
     Parameters
     ----------
@@ -40,94 +86,122 @@ def rows_in_subprocess(address: CampaignAddress, samples: Sequence[int], attempt
     Yields
     ------
     Row
-        One for each sample, in the order of ``samples``.
+        One for each sample, in the order of ``samples``; of a run that is to blame for the end of its process too.
 
     Raises
     ------
     Cancelled
         If the campaign is cancelled meanwhile.
+    WrongBuild, StoreError
+        If a child cannot open the campaign; see `campaign.worker.runs.open_campaign`.
+    ChildFailed
+        If `STARTS` children in a row fail for reasons of their own.
     """
     _, plan = open_campaign(address)
-    deaths = 0  # children in a row that the first of the remaining samples ended
+    deaths = alone = failures = 0  # children that ended in the next run; in their first run; for reasons of their own
     while samples:
-        requested, received = samples[:1] if deaths else samples, 0
-        with _child(address, requested, attempt + deaths) as child:
-            for row in _answers(child):
-                if isinstance(row, Cancelled):
-                    raise row
-                yield row
-                received += 1
-            exit_status = child.wait()
-        samples = samples[received:]
-        if received == len(requested):
-            deaths = 0
+        requested = samples[:1] if deaths else samples
+        ending = yield from _rows_of_child(address, requested, attempt + deaths)
+        samples = samples[ending.rows :]
+        if ending.rows:
+            deaths = alone = failures = 0
+        if ending.rows == len(requested):
             continue
-        deaths += 1
-        if -exit_status in AMBIGUOUS and deaths < TRIES:
+        if not ending.in_run:
+            failures += 1
+            _raise_failure(ending, failures)
+            _pause(failures)
             continue
-        status, message = _cause(exit_status)
-        values, attempts = sample_values(plan, samples[0]), attempt + deaths - 1
-        yield crashed_row(plan, samples[0], values, message, status=status, attempts=attempts)
-        samples, deaths = samples[1:], 0
+        deaths, alone, failures = deaths + 1, alone + (ending.rows == 0), 0
+        if alone < ending.tries:
+            _pause(deaths)
+            continue
+        yield _guilty_row(plan, samples[0], ending) | {"attempts": attempt + deaths - 1}
+        samples, deaths, alone = samples[1:], 0, 0
 
 
-def _child(address: CampaignAddress, samples: Sequence[int], attempt: int) -> "subprocess.Popen[bytes]":
-    """Start a child for the samples; it can import what this process can, and Ctrl-C does not reach it."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    child = subprocess.Popen(
-        [sys.executable, "-m", "campaign.worker.subprocess_runs"],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env=environment,
-        start_new_session=True,
+def _rows_of_child(address: CampaignAddress, samples: Sequence[int], attempt: int) -> Generator[Row, None, _Ending]:
+    """Yield the rows of one child; return how it ended."""
+    rows, kind, content = 0, "", None
+    try:
+        child = _start_child()
+    except OSError as error:
+        return _Ending(0, "failed", error, 0)
+    with child:
+        for kind, content in _messages(child, (address, samples, attempt)):
+            if kind == "row":
+                yield content
+                rows += 1
+        child.wait()
+    return _Ending(rows, kind, content, child.returncode)
+
+
+def _start_child() -> "subprocess.Popen[bytes]":
+    """Start a child; Ctrl-C does not reach it, and it imports what this process can, from no current folder."""
+    return subprocess.Popen(
+        COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=python_environment(), start_new_session=True
     )
+
+
+def _messages(child: "subprocess.Popen[bytes]", request: object) -> Iterator[tuple[str, Any]]:
+    """Send a child what to compute, and yield its messages until it ends; an incomplete one is dropped."""
     assert child.stdin is not None
-    pickle.dump((address, samples, attempt), child.stdin)
-    child.stdin.flush()
-    return child
-
-
-def _answers(child: "subprocess.Popen[bytes]") -> Iterator[Row | Cancelled]:
-    """Yield the answers of a child until it ends; an incomplete one is dropped."""
     assert child.stdout is not None
     try:
-        while True:
-            yield pickle.load(child.stdout)
-    except (EOFError, pickle.UnpicklingError):
+        pickle.dump(request, child.stdin)
+        child.stdin.flush()
+    except BrokenPipeError:
         return
+    while True:
+        try:
+            message = pickle.load(child.stdout)
+            kind, content = message
+        except EOFError:
+            return
+        except Exception:  # bytes that are no message raise anything
+            child.kill()
+            return
+        yield kind, content
 
 
-def _cause(exit_status: int) -> tuple[str, str]:
-    """Return status and message of the row of a run that ended its process with this exit status."""
-    repeat = "repeat it with clearcap replay to see why"
-    if exit_status == -signal.SIGALRM:
-        return "timeout", f"the run took no notice of its time limit and was ended; {repeat}"
-    if exit_status < 0:
-        return "crashed", f"the run killed its process ({signal.Signals(-exit_status).name}); {repeat}"
-    return "crashed", f"the run ended its process (exit status {exit_status}); {repeat}"
+def _raise_failure(ending: _Ending, failures: int) -> None:
+    """Raise the error of a child that failed, if another child would meet it too or enough of them have failed."""
+    error = ending.content if ending.kind == "failed" else None
+    if isinstance(error, CampaignError) and not isinstance(error, ChildFailed):
+        raise error
+    reason = f"it ended with {ending.text()}" if error is None else f"{type(error).__name__}: {error}"
+    if failures >= STARTS:
+        raise ChildFailed(
+            f"the process that computes runs in isolation failed {failures} times in a row, never in a run ({reason});"
+            " look at the worker's log and at the memory of its machine, then run the same command again"
+        ) from error
+    logger.warning(
+        "the process that computes runs in isolation failed, and not in a run (%s); starting another", reason
+    )
 
 
-def main() -> None:
-    """Read from standard input what to compute, and write the rows."""
-    answers = _answer_pipe()
-    address, samples, attempt = pickle.load(sys.stdin.buffer)
-    end_with_stdin()
-    try:
-        for row in rows_in_process(address, samples, attempt):
-            pickle.dump(row, answers)
-            answers.flush()
-    except Cancelled as error:
-        pickle.dump(error, answers)
-        answers.flush()
-    os._exit(0)  # without waiting for the thread that reads standard input
+def _guilty_row(plan: Plan, sample: int, ending: _Ending) -> Row:
+    """Return the row of a run that ended its process."""
+    if ending.kind == "doubtful":
+        return dict(ending.content)
+    status = "timeout" if ending.exit_status == -signal.SIGALRM else "crashed"
+    message = f"the run {_deed(ending)}; repeat it with clearcap replay to see why"
+    return crashed_row(plan, sample, sample_values(plan, sample), message, status=status)
 
 
-def _answer_pipe() -> BinaryIO:
-    """Return the pipe to the parent, and send to standard error what runs print."""
-    answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)
-    return answers
+def _deed(ending: _Ending) -> str:
+    """Return what a run did to its process."""
+    if ending.exit_status == -signal.SIGALRM:
+        return "took no notice of its time limit and was ended"
+    if -ending.exit_status in AMBIGUOUS:
+        return (
+            f"ended with its process, killed by {ending.text()} {TRIES} times in a row; perhaps it needs more memory"
+            " than the machine has, perhaps the signal came from outside"
+        )
+    return f"{'killed' if ending.exit_status < 0 else 'ended'} its process ({ending.text()})"
 
 
-if __name__ == "__main__":
-    main()
+def _pause(failures: int) -> None:
+    """Wait, the longer the more often it failed."""
+    first, longest = PAUSES
+    time.sleep(min(first * 2.0 ** (failures - 1), longest))

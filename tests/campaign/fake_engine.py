@@ -7,7 +7,10 @@ the engine's parameters is bound with `functools.partial`; workers find it by it
 
 import os
 import signal
+import sys
+import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -68,6 +71,61 @@ def kills_once(marker, mechanism, values, **settings):
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def happens(times, counter):
+    """Return whether something that is to happen so many times happens once more; a file counts."""
+    with open(counter, "ab") as file:
+        file.write(b"x")
+        return file.tell() <= times
+
+
+def kills_at_first(times, counter, mechanism, values, **settings):
+    """Kill the process with signal 9, as an operator may, the first ``times`` times any process comes here."""
+    if happens(times, counter):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return simulate(mechanism, values)
+
+
+def raises_at_first(error, counter, mechanism, values, **settings):
+    """Raise an error the first time any process comes here."""
+    if happens(1, counter):
+        raise error
+    return simulate(mechanism, values)
+
+
+def raises(error, mechanism, values, **settings):
+    """Raise an error."""
+    raise error
+
+
+class _Killer(str):
+    """A text that kills the process that pickles it with signal 9, once; a file counts."""
+
+    def __reduce__(self):
+        if happens(1, self):
+            os.kill(os.getpid(), signal.SIGKILL)
+        return str, ("",)
+
+
+def kills_the_answer(counter, mechanism, values, **settings):
+    """Have the process killed while it sends the row of a run that is over, once."""
+    return simulate(mechanism, values, message=_Killer(counter))
+
+
+def leaves_a_thread(mechanism, values, **settings):
+    """Leave a thread behind that ends the process while the next run is under way."""
+    run = takes(1.0, mechanism, values)
+    threading.Timer(0.5, os._exit, [3]).start()
+    return run
+
+
+def writes_everywhere(mechanism, values, **settings):
+    """Write what nobody expects to every file that is open."""
+    for descriptor in range(3, 64):
+        with suppress(OSError):
+            os.write(descriptor, b"no message")
+    return simulate(mechanism, values)
+
+
 def kills_above(limit, mechanism, values, **settings):
     """Kill the process with signal 9 if J1 is above ``limit``, each time."""
     if values["J1"] > limit:
@@ -91,6 +149,10 @@ def goes_wrong(limits, mechanism, values, **settings):
                 kept.append(np.empty(1 << 26))
         case "exits":
             os._exit(7)
+        case "exits in peace":
+            os._exit(0)
+        case "leaves":
+            sys.exit("enough")
         case "not a number":
             return not_finite(mechanism, values)
     return simulate(mechanism, values)

@@ -8,8 +8,10 @@ from importlib.metadata import version
 import pytest
 
 from campaign.inputs.sampling import draw
+from campaign.worker import subprocess_runs
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress, WrongBuild
+from campaign.worker.subprocess_runs import rows_in_subprocess
 from tests.campaign import fake_engine
 
 
@@ -38,6 +40,23 @@ def test_part_that_is_there_is_not_computed(store, plan):
     assert again.part.statuses == {"ok": 10}
     assert again.part.sha256 == first.part.sha256
     assert (first.computed, again.computed) == (True, False)
+
+
+@pytest.mark.parametrize("error", [OSError(24, "Too many open files"), ImportError("gone"), MemoryError()], ids=repr)
+def test_error_of_the_machine_is_no_row(store, plan, tmp_path, error):
+    """A run that raises an error that may be the machine's is repeated in a process of its own."""
+    unlucky = partial(fake_engine.raises_at_first, error, str(tmp_path / "raised"))
+    done = run_batch(CampaignAddress.of(store, plan, unlucky), BatchRequest(2))
+    assert (tmp_path / "raised").stat().st_size == 1 + 5
+    assert done.part.statuses == {"ok": 5}
+
+
+def test_error_of_the_machine_that_stays_is_a_row(store, plan, monkeypatch):
+    """If process after process meets it, it is the run's."""
+    monkeypatch.setattr(subprocess_runs, "TRIES", 2)
+    address = CampaignAddress.of(store, plan, partial(fake_engine.raises, OSError(5, "Input/output error")))
+    (row,) = rows_in_subprocess(address, [3], 1)
+    assert (row["status"], row["message"], row["attempts"]) == ("crashed", "OSError: [Errno 5] Input/output error", 2)
 
 
 def test_another_build_is_refused(store, plan):
