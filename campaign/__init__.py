@@ -1,6 +1,6 @@
 """Campaigns of simulations: specs, sampling, the store, dask, the command line."""
 
-from typing import TYPE_CHECKING, Any
+TYPE_CHECKING = False  # not from typing: ``python -m campaign`` would look for it in the current folder
 
 if TYPE_CHECKING:
     from campaign.spec.load import load_campaign
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 __all__ = ["load_campaign", "open_store"]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Import a public function at its first use: ``clearcap --help`` imports this package and needs no tables."""
     if name == "load_campaign":
         from campaign.spec.load import load_campaign

@@ -1,11 +1,13 @@
 """Keep the current folder off the path of modules: a file there may bear any name, and be anybody's.
 
 Python puts it first for ``python -m`` and ``python -c``, and so for the processes that `multiprocessing` and dask
-start. This module imports only what Python itself has loaded at its start.
+start. What this module imports, Python itself has loaded at its start.
 """
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 
 def leave_current_folder_out() -> None:
@@ -22,6 +24,20 @@ def python_environment() -> dict[str, str]:
     """Return the environment of a Python process that can import what this one can, except from the current folder."""
     path = filter(os.path.isabs, sys.path)
     return {**os.environ, "PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(path)}
+
+
+@contextmanager
+def current_folder_left_out() -> Iterator[None]:
+    """Keep the current folder off the path of the Python processes that are started in the block."""
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["PYTHONSAFEPATH"]
+        else:
+            os.environ["PYTHONSAFEPATH"] = before
 
 
 def _is_current(folder: str) -> bool:

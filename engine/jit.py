@@ -10,11 +10,10 @@ import logging
 import os
 import shutil
 import tempfile
-from contextlib import suppress
+from contextlib import chdir, nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
-import numba
 from llvmlite import binding
 
 from engine.build import build_id
@@ -25,6 +24,18 @@ from engine.private_folder import private_folder
 _INHERITED = "CLEARCAP_TEMPORARY_CACHE"
 
 _log = logging.getLogger(__name__)
+
+# Numba takes settings from this file of the current folder, which anybody may have put there, even that which
+# instructions the processor has. It is imported elsewhere, and never looks for the file again.
+SETTINGS = ".numba_config.yaml"
+
+with chdir("/") if os.path.lexists(SETTINGS) else nullcontext():
+    import numba
+    from numba.core import config
+
+config._config_fname = os.devnull
+if os.path.lexists(SETTINGS):  # a program that imported Numba before has read it
+    config._env_reloader.reset()
 
 
 def _cache_folder() -> Path:

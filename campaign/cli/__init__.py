@@ -31,6 +31,8 @@ from campaign.cli.schema import schema_app
 from campaign.cli.simulate import simulate
 from campaign.cli.submit import submit
 from campaign.cli.termination import terminated_in_order
+from campaign.interrupts import exit_at_interrupt
+from campaign.safe_path import leave_current_folder_out
 
 app = typer.Typer(
     name="clearcap",
@@ -83,16 +85,18 @@ def root(
 
 def main() -> None:
     """Run the command; an error that the user can mend is one message and an exit status, never a traceback."""
+    leave_current_folder_out()
     show_logs()
-    try:
-        with terminated_in_order():
-            app()
-    except Exception as error:
-        code = _exit_code(error)
-        if code is None:
-            raise
-        say(f"error: {error}")
-        sys.exit(code)
+    with exit_at_interrupt():
+        try:
+            with terminated_in_order():
+                app()
+        except Exception as error:
+            code = _exit_code(error)
+            if code is None:
+                raise
+            say(f"error: {error}")
+            sys.exit(code)
 
 
 def _exit_code(error: Exception) -> int | None:

@@ -122,6 +122,7 @@ def job_cluster(cluster: Cluster, certificates: Security | None) -> Any:
     return made(
         processes=_needed(kind, "cores"),
         security=certificates,
+        job_script_prologue=[*_setting(kind, "job-script-prologue"), "export PYTHONSAFEPATH=1"],
         worker_extra_args=[*_setting(kind, "worker-extra-args"), *_NO_HTTP],
         scheduler_options=_setting(kind, "scheduler-options")
         | {"dashboard": False, "dashboard_address": "127.0.0.1:0"},

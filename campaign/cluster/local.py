@@ -21,6 +21,7 @@ from distributed.system import MEMORY_LIMIT
 from campaign.cluster.scratch import scratch_folder
 from campaign.cluster.tls_certificates import passing_security
 from campaign.errors import UnreachableError
+from campaign.safe_path import current_folder_left_out
 
 logger = logging.getLogger(__name__)
 
@@ -45,6 +46,7 @@ SETTINGS = {
     "distributed.admin.system-monitor.interval": "5s",
     "distributed.comm.timeouts.connect": "30s",
     "distributed.comm.timeouts.tcp": "30s",
+    "distributed.nanny.pre-spawn-environ.PYTHONSAFEPATH": 1,
     "distributed.nanny.pre-spawn-environ.OMP_NUM_THREADS": 1,
     "distributed.nanny.pre-spawn-environ.MKL_NUM_THREADS": 1,
     "distributed.nanny.pre-spawn-environ.OPENBLAS_NUM_THREADS": 1,
@@ -145,7 +147,8 @@ def interrupts_held() -> Iterator[None]:
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:
-        resource_tracker.ensure_running()  # started later, it would let Ctrl-C through again
+        with current_folder_left_out():
+            resource_tracker.ensure_running()  # started later, it would let Ctrl-C through again
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         with _termination_held():
             yield

@@ -12,6 +12,7 @@ from multiprocessing.context import SpawnProcess
 from typing import Any, TypeVar
 
 from campaign.cluster.workers import NoWorkerLeft, WorkerDied
+from campaign.safe_path import current_folder_left_out
 
 ENDS_WITHIN = 5.0  # s, in which an idle process ends when its pipe is closed
 
@@ -164,7 +165,8 @@ def _start() -> _Process:
     calls_out, calls_in = context.Pipe(duplex=False)
     answers_out, answers_in = context.Pipe(duplex=False)
     process = context.Process(target=_serve, args=(calls_out, answers_in), daemon=True)
-    process.start()
+    with current_folder_left_out():
+        process.start()
     calls_out.close()  # the process has its own; while this one is open, neither side would see the other end
     answers_in.close()
     return _Process(process, calls_in, answers_out)

@@ -1,7 +1,6 @@
 """Write the plan of a campaign into a store, and see to it that a coordinator computes it."""
 
 import logging
-import os
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -14,6 +13,7 @@ from campaign.coordinator.run_time import seconds_per_run
 from campaign.coordinator.state import state_of, write_state
 from campaign.environment import STORE
 from campaign.plan import Plan, batch_size_is_fixed, make_plan
+from campaign.safe_path import python_environment
 from campaign.spec.load import Campaign
 from campaign.store import Store
 from campaign.store.layout import CANCEL, LEASE, LOG, SERVICE
@@ -145,7 +145,7 @@ def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int
     """
     folder = Path(store.files.path(plan.campaign_id)) if store.files.local else Path.cwd()
     log = folder / (LOG if store.files.local else f"{plan.campaign_id}.log")
-    words = [sys.executable, "-m", "campaign", "coordinate", plan.campaign_id, *options]
+    words = [sys.executable, "-P", "-m", "campaign", "coordinate", plan.campaign_id, *options]
     with log.open("ab") as file:
         process = subprocess.Popen(
             words,
@@ -153,11 +153,7 @@ def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int
             stdout=file,
             stderr=file,
             cwd="/",
-            env={
-                **os.environ,
-                "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
-                STORE: store.files.full_url,  # where other users do not see its password
-            },
+            env={**python_environment(), STORE: store.files.full_url},  # where other users do not see its password
             start_new_session=True,  # neither Ctrl-C nor the end of the terminal reaches it
         )
     return process.pid, str(log)

@@ -7,7 +7,7 @@ from typing import Any
 from campaign.pictures.animation_figure import DPI, SIZE, AnimationFigure
 from campaign.pictures.curves import heading
 from campaign.pictures.scene import scene_of
-from campaign.pictures.style import STYLE
+from campaign.pictures.style import styled
 from engine import Trajectory
 
 FRAMES, PER_SECOND = 90, 15
@@ -38,12 +38,11 @@ def animate(trajectory: Trajectory, path: Path, frames: int | None = None) -> No
     frames : int, optional
         Most frames; they are dense where much moves, see `poses.progress`. Default 90.
     """
-    import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     scene = scene_of(trajectory, frames or FRAMES)
-    with matplotlib.rc_context({**STYLE, "axes.titley": 1.02}):  # fixed: else every frame measures the titles
+    with styled(**{"axes.titley": 1.02}):  # fixed: else every frame measures the titles
         figure = Figure(figsize=SIZE, dpi=DPI)
         FigureCanvasAgg(figure)
         drawing = AnimationFigure(figure, scene, trajectory)
@@ -59,7 +58,8 @@ def animate(trajectory: Trajectory, path: Path, frames: int | None = None) -> No
 
 def can_write(suffix: str) -> bool:
     """Return whether this machine can write animations with this ending."""
-    return bool(_writer(suffix).isAvailable())
+    with styled():
+        return bool(_writer(suffix).isAvailable())
 
 
 def _writer(suffix: str) -> Any:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from campaign.pictures.style import DASHES, GRID, INK, MUTED, PALETTE, STYLE, label_with_unit
+from campaign.pictures.style import DASHES, GRID, INK, MUTED, PALETTE, label_with_unit, styled
 from engine import Trajectory
 from engine.arrays import Array
 
@@ -57,12 +57,11 @@ def plot(trajectory: Trajectory, path: Path) -> None:
     path : Path
         File to write: ``.png``, ``.svg`` or ``.pdf``.
     """
-    import matplotlib
     from matplotlib.figure import Figure
 
     shown = panels(trajectory)
     rows = -(-len(shown) // 2)
-    with matplotlib.rc_context(STYLE):
+    with styled():
         figure = Figure(figsize=(2 * PANEL[0], rows * PANEL[1] + 0.8), layout="constrained")
         figure.suptitle(heading(trajectory), x=0.01, ha="left", fontsize=10)
         grid = figure.subplots(rows, 2, sharex=True, squeeze=False)

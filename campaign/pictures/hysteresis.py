@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from campaign.pictures.curves import cut_range, file_metadata, heading
-from campaign.pictures.style import DASHES, GRID, PALETTE, STYLE, label_with_unit
+from campaign.pictures.style import DASHES, GRID, PALETTE, label_with_unit, styled
 from engine import Trajectory
 from engine.arrays import Array
 
@@ -24,12 +24,11 @@ def plot_hysteresis(trajectory: Trajectory, path: Path) -> None:
     path : Path
         File to write: ``.png``, ``.svg`` or ``.pdf``.
     """
-    import matplotlib
     from matplotlib.figure import Figure
 
     names = trajectory.description["plot"]
     x, y = (trajectory.responses[names[axis]] for axis in ("x", "y"))
-    with matplotlib.rc_context(STYLE):
+    with styled():
         figure = Figure(figsize=SIZE, layout="constrained")
         figure.suptitle(heading(trajectory), x=0.01, ha="left", fontsize=10)
         axes = figure.subplots()

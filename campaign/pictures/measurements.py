@@ -10,7 +10,7 @@ import numpy as np
 from campaign.pictures.animation_figure import join_lines
 from campaign.pictures.body_shapes import body_shape
 from campaign.pictures.curves import file_metadata
-from campaign.pictures.style import FORCE, INK, MUTED, PALETTE, STYLE, hide_axes
+from campaign.pictures.style import FORCE, INK, MUTED, PALETTE, hide_axes, styled
 from campaign.pictures.view import View, choose_view, start_rotation
 from engine import Mechanism
 from engine.arrays import Array
@@ -110,13 +110,12 @@ def plot_measurements(mechanism: Mechanism, path: Path) -> None:
     path : Path
         File to write: ``.png``, ``.svg`` or ``.pdf``.
     """
-    import matplotlib
     from matplotlib.figure import Figure
 
     view = choose_view(mechanism)
     contacts = contacts_at_start(mechanism)
     drawn = list(measurements(mechanism, contacts))
-    with matplotlib.rc_context(STYLE):
+    with styled():
         figure = Figure(figsize=SIZE)
         figure.suptitle(f"{mechanism.title or mechanism.name}: what is measured", x=0.02, ha="left", fontsize=10)
         axes = figure.add_axes((0.02, 0.03, 0.68, 0.9))

@@ -7,7 +7,7 @@ import numpy as np
 
 from campaign.pictures.curves import file_metadata
 from campaign.pictures.journals import JournalPositions
-from campaign.pictures.style import FORCE, INK, MUTED, PALETTE, STYLE, hide_axes
+from campaign.pictures.style import FORCE, INK, MUTED, PALETTE, hide_axes, styled
 from engine.arrays import Array
 
 if TYPE_CHECKING:
@@ -30,7 +30,6 @@ def plot_polarisation(journals: list[JournalPositions], title: str, path: Path) 
     path : Path
         File to write: ``.png``, ``.svg`` or ``.pdf``.
     """
-    import matplotlib
     from matplotlib.figure import Figure
 
     joints = list(dict.fromkeys(journal.joint for journal in journals))
@@ -39,7 +38,7 @@ def plot_polarisation(journals: list[JournalPositions], title: str, path: Path) 
     runs = len(journals[0].eccentricities)
     width, height = max(columns * PANEL[0] + 0.4, 6.0), rows * PANEL[1] + HEAD + FOOT
     heading = f"{title}: {runs} run{'s' if runs > 1 else ''}"
-    with matplotlib.rc_context(STYLE):
+    with styled():
         figure = Figure(figsize=(width, height))
         figure.suptitle(heading, x=0.02, y=1 - 0.18 / height, va="center", ha="left", fontsize=10)
         for journal in journals:

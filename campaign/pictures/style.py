@@ -1,5 +1,7 @@
 """How pictures look: colours that colour-blind readers can tell apart, never without a second mark."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -29,6 +31,22 @@ STYLE: Any = {
     "text.color": INK,
     "lines.linewidth": 1.3,
 }
+
+
+@contextmanager
+def styled(**more: Any) -> Iterator[None]:
+    """Draw in this style, with further settings, and otherwise as matplotlib does by default.
+
+    A file ``matplotlibrc`` in the current folder, which anybody may have put there, has no say: it could even name the
+    program that writes animations.
+    """
+    import matplotlib
+
+    settings: Any = {**STYLE, **more}
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(settings)
+        yield
 
 
 def label_with_unit(name: str, unit: str) -> str:

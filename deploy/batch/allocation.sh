@@ -8,6 +8,7 @@
 #   CLEARCAP_INTERFACE  network interface between the nodes, such as ib0; default the one of the host name
 # When the walltime ends, submit the same job again: it computes the missing rows.
 set -euo pipefail
+export PYTHONSAFEPATH=1  # no module comes from the folder in which a job stands
 
 system=$1
 : "${CAMPAIGN:?say which campaign to compute}" "${STORE:?say where the results go}"

@@ -6,4 +6,5 @@ local=${TMPDIR:-/tmp}
 folder=$(find "$local" -maxdepth 1 -type d -name 'clearcap.*' -user "$(id -u)" -perm 700 -print -quit)
 folder=${folder:-$(mktemp -d "$local/clearcap.XXXXXX")}
 export NUMBA_CACHE_DIR="$folder/compiled" NUMBA_NUM_THREADS=1
+export PYTHONSAFEPATH=1 # no module comes from the folder in which a job stands
 exec "$@" --local-directory "$folder"

@@ -1,0 +1,56 @@
+"""Ctrl-C ends the command with exit status 130, whatever it interrupts."""
+
+import signal
+import sys
+import threading
+from _thread import interrupt_main
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+INTERRUPTED = 130  # exit status
+AGAIN_AFTER = 0.05  # s
+
+
+@contextmanager
+def exit_at_interrupt() -> Iterator[None]:
+    """End the process in order when Ctrl-C comes in the block, with exit status 130 and no traceback.
+
+    Compiled code that calls Python, such as LLVM's, swallows KeyboardInterrupt, because no exception can pass through
+    it: then it is raised again. Where Ctrl-C is ignored, as after ``nohup``, it stays so.
+    """
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    came = False
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal came
+        came = True
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
+    before, sys.unraisablehook = sys.unraisablehook, _raise_again
+    try:
+        yield
+    except BaseException as ending:
+        if not came:
+            raise
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends already
+        if not isinstance(ending, SystemExit):
+            print("clearcap: interrupted", file=sys.stderr)
+        sys.exit(INTERRUPTED)
+    finally:
+        sys.unraisablehook = before
+        if not came:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _raise_again(swallowed: "sys.UnraisableHookArgs") -> None:
+    """Interrupt the main thread once more where an interrupt was swallowed; report other errors as usual."""
+    if issubclass(swallowed.exc_type, KeyboardInterrupt):
+        again = threading.Timer(AGAIN_AFTER, interrupt_main)
+        again.daemon = True
+        again.start()
+    else:
+        sys.__unraisablehook__(swallowed)
