@@ -166,3 +166,15 @@ def kill_worker_after(part, running):
     children = psutil.Process(running.pid).children(recursive=True)
     workers = [child for child in children if any("spawn_main" in word for word in child.cmdline())]
     max(workers, key=lambda worker: sum(worker.cpu_times()[:2])).kill()
+
+
+def test_numba_takes_no_settings_from_there(hostile):
+    """They would choose other instructions, and so other bits."""
+    folder, _ = hostile
+    code = (
+        "import engine.jit, numba.core.config as c; c.reload_config(); print(c.DISABLE_JIT, c.CPU_NAME, c.BOUNDSCHECK)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code], cwd=folder, env=environment(), capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout == "0 None None\n", done.stderr
