@@ -61,9 +61,9 @@ def test_a_store_that_fails_the_child_is_no_fault_of_a_run(store, plan):
 
 def test_another_build_is_no_fault_of_a_run(store, plan, monkeypatch):
     """The child says which build it runs."""
-    address = replace(CampaignAddress.of(store, plan, fake_engine.simulate), engine_build="another")
+    address = replace(CampaignAddress.of(store, plan, fake_engine.simulate), row_build="engine another")
     monkeypatch.setattr(subprocess_runs, "open_campaign", lambda _: (store, plan))
-    with pytest.raises(WrongBuild, match="planned for engine build another"):
+    with pytest.raises(WrongBuild, match="planned for another build"):
         list(rows_in_subprocess(address, range(3), 1))
 
 
