@@ -35,9 +35,9 @@ ACCESS = {
 
 
 @contextmanager
-def s3_server(port=0, busy=0):
+def s3_server(port=0, busy=0, percent=0, seed=0):
     """Yield the process of a server and its port."""
-    command = [sys.executable, "-m", "tests.campaign.s3_server", str(port), str(busy)]
+    command = [sys.executable, "-m", "tests.campaign.s3_server", *map(str, (port, busy, percent, seed))]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as server:
         try:
             yield server, int(server.stdout.readline())
