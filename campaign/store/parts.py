@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from campaign.plan_header import PlanHeader
+from campaign.store.decoded_size import MOST, check_decoded_size
 from campaign.store.layout import PARTS
 
 if TYPE_CHECKING:
@@ -155,7 +156,7 @@ def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bo
     digest, seal = _seal(content)
     begin, batches = plan.batches[first][0], plan.batches[first : last + 1]
     if seal["campaign"] != plan.campaign_id:
-        raise BadPart(f"belongs to campaign {seal['campaign']}")
+        raise BadPart(f"belongs to campaign {str(seal['campaign'])[:100]}")
     if seal["columns"] != plan.columns:
         raise BadPart("has other columns or units than the plan")
     rows = [sum(statuses.values()) for statuses in seal["statuses"]]
@@ -168,7 +169,7 @@ def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bo
     ]
 
 
-def decode(plan: PlanHeader, content: bytes, columns: Sequence[str] | None = None) -> "pa.Table":
+def decode(plan: PlanHeader, content: bytes, rows: int, columns: Sequence[str] | None = None) -> "pa.Table":
     """Return the rows in the content of a file that has been checked.
 
     Parameters
@@ -177,13 +178,15 @@ def decode(plan: PlanHeader, content: bytes, columns: Sequence[str] | None = Non
         The campaign.
     content : bytes
         Of the file.
+    rows : int
+        Number of rows that it must have.
     columns : sequence of str, optional
         Columns to read, in this order; by default all.
 
     Raises
     ------
     BadPart
-        If this version cannot read the rows.
+        If this version cannot read the rows, or they would take more memory than a file of rows may.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -191,13 +194,35 @@ def decode(plan: PlanHeader, content: bytes, columns: Sequence[str] | None = Non
     names = plan.schema.names if columns is None else list(columns)
     schema = pa.schema([plan.schema.field(name) for name in names], plan.schema.metadata)
     try:
-        table = pq.ParquetFile(pa.BufferReader(content)).read(columns, use_threads=False)
+        footer = pq.read_metadata(pa.BufferReader(content))
+        check_decoded_size(content, footer, rows)
+        file = pq.ParquetFile(pa.BufferReader(content), metadata=footer, read_dictionary=list(FEW_STRINGS))
+        table = _plain(file.read(columns, use_threads=False))
         table = table if columns is None else table.select(names)
-    except (pa.ArrowException, OSError, KeyError) as error:
-        raise BadPart(f"is not a Parquet file that this version can read ({str(error).splitlines()[0]})") from error
+    except (pa.ArrowException, OSError, KeyError, ValueError) as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise BadPart(f"is not a Parquet file that this version can read ({reason})") from error
     table = table.replace_schema_metadata(plan.schema.metadata)
     if not table.schema.equals(schema, check_metadata=True):
         raise BadPart("has other columns or units than the plan")
+    return table
+
+
+def _plain(table: "pa.Table") -> "pa.Table":
+    """Return a table with its few strings written out; ValueError if that takes more memory than a file of rows may."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    size = 0
+    for position, field in enumerate(table.schema):
+        if pa.types.is_dictionary(field.type):
+            for chunk in table[position].chunks:
+                lengths = pc.binary_length(chunk.dictionary).cast(pa.int64()).take(chunk.indices)
+                size += pc.sum(lengths).as_py() or 0
+            if size > MOST:
+                raise ValueError(f"it decodes to more than {MOST >> 20} MB")
+            plain = pa.field(field.name, field.type.value_type, field.nullable, field.metadata)
+            table = table.set_column(position, plain, table[position].cast(field.type.value_type))
     return table
 
 
@@ -216,8 +241,14 @@ def _seal(content: bytes) -> tuple[str, dict[str, Any]]:
         raise BadPart(
             f"is truncated or damaged ({len(content)} bytes, {'without a seal' if start < 0 else 'seal broken'})"
         )
-    seal, _ = json.JSONDecoder().raw_decode(content[start:].decode("latin-1"))
-    return stated.decode(), seal
+    try:
+        seal, _ = json.JSONDecoder().raw_decode(content[start:].decode("latin-1"))
+        counts = [count for statuses in seal["statuses"] for count in statuses.values()]
+        if not all(isinstance(count, int) and count > 0 for count in counts):
+            raise ValueError("a number of rows is none")
+        return stated.decode(), {key: seal[key] for key in ("campaign", "columns", "first", "statuses")}
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise BadPart("has a seal that clearcap did not write") from error
 
 
 def _statuses(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> list[dict[str, int]]:

@@ -123,7 +123,8 @@ def check_file(files: Files, plan: PlanHeader, name: str) -> list[Part]:
 
 def read_file(files: Files, plan: PlanHeader, name: str, columns: Sequence[str] | None = None) -> "pa.Table":
     """Return the rows of a file, all columns or those named; errors as of `check_file`."""
-    return decode(plan, _read_checked(files, plan, name)[0], columns)
+    content, parts = _read_checked(files, plan, name)
+    return decode(plan, content, sum(part.rows for part in parts), columns)
 
 
 def _read_checked(files: Files, plan: PlanHeader, name: str) -> tuple[bytes, list[Part]]:

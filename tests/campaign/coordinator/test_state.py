@@ -1,0 +1,25 @@
+"""The state of a campaign, also if its file holds something strange."""
+
+import pytest
+
+from campaign.coordinator.state import state_of, write_state
+from campaign.store.layout import STATE
+from tests.campaign.commands import clearcap_here
+
+
+def test_state_is_read_back(store, plan):
+    """With the time at which it began."""
+    write_state(store, plan.campaign_id, "failed", "because")
+    state = state_of(store, plan.campaign_id)
+    assert (state["state"], state["message"], state["open"]) == ("failed", "because", False)
+    assert state["since"] > 1.7e9
+
+
+@pytest.mark.parametrize("since", [1e308, -1e308, "yesterday", True, [1], {}, None, 10**400])
+def test_strange_date_breaks_no_list(store, plan, monkeypatch, capsys, since):
+    """It is no date; the campaign, and all others, are listed."""
+    store.write_json(plan.campaign_id, STATE, {"state": "completed", "since": since})
+    assert state_of(store, plan.campaign_id)["since"] is None
+    code, output, _ = clearcap_here(capsys, monkeypatch, "list", "--store", store.url)
+    assert code == 0
+    assert plan.campaign_id in output

@@ -1,0 +1,112 @@
+"""Parts that would take more memory than rows can are refused before they are decoded."""
+
+import hashlib
+import io
+import random
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from campaign.store import BadPart, decoded_size, parts
+from campaign.store.decoded_size import check_decoded_size
+from campaign.store.parts import check, decode, encode
+from tests.campaign.store.test_store import fill
+
+
+@pytest.fixture
+def part(store, plan):
+    """Return the table and the content of a sound part of ten rows."""
+    fill(store, plan, [1])
+    table = store.read_part(plan, 1)
+    return table, encode(plan, table, 1, 1)
+
+
+def written(table, **how):
+    """Return a table as a Parquet file, with its footer."""
+    buffer = io.BytesIO()
+    pq.write_table(table, buffer, **how)
+    return buffer.getvalue(), pq.ParquetFile(buffer).metadata
+
+
+@pytest.mark.parametrize("how", [{}, {"data_page_version": "2.0"}, {"use_dictionary": False}, {"compression": "zstd"}])
+def test_sizes_are_those_of_the_footer(part, how):
+    """The pages' own headers add up to what an honest footer says."""
+    content, footer = written(part[0], **how)
+    check_decoded_size(content, footer, 10)
+    for number in range(footer.num_columns):
+        column = footer.row_group(0).column(number)
+        begin = min(at for at in (column.dictionary_page_offset, column.data_page_offset) if at)
+        pages = list(decoded_size._pages(content, begin, begin + column.total_compressed_size))
+        assert pages[-1][1] == 10
+        assert 0 < sum(size for size, _ in pages) <= column.total_uncompressed_size
+
+
+def test_millions_of_equal_rows_are_refused(plan):
+    """A file of a few kilobytes, sealed or not, with more rows than its batch."""
+    rows = pa.table({"sample": pa.array([0], pa.int64()).take(pa.array([0] * 3_000_000))})
+    content, _ = written(rows, compression="zstd")
+    assert len(content) < 50_000
+    with pytest.raises(BadPart, match="its footer says 3000000 rows in place of 10"):
+        decode(plan, content, 10)
+
+
+def test_decoded_size_is_bounded(plan, part, monkeypatch):
+    """Pages that expand, and few strings that are repeated, count with what they take in memory."""
+    table, _ = part
+    position = table.schema.get_field_index("message")
+    long = table.set_column(position, table.schema.field(position), pa.array(["x" * 300_000] * 10))
+    content = encode(plan, long, 1, 1)
+    assert len(content) < 100_000
+    assert decode(plan, content, 10).equals(long)
+    monkeypatch.setattr(parts, "MOST", 2**20)
+    with pytest.raises(BadPart, match="decodes to more than"):
+        decode(plan, content, 10)
+    monkeypatch.setattr(decoded_size, "MOST", 2**10)
+    with pytest.raises(BadPart, match="decodes to more than a file of 10 rows may"):
+        decode(plan, content, 10)
+
+
+def test_headers_that_lie_are_errors_of_ours(part):
+    """Whatever stands where pages should be: the check ends, with a ValueError if with any error."""
+    content, footer = written(part[0])
+    chance, refused = random.Random(13), 0
+    for _ in range(2_000):
+        mutated = bytearray(content)
+        for _ in range(chance.randint(1, 20)):
+            mutated[chance.randrange(len(mutated))] = chance.randrange(256)
+        try:
+            check_decoded_size(
+                bytes(mutated[: chance.choice([len(mutated), chance.randrange(len(mutated))])]), footer, 10
+            )
+        except ValueError:
+            refused += 1
+    assert refused > 500
+    column = footer.row_group(0).column(0)
+    begin = min(at for at in (column.dictionary_page_offset, column.data_page_offset) if at)
+    nested = content[:begin] + b"\x5c" * 1000 + content[begin + 1000 :]
+    with pytest.raises(ValueError, match="nested too deeply"):
+        check_decoded_size(nested, footer, 10)
+
+
+@pytest.mark.parametrize(
+    "forged",
+    [
+        b'"statuses": [{"ok": -9}]',
+        b'"statuses": [{"ok":"a"}]',
+        b'"statusez": [{"ok": 10}]',
+        b'"statuses": [["ok", 10]]',
+    ],
+)
+def test_forged_seal_is_a_bad_part(plan, part, forged):
+    """Whoever knows how a seal is made may seal nonsense: it is a damaged part all the same."""
+    _, content = part
+    sound = b'"statuses": [{"ok": 10}]'
+    assert sound in content
+    assert len(forged) in (len(sound), len(sound) - 1)
+    content = content.replace(sound, forged.ljust(len(sound)))
+    at = content.rindex(b'"sha256":"') + 10
+    blank = content[:at] + b"0" * 64 + content[at + 64 :]
+    content = blank[:at] + hashlib.sha256(blank).hexdigest().encode() + blank[at + 64 :]
+    with pytest.raises(BadPart):
+        check(plan, content, 1, 1, merged=False)
