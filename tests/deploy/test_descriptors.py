@@ -1,5 +1,6 @@
 """Every descriptor in deploy/ is accepted by the parser of the tool it is for, and keeps what is promised of it."""
 
+import asyncio
 import os
 import re
 import shlex
@@ -14,9 +15,10 @@ import jsonschema
 import kubernetes_validate
 import pytest
 import yaml
-from distributed import Security
+from distributed import Scheduler, Security
 from distributed.cli.dask_scheduler import main as dask_scheduler
 from distributed.cli.dask_worker import main as dask_worker
+from tornado.httpclient import AsyncHTTPClient
 from typer.main import get_command
 
 from campaign.cli import app
@@ -99,6 +101,26 @@ def test_dask_settings():
         security = Security()
         assert security.require_encryption
         assert security.tls_worker_key == "/etc/clearcap/tls/worker.key"
+
+
+def test_http_says_no_more_than_health():
+    """With deploy/dask.yaml a scheduler answers /health, and nothing else of what dask would show to anybody."""
+    [settings] = documents(DEPLOY / "dask.yaml")
+    assert settings["distributed"]["worker"]["http"] == settings["distributed"]["scheduler"]["http"]
+    pages = ("health", "metrics", "info/main/workers.html", "json/identity.json", "json/counts.json")
+    routes = settings["distributed"]["scheduler"]["http"]["routes"]
+    assert asyncio.run(answers(routes, pages)) == dict.fromkeys(pages, 404) | {"health": 200}
+    usual = dask.config.get("distributed.scheduler.http.routes")
+    assert asyncio.run(answers(usual, pages))["json/identity.json"] == 200
+
+
+async def answers(routes, pages):
+    """Return the status with which a scheduler with these routes answers each page."""
+    with dask.config.set({"distributed.scheduler.http.routes": routes}):
+        async with Scheduler(host="127.0.0.1", port=0, dashboard_address="127.0.0.1:0", dashboard=False) as scheduler:
+            root = f"http://127.0.0.1:{scheduler.http_server.port}"
+            client = AsyncHTTPClient()
+            return {page: (await client.fetch(f"{root}/{page}", raise_error=False)).code for page in pages}
 
 
 def unknown(settings, defaults, path=()):
@@ -437,6 +459,6 @@ def test_allocation(tmp_path, system, launchers):
         assert f"--tls-key={tmp_path}/.clearcap/tls/{role}.key" in call
         assert (f" {DEPLOY}/batch/on_node.sh dask worker " in call) == (role == "worker")
         assert "--protocol tls --interface ib0" in call
-        assert "--no-dashboard --dashboard-address 127.0.0.1:0" in call
+        assert "--no-dashboard --dashboard-address 127.0.0.1:0 --preload campaign.cluster.closed_http" in call
     if system != "slurm":
         assert [call.split()[1] for call in calls if call.split()[0] in launchers] == ["a", "b"]

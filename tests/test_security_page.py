@@ -1,0 +1,85 @@
+"""What docs/security.md says of paths, options, variables, limits and ports is so."""
+
+import re
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+from campaign.cli import app
+from campaign.cluster import scratch, tls_certificates
+from campaign.spec import data_files, data_formats
+from campaign.store.files import files
+from campaign.store.store import LARGEST_DOCUMENT
+from engine import toml_file
+
+ROOT = Path(__file__).parents[1]
+PAGE = " ".join((ROOT / "docs/security.md").read_text("utf-8").split())
+CODE = sorted(set(re.findall(r"`([^`]+)`", PAGE)))
+SOURCES = "".join(
+    path.read_text("utf-8")
+    for folder in ("engine", "campaign", "deploy")
+    for path in sorted((ROOT / folder).rglob("*"))
+    if path.is_file() and "__pycache__" not in path.parts
+)
+
+
+def verbs():
+    """Return every verb, and all options of all verbs."""
+    commands = get_command(app).commands
+    return set(commands), {option for command in commands.values() for p in command.params for option in p.opts}
+
+
+def test_what_is_in_code():
+    """The pattern finds what the tests below look at."""
+    assert {"--insecure", "NUMBA_CACHE_DIR", "clearcap run", "deploy/"} <= set(CODE)
+
+
+@pytest.mark.parametrize("code", [code for code in CODE if code.startswith(("clearcap ", "--"))])
+def test_commands(code):
+    """Verbs and options exist."""
+    known, options = verbs()
+    words = code.removeprefix("clearcap ").split()
+    assert words[0].startswith("--") or words[0] in known
+    assert {word for word in words if word.startswith("--")} <= options
+
+
+@pytest.mark.parametrize("name", [code for code in CODE if re.fullmatch(r"[A-Z][A-Z_]+", code)])
+def test_variables(name):
+    """Variables of the environment are read by some program."""
+    assert name in SOURCES
+
+
+@pytest.mark.parametrize("verb", [code.removeprefix("make ") for code in CODE if code.startswith("make ")])
+def test_verbs_of_make(verb):
+    """They are in the Makefile."""
+    assert re.search(rf"^{verb}:", (ROOT / "Makefile").read_text(), re.M)
+
+
+def test_limits():
+    """Limits are those of the code."""
+    limits = [
+        f"{toml_file.LARGEST // 10**6} MB, keys of {toml_file.MOST_PARTS} parts, {toml_file.MOST_NESTED} levels,"
+        f" {toml_file.MOST_TABLES} keys, words and numbers of {toml_file.LONGEST_WORD} characters",
+        f"{data_files.LARGEST_FILE // 10**6} MB, {data_formats.MOST_ROWS} rows, {data_formats.MOST_COLUMNS} columns,"
+        f" {data_formats.LARGEST_DECODED >> 30} GiB to decode it",
+        f"{files.LARGEST >> 20} MiB; state, lease and heartbeat {LARGEST_DOCUMENT >> 20} MiB each",
+        f"at most {tls_certificates.LONGEST}",
+        f"`{scratch.PREFIX}...`",
+    ]
+    for limit in limits:
+        assert limit in PAGE
+
+
+def test_ports():
+    """The scheduler's port is that of every descriptor which has a fixed one."""
+    [port] = set(re.findall(r"--port(?: |\n +- |\", \")\"?(\d{2,})", SOURCES.replace('\\"', '"')) or ["none"])
+    assert f"| {port} (in an allocation a random port), mutual TLS" in PAGE
+    assert "scheduler --port 0 " in (ROOT / "deploy/batch/allocation.sh").read_text()
+
+
+def test_the_way_to_report_has_no_address():
+    """SECURITY.md names no e-mail address that nobody reads, and leads to the page."""
+    text = (ROOT / "SECURITY.md").read_text("utf-8")
+    assert "@" not in text
+    assert "docs/security.md" in text
