@@ -121,7 +121,8 @@ class Coordinator:
             )
         check_lease(self.store, self.plan.campaign_id, self._token)
         self.store.record(self.plan, self.queue.parts.values())
-        self.store.files.sweep(f"{self.plan.campaign_id}/{PARTS}")
+        for folder in (self.plan.campaign_id, f"{self.plan.campaign_id}/{PARTS}"):
+            self.store.files.sweep(folder)
 
     def compute(self, workers: Workers) -> None:
         """Keep batches in flight until all are completed, or the stopping rule ends the campaign.

@@ -1,6 +1,7 @@
 """Campaigns to their end on real worker processes, with a stand-in for the physics."""
 
 import json
+import os
 from dataclasses import replace
 from functools import partial
 
@@ -63,6 +64,18 @@ def test_finished_campaign_computes_nothing(tmp_path, campaign, monkeypatch, wor
     store, outcome = start(tmp_path / "a", campaign)
     assert outcome.computed == 6
     assert rows(store, outcome).equals(before)
+
+
+def test_what_dead_writers_left_is_removed(tmp_path, campaign, workers):
+    """Temporary files of parts, and of a heartbeat that its coordinator did not live to finish."""
+    _, outcome = start(tmp_path / "a", campaign)
+    folder = tmp_path / "a" / outcome.plan.campaign_id
+    for name in ("heartbeat.json", "parts/part-000001.parquet"):
+        left = folder / f"{name}.0123456789ab-1-01234567.tmp"
+        left.touch()
+        os.utime(left, (0.0, 0.0))
+    start(tmp_path / "a", campaign)
+    assert list(folder.rglob("*.tmp")) == []
 
 
 def test_killed_worker_costs_nothing(tmp_path, campaign):

@@ -1,10 +1,15 @@
 """What must hold of a store when a campaign is over, whatever happened to it."""
 
+import signal
+
 from campaign.store import layout
 from campaign.store.files.files import TEMPORARY
 from campaign.store.survey import load_manifest
 
 VARIES = ["wall_s", "attempts"]
+OF_DASK = "scheduler", "worker"  # their statuses and words are dask's
+STOPPED = {signal.SIGTERM, signal.SIGKILL}  # by which a supervisor ends what still runs
+LEASE_WORDS = ("was taken over by another process", "is computed by process", "was taken by another process")
 
 
 def bits(store, plan):
@@ -22,8 +27,28 @@ def check_whole(store, plan, reference):
     known = load_manifest(store.files, plan)
     assert {part.batch: part for parts in known.values() for part in parts} == survey.parts
     root = plan.campaign_id
-    names = set(store.files.names(root)) - {"reports"}
+    names = set(store.files.names(root)) - {layout.REPORT, layout.LOG}
     kept = {"plan.json", "campaign.toml", "state.json", "heartbeat.json", "parts", layout.MANIFEST}
     assert names == kept, names ^ kept  # no lease, no marker, nothing temporary
     assert [name for name in store.files.names(f"{root}/parts") if name.endswith(TEMPORARY)] == []
     assert store.read_json(root, "state.json")["state"] == "completed"
+
+
+def check_endings(supervisor, signals):
+    """Check that every process of the command that has ended did so as the documentation says, without a traceback.
+
+    Parameters
+    ----------
+    supervisor : Supervisor
+        That kept them.
+    signals : dict of int to set of Signals
+        What each process was sent.
+    """
+    for life in supervisor.lives:
+        if life.process.returncode is not None and not life.name.startswith(OF_DASK):
+            pid, code, said = life.process.pid, life.process.returncode, life.text()
+            sent = signals.get(pid, set()) | (STOPPED if pid in supervisor.stopped else set())
+            allowed = {0, 4} | {status for number in sent for status in (128 + number, -number)}
+            allowed |= {1} if any(words in said for words in LEASE_WORDS) else set()
+            assert code in allowed, f"{life.name} {pid} ended with {code}:\n{said[-3000:]}"
+            assert "Traceback" not in said, f"{life.name} {pid} ended with {code}:\n{said[-6000:]}"

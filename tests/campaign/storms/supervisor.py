@@ -7,12 +7,40 @@ import sys
 import threading
 import time
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
 
 MARK = "CLEARCAP_STORM"  # in the environment of all processes of a storm, by which orphans are found
 ROOT = Path(__file__).parents[3]
+
+
+@dataclass
+class Life:
+    """One process of a member, from its start to its end.
+
+    Attributes
+    ----------
+    name : str
+        Of the member.
+    process : Popen
+        With its exit status once it has ended.
+    log : Path
+        The file that takes what it writes.
+    first, last : int
+        Where in this file that begins, and ends once it has ended.
+    """
+
+    name: str
+    process: subprocess.Popen
+    log: Path
+    first: int
+    last: int | None = None
+
+    def text(self):
+        """Return what it wrote."""
+        return self.log.read_bytes()[self.first : self.last].decode(errors="replace")
 
 
 class Supervisor:
@@ -33,16 +61,17 @@ class Supervisor:
         path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
         self.environment = {**os.environ, MARK: mark, "PYTHONPATH": path, **environment}
         self._members, self._once, self._delays = {}, set(), {}
-        self._running, self._ended, self.codes = {}, {}, {}
+        self._running, self._ended, self.codes, self.lives = {}, {}, {}, []
+        self.stopped = set()  # numbers of the processes that this ended, and not the campaign or the test
         self._holding = False
         self._over = threading.Event()
         self._lock = threading.Lock()
         self._thread = threading.Thread(target=self._look, daemon=True)
 
-    def add(self, name, *module_and_arguments, once=False, after=0.2):
+    def add(self, name, *module_and_arguments, once=False, after=0.2, prefix=()):
         """Start ``python -m ...`` and keep it; ``once``: until it ends with 0. ``after`` [s] it starts again."""
         with self._lock:
-            self._members[name] = [sys.executable, "-m", *map(str, module_and_arguments)]
+            self._members[name] = [*prefix, sys.executable, "-m", *map(str, module_and_arguments)]
             self._delays[name] = after
             if once:
                 self._once.add(name)
@@ -81,6 +110,7 @@ class Supervisor:
         for name in reversed(self._members):  # a worker whose scheduler ends first waits 8 s for it
             if (process := self._running.get(name)) is None:
                 continue
+            self.stopped.add(process.pid)
             process.terminate()
             try:
                 process.wait(max(until - time.monotonic(), 0.1))
@@ -89,8 +119,9 @@ class Supervisor:
                 process.wait()
 
     def _start(self, name):
-        with (self.folder / f"{name}.log").open("ab") as log:
-            self._running[name] = subprocess.Popen(
+        path = self.folder / f"{name}.log"
+        with path.open("ab") as log:
+            process = subprocess.Popen(
                 self._members[name],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -98,6 +129,8 @@ class Supervisor:
                 env=self.environment,
                 start_new_session=True,
             )
+            self._running[name] = process
+            self.lives.append(Life(name, process, path, log.tell()))
 
     def _look(self):
         while not self._over.wait(0.05):
@@ -106,6 +139,8 @@ class Supervisor:
                     if (code := process.poll()) is not None:
                         self.codes.setdefault(name, []).append(code)
                         del self._running[name]
+                        life = next(life for life in reversed(self.lives) if life.name == name)
+                        life.last = life.log.stat().st_size
                         self._ended[name] = time.monotonic()
                 for name in () if self._holding else self._members.keys() - self._running.keys():
                     if name in self._once and self.codes[name][-1] == 0:

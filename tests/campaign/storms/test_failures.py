@@ -6,7 +6,6 @@ import subprocess
 import sys
 import time
 import uuid
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from random import Random
@@ -27,6 +26,7 @@ from tests.campaign.cluster_processes import free_port, scheduler, worker
 from tests.campaign.driving import computed
 from tests.campaign.storms.checks import bits, check_whole
 from tests.campaign.storms.cluster import DASK, drive, start_cluster, strike
+from tests.campaign.storms.disk import remount, tmpfs
 from tests.campaign.storms.supervisor import ROOT, Supervisor, those_left
 
 pytestmark = pytest.mark.slow
@@ -77,23 +77,6 @@ def finish(supervisor):
 
 def parts(store, plan):
     return [n for n in store.files.names(f"{plan.campaign_id}/parts") if n.endswith(".parquet")]
-
-
-@contextmanager
-def tmpfs(folder, size):
-    """Mount a small file system of its own."""
-    folder.mkdir()
-    done = subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={size}", "none", folder], capture_output=True)
-    if done.returncode:
-        pytest.skip(f"cannot mount here: {done.stderr.decode()}")
-    try:
-        yield folder
-    finally:
-        subprocess.run(["umount", "-l", folder], check=True)
-
-
-def remount(folder, *options):
-    subprocess.run(["mount", "-o", ",".join(("remount", *options)), folder], check=True)
 
 
 def test_disk_full(tmp_path, asked, reference, supervisor):

@@ -22,7 +22,7 @@ from campaign.store.files.patience import Patience
 from campaign.store.layout import HEARTBEAT, LEASE
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows
-from tests.campaign.storms.test_failures import remount, tmpfs
+from tests.campaign.storms.disk import remount, tmpfs
 
 SLOW = partial(fake_engine.takes, 0.05)
 

@@ -1,0 +1,46 @@
+"""``clearcap`` whose runs are those of the stand-in: ``python -m tests.campaign.storms.command VERB ...``.
+
+The environment says how long a run takes, and names the file that says how wrong the clock is.
+"""
+
+import os
+import subprocess
+import time
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+
+SECONDS = "CLEARCAP_STORM_SECONDS"  # that a run takes
+CLOCK = "CLEARCAP_STORM_CLOCK"  # path of a file that holds how many seconds the clock is ahead
+
+
+def wrong_clock(file, right=time.time):
+    """Return a clock that may jump at any moment."""
+
+    def wrong():
+        return right() + float(file.read_text() or 0.0)
+
+    return wrong
+
+
+def _start(words, **how):
+    """Start another ``clearcap`` as this one is."""
+    return subprocess.Popen([__spec__.name if word == "campaign" else word for word in words], **how)
+
+
+def main():
+    """Put the stand-in in the engine's place and the wrong clock in the right one's, and run the command."""
+    time.time = wrong_clock(Path(os.environ[CLOCK]))  # first of all: dask keeps the function that it finds
+    from campaign import cli
+    from campaign.coordinator import coordinate, submit
+    from tests.campaign import fake_engine
+
+    submit.subprocess = SimpleNamespace(Popen=_start)
+    simulate = partial(fake_engine.takes, float(os.environ[SECONDS]))
+    coordinate.coordinate = partial(coordinate.coordinate, simulate=simulate)
+    submit.submit = partial(submit.submit, simulate=simulate)
+    cli.main()
+
+
+if __name__ == "__main__":
+    main()
