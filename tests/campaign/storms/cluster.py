@@ -8,7 +8,6 @@ from tests.campaign.storms.supervisor import kill, processes, words
 
 # The settings of campaigns' own local clusters, in the environment; deploy/dask.yaml has the same but for the failures.
 DASK = {f"DASK_{key.upper().replace('.', '__').replace('-', '_')}": str(value) for key, value in SETTINGS.items()}
-KINDS = ("worker", "nanny", "scheduler", "coordinator", "client", "child", "all")
 
 
 def start_cluster(supervisor, folder, workers=2, tls=None):

@@ -35,7 +35,7 @@ def main():
     from campaign.coordinator import coordinate, submit
     from tests.campaign import fake_engine
 
-    submit.subprocess = SimpleNamespace(Popen=_start)
+    submit.subprocess = SimpleNamespace(**{**vars(subprocess), "Popen": _start})
     simulate = partial(fake_engine.takes, float(os.environ[SECONDS]))
     coordinate.coordinate = partial(coordinate.coordinate, simulate=simulate)
     submit.submit = partial(submit.submit, simulate=simulate)

@@ -22,7 +22,7 @@ def pytest_terminal_summary(terminalreporter):
     for kind in sorted(drawn):
         write(f"{kind:<36} {drawn[kind]:>6} {hit[kind]:>6}")
     write(f"{'all':<36} {drawn.total():>6} {hit.total():>6}")
-    for what in ("restarts", "take-overs"):
+    for what in ("restarts", "take-overs", "told of a take-over"):
         write(f"{what:<36} {sum(figures[what] for figures in storms):>13}")
     seconds = [figures["seconds"] for figures in storms]
     write(f"{'seconds: all, the longest':<36} {sum(seconds):>6.0f} {max(seconds):>6.0f}")

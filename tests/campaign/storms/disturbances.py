@@ -1,6 +1,5 @@
 """What is done to a campaign in a storm. Each function returns how many processes or files it really hit."""
 
-import json
 import signal
 from contextlib import suppress
 from functools import partial
@@ -10,7 +9,8 @@ from tests.campaign.storms.command import CLOCK
 from tests.campaign.storms.disk import fill, remount, use_up_inodes
 from tests.campaign.storms.modes import STAND_IN
 
-LEASE = 13.0, 20.0  # s, longer than it takes another machine to see that a coordinator is silent
+LEASE = 60.0  # s, in which another machine sees that a coordinator is silent; half of it on a quiet machine
+AFTER = 0.0, 3.0  # s, in which two coordinators believe that the campaign is theirs
 SHORT = 1.0, 8.0  # s
 FAULT = 1.0, 15.0  # s
 WAIT = 20.0  # s, in which a file or a process that is to be hit is waited for
@@ -46,12 +46,18 @@ def pause(storm, role, seconds):
 
 
 def pause_beyond_lease(storm):
-    """Stop the coordinator that holds the lease, for so long that another machine takes over; then there are two."""
-    found = storm.some("coordinator", WAIT) and storm.processes()["coordinator"]
-    with suppress(OSError, ValueError):
-        held_by = json.loads((storm.folder / "lease.json").read_bytes())["pid"]
-        found = [p for p in found if p.pid == held_by] or [p for p in found if storm.is_in_a_space_of_its_own(p)]
-    return storm.pause(found[:1], storm.chance.uniform(*LEASE))
+    """Stop the coordinator that holds the lease until another machine has taken over; then there are two."""
+    storm.wait(lambda: storm.document("lease.json"), WAIT)
+    lease, found = storm.document("lease.json"), storm.processes()["coordinator"]
+    holder = [p for p in found if p.pid == lease.get("pid")]
+    holder = holder or [p for p in found if storm.is_in_a_space_of_its_own(p)]
+    stopped = storm.send(signal.SIGSTOP, holder[:1])
+    if stopped and storm.wait(
+        lambda: storm.document("lease.json").get("token") not in (lease.get("token"), None), LEASE
+    ):
+        storm.take_overs += 1
+    storm.undo_after(storm.chance.uniform(*AFTER), lambda: storm.send(signal.SIGCONT, holder[:1]))
+    return stopped
 
 
 def pause_everything(storm):

@@ -46,7 +46,7 @@ class Mode:
     def is_over(self, storm):
         """Return whether the campaign is complete, and those who computed it have ended as far as they will."""
         if self.serves:
-            state = storm.state()
+            state = storm.document("state.json")
             return state.get("state") == "completed" and not state.get("open")
         return any(storm.supervisor.finished(name) for name in ("coordinator", "second"))
 

@@ -40,6 +40,8 @@ class Storm:
         How it is computed.
     signals : dict of int to set of Signals
         What was sent to each process.
+    take_overs : int
+        How often another coordinator got the lease of one that was paused.
     hits : list of (float, str)
         What hit something: when [s], and what.
     """
@@ -51,6 +53,7 @@ class Storm:
     campaign: str
     mode: Mode
     signals: dict = field(default_factory=lambda: defaultdict(set))
+    take_overs: int = 0
     hits: list = field(default_factory=list)
     began: float = field(default_factory=time.monotonic)
     _undo: list = field(default_factory=list)
@@ -127,10 +130,10 @@ class Storm:
         """Return whether the campaign is complete."""
         return self.mode.is_over(self)
 
-    def state(self):
-        """Return the state that the coordinator wrote; an empty one while it cannot be read."""
+    def document(self, name):
+        """Return a small file of the campaign; an empty one while it cannot be read."""
         try:
-            return json.loads((self.folder / "state.json").read_bytes())
+            return json.loads((self.folder / name).read_bytes())
         except (OSError, ValueError):
             return {}
 

@@ -44,11 +44,11 @@ def hurt(folder, store, plan, begin, end, seconds, struck):
 
 
 def read_only(folder):
-    remount(folder, "ro")
+    assert remount(folder, "ro")
 
 
 def writable(folder):
-    remount(folder, "rw")
+    assert remount(folder, "rw")
 
 
 def take_all_inodes(folder):

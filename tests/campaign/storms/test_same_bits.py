@@ -52,9 +52,9 @@ def stormy(folder, asked, size, tls=None, strikes=()):
         address = start_cluster(supervisor, folder, tls=tls)
         drive(supervisor, store, plan, address, 0.02, *(("--tls", tls) if tls else ()))
         for number, kind in enumerate(strikes, 1):
-            ready = 2 * number * len(plan.batches) // (3 * len(strikes))
+            ready = number * len(plan.batches) // (2 * len(strikes))
             wait(lambda ready=ready: len(parts(store, plan)) >= ready, lambda: supervisor.said("coordinator"))
-            assert strike(supervisor, kind, chance)
+            wait(lambda kind=kind: strike(supervisor, kind, chance), lambda: supervisor.said("coordinator"))
         wait(lambda: supervisor.finished("coordinator"), lambda: supervisor.said("coordinator"))
     assert those_left(supervisor.mark) == []
     return digest(store, plan)

@@ -36,7 +36,7 @@ def test_service_in_a_storm(tmp_path):
 
         def clearcap(*words):
             command = [sys.executable, "-m", "campaign", *words, "--store", store.url, "--json"]
-            done = subprocess.run(command, env=supervisor.environment, check=True, capture_output=True, timeout=120)
+            done = subprocess.run(command, env=supervisor.environment, check=True, capture_output=True, timeout=400)
             return json.loads(done.stdout)
 
         first = clearcap("submit", str(tmp_path / "before.toml"), "--batch-size", "5", "--queue-only")

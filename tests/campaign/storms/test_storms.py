@@ -129,7 +129,8 @@ def _record(storm, mode, seed, kinds, record_property):
         "drawn": [kind for kind, _ in kinds],
         "hits": storm.hits,
         "restarts": len(storm.supervisor.lives) - len({life.name for life in storm.supervisor.lives}),
-        "take-overs": said.count("was taken over by another process"),
+        "take-overs": storm.take_overs,
+        "told of a take-over": said.count("was taken over by another process"),
         "seconds": round(time.monotonic() - storm.began, 1),
     }
     for life in storm.supervisor.lives:
