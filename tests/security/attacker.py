@@ -20,7 +20,7 @@ from distributed.comm.core import connect
 from distributed.protocol.pickle import dumps
 
 UID = 20002
-PATIENCE = 4.0  # s, for one attempt
+PATIENCE = 15.0  # s, for one attempt
 PAGES = ("/", "/health", "/info/main/workers.html", "/json/identity.json", "/metrics", "/sitemap.json", "/proxy/1/x/y")
 
 
