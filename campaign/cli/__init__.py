@@ -14,7 +14,7 @@ from campaign.cli.cancel import cancel
 from campaign.cli.certificates import certificates
 from campaign.cli.coordinate import coordinate
 from campaign.cli.mechanism import mechanism_app
-from campaign.cli.output import say, show_logs
+from campaign.cli.output import print_text, say, show_logs, visible
 from campaign.cli.polarisation import polarisation
 from campaign.cli.replay import replay
 from campaign.cli.rerun import rerun
@@ -70,7 +70,7 @@ def _version(wanted: bool) -> None:
     if wanted:
         from campaign.version import clearcap_version
 
-        print(f"clearcap {clearcap_version()}")
+        print_text(f"clearcap {clearcap_version()}")
         raise typer.Exit
 
 
@@ -88,6 +88,7 @@ def main() -> None:
     leave_current_folder_out()
     show_logs()
     with exit_at_interrupt():
+        _check_words(sys.argv[1:])
         try:
             with terminated_in_order():
                 app()
@@ -97,6 +98,14 @@ def main() -> None:
                 raise
             say(f"error: {error}")
             sys.exit(code)
+
+
+def _check_words(words: list[str]) -> None:
+    """Refuse letters that a terminal hides or obeys: messages about options would print them."""
+    for word in words:
+        if visible(word) != word:
+            say(f"error: {visible(word)}: has letters that a terminal hides or obeys; write options and names without")
+            sys.exit(2)
 
 
 def _exit_code(error: Exception) -> int | None:

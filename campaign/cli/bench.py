@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from campaign.cli.output import Json, print_json, say
+from campaign.cli.output import Json, console, print_json, print_text, say, visible
 
 if TYPE_CHECKING:
     from engine.profile.step_times import StepTimes
@@ -49,7 +49,7 @@ def _print(measured: "list[StepTimes]") -> None:
     _table("share of the time [%]", shares, {stage: stage for stage in measured[0].shares})
     for entry in measured:
         if entry.message:
-            print(f"{entry.mechanism}: {entry.message}")
+            print_text(f"{entry.mechanism}: {entry.message}")
 
 
 TABLES = {
@@ -74,7 +74,6 @@ TABLES = {
 def _table(title: str, rows: list[list[str]], columns: dict[str, str]) -> None:
     """Print a table: one mechanism a row, then the named columns."""
     from rich.box import SIMPLE
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 1, 0, 0))
@@ -82,8 +81,8 @@ def _table(title: str, rows: list[list[str]], columns: dict[str, str]) -> None:
     for name in columns.values():
         table.add_column(name, justify="right")
     for row in rows:
-        table.add_row(*row)
-    Console().print(table)
+        table.add_row(*map(visible, row))
+    console().print(table)
 
 
 def _text(value: object) -> str:

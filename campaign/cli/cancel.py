@@ -1,7 +1,7 @@
 """``clearcap cancel``: end a campaign."""
 
 from campaign.cli.options import Id, StoreUrl
-from campaign.cli.output import Json, print_json
+from campaign.cli.output import Json, print_json, print_text
 
 
 def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
@@ -21,6 +21,6 @@ def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) ->
     if json:
         print_json({"campaign": campaign_id, "store": opened.url, "before": before})
     elif before == "completed":
-        print(f"{campaign_id} is completed; nothing to cancel")
+        print_text(f"{campaign_id} is completed; nothing to cancel")
     else:
-        print(f"{campaign_id} was {before}; continue it with: clearcap resume {campaign_id} --store {opened.url}")
+        print_text(f"{campaign_id} was {before}; continue it with: clearcap resume {campaign_id} --store {opened.url}")

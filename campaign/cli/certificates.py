@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from campaign.cli.output import Json, print_json
+from campaign.cli.output import Json, print_json, print_text
 
 
 def certificates(
@@ -34,4 +34,4 @@ def certificates(
         print_json({"folder": str(folder), "days": days, "files": {name: str(path) for name, path in paths.items()}})
         return
     for path in paths.values():
-        print(path)
+        print_text(path)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from campaign.cli.output import number, print_json, say
+from campaign.cli.output import console, number, print_json, print_table, print_text, say
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
@@ -26,13 +26,11 @@ def drive(
     typer.Exit
         1 if no run succeeded, or fewer than the campaign asks for; 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
     """
-    from rich.console import Console
-
     from campaign.cli.progress import display
     from campaign.coordinator.coordinate import coordinate
 
     try:
-        with nullcontext(lambda _: None) if quiet else display(Console(stderr=True)) as show:
+        with nullcontext(lambda _: None) if quiet else display(console(stderr=True)) as show:
             outcome = coordinate(store, plan, cluster, show)
     except (KeyboardInterrupt, SystemExit) as ending:
         command = shlex.join(["clearcap", "resume", plan.campaign_id, "--store", store.url, *options_of(cluster)])
@@ -69,7 +67,7 @@ def finish(store: "Store", outcome: "Outcome", *, with_report: bool, as_json: bo
     else:
         _print_results(store, outcome)
         if files:
-            print(f"report: {files['html']}")
+            print_text(f"report: {files['html']}")
     ok, least = outcome.survey.statuses.get("ok", 0), plan.spec.failures.min_ok
     if ok == 0:
         messages = Counter(text for rows in store.stream(plan, ["message"]) for text in rows["message"].to_pylist())
@@ -102,17 +100,13 @@ def _summary(store: "Store", outcome: "Outcome", files: dict[str, str]) -> dict[
 def _print_results(store: "Store", outcome: "Outcome") -> None:
     """Print how the runs ended, and the capability of each response."""
     import pyarrow as pa
-    from rich.console import Console
-    from rich.table import Table
 
     from reporting import capability
 
     plan = outcome.plan
     names = list(plan.mechanism.responses)
     rows = pa.concat_tables([plan.schema.empty_table().select(names), *store.stream(plan, names)])
-    table = Table(title=plan.spec.title or plan.spec.name)
-    for head in ("response", "unit", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out"):
-        table.add_column(head, justify="left" if head in ("response", "unit") else "right", no_wrap=True)
+    table = []
     units = plan.mechanism.response_units()
     for name in names:
         response = plan.spec.responses.get(name)
@@ -121,12 +115,14 @@ def _print_results(store: "Store", outcome: "Outcome") -> None:
         c = capability(values, lsl=lsl, usl=usl, target=target)
         ppm = "-" if c.ppm_observed is None else f"{c.ppm_observed:.0f}"
         cells = (number(c.mean), number(c.std, 3), number(lsl), number(usl), number(c.cpk, 3), ppm)
-        table.add_row(name, units[name], *cells)
-    Console().print(table)
+        table.append((name, units[name], *cells))
+    heads = ("response", "unit", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out")
+    print_table(plan.spec.title or plan.spec.name, heads, table, texts=2)
     counts = ", ".join(f"{count} {status}" for status, count in outcome.survey.statuses.items())
-    print(f"{outcome.samples} runs: {counts}; {outcome.computed} computed in {outcome.wall_s:.1f} s")
+    print_text(f"{outcome.samples} runs: {counts}; {outcome.computed} computed in {outcome.wall_s:.1f} s")
     if outcome.verdict:
-        print(f"{'precise enough' if outcome.verdict.sure else 'not precise enough yet'}: {outcome.verdict.text()}")
+        precision = "precise enough" if outcome.verdict.sure else "not precise enough yet"
+        print_text(f"{precision}: {outcome.verdict.text()}")
 
 
 def plan_campaign(

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from campaign.cli.output import Json, print_json
+from campaign.cli.output import Json, print_json, print_text
 
 mechanism_app = typer.Typer(help="List, show and check mechanisms.", no_args_is_help=True)
 
@@ -23,7 +23,7 @@ def list_mechanisms(json: Json = False) -> None:
         return
     width = max(map(len, titles))
     for name, title in titles.items():
-        print(f"{name:{width}}  {title}")
+        print_text(f"{name:{width}}  {title}")
 
 
 @mechanism_app.command()
@@ -44,19 +44,19 @@ def show(
     if json:
         print_json(document)
         return
-    print(f"{document['name']}: {document['title']}\n{document['description']}\n")
-    print(f"units {document['units']}; {document['bodies']} bodies, {document['contacts']} contacts\n")
-    print("clearances:")
+    print_text(f"{document['name']}: {document['title']}\n{document['description']}\n", lines=True)
+    print_text(f"units {document['units']}; {document['bodies']} bodies, {document['contacts']} contacts\n", lines=True)
+    print_text("clearances:")
     for name, entry in document["clearances"].items():
-        print(f"  {name} = {entry['value']:g} {entry['unit']}")
-    print("responses:")
+        print_text(f"  {name} = {entry['value']:g} {entry['unit']}")
+    print_text("responses:")
     for name, entry in document["responses"].items():
-        print(f"  {name} [{entry['unit']}]  {entry['title']}")
+        print_text(f"  {name} [{entry['unit']}]  {entry['title']}")
     for condition in document["validity"]:
-        print(f"valid only if {condition}")
+        print_text(f"valid only if {condition}")
     for kind in ("benches", "presets"):
         for name, title in document[kind].items():
-            print(f"--{kind.removesuffix('es' if kind == 'benches' else 's')} {name}  {title}")
+            print_text(f"--{kind.removesuffix('es' if kind == 'benches' else 's')} {name}  {title}")
 
 
 @mechanism_app.command()
@@ -74,7 +74,7 @@ def check(mechanism: MechanismName, json: Json = False) -> None:
     if json:
         print_json({"mechanism": loaded.name, "ok": True, "digest": loaded.digest()})
     else:
-        print(f"{mechanism}: no errors")
+        print_text(f"{mechanism}: no errors")
 
 
 def _draw(mechanism: Any, picture: Path) -> None:

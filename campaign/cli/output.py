@@ -1,33 +1,93 @@
-"""Results go to standard output, messages and progress to standard error."""
+r"""Results go to standard output, messages and progress to standard error; no text commands the terminal.
+
+Titles, names, messages and paths come from files, stores and options that others may have written. Whatever a terminal
+would obey, and whatever hides or reorders letters, is printed as an escape such as ``\x1b``. Rich finds no markup.
+"""
 
 import json
 import logging
 import math
 import sys
+import traceback
+import unicodedata
 from collections.abc import Iterable, Sequence
-from typing import Annotated, Any
+from types import TracebackType
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
+
+# Control characters, formats such as the direction of writing, halves of characters, ends of lines and paragraphs.
+INVISIBLE = {"Cc", "Cf", "Cs", "Zl", "Zp"}
+
+
+def visible(text: str, keep: str = "") -> str:
+    """Return a text whose control characters, and others that a terminal obeys or hides, are escapes.
+
+    Parameters
+    ----------
+    text : str
+        Any text.
+    keep : str
+        Characters that stay as they are, such as the line feeds of a text of several lines.
+    """
+    if text.isprintable():
+        return text
+    return "".join(_escape(char) if _is_invisible(char) and char not in keep else char for char in text)
+
+
+def print_text(text: object, *, lines: bool = False) -> None:
+    """Print a line on standard output; with ``lines`` a text of several lines."""
+    print(visible(str(text), "\n" if lines else ""))
+
+
+def say(text: str) -> None:
+    """Print a message on standard error; only its first line begins as a message does."""
+    print(f"clearcap: {visible(text, chr(10))}".replace("\n", "\n  "), file=sys.stderr)
 
 
 def print_json(document: Any) -> None:
     """Print one JSON document on standard output; a number that is not finite becomes null."""
-    json.dump(_finite(document), sys.stdout, indent=2, ensure_ascii=False, allow_nan=False)
-    sys.stdout.write("\n")
+    text = json.dumps(_finite(document), indent=2, ensure_ascii=False, allow_nan=False)
+    print("".join(json.dumps(char)[1:-1] if _is_invisible(char) and char != "\n" else char for char in text))
 
 
-def say(text: str) -> None:
-    """Print a message on standard error."""
-    print(f"clearcap: {text}", file=sys.stderr)
+def console(*, stderr: bool = False) -> "Console":
+    """Return a console of rich that takes texts as they are."""
+    from rich.console import Console
+
+    return Console(stderr=stderr, markup=False, emoji=False, highlight=False)
+
+
+def print_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, texts: int | None = None) -> None:
+    """Print a table on standard output; of its columns the first ``texts`` hold texts and the others numbers."""
+    from rich.table import Table
+
+    table = Table(title=visible(title))
+    for place, head in enumerate(heads):
+        is_number = texts is not None and place >= texts
+        table.add_column(visible(head), justify="right" if is_number else "left")
+    for row in rows:
+        table.add_row(*map(visible, row))
+    console().print(table)
+
+
+def number(value: float | None, digits: int = 5) -> str:
+    """Return a number for a table; a dash for None."""
+    return "-" if value is None else f"{value:.{digits}g}"
 
 
 def show_logs() -> None:
-    """Send what the campaign logs to standard error, as messages."""
+    """Send what the campaign logs to standard error, as messages; so too warnings of libraries, and a bug."""
     logger = logging.getLogger("campaign")
     logger.addHandler(_MessageHandler())
     logger.setLevel(logging.INFO)
+    logging.lastResort = _MessageHandler(logging.WARNING)
+    sys.excepthook = _print_bug
 
 
 class _MessageHandler(logging.Handler):
@@ -37,22 +97,18 @@ class _MessageHandler(logging.Handler):
         say(record.getMessage())
 
 
-def print_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, numbers: bool = False) -> None:
-    """Print a table on standard output; with ``numbers`` all columns but the first are aligned right."""
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(title=title)
-    for head in heads:
-        table.add_column(head, justify="right" if numbers and head != heads[0] else "left")
-    for row in rows:
-        table.add_row(*row)
-    Console().print(table)
+def _print_bug(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """Print the traceback of a bug."""
+    print(visible("".join(traceback.format_exception(kind, error, trace)), "\n"), end="", file=sys.stderr)
 
 
-def number(value: float | None, digits: int = 5) -> str:
-    """Return a number for a table; a dash for None."""
-    return "-" if value is None else f"{value:.{digits}g}"
+def _is_invisible(char: str) -> bool:
+    return unicodedata.category(char) in INVISIBLE
+
+
+def _escape(char: str) -> str:
+    """Return a character as Python writes it in ASCII."""
+    return char.encode("unicode_escape").decode() if not "\ud800" <= char <= "\udfff" else f"\\u{ord(char):04x}"
 
 
 def _finite(document: Any) -> Any:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from campaign.cli.output import Json, print_json, say
+from campaign.cli.output import Json, print_json, print_text, say
 
 
 def polarisation(
@@ -40,4 +40,4 @@ def polarisation(
     if json:
         print_json({"picture": str(picture), "samples": samples, "failed": failed})
     else:
-        print(f"picture: {picture}" + (f" ({failed} of {samples} runs failed and are left out)" if failed else ""))
+        print_text(f"picture: {picture}" + (f" ({failed} of {samples} runs failed and are left out)" if failed else ""))

@@ -12,11 +12,14 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from campaign.cli.output import visible
+
 if TYPE_CHECKING:
     from campaign.coordinator.heartbeat import Heartbeat, Show
 
 LINE_EVERY = 10.0  # s, between two lines where there is no terminal
 IDLE_AFTER = 30.0  # s: a batch takes about ten
+LONGEST = 1e9  # s
 BAR = 40  # characters
 
 
@@ -49,14 +52,14 @@ class Lines:
         if now - self._printed_at < LINE_EVERY and heartbeat.state == self._state:
             return
         self._printed_at, self._state = now, heartbeat.state
-        self._console.print(line(heartbeat), highlight=False, soft_wrap=True)
+        self._console.print(Text(line(heartbeat)), soft_wrap=True)
 
 
 def line(heartbeat: "Heartbeat") -> str:
     """Return one line about the progress of a campaign."""
     head = f"{heartbeat.done}/{heartbeat.samples} runs, {heartbeat.failed} failed"
     if heartbeat.state != "running":
-        return f"{head}, {heartbeat.state}"
+        return f"{head}, {visible(heartbeat.state)}"
     idle = f", nothing finished for {heartbeat.idle_s:.0f} s" if heartbeat.idle_s > IDLE_AFTER else ""
     return f"{head}, {heartbeat.rate:.1f} runs/s, ETA {eta(heartbeat.eta_s)}, {_workers(heartbeat.workers)}{idle}"
 
@@ -64,7 +67,9 @@ def line(heartbeat: "Heartbeat") -> str:
 def view(heartbeat: "Heartbeat") -> RenderableType:
     """Return the live view: a bar, the line beside it, and the responses so far."""
     bar = Table.grid(padding=(0, 1))
-    bar.add_row(ProgressBar(total=max(heartbeat.samples, 1), completed=heartbeat.done, width=BAR), line(heartbeat))
+    bar.add_row(
+        ProgressBar(total=max(heartbeat.samples, 1), completed=heartbeat.done, width=BAR), Text(line(heartbeat))
+    )
     limited = {name: r for name, r in heartbeat.responses.items() if r["cpk"] is not None}
     if not limited:
         return bar
@@ -72,13 +77,13 @@ def view(heartbeat: "Heartbeat") -> RenderableType:
     for head in ("so far", "n", "mean", "sigma", "Cpk"):
         table.add_column(head, justify="left" if head == "so far" else "right")
     for name, r in limited.items():
-        table.add_row(Text(name), f"{r['n']}", *(f"{r[key] or 0.0:.4g}" for key in ("mean", "std", "cpk")))
+        table.add_row(Text(visible(name)), f"{r['n']}", *(f"{r[key] or 0.0:.4g}" for key in ("mean", "std", "cpk")))
     return Group(bar, table)
 
 
 def eta(seconds: float | None) -> str:
-    """Return a time to go as h:mm:ss; a dash for an unknown one."""
-    return "-" if seconds is None else str(timedelta(seconds=round(seconds)))
+    """Return a time to go as h:mm:ss; a dash for one that is unknown or longer than anybody waits."""
+    return str(timedelta(seconds=round(seconds))) if seconds is not None and seconds < LONGEST else "-"
 
 
 def _workers(count: int) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from campaign.cli.options import CampaignId, StoreUrl
-from campaign.cli.output import Json, print_json, say
+from campaign.cli.output import Json, print_json, print_text, say
 from campaign.cli.run_files import RunFiles
 
 if TYPE_CHECKING:
@@ -94,17 +94,17 @@ def _equal(a: Any, b: Any) -> bool:
 
 def _print(plan: "Plan", row: dict[str, Any], same: bool | None) -> None:
     """Print the row, and whether it equals that of the store."""
-    print(f"sample {row['sample']}: {row['status']}{': ' if row['message'] else ''}{row['message']}")
+    print_text(f"sample {row['sample']}: {row['status']}{': ' if row['message'] else ''}{row['message']}")
     units = plan.mechanism.response_units()
     for name in plan.spec.variables:
-        print(f"  {name} = {row[name]:.10g}")
+        print_text(f"  {name} = {row[name]:.10g}")
     for name in plan.mechanism.responses:
         unit = "" if units[name] == "1" else f" {units[name]}"
         value = "-" if row[name] is None else f"{row[name]:.10g}{unit}"
-        print(f"{name}  {value}")
+        print_text(f"{name}  {value}")
     words = {
         None: "the store has no row of this sample yet",
         True: "equal to the row in the store, bit for bit",
         False: "differs from the row in the store",
     }
-    print(words[same])
+    print_text(words[same])

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from campaign.cli.options import CampaignId, StoreUrl, on_cluster
-from campaign.cli.output import Json, print_json, say
+from campaign.cli.output import Json, print_json, print_text, say
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
@@ -31,7 +31,7 @@ def rerun(
     plan = opened.plan(opened.find(campaign))
     selected = sample or failed_samples(opened, plan, status or ())
     if not selected:
-        print_json({"campaign": campaign, "samples": 0}) if json else print(
+        print_json({"campaign": campaign, "samples": 0}) if json else print_text(
             f"{campaign}: no failed run matches, nothing to compute"
         )
         return
@@ -41,4 +41,4 @@ def rerun(
         print_json({"campaign": campaign, "store": opened.url, **result.to_json()})
         return
     counts = ", ".join(f"{count} {status}" for status, count in result.after.items())
-    print(f"{result.samples} rows computed again: {counts}; update the report with: clearcap report {campaign}")
+    print_text(f"{result.samples} rows computed again: {counts}; update the report with: clearcap report {campaign}")

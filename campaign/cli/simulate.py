@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from campaign.cli.output import Json, print_json
+from campaign.cli.output import Json, print_json, print_text
 from campaign.cli.run_files import RunFiles
 
 if TYPE_CHECKING:
@@ -89,16 +89,16 @@ def _print(run: "Run", files: dict[str, str], json: bool) -> None:
         results = {"status": run.status, "message": run.message, "responses": run.responses, "units": run.units}
         print_json({**results, "ranges": run.ranges, "certificate": asdict(run.certificate), "files": files})
         return
-    print(f"{run.status}{': ' if run.message else ''}{run.message}")
+    print_text(f"{run.status}{': ' if run.message else ''}{run.message}")
     width = max(map(len, run.responses), default=0)
     for name, value in run.responses.items():
         least, largest = run.ranges.get(name, (value, value))
         interval = f"  (friction allows {least:.6g} to {largest:.6g})" if largest > least else ""
         unit = "" if run.units[name] == "1" else f" {run.units[name]}"
-        print(f"{name:{width}}  {value:.10g}{unit}{interval}")
-    print("\n".join(f"  {name} = {value}" for name, value in asdict(run.certificate).items()))
+        print_text(f"{name:{width}}  {value:.10g}{unit}{interval}")
+    print_text("\n".join(f"  {name} = {value}" for name, value in asdict(run.certificate).items()), lines=True)
     for name, path in files.items():
-        print(f"{name}: {path}")
+        print_text(f"{name}: {path}")
 
 
 def _values(changes: list[str]) -> dict[str, float]:

@@ -6,7 +6,7 @@ import typer
 
 from campaign.cli.drive import options_of, plan_campaign
 from campaign.cli.options import BatchSize, Campaign, Samples, Seed, StoreUrl, on_cluster
-from campaign.cli.output import Json, print_json, say
+from campaign.cli.output import Json, print_json, print_text, say
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
@@ -40,4 +40,4 @@ def submit(
             {"campaign": plan.campaign_id, "store": opened.url, "samples": plan.spec.samples, **assignment.to_json()}
         )
     else:
-        print(plan.campaign_id)
+        print_text(plan.campaign_id)

@@ -1,5 +1,6 @@
 """Say how far a campaign is: a small JSON file that its coordinator replaces every two seconds."""
 
+import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
@@ -78,12 +79,37 @@ class Heartbeat:
     def from_json(cls, content: Mapping[str, Any]) -> "Heartbeat | None":
         """Return the heartbeat that ``to_json`` wrote; None if it has another format."""
         try:
-            return cls(**content)
+            heartbeat = cls(**content)
         except TypeError:
             return None
+        return heartbeat if heartbeat._is_sound() else None
+
+    def _is_sound(self) -> bool:
+        """Return whether all fields have the types that they are declared with."""
+        texts = (self.campaign, self.state, self.token, self.message)
+        counts = (self.samples, self.done, self.ok, self.failed, self.left, self.workers, self.pid, self.beat)
+        tables = isinstance(self.statuses, dict) and isinstance(self.responses, dict)
+        if not tables or not all(isinstance(r, dict) and r.keys() >= RESPONSE for r in self.responses.values()):
+            return False
+        numbers = [self.rate, self.time, self.idle_s, *(0.0 if self.eta_s is None else self.eta_s,)]
+        numbers += [value for r in self.responses.values() for value in r.values() if value is not None]
+        return (
+            all(isinstance(text, str) for text in texts)
+            and all(_is_count(count) for count in (*counts, *self.statuses.values()))
+            and all(_is_number(value) for value in numbers)
+        )
 
 
+RESPONSE = {"n", "mean", "std", "cpk"}
 Show = Callable[[Heartbeat], None]
+
+
+def _is_count(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**63
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf
 
 
 class Progress:

@@ -131,7 +131,7 @@ def _started(pid: Any) -> str | None:
         return None if fields[0] in "ZX" else fields[19]
     except FileNotFoundError:
         return _alive_without_proc(pid) if not Path("/proc/self/stat").exists() else None
-    except (OSError, ValueError, TypeError, IndexError):
+    except (OSError, ValueError, TypeError, IndexError, OverflowError):
         return None
 
 

@@ -29,6 +29,7 @@ def close_campaign(store: Store, campaign_id: str, message: str | None = None) -
 def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
     """Return the state of a campaign: ``state``, ``message``, ``since``, and whether it is ``open`` for a service.
 
+    What the file says beyond what clearcap writes counts as not said, and ``fault`` names it; otherwise that is None.
     A campaign that is running by its file but has no living coordinator is ``interrupted``, and open like a queued one.
     A campaign without the file is ``planned``.
     """
@@ -40,7 +41,19 @@ def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
         "message": str(content.get("message", "")),
         "since": _date(content.get("since")),
         "open": orphaned or state == "queued" or content.get("open") is True,
+        "fault": _fault(content),
     }
+
+
+def _fault(content: dict[str, Any]) -> str | None:
+    """Return what a state file says that clearcap never writes; None if it says nothing of the kind."""
+    sound = {
+        "state": content.get("state") in (None, *STATES),
+        "since": content.get("since") is None or _date(content["since"]) is not None,
+        "message": isinstance(content.get("message", ""), str),
+    }
+    odd = [f"{name} = {content[name]!r:.60}" for name, is_sound in sound.items() if not is_sound]
+    return f"{STATE} says {', '.join(odd)}, which clearcap never writes; restore or remove it" if odd else None
 
 
 def _date(since: Any) -> float | None:

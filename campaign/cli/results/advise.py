@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from campaign.cli.options import Id, StoreUrl
-from campaign.cli.output import Json, number, print_json, print_table, say
+from campaign.cli.output import Json, number, print_json, print_table, print_text, say
 
 if TYPE_CHECKING:
     from reporting.tolerance.advice import Advice
@@ -76,7 +76,7 @@ def _print_allocation(proposal: "Allocation") -> None:
     print_table(title, ("variable", "sigma", "factor on the present sigma"), rows)
     for r in proposal.responses:
         bound = f", which limits the tolerances; 0.01 more Cpk costs {number(r.price, 3)}" if r.binding else ""
-        print(f"{r.response}: Cpk {r.cpk:.4g} (target {r.target:g}){bound}")
+        print_text(f"{r.response}: Cpk {r.cpk:.4g} (target {r.target:g}){bound}")
     for note in proposal.notes:
         say(note)
-    print(f"computed by {proposal.method}; confirm it with a campaign of {proposal.runs} samples and these sigmas")
+    print_text(f"computed by {proposal.method}; confirm it with a campaign of {proposal.runs} samples and these sigmas")

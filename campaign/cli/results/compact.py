@@ -1,7 +1,7 @@
 """``clearcap compact``: the parts of a campaign in few files."""
 
 from campaign.cli.options import Id, StoreUrl
-from campaign.cli.output import Json, print_json, say
+from campaign.cli.output import Json, print_json, print_text, say
 
 
 def compact(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
@@ -18,4 +18,4 @@ def compact(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -
         print_json({**document, "removed": result.removed, "files": result.files, "bad_batches": sorted(result.bad)})
         return
     merged = f"{result.removed} files merged into {len(result.written)}"
-    print(f"{header.campaign_id}: {merged}; the campaign has {result.files} files of rows now")
+    print_text(f"{header.campaign_id}: {merged}; the campaign has {result.files} files of rows now")

@@ -4,7 +4,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from campaign.cli.options import StoreUrl
-from campaign.cli.output import Json, print_json, say
+from campaign.cli.output import Json, print_json, print_text, say, visible
 from campaign.cli.results.status import count_rows
 
 if TYPE_CHECKING:
@@ -23,10 +23,11 @@ def list_campaigns(store: StoreUrl = "runs", json: Json = False) -> None:
     if json:
         print_json(entries)
         return
-    lines = [COLUMNS, *(["-" if entry[key] is None else str(entry[key]) for key in COLUMNS] for entry in entries)]
+    cells = (["-" if entry[key] is None else visible(str(entry[key])) for key in COLUMNS] for entry in entries)
+    lines = [COLUMNS, *cells]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for line in lines:
-        print("  ".join(f"{cell:{width}}" for cell, width in zip(line, widths, strict=True)).rstrip())
+        print_text("  ".join(f"{cell:{width}}" for cell, width in zip(line, widths, strict=True)).rstrip())
     for entry in entries:
         if entry["fault"]:
             say(f"{entry['campaign']}: {entry['fault']}")
@@ -47,5 +48,5 @@ def _entry(store: "Store", campaign_id: str) -> dict[str, Any]:
         return entry | {"fault": str(error)}
     since = state["since"]
     when = None if since is None else datetime.fromtimestamp(since).isoformat(sep=" ", timespec="seconds")
-    entry |= {"title": header.title, "state": state["state"], "when": when}
+    entry |= {"title": header.title, "state": state["state"], "when": when, "fault": state["fault"]}
     return entry | {key: counts[key] for key in ("samples", "done", "failed", "left")}

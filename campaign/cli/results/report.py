@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from campaign.cli.options import Id, StoreUrl
-from campaign.cli.output import Json, print_json, say
+from campaign.cli.output import Json, print_json, print_text, say
 
 
 def report(
@@ -35,4 +35,4 @@ def report(
         print_json({"campaign": campaign_id, "store": opened.url, "report": files})
         return
     for path in files.values():
-        print(f"report: {path}")
+        print_text(f"report: {path}")

@@ -1,12 +1,12 @@
 """``clearcap status``: the progress of a campaign."""
 
-from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 from campaign.cli.options import Id, StoreUrl
-from campaign.cli.output import Json, print_json, say
+from campaign.cli.output import Json, print_json, print_text, say
 
 if TYPE_CHECKING:
+    from campaign.coordinator.heartbeat import Heartbeat
     from campaign.plan_header import PlanHeader
     from campaign.store import Store
 
@@ -16,26 +16,43 @@ def status(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) ->
     from campaign.coordinator.state import state_of
     from campaign.store import open_store
     from campaign.store.files.patience import QUICK
-    from campaign.store.layout import HEARTBEAT
 
     opened = open_store(store, QUICK)
     header = opened.plan_header(opened.find(campaign))
     state, counts = state_of(opened, header.campaign_id), count_rows(opened, header)
-    heartbeat = opened.read_json(header.campaign_id, HEARTBEAT) if state["state"] == "running" else None
+    heartbeat = _heartbeat(opened, header.campaign_id) if state["state"] == "running" else None
+    if state["fault"]:
+        say(f"{header.campaign_id}: {state['fault']}")
     if json:
         document = {"campaign": header.campaign_id, "store": opened.url, **state, **counts}
-        print_json({**document, "heartbeat": heartbeat})
+        print_json({**document, "heartbeat": heartbeat and heartbeat.to_json()})
         return
     done, failed, left = counts["done"], counts["failed"], counts["left"]
-    print(f"{header.campaign_id}: {state['state']}, {done} of {counts['samples']} done, {failed} failed, {left} left")
+    progress = f"{done} of {counts['samples']} done, {failed} failed, {left} left"
+    print_text(f"{header.campaign_id}: {state['state']}, {progress}")
     if state["message"]:
-        print(f"  {state['message']}")
+        print_text(f"  {state['message']}")
     if heartbeat:
-        eta = "-" if heartbeat["eta_s"] is None else timedelta(seconds=round(heartbeat["eta_s"]))
-        print(f"  {heartbeat['rate']:.1f} runs/s on {heartbeat['workers']} workers, ETA {eta}")
+        from campaign.cli.progress import eta
+
+        print_text(f"  {heartbeat.rate:.1f} runs/s on {heartbeat.workers} workers, ETA {eta(heartbeat.eta_s)}")
     for status, count in counts["statuses"].items():
         if status != "ok":
-            print(f"  {count} {status}")
+            print_text(f"  {count} {status}")
+
+
+def _heartbeat(store: "Store", campaign_id: str) -> "Heartbeat | None":
+    """Return the last heartbeat of a campaign's coordinator; None if there is none, or none that can be read."""
+    from campaign.coordinator.heartbeat import (
+        Heartbeat,  # loads the engine's names, which an idle campaign does without
+    )
+    from campaign.store.layout import HEARTBEAT
+
+    written = store.read_json(campaign_id, HEARTBEAT)
+    heartbeat = Heartbeat.from_json(written or {})
+    if written and not heartbeat:
+        say(f"{campaign_id}: {HEARTBEAT} is none that clearcap writes; its coordinator replaces it")
+    return heartbeat
 
 
 def count_rows(store: "Store", header: "PlanHeader") -> dict[str, Any]:

@@ -3,13 +3,11 @@
 import typer
 
 from campaign.cli.options import Id, StoreUrl
-from campaign.cli.output import Json, print_json
+from campaign.cli.output import Json, console, print_json
 
 
 def watch(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
     """Follow the progress of a campaign until its coordinator ends; Ctrl-C ends only the following."""
-    from rich.console import Console
-
     from campaign.cli.progress import display
     from campaign.coordinator.follow import heartbeats
     from campaign.store import open_store
@@ -18,7 +16,7 @@ def watch(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> 
     campaign_id = opened.find(campaign)
     heartbeat = None
     try:
-        with display(Console(stderr=True)) as show:
+        with display(console(stderr=True)) as show:
             for heartbeat in heartbeats(opened, campaign_id):
                 show(heartbeat)
     except KeyboardInterrupt:

@@ -62,7 +62,7 @@ def _print(answers: "dict[str, WhatIf]", units: dict[str, str]) -> None:
         estimates = [None] * 4 if answer.refusal else [answer.mean, answer.std, answer.cpk, answer.ppm]
         rows.append((label, *map(_cell, estimates), f"{answer.effective:.0f}"))
     heads = ("response", "mean", "sigma", "Cpk", "ppm out of limits", "worth samples")
-    print_table("under the new distributions, 95 % intervals", heads, rows, numbers=True)
+    print_table("under the new distributions, 95 % intervals", heads, rows, texts=1)
 
 
 def _cell(estimate: "Estimate | None") -> str:
