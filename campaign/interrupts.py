@@ -3,7 +3,6 @@
 import signal
 import sys
 import threading
-from _thread import interrupt_main
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -49,7 +48,8 @@ def exit_at_interrupt() -> Iterator[None]:
 def _raise_again(swallowed: "sys.UnraisableHookArgs") -> None:
     """Interrupt the main thread once more where an interrupt was swallowed; report other errors as usual."""
     if issubclass(swallowed.exc_type, KeyboardInterrupt):
-        again = threading.Timer(AGAIN_AFTER, interrupt_main)
+        main_thread = threading.main_thread().ident
+        again = threading.Timer(AGAIN_AFTER, signal.pthread_kill, [main_thread, signal.SIGINT])
         again.daemon = True
         again.start()
     else:

@@ -77,7 +77,9 @@ def write_report(
         folder.mkdir(parents=True, exist_ok=True)
         return {kind: str(_replace(folder / NAMES[kind], content)) for kind, content in contents.items()}
     except OSError as error:
-        raise ReportError(f"report folder {folder}: {error.strerror or error}; name a folder you may write") from error
+        raise ReportError(
+            f"report folder {folder}: {error.strerror or error}; free the disk, or name a folder you may write to"
+        ) from error
 
 
 def _rendered(analysis: Analysis, samples: Samples, kinds: set[str]) -> dict[str, bytes]:

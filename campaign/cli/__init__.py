@@ -37,7 +37,7 @@ from campaign.safe_path import leave_current_folder_out
 app = typer.Typer(
     name="clearcap",
     help="From clearance to capability: what the play in a mechanism's joints does to its function.",
-    epilog="Exit status: 0 done; 1 the work failed; 2 wrong input; 3 cancelled; 4 the store or cluster cannot be"
+    epilog="Exit status: 0 done; 1 the work failed; 2 wrong input; 3 cancelled; 4 store, disk or cluster cannot be"
     " reached; 130 interrupted; 143 or 129 ended by SIGTERM or SIGHUP.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
@@ -110,11 +110,13 @@ def _check_words(words: list[str]) -> None:
 
 def _exit_code(error: Exception) -> int | None:
     """Return the exit status of an error whose message is for the user; None for a bug."""
-    from campaign.errors import CampaignError
+    from campaign.errors import CampaignError, unwritable
     from engine import EngineError, FolderError, MechanismError
 
     if isinstance(error, CampaignError):
         return error.exit_code
     if isinstance(error, MechanismError | FolderError):
         return 2
-    return 1 if isinstance(error, EngineError) else None
+    if isinstance(error, EngineError):
+        return unwritable(str(error), error.__cause__).exit_code if isinstance(error.__cause__, OSError) else 1
+    return None

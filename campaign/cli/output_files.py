@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from campaign.errors import CampaignError, SpecError
+from campaign.errors import SpecError, unwritable
 
 TRAJECTORIES, PLOTS, ANIMATIONS = (".h5", ".hdf5"), (".png", ".svg", ".pdf"), (".gif", ".html", ".mp4")
 
@@ -27,7 +27,9 @@ def check_output(option: str, path: Path, endings: tuple[str, ...]) -> None:
     Raises
     ------
     SpecError
-        If the ending is not allowed, or the folder does not exist or is not writable.
+        If the ending is not allowed, or the folder does not exist or is not the user's.
+    StoreError
+        If the disk is full, read-only or out of reach.
     """
     if path.suffix not in endings:
         raise SpecError(f"{option} {path}: unknown ending; allowed: {', '.join(endings)}; name a file with one of them")
@@ -39,9 +41,8 @@ def check_output(option: str, path: Path, endings: tuple[str, ...]) -> None:
         with tempfile.TemporaryFile(dir=path.parent):
             pass
     except OSError as error:
-        raise SpecError(
-            f"{option} {path}: not writable ({error.strerror}); name a file in a folder you may write to"
-        ) from error
+        message = f"{option} {path}: not writable ({error.strerror}); name a file in a folder you may write to"
+        raise unwritable(message, error) from error
 
 
 @contextmanager
@@ -60,7 +61,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
     Raises
     ------
-    CampaignError
+    StoreError, SpecError
         If it cannot be written; an earlier file stays as it was.
     """
     temporary = path.with_name(f"{path.stem}.{os.getpid()}-{secrets.token_hex(4)}.tmp{path.suffix}")
@@ -69,6 +70,7 @@ def replacing(path: Path) -> Iterator[Path]:
         os.replace(temporary, path)
     except OSError as error:
         reason = error.strerror or error
-        raise CampaignError(f"{path}: cannot be written ({reason}); free or repair the disk, then run again") from error
+        message = f"{path}: cannot be written ({reason}); free or repair the disk, then run again"
+        raise unwritable(message, error) from error
     finally:
         temporary.unlink(missing_ok=True)

@@ -12,6 +12,7 @@ from campaign.coordinator.reuse import reuse_rows
 from campaign.coordinator.run_time import seconds_per_run
 from campaign.coordinator.state import state_of, write_state
 from campaign.environment import STORE
+from campaign.errors import unwritable
 from campaign.plan import Plan, batch_size_is_fixed, make_plan
 from campaign.safe_path import python_environment
 from campaign.spec.load import Campaign
@@ -146,7 +147,12 @@ def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int
     folder = Path(store.files.path(plan.campaign_id)) if store.files.local else Path.cwd()
     log = folder / (LOG if store.files.local else f"{plan.campaign_id}.log")
     words = [sys.executable, "-P", "-m", "campaign", "coordinate", plan.campaign_id, *options]
-    with log.open("ab") as file:
+    try:
+        file = log.open("ab")
+    except OSError as error:
+        message = f"log {log}: cannot be written ({error.strerror}); free the disk, or start in another folder"
+        raise unwritable(message, error) from error
+    with file:
         process = subprocess.Popen(
             words,
             stdin=subprocess.DEVNULL,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from campaign.errors import CampaignError
+from campaign.errors import CampaignError, unwritable
 from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
 from campaign.plan import Plan
@@ -54,6 +54,8 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
     ------
     CampaignError
         If there is nothing to report on.
+    StoreError, SpecError
+        If it cannot be written.
     """
     other = None if against is None else store.plan(store.find(against))
     comparison = None if other is None else (_rows(store, other), report_spec(other, store))
@@ -61,7 +63,8 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
     try:
         return _write(store, plan, _with_production_batch(plan, _rows(store, plan)), options)
     except ReportError as error:
-        raise CampaignError(f"report of {plan.campaign_id}: {error}") from error
+        message = f"report of {plan.campaign_id}: {error}"
+        raise (unwritable(message, error.__cause__) if error.__cause__ else CampaignError(message)) from error
 
 
 def _scaled(plan: Plan, variable: str, columns: Mapping[str, Array], factor: float) -> Change:

@@ -7,7 +7,7 @@ from copy import copy
 from itertools import chain, count
 from typing import TYPE_CHECKING, TypeVar
 
-from campaign.errors import SpecError, StoreError
+from campaign.errors import SpecError, StoreError, unwritable
 from campaign.store.files.local import LocalFolder
 from campaign.store.files.patience import HASTY, PATIENT, Outage, Patience
 from campaign.store.files.private_url import PrivateUrl
@@ -122,14 +122,15 @@ class Files:
         Raises
         ------
         SpecError
-            If they cannot.
+            If the user named a place that does not exist, is no folder, or is another's.
+        StoreError
+            If the disk or the server fails.
         """
         try:
             self._backend.probe()
         except Exception as error:  # every file system has its own errors
-            raise SpecError(
-                f"store {self.url}: not writable ({self._reason(error)}); name a folder you may write to"
-            ) from self._cause(error)
+            message = f"store {self.url}: not writable ({self._reason(error)}); name a folder you may write to"
+            raise unwritable(message, error) from self._cause(error)
 
     def read(self, name: str, at_most: int = LARGEST, *, must_exist: bool = False) -> bytes:
         """Return a file's content.

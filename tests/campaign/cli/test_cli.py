@@ -156,6 +156,7 @@ def test_status(faked, campaign_file):
     document = json.loads(faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--json"]).stdout)
     status = json.loads(faked.invoke(app, ["status", document["campaign"], "--json"]).stdout)
     assert status.pop("since") > 0
+    assert status.pop("fault") is None
     assert status == {
         "campaign": document["campaign"],
         "store": "runs",

@@ -142,7 +142,7 @@ def test_read_only_store(small_disk):
     files.write("parts/a", b"a")
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     assert files.read("parts/a") == b"a"
-    with pytest.raises(SpecError, match=r"not writable \(Read-only file system\)"):
+    with pytest.raises(StoreError, match=r"not writable \(Read-only file system\)"):
         files.check_writable()
     with pytest.raises(StoreError, match=r"parts/a cannot be written \(Read-only file system\)"):
         files.write("parts/a", b"b")

@@ -7,7 +7,7 @@ from urllib.parse import quote
 
 import pytest
 
-from campaign.errors import CampaignError, SpecError, StoreError
+from campaign.errors import CampaignError, StoreError
 from campaign.store.files.files import Files
 from campaign.store.files.patience import HASTY
 from campaign.store.files.private_url import PrivateUrl
@@ -67,8 +67,8 @@ def test_no_error_quotes_it(protocol):
 
 
 def test_probe_does_not_quote_it():
-    """Checking a store that is not there is an error of the input, without the password."""
-    with pytest.raises(SpecError, match=r"store ftp://alice:\*\*\*@127.0.0.1:1/runs: not writable") as caught:
+    """Checking a store that is not there is an error of the store, without the password."""
+    with pytest.raises(StoreError, match=r"store ftp://alice:\*\*\*@127.0.0.1:1/runs: not writable") as caught:
         Files(f"ftp://alice:{PASSWORD}@127.0.0.1:1/runs").check_writable()
     assert PASSWORD not in "".join(traceback.format_exception(caught.value))
 
