@@ -109,3 +109,24 @@ def test_no_process_stays():
         assert first.result() in {child.pid for child in children}
         assert [c for child in children for c in child.net_connections() if c.status == psutil.CONN_LISTEN] == []
     assert not any(child.is_running() and child.status() != psutil.STATUS_ZOMBIE for child in children)
+
+
+def stops():
+    """Stop the process in which this runs, as somebody's SIGSTOP does."""
+    os.kill(os.getpid(), signal.SIGSTOP)
+
+
+def test_a_worker_of_dask_that_hangs_is_replaced(monkeypatch):
+    """Its call says so, and another worker takes its place."""
+    monkeypatch.setattr("campaign.cluster.dask_workers.SILENT_AFTER", 4.0)
+    with connect_workers(Cluster(workers=1)) as workers:
+        hung = workers.submit("stops", stops)
+        after = workers.submit("power", pow, 2, 3)
+        ended = [workers.next_finished(120.0), workers.next_finished(120.0)]
+        assert hung in ended
+        with pytest.raises(WorkerDied, match="a worker that hung"):
+            hung.result()
+        if after.exception() is not None:  # it waited at the same worker
+            after = workers.submit("power", pow, 2, 3)
+            assert workers.next_finished(120.0) is after
+        assert after.result() == 8
