@@ -110,7 +110,7 @@ def home(place, mode=0o700) -> Path:
 def test_the_poison_works(place, poison, proof):
     """Numba runs what is in a folder's index: without a check the attacker's command runs as the victim."""
     poison(place / "cache", ATTACKER)
-    [index] = (place / "cache").rglob("rotations.rotation_matrix*.nbi")
+    index = next((place / "cache").rglob("rotations.rotation_matrix*.nbi"))
     read = f"IndexDataCacheFile({str(index.parent)!r}, {index.stem!r}, 0).load(0)"
     run_as_victim("-c", f"from numba.core.caching import IndexDataCacheFile; {read}")
     assert proof.read_text() == f"{VICTIM}\n"
