@@ -6,16 +6,14 @@ forces inside Coulomb's cones with the least sum of squares. They follow from th
 Ideal joints and prescribed motions hold any load.
 """
 
-from functools import cache
-
 import numpy as np
-from threadpoolctl import ThreadpoolController
 
 from engine.arrays import Array, Integers
 from engine.assembly import Assembly
 from engine.friction.arrays import CONVERGED, FrictionArrays, friction_arrays
 from engine.friction.bilateral import factorise_bilateral, hold_bilateral
 from engine.friction.indeterminacy import normal_force_range
+from engine.friction.problem import dense_rows
 from engine.friction.solver import solve_friction
 from engine.kernels.bilateral import row_targets, row_velocity, row_violations, whitened_bilateral_rows
 from engine.kernels.contact_geometry.gaps import find_contacts
@@ -24,6 +22,7 @@ from engine.kernels.loads import apply_loads
 from engine.kernels.model import Bodies
 from engine.kernels.motion import free_twist
 from engine.kernels.rest import LOADED
+from engine.linear_algebra import one_thread
 
 HELD = 1e-2  # share of the free motion: more than the motion that the compliance allows, less than any sliding
 # compliance, as a share of the mean diagonal of the Delassus operator, and the residual to reach with it: the first
@@ -116,16 +115,9 @@ def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) ->
     problem = _problem(assembly, touching)
     mu, r = problem.mu, forces[touching].ravel()
     place = {int(contact): j for j, contact in enumerate(touching)}
-    # The last bits of a singular value decomposition depend on the number of threads that share it.
-    with _linear_algebra().limit(limits=1, user_api="blas"):
+    with one_thread():
         H = _balance(assembly, problem, touching.size)
         return [normal_force_range(H, mu, r, place[i]) if i in place else (0.0, 0.0) for i in wanted]
-
-
-@cache
-def _linear_algebra() -> ThreadpoolController:
-    """Return the threads of NumPy's linear algebra; they are looked up once a process."""
-    return ThreadpoolController()
 
 
 def _balance(assembly: Assembly, problem: FrictionArrays, touching: int) -> Array:
@@ -133,26 +125,12 @@ def _balance(assembly: Assembly, problem: FrictionArrays, touching: int) -> Arra
 
     The shape is (3 touching, n), in the mass metric.
     """
-    work = assembly.work
-    H = np.zeros((3 * touching, problem.w.size))
-    J = np.zeros((work.bilateral.violation.size, problem.w.size))
-    for j in range(touching):
-        H[3 * j : 3 * j + 3] += _spread(problem.rows.start[j], problem.rows.width[j], problem.rows.G[j], J.shape[1])
-    system = problem.bilateral
-    for i in range(len(J)):
-        J[i] = _spread(system.start[i], system.width[i], system.J[i : i + 1], J.shape[1])[0]
+    rows, system, n = problem.rows, problem.bilateral, problem.w.size
+    H = dense_rows(rows.start, rows.width, rows.G, n).reshape(3 * touching, n)
+    J = dense_rows(system.start, system.width, system.J[:, None], n)[:, 0]
     if len(J):  # what the joints hold does not belong to the balance
         H = H - (H @ np.linalg.pinv(J)) @ J
     return H
-
-
-def _spread(start: Integers, width: Integers, rows: Array, n: int) -> Array:
-    """Return rows that are stored run after run as dense rows of ``n`` columns."""
-    full, at = np.zeros((len(rows), n)), 0
-    for first, count in zip(start, width, strict=True):
-        full[:, first : first + count] += rows[:, at : at + count]
-        at += count
-    return full
 
 
 def _hold(assembly: Assembly, t: float) -> None:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 
 from engine.assembly import Assembly
+from engine.jam import Jam, find_jam
 from engine.kernels import time_loop
 from engine.kernels.time_loop import Course
 from engine.loop import CANCELLED
@@ -71,6 +72,8 @@ def failure(mechanism: Mechanism, assembly: Assembly, course: Course) -> tuple[S
     at = f"at step {n[time_loop.STEPS]}, t = {now[time_loop.TIME]:.6g} {mechanism.unit('time')}"
     if code == time_loop.DIVERGED:
         return "diverged", f"the motion is not finite {at} ({where}); a smaller simulation.step may help"
+    if jam := find_jam(assembly, code):
+        return "jammed", f"{at}: {_reason(mechanism, assembly, jam)}"
     if code == time_loop.NOT_CONVERGED:
         return "not_converged", (
             f"friction problem: residual {now[time_loop.MAX_RESIDUAL]:.3g} {at}, worst at {where}; "
@@ -90,3 +93,33 @@ def failure(mechanism: Mechanism, assembly: Assembly, course: Course) -> tuple[S
     if n[time_loop.STOPPED_BY] == CANCELLED:
         return "cancelled", f"cancelled {at}"
     return "timeout", f"stopped after {sim.wall_limit:g} s (simulation.wall_limit) {at}"
+
+
+def _reason(mechanism: Mechanism, assembly: Assembly, jam: Jam) -> str:
+    """Return what jams, in the names of the mechanism, and what may help."""
+    held = [assembly.row_names[i] for i in jam.rows]
+    target = assembly.work.bilateral.target
+    driven = [assembly.row_names[i] for i in jam.rows if target[0, i] != target[1, i]]
+    travel = f"give {_list(driven)} less travel" if driven else "check the pose and the loads"
+    if not jam.contacts:
+        return f"{_list(held)} contradict each other at this pose; {travel}, or remove one of them"
+    names = [assembly.contact_names[i] for i in jam.contacts]
+    contacts = ("contact " if len(names) == 1 else "contacts ") + _list(
+        [f"{name} ({' and '.join(_bodies(mechanism, name))})" for name in names]
+    )
+    holding = f" while {_list(held)} {'act' if len(held) > 1 else 'acts'}" if held else ""
+    if jam.locked:
+        return f"friction locks {contacts}{holding}; {travel}, or allow for less friction, a clearance or a spring"
+    reason = f"no motion of the bodies keeps {contacts} from closing{holding}"
+    return f"{reason}; {travel}, or allow for a clearance or a spring"
+
+
+def _bodies(mechanism: Mechanism, contact: str) -> list[str]:
+    """Return the bodies of a contact of [contacts], or of a joint with play."""
+    owner = mechanism.contacts.get(contact) or mechanism.joints[contact.rpartition(".")[0]]
+    return [side.body for side in owner.sides]
+
+
+def _list(names: list[str]) -> str:
+    """Return names as a list in a sentence."""
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))

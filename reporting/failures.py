@@ -14,6 +14,7 @@ FAILURES_LISTED = 20
 STATUSES = {
     OK: "came to rest; its numbers are used",
     "not_converged": "a time step missed the friction tolerance",
+    "jammed": "a time step has no solution: a motion drives a body into one that cannot give way",
     "diverged": "a number became infinite or undefined",
     "timeout": "ran longer than its time limit",
     "invalid": "came to rest, but violated a validity condition",

@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from campaign.inputs.distributions import PositiveNumber
 from engine.mechanism.base import TableModel
 
-RETRIED = ("not_converged", "diverged", "timeout")
+RETRIED = ("not_converged", "jammed", "diverged", "timeout")
 """Statuses that other settings could avoid. An ``invalid`` run is a result, and settings do not cause a crash."""
 
 GROWTH = 4  # from a checkpoint of n samples the next one is n / GROWTH samples away
@@ -43,8 +43,8 @@ class Failures(TableModel, strict=True):
 
     retry: Annotated[tuple[SimulationSettings, ...], Field(max_length=10, strict=False)] = Field(
         default=(),
-        description="Settings of further attempts at a run that did not converge, diverged or took too long, in the"
-        " order of the attempts; at most 10.",
+        description="Settings of further attempts at a run that did not converge, jammed, diverged or took too long, in"
+        " the order of the attempts; at most 10.",
     )
     max_failed: Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0.0, lt=1.0)] | None = Field(
         default=None,

@@ -6,7 +6,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from engine.arrays import Array
+from engine.arrays import Array, Integers
 from engine.errors import EngineError
 from engine.friction.arrays import CONVERGED, FrictionArrays, friction_arrays
 from engine.friction.banded import BODY, PAIR
@@ -199,3 +199,14 @@ def sparse_rows(G: Array, n: int) -> FrictionArrays:
         run[i] += 1
         filled[i] += count
     return arrays
+
+
+def dense_rows(start: Integers, width: Integers, rows: Array, n: int) -> Array:
+    """Return rows that are stored run by run, shape (m, j, k), as dense rows of ``n`` columns, shape (m, j, n)."""
+    dense = np.zeros((*rows.shape[:2], n))
+    for i in range(len(rows)):
+        filled = 0
+        for first, count in zip(start[i], width[i], strict=True):
+            dense[i, :, first : first + count] += rows[i, :, filled : filled + count]
+            filled += count
+    return dense

@@ -159,6 +159,7 @@ def _advance(arrays, control, course, theta):
     """Make one step, repeated with half its length while it is not solved, and judge it."""
     model, state, work, problem = arrays
     n, now, attempt, shortest = course.counts, course.reals, 0, 0.5**HALVINGS * control.step
+    endless = 0.5**HALVINGS * shortest
     n[SHORTENED] = 0
     while True:
         done = step(StepContext(model, state, work, problem, control, n[PHASE], now[TIME], now[STEP], theta))
@@ -170,7 +171,8 @@ def _advance(arrays, control, course, theta):
         n[REPEATED] += 1
         n[SHORTENED] = 1
         attempt += 1
-        if attempt > HALVINGS and now[STEP] < 1.5 * shortest:
+        # where a contact closes for good, ever shorter steps would stop just short of it, without end
+        if now[STEP] < 1.5 * (shortest if attempt > HALVINGS else endless):
             break
         now[STEP] *= 0.5
         restore_start(state, work)

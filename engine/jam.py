@@ -1,0 +1,127 @@
+"""Why a step that failed cannot be made: the contacts and the motions that squeeze what lies between them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.arrays import Array, Integers
+from engine.assembly import Assembly
+from engine.friction.infeasibility import squeezing_impulses
+from engine.friction.problem import dense_rows
+from engine.kernels import time_loop
+from engine.kernels.bilateral import row_violations, whitened_bilateral_rows
+from engine.kernels.contact_geometry.gaps import find_contacts
+from engine.kernels.contacts import whitened_rows
+from engine.kernels.projection import REACH
+from engine.linear_algebra import one_thread
+
+SIDES = 32  # of the pyramid inside Coulomb's cone that stands for it
+LITTLE = 1e-6  # share of the largest impulse: a smaller one is what rounding left of none
+
+
+@dataclass(frozen=True)
+class Jam:
+    """A proof that a step has no solution; contacts and rows are the numbers of `Assembly`.
+
+    Attributes
+    ----------
+    contacts : tuple of int
+        The contacts whose impulses balance each other, whatever the bodies do.
+    rows : tuple of int
+        The ideal joints and prescribed motions that hold what these impulses leave, or that contradict each other.
+    locked : bool
+        The balance needs friction: without it the bodies could escape. Theory does not promise a solution then, and
+        none was found.
+    """
+
+    contacts: tuple[int, ...]
+    rows: tuple[int, ...]
+    locked: bool = False
+
+
+def find_jam(assembly: Assembly, status: int) -> Jam | None:
+    """Return why the last step of a run, which failed, has no solution; None if it may have one.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        As the run left it; its friction problem is changed.
+    status : int
+        How the run ended, see `kernels.time_loop`.
+    """
+    with one_thread():
+        if status == time_loop.NOT_CONVERGED:
+            return _jam_of_velocities(assembly)
+        if status == time_loop.PENETRATION or status == time_loop.VIOLATION:
+            return _jam_of_positions(assembly)
+    return None
+
+
+def _jam_of_velocities(assembly: Assembly) -> Jam | None:
+    """Seek normal impulses that balance in the friction problem of the last step, else impulses with friction."""
+    problem, chosen = assembly.problem, assembly.work.chosen[: np.count_nonzero(assembly.work.active)]
+    nc = chosen.size
+    G, J = _contact_rows(assembly, nc), _bilateral_rows(assembly)
+    q, mu = problem.q[:nc], problem.mu[:nc, None]
+    speed = float(np.abs(q).max(initial=0.0))
+    jam = _squeeze(chosen, G[:, 0], q[:, 0], speed, J)
+    if jam is None:
+        angle = 2 * np.pi * np.arange(SIDES) / SIDES
+        edges = np.stack(np.broadcast_arrays(1.0, mu * np.cos(angle), mu * np.sin(angle)), axis=2)
+        rows, velocities = (edges @ G).reshape(-1, G.shape[2]), np.einsum("isk,ik->is", edges, q)
+        jam = _squeeze(np.repeat(chosen, SIDES), rows, velocities.ravel(), speed, J, locked=True)
+    return jam
+
+
+def _jam_of_positions(assembly: Assembly) -> Jam | None:
+    """Seek impulses that no displacement evades, from the gaps and the open joints at the last pose."""
+    model, state, work, problem = assembly.model, assembly.state, assembly.work, assembly.problem
+    contacts, sites, at_pose = model.contacts, work.sites, work.bilateral
+    off, point, direction = at_pose.violation, at_pose.point, at_pose.direction
+    find_contacts(contacts, state.x, state.R, state.gap, sites.point, sites.frame)
+    row_violations(model.bilateral, state.x, state.R, at_pose.target[1], off, point, direction)
+    whitened_bilateral_rows(model.bodies, model.bilateral, state.x, state.R, point, direction, problem.bilateral.J)
+    J = _bilateral_rows(assembly)
+    worst = float(max(-state.gap.min(initial=0.0), np.abs(off).max(initial=0.0)))
+    chosen = np.flatnonzero(state.gap <= REACH * worst)
+    for j, i in enumerate(chosen):
+        at = (contacts.a[i], contacts.b[i], sites.point, sites.frame)
+        whitened_rows(model.bodies, state.x, state.R, *at, i, problem.rows, j)
+    N = _contact_rows(assembly, chosen.size)[:, 0]
+    contradiction = squeezing_impulses(np.vstack([J, -J]), np.concatenate([off, -off]), worst)
+    if contradiction is not None:
+        pull = contradiction[: len(J)] - contradiction[len(J) :]
+        return Jam((), _largest(np.arange(len(J)), np.abs(pull)))
+    closing = np.linalg.lstsq(J, -off, rcond=None)[0] if len(J) else np.zeros(J.shape[1])
+    return _squeeze(chosen, N, state.gap[chosen] + N @ closing, worst, J)
+
+
+def _squeeze(numbers: Integers, rows: Array, q: Array, speed: float, J: Array, locked: bool = False) -> Jam | None:
+    """Return the contacts that squeeze, and the bilateral rows that hold against them; None if nothing is squeezed."""
+    impulses = squeezing_impulses(rows, q, speed, J)
+    if impulses is None:
+        return None
+    length = np.linalg.norm(J, axis=1)
+    held = np.zeros(len(J))
+    acts = length > 0.0
+    if acts.any():
+        held[acts] = np.linalg.lstsq((J[acts] / length[acts, None]).T, rows.T @ impulses, rcond=None)[0]
+    least = LITTLE * np.max(impulses * np.linalg.norm(rows, axis=1))
+    return Jam(_largest(numbers, impulses), tuple(map(int, np.flatnonzero(np.abs(held) > least))), locked)
+
+
+def _largest(numbers: Integers, impulses: Array) -> tuple[int, ...]:
+    """Return the numbers that have an impulse, each once."""
+    return tuple(dict.fromkeys(map(int, numbers[impulses > LITTLE * impulses.max()])))
+
+
+def _contact_rows(assembly: Assembly, nc: int) -> Array:
+    """Return the rows (N, T1, T2) of the friction problem's first ``nc`` contacts, shape (nc, 3, n)."""
+    rows = assembly.problem.rows
+    return dense_rows(rows.start[:nc], rows.width[:nc], rows.G[:nc], assembly.problem.w.size)
+
+
+def _bilateral_rows(assembly: Assembly) -> Array:
+    """Return the bilateral rows of the friction problem, shape (nt, n)."""
+    system = assembly.problem.bilateral
+    return dense_rows(system.start, system.width, system.J[:, None], assembly.problem.w.size)[:, 0]
