@@ -27,8 +27,16 @@ def series(x: ArrayLike) -> Array:
         `x` does not hold numbers, or is not one-dimensional.
     """
     try:
-        values = np.asarray(x, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+        given = np.asanyarray(x)
+        if given.dtype.kind not in "biufO":
+            raise TypeError(f"they are of type {given.dtype}")
+        if given.dtype.kind == "O" and any(isinstance(value, str | bytes) for value in given.flat):
+            raise TypeError("one is a text")
+        with np.errstate(over="ignore"):  # a longer float beyond the largest double is infinite: left out
+            if isinstance(given, np.ma.MaskedArray):  # a masked value is missing, as one that is not finite
+                given = given.astype(np.float64).filled(np.nan)
+            values = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
         raise ReportError(f"values are not numbers: {error}") from error
     if values.ndim != 1:
         raise ReportError(f"values have shape {values.shape}: a one-dimensional array of numbers is needed")
