@@ -7,12 +7,14 @@ each other; the ends are found by Newton's method on the barrier -log(s_0^2 - |s
 ever closer to their boundary (Nesterov, Nemirovskii: a path-following method).
 """
 
+from numbers import Integral
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from engine.arrays import Array
 from engine.friction.barrier import ROOM, CentreWork, Cones, centre
-from engine.friction.problem import FrictionError
+from engine.friction.problem import FrictionError, real_numbers
 
 SLACK = 1e-8  # of the largest force: by which known forces may lie outside their cones; how far each is opened
 FRICTIONLESS = 1e-12  # a smaller mu counts as 0
@@ -45,30 +47,37 @@ def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) 
     Raises
     ------
     FrictionError
-        If the shapes do not match, there is no such contact, or r does not lie in the cones.
+        If an array is not one of finite numbers, the shapes do not match, a coefficient is negative, there is no such
+        contact, or r does not lie in the cones.
     """
-    H, mu, r = np.asarray(H, float), np.asarray(mu, float).ravel(), np.asarray(r, float).ravel()
+    H, mu, r = real_numbers("H", H), real_numbers("mu", mu).ravel(), real_numbers("r", r).ravel()
     nc = mu.size
     if H.ndim != 2 or len(H) != 3 * nc or r.size != 3 * nc:
         raise FrictionError(
             f"indeterminacy: H {H.shape} and r {r.shape} with {nc} contacts; expected (3 nc, n), (3 nc,)"
         )
-    if not 0 <= contact < nc:
+    if (mu < 0).any():
+        raise FrictionError(f"indeterminacy: mu[{int(mu.argmin())}] = {mu.min():g}; allowed: >= 0")
+    if not isinstance(contact, Integral) or not 0 <= contact < nc:
         raise FrictionError(f"indeterminacy: contact {contact}; allowed: 0 ... {nc - 1}")
     size = float(np.abs(r).max(initial=0))
     if size == 0.0:
         return 0.0, 0.0
-    outside = np.hypot(r[1::3], r[2::3]) - mu * r[::3]
-    if outside.max() > SLACK**0.5 * size:
+    outside = np.hypot(r[1::3] / size, r[2::3] / size) - mu * (r[::3] / size)
+    if outside.max() > SLACK**0.5:
         raise FrictionError(f"indeterminacy: r of contact {int(outside.argmax())} is outside Coulomb's cone")
 
-    cones, scale = _balanced(H, mu, r / size)
-    way = cones.basis[contact, 0] * scale[contact]
-    if not np.abs(way).max(initial=0) > SLACK:
-        return float(r[3 * contact]), float(r[3 * contact])
-    middle = _centred(cones, np.zeros(way.size), np.zeros(way.size))
-    low, high = (sign * _least(cones, sign * way, middle) for sign in (1.0, -1.0))
-    return max(float(r[3 * contact] + size * low), 0.0), float(r[3 * contact] + size * high)
+    try:
+        with np.errstate(all="ignore"):  # numbers near the largest double
+            cones, scale = _balanced(H, mu, r / size)
+            way = cones.basis[contact, 0] * scale[contact]
+            if not np.abs(way).max(initial=0) > SLACK:
+                return float(r[3 * contact]), float(r[3 * contact])
+            middle = _centred(cones, np.zeros(way.size), np.zeros(way.size))
+            low, high = (sign * _least(cones, sign * way, middle) for sign in (1.0, -1.0))
+            return max(float(r[3 * contact] + size * low), 0.0), float(r[3 * contact] + size * high)
+    except np.linalg.LinAlgError:
+        raise FrictionError("indeterminacy: the numbers in H are too large or too small to be balanced") from None
 
 
 def _balanced(H: Array, mu: Array, r: Array) -> tuple[Cones, Array]:

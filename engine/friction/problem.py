@@ -1,6 +1,7 @@
 """The public face of the friction solver: a problem in the form of the field's collections, and its solution."""
 
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any, Literal
 
 import numpy as np
@@ -116,9 +117,11 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
     Raises
     ------
     FrictionError
-        If the mass matrix is not positive definite, or ``start`` does not fit.
+        If the mass matrix is not positive definite, ``start`` does not fit, or the tolerance is not between 0 and 1.
     """
     nc, n = problem.mu.size, problem.M.shape[0]
+    if not isinstance(tolerance, Real) or not 0 < tolerance < 1:
+        raise FrictionError(f"friction problem: tolerance = {tolerance!r}; allowed: a number between 0 and 1")
     given = np.zeros(3 * nc) if start is None else real_numbers("start", start)
     if given.size != 3 * nc:
         raise FrictionError(f"friction problem: start has shape {given.shape}, expected {(3 * nc,)}")
@@ -135,7 +138,7 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
         arrays.q[:] = q.reshape(nc, 3)
         arrays.mu[:] = problem.mu
         arrays.r[:] = (given / unit).reshape(nc, 3)
-        status, iterations, residual = solve_friction(n, nc, arrays, tolerance)
+        status, iterations, residual = solve_friction(n, nc, arrays, float(tolerance))
         certificate = None
         if status != CONVERGED:
             certificate = squeezing_impulses(G[:, 0], q[::3], float(np.abs(q).max()))

@@ -1,5 +1,6 @@
 """What is kept of the motion of a run."""
 
+from numbers import Integral
 from pathlib import Path
 from typing import NamedTuple
 
@@ -30,6 +31,6 @@ class Recording(NamedTuple):
             If ``every`` is not allowed.
         """
         recording = trajectory if isinstance(trajectory, cls) else cls(trajectory)  # type: ignore[arg-type]
-        if recording.every < 1:
-            raise TrajectoryError(f"every = {recording.every}: allowed: a whole number >= 1; 1 writes each step")
+        if not isinstance(recording.every, Integral) or isinstance(recording.every, bool) or recording.every < 1:
+            raise TrajectoryError(f"every = {recording.every!r}: allowed: a whole number >= 1; 1 writes each step")
         return recording

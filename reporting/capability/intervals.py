@@ -129,7 +129,7 @@ def bench_interval(z_lsl: float | None, z_usl: float | None, n: int, confidence:
 def _bench_slope(z: float, side: float) -> float:
     """Return the derivative of Z.bench `z` with respect to the Z of one side: the ratio of their normal densities."""
     if z > _LARGE_Z:
-        return side / z * math.exp(float(log_ndtr(-side)) - float(log_ndtr(-z)))
+        return side / z * math.exp(min(float(log_ndtr(-side)) - float(log_ndtr(-z)), 300.0))
     return math.exp(min((z * z - side * side) / 2, 300.0))
 
 

@@ -34,7 +34,7 @@ def series(x: ArrayLike) -> Array:
             raise TypeError("one is a text")
         with np.errstate(over="ignore"):  # a longer float beyond the largest double is infinite: left out
             if isinstance(given, np.ma.MaskedArray):  # a masked value is missing, as one that is not finite
-                given = given.astype(np.float64).filled(np.nan)
+                given = np.ma.filled(given.astype(np.float64), np.nan)
             values = np.asarray(given, dtype=np.float64)
     except (TypeError, ValueError, OverflowError) as error:
         raise ReportError(f"values are not numbers: {error}") from error

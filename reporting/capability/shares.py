@@ -6,15 +6,18 @@ Bounds of counts are exact binomial ones (Clopper and Pearson 1934): no distribu
 import math
 from bisect import bisect_left
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 from scipy.special import log_ndtr, ndtr
 
 from reporting.arrays import Array
+from reporting.capability.arguments import real_number
 from reporting.capability.intervals import Interval, share_interval, share_upper_bound
 from reporting.errors import ReportError
 
 PPM = 1e6
+MOST = 2**53  # runs: as far as doubles count
 
 
 @dataclass(frozen=True)
@@ -114,18 +117,24 @@ def runs_to_claim(ppm: float, confidence: float, rejects: int = 0) -> int:
     Raises
     ------
     ReportError
-        ppm outside (0, 1e6), or a negative number of rejects.
+        ppm outside (0, 1e6), confidence outside (0, 1), or rejects that are no count.
     """
+    ppm, confidence = real_number("ppm", ppm), real_number("confidence", confidence)
     if not 0 < ppm < PPM:
         raise ReportError(
             f"ppm = {ppm:.15g}: a claim must lie between 0 and 1e6 ppm; no finite number of runs proves 0 ppm"
         )
-    if rejects < 0:
-        raise ReportError(f"rejects = {rejects}: a count must not be negative")
+    if not 0 < confidence < 1:
+        raise ReportError(f"confidence = {confidence}: must lie between 0 and 1; 0.95 is usual")
+    if not isinstance(rejects, Integral) or not 0 <= rejects < MOST:
+        raise ReportError(f"rejects = {rejects}: must be a whole number from 0 to {MOST - 1}")
     if rejects == 0:
         return math.ceil(math.log(1 - confidence) / math.log1p(-ppm / PPM))
-    runs = range(rejects + 1, 2**53)
-    return runs[bisect_left(runs, True, key=lambda n: PPM * share_upper_bound(rejects, n, confidence) <= ppm)]
+    runs = range(int(rejects) + 1, MOST)
+    enough = bisect_left(runs, True, key=lambda n: PPM * share_upper_bound(rejects, n, confidence) <= ppm)
+    if enough == len(runs):
+        raise ReportError(f"ppm = {ppm:.15g} with {rejects} rejects: no number of runs below {MOST} proves it")
+    return runs[enough]
 
 
 def expected_normal(mean: float, std: float, lsl: float | None, usl: float | None) -> dict[str, float]:

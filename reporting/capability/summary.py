@@ -8,18 +8,17 @@ production batch of each value is given, the indices with the sigma within batch
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from numbers import Real
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from reporting.arrays import Array
+from reporting.capability.arguments import check_limits, finite_or_none, production_batches, real_number
 from reporting.capability.indices import SIX_SIGMA_SHIFT, centring, overall_intervals, point_indices
 from reporting.capability.intervals import Interval, cpm_interval
 from reporting.capability.moments import ROUNDING, location_and_shape, series
 from reporting.capability.shares import expected_normal, nonconforming, ppm_of_z
 from reporting.capability.within import Within, within
-from reporting.errors import ReportError
 
 _NO_WITHIN = "No batch has two different values, so there is no sigma and no index within batches."
 
@@ -152,11 +151,11 @@ def capability(
         other than doubles can tell; the confidence is not between 0 and 1; the values are not a series of numbers;
         there are not as many batches as values.
     """
-    lsl, usl, target = (_finite(*given) for given in (("lsl", lsl), ("usl", usl), ("target", target)))
-    confidence = _number("confidence", confidence)
-    _check(lsl, usl, confidence)
+    lsl, usl, target = (finite_or_none(*given) for given in (("lsl", lsl), ("usl", usl), ("target", target)))
+    confidence = real_number("confidence", confidence)
+    check_limits(lsl, usl, confidence)
     values = series(x)
-    groups = _groups(batches, values.size)
+    groups = production_batches(batches, values.size)
     is_finite = np.isfinite(values)
     finite = values[is_finite]
     with np.errstate(over="ignore", invalid="ignore"):  # squares of values near the largest double: results are None
@@ -193,52 +192,6 @@ def _representable(value: object) -> bool:
     """Return whether every number of a result is finite; a result that is not becomes None."""
     numbers = value if isinstance(value, tuple) else (value,)
     return all(number is not None and math.isfinite(number) for number in numbers)
-
-
-def _number(name: str, value: object) -> float:
-    """Return a number as a float; raise ReportError if it is something else."""
-    if isinstance(value, Real) and not isinstance(value, bool):
-        try:
-            return float(value)
-        except OverflowError:  # a whole number beyond the range of floats
-            return math.inf
-    raise ReportError(f"{name} = {value!r}: must be a number")
-
-
-def _finite(name: str, value: object) -> float | None:
-    """Return a limit or a target as a float; None stays None."""
-    number = None if value is None else _number(name, value)
-    if number is not None and not math.isfinite(number):
-        raise ReportError(f"{name} = {number}: must be a finite number; use None where there is no {name}")
-    return number
-
-
-def _check(lsl: float | None, usl: float | None, confidence: float) -> None:
-    """Raise ReportError if limits or confidence are impossible."""
-    if lsl is not None and usl is not None:
-        if lsl >= usl:
-            raise ReportError(f"lsl = {lsl:.15g} is not below usl = {usl:.15g}; exchange or correct the limits")
-        if not 0 < (usl - lsl) / 2 < math.inf:
-            far = "far from" if usl - lsl > 1 else "close to"
-            raise ReportError(f"lsl = {lsl:.15g} is too {far} usl = {usl:.15g} for double numbers; use another unit")
-    if not 0 < confidence < 1:
-        raise ReportError(f"confidence = {confidence}: must lie between 0 and 1; 0.95 is usual")
-
-
-def _groups(batches: ArrayLike | None, n: int) -> NDArray[np.generic] | None:
-    """Return the production batch of each of `n` values as an array."""
-    if batches is None:
-        return None
-    try:
-        if isinstance(batches, np.ma.MaskedArray):
-            raise TypeError("some are masked")
-        groups = np.asarray(batches)
-        np.unique(groups)
-    except (TypeError, ValueError) as error:
-        raise ReportError(f"batches are not numbers or names that can be ordered: {error}") from error
-    if groups.shape != (n,):
-        raise ReportError(f"batches have shape {groups.shape}: one batch for each of the {n} values is needed")
-    return groups
 
 
 def _normal_indices(
