@@ -60,6 +60,7 @@ def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) 
         raise FrictionError(f"indeterminacy: mu[{int(mu.argmin())}] = {mu.min():g}; allowed: >= 0")
     if not isinstance(contact, Integral) or not 0 <= contact < nc:
         raise FrictionError(f"indeterminacy: contact {contact}; allowed: 0 ... {nc - 1}")
+    contact = int(contact)  # a truth value would be a mask
     size = float(np.abs(r).max(initial=0))
     if size == 0.0:
         return 0.0, 0.0
