@@ -16,6 +16,7 @@ from engine.arrays import Array
 from engine.friction.barrier import ROOM, CentreWork, Cones, centre
 from engine.friction.problem import FrictionError, real_numbers
 
+HUGE = 1e150  # larger entries have no squares
 SLACK = 1e-8  # of the largest force: by which known forces may lie outside their cones; how far each is opened
 FRICTIONLESS = 1e-12  # a smaller mu counts as 0
 GAP = 1e-8  # share of the largest force: accuracy of an end
@@ -86,7 +87,10 @@ def _balanced(H: Array, mu: Array, r: Array) -> tuple[Cones, Array]:
     rough = mu > FRICTIONLESS
     scale = np.where(rough, 1 / np.where(rough, mu, 1.0), 1.0)
     columns = np.stack([scale, rough, rough], axis=1).ravel()  # a frictionless contact has no tangential force
-    _, values, right = np.linalg.svd(np.vstack([H.T * columns, np.diag(1.0 - (columns > 0))]))
+    balance = np.vstack([H.T * columns, np.diag(1.0 - (columns > 0))])
+    if not np.abs(balance).max(initial=0) < HUGE:  # the decomposition would not end
+        raise FrictionError(f"indeterminacy: H holds numbers of {np.abs(H).max():.3g}; allowed: less than {HUGE:g} mu")
+    _, values, right = np.linalg.svd(balance)
     rank = int((values > 1e-10 * values.max(initial=0)).sum())
     start = r.reshape(-1, 3) / np.where(columns > 0, columns, 1.0).reshape(-1, 3)
     start[:, 0] = np.maximum(start[:, 0], np.hypot(start[:, 1], start[:, 2])) + SLACK
