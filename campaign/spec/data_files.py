@@ -146,7 +146,7 @@ def _numbers(column: "pa.ChunkedArray", name: str) -> list[float]:
         raise SpecError(
             f"column {name} holds {column.type}; it must hold numbers, with a decimal point and without units"
         )
-    values = column.cast(pa.float64()).to_numpy()  # nulls become NaN
+    values = column.cast(pa.float64(), safe=False).to_numpy()  # nulls become NaN
     wrong = np.flatnonzero(~np.isfinite(values))
     if values.size == 0:
         raise SpecError(f"column {name} is empty; it must hold at least one number")

@@ -1,10 +1,10 @@
 """What every distribution of an input can do, and what the distributions check in common."""
 
 from abc import abstractmethod
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from engine.arrays import Array
 from engine.mechanism.base import Number, TableModel
@@ -22,6 +22,7 @@ StandardDeviation = Annotated[
     PositiveNumber | None, Field(description="Standard deviation before the cut, in the target's unit, above 0.")
 ]
 
+LARGEST_NUMBER = 1e100  # so that squares and products of parameters are finite
 TAIL = 1e-6  # probability beyond the ends at which an unbounded variable is tried on the mechanism
 
 
@@ -37,6 +38,13 @@ class Distribution(TableModel, strict=True):
     target: Annotated[str | None, Field(min_length=1)] = Field(
         default=None, description="Key of the mechanism that the variable sets; the variable's own name if absent."
     )
+
+    @model_validator(mode="after")
+    def _numbers_are_not_absurd(self) -> Self:
+        for name, number in self:
+            if isinstance(number, float) and abs(number) > LARGEST_NUMBER:
+                raise ValueError(f"{name} = {number:g} is absurd; allowed: up to {LARGEST_NUMBER:g}; reduce it")
+        return self
 
     @abstractmethod
     def ppf(self, u: Array) -> Array:

@@ -145,8 +145,13 @@ class Continuous(Distribution):
         from scipy.optimize import brentq  # heavy, and only a report of production batches needs it
 
         def quantile(p: float) -> float:
-            bracket = (float(self.ppf(np.array([p]), shift)[0]) for shift in (-batch.reach, batch.reach))
-            return float(brentq(lambda x: float(self.cdf(np.array([x]))[0]) - p, *bracket))
+            least, most = (float(self.ppf(np.array([p]), shift)[0]) for shift in (-batch.reach, batch.reach))
+            if excess(least, p) >= 0.0:  # the shifts are too small to be seen beside the numbers
+                return least
+            return most if excess(most, p) <= 0.0 else float(brentq(excess, least, most, (p,)))
+
+        def excess(x: float, p: float) -> float:
+            return float(self.cdf(np.array([x]))[0]) - p
 
         batch, (low, high) = self.batch, self.support()
         return (low if isfinite(low) else quantile(TAIL)), (high if isfinite(high) else quantile(1.0 - TAIL))
