@@ -106,4 +106,5 @@ def contact_arrays(pairs: list[Pair]) -> tuple[Contacts, Laws]:
 
 def reach(geometry: Array) -> float:
     """Return the largest distance of side a's point, arc or axis from its body's centre of mass, without skins."""
-    return float(np.linalg.norm(geometry[:3]) + geometry[9])
+    with np.errstate(over="ignore"):  # an infinite reach is a bound too: that contact is always near
+        return float(np.linalg.norm(geometry[:3]) + geometry[9])
