@@ -42,8 +42,9 @@ class Distribution(TableModel, strict=True):
     @model_validator(mode="after")
     def _numbers_are_not_absurd(self) -> Self:
         for name, number in self:
-            if isinstance(number, float) and abs(number) > LARGEST_NUMBER:
-                raise ValueError(f"{name} = {number:g} is absurd; allowed: up to {LARGEST_NUMBER:g}; reduce it")
+            if isinstance(number, float) and number and not 1.0 / LARGEST_NUMBER <= abs(number) <= LARGEST_NUMBER:
+                allowed = f"0, and sizes from {1.0 / LARGEST_NUMBER:g} to {LARGEST_NUMBER:g}"
+                raise ValueError(f"{name} = {number:g} is no size of a real input; allowed: {allowed}; correct it")
         return self
 
     @abstractmethod
