@@ -110,8 +110,8 @@ def coordinate(
             _write_failure(store, plan.campaign_id, error)
             raise
         verdict = coordinator.checkpoints.verdict
+        coordinator.publish_heartbeat("completed")  # first, for whoever watches until the state is this
         write_state(store, plan.campaign_id, "completed", verdict.text() if verdict else "", is_open=report_due)
-        coordinator.publish_heartbeat("completed")
     wall = time.perf_counter() - start
     return Outcome(plan, store.survey(plan), store.end(plan), coordinator.progress.computed, wall, verdict)
 
