@@ -20,7 +20,8 @@ from distributed.comm.core import connect
 from distributed.protocol.pickle import dumps
 
 UID = 20002
-PATIENCE = 15.0  # s, for one attempt
+PATIENCE = 15.0  # s, to be let in
+ANSWERS_WITHIN = 5.0  # s, once let in
 PAGES = ("/", "/health", "/info/main/workers.html", "/json/identity.json", "/metrics", "/sitemap.json", "/proxy/1/x/y")
 
 
@@ -45,7 +46,7 @@ async def ask(address, message, arguments):
     comm = await connect(address, timeout=PATIENCE, **arguments)
     try:
         await comm.write(message)
-        return await asyncio.wait_for(comm.read(), PATIENCE)
+        return await asyncio.wait_for(comm.read(), ANSWERS_WITHIN)
     finally:
         comm.abort()
 
