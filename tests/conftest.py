@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 
 TESTS = Path(__file__).parent
+# What tests start imports them too. It does not look into its current folder: clearcap forbids that to all it starts.
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(TESTS.parent), os.environ.get("PYTHONPATH"))))
 # These files take longest. They start first, so that all processes end at about the same time.
 LONGEST = (
     "system/test_c60.py",  # compiles the engine once for all, while another process tests the reports

@@ -8,7 +8,9 @@ import importlib
 import logging
 import os
 import shutil
+import signal
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -205,10 +207,14 @@ def _manifest() -> Any:
 
 
 def _package(name: str, extra: str, kind: str) -> Any:
-    """Return a package of an optional extra."""
+    """Return a package of an optional extra; what Ctrl-C does stays, although `dask_jobqueue` changes it."""
+    interrupt = signal.getsignal(signal.SIGINT)
     try:
         return importlib.import_module(name)
     except ImportError as error:
         raise SpecError(
             f"--cluster {kind}: needs the package {name}, which is not installed; pip install 'clearcap[{extra}]'"
         ) from error
+    finally:
+        if threading.current_thread() is threading.main_thread():
+            signal.signal(signal.SIGINT, interrupt)

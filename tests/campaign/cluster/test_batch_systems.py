@@ -6,12 +6,11 @@ import sys
 from pathlib import Path
 
 import dask
-import dask_jobqueue  # noqa: F401  # sets defaults in dask's configuration that must outlive a test
 import pytest
 import yaml
 
 import campaign.cluster.connect
-from campaign.cluster.batch_systems import job_certificates, job_cluster, kubernetes_resource
+from campaign.cluster.batch_systems import _package, job_certificates, job_cluster, kubernetes_resource
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.connect import connect
 from campaign.cluster.tls import Tls
@@ -19,6 +18,7 @@ from campaign.cluster.tls_certificates import make_certificates
 from campaign.errors import SpecError, UnreachableError
 from tests.campaign.kubernetes_api import kubernetes_api
 
+_package("dask_jobqueue", "jobqueue", "slurm")  # sets defaults in dask's configuration that must outlive a test
 DEPLOY = Path(__file__).parents[3] / "deploy"
 COMMANDS = {"slurm": "sbatch", "oar": "oarsub", "pbs": "qsub"}
 
@@ -105,6 +105,16 @@ def test_a_missing_package_is_named(kind, package, monkeypatch):
     extra = package.removeprefix("dask_")
     with pytest.raises(SpecError, match=rf"clearcap\[{extra}\]"), connect(Cluster(kind=kind, workers=1)):
         pass
+
+
+def test_a_package_of_dask_leaves_ctrl_c_alone():
+    """On import, dask-jobqueue has Ctrl-C end the process in silence, as if all were well."""
+    code = (
+        "import signal\nfrom campaign.cluster.batch_systems import _package\n"
+        "_package('dask_jobqueue', 'jobqueue', 'slurm')\n"
+        "assert signal.getsignal(signal.SIGINT) is signal.default_int_handler\n"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 @pytest.fixture(scope="module")

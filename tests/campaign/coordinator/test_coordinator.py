@@ -168,6 +168,7 @@ def test_cancelled_campaign_stops_and_goes_on(tmp_path, campaign):
         "message": "",
         "since": 0,
         "open": False,
+        "fault": None,
     }
     kept = store.survey(plan).rows
     assert 0 < kept < 25

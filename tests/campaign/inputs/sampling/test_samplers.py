@@ -13,6 +13,7 @@ from campaign.inputs.sampling import SAMPLERS, check_sampling, draw, sampler_nam
 from campaign.inputs.sampling.inverse_transform import InverseTransformSampler
 from campaign.inputs.sampling.streams import uniforms
 from campaign.plan import Plan
+from campaign.plan_header import seal_plan
 from campaign.reports.report import report, report_spec
 from campaign.spec.campaign_file import CampaignSpec, campaign_schema
 from campaign.spec.load import load_campaign
@@ -93,7 +94,7 @@ def test_an_unknown_sampler_is_refused_everywhere(campaign, plan, tmp_path):
     content = json.loads(plan.to_json())
     content["spec"]["sampler"] = "sobl"
     with pytest.raises(StoreError, match=r"plan\.json cannot be read"):
-        Plan.from_json(json.dumps(content))
+        Plan.from_json(seal_plan({key: value for key, value in content.items() if key not in ("format", "sha256")}))
     with pytest.raises(ValidationError, match="'random', 'lhs'"):
         CampaignSpec.model_validate(content["spec"])
     unchecked = campaign.spec.model_copy(update={"sampler": "sobl"})
