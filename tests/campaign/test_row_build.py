@@ -32,8 +32,6 @@ COMPUTE_ROWS = (
     "campaign.worker.batch",
 )
 CARRY_ROWS = re.compile(r"campaign\.store(\..*)?|campaign(\.errors|\.safe_path)?")  # see the docstring of `row_build`
-    r"campaign\.store(\..*)?|campaign|campaign\.(errors|safe_path)"
-)  # see the docstring of `row_build`
 
 
 def test_all_that_a_row_depends_on_is_covered():
