@@ -1,7 +1,8 @@
 """Another user of the machine: ``python -m tests.security.attacker`` reads from standard input whom to attack.
 
 It starts as root, because only root may read the interpreter here, and becomes the other user before it does anything.
-What it obtained it prints as JSON: one text for each success.
+What it obtained it prints as JSON: one text for each success. It attacks all ports at once, each in every way: a port
+that is closed to one way, or where somebody else answers, takes no time from the others.
 """
 
 import asyncio
@@ -20,7 +21,8 @@ from distributed.comm.core import connect
 from distributed.protocol.pickle import dumps
 
 UID = 20002
-PATIENCE = 15.0  # s, to be let in
+PREPARED = "dask-scratch-space"  # the attacker's own, in the folder for temporary files
+PATIENCE = 8.0  # s, to be let in
 ANSWERS_WITHIN = 5.0  # s, once let in
 PAGES = ("/", "/health", "/info/main/workers.html", "/json/identity.json", "/metrics", "/sitemap.json", "/proxy/1/x/y")
 
@@ -36,40 +38,47 @@ def messages(secret, marker):
     """Return what makes dask's services run code, and what makes them talk."""
     call = {"function": dumps(loot), "args": dumps((secret, marker)), "kwargs": dumps({})}
     feed = {"function": dumps(lambda _: loot(secret, marker)), "setup": None, "teardown": None}
-    more = {"run": call | {"wait": True}, "run_function": call | {"wait": True}, "feed": {**feed, "interval": 1}}
+    more = {"run_function": call | {"wait": True}, "run": call | {"wait": True}, "feed": {**feed, "interval": 1}}
     more |= {"identity": {}, "versions": {}, "get_logs": {}, "gather": {"keys": []}, "register-client": {"client": "x"}}
     return [{"op": op, "reply": True, **content} for op, content in more.items()]
 
 
-async def ask(address, message, arguments):
+async def ask(comm, message):
     """Send one message; return the answer."""
-    comm = await connect(address, timeout=PATIENCE, **arguments)
-    try:
-        await comm.write(message)
-        return await asyncio.wait_for(comm.read(), ANSWERS_WITHIN)
-    finally:
-        comm.abort()
+    await comm.write(message)
+    return await asyncio.wait_for(comm.read(), ANSWERS_WITHIN)
 
 
-def over_dask(host, port, secret, marker, theirs):
-    """Talk to a port as dask does: in the clear, encrypted without a certificate, and with one of the attacker's."""
+def ways_in(theirs):
+    """Return how to speak to dask: in the clear, encrypted without a certificate, and with one of the attacker's."""
     nameless = ssl.create_default_context()
     nameless.check_hostname, nameless.verify_mode = False, ssl.CERT_NONE
     pair = {"tls_client_cert": f"{theirs}/client.pem", "tls_client_key": f"{theirs}/client.key"}
     named = Security(tls_ca_file=f"{theirs}/ca.pem", require_encryption=True, **pair).get_connection_args("client")
     named["ssl_context"].verify_mode = ssl.CERT_NONE  # whoever answers is welcome
-    ways = {"tcp": {}, "tls": {"ssl_context": nameless, "require_encryption": True}, "tls, own certificate": named}
-    for way, arguments in ways.items():
-        for message in messages(secret, marker):
-            try:
-                answer = asyncio.run(ask(f"{way[:3]}://{host}:{port}", message, arguments))
-            except (TimeoutError, OSError, asyncio.IncompleteReadError):
-                break  # this way is closed
-            yield f"{host}:{port} {way} {message['op']}: {str(answer)[:200]}"
+    return {"tcp": {}, "tls": {"ssl_context": nameless, "require_encryption": True}, "tls, own certificate": named}
+
+
+async def over_dask(host, port, way, arguments, orders):
+    """Give a port orders as dask does, each over a connection of its own; return what it answered."""
+    found = []
+    for message in orders:
+        try:
+            comm = await connect(f"{way[:3]}://{host}:{port}", timeout=PATIENCE, **arguments)
+        except Exception:  # who listens may be no dask service, and answer anything
+            break  # this way is closed
+        try:
+            found.append(f"{host}:{port} {way} {message['op']}: {str(await ask(comm, message))[:200]}")
+        except Exception:  # this service takes no such order, or what it answers cannot be read
+            continue
+        finally:
+            comm.abort()
+    return found
 
 
 def over_http(host, port):
-    """Ask for pages."""
+    """Ask for pages; return what was served."""
+    found = []
     for page in PAGES:
         try:
             with socket.create_connection((host, port), PATIENCE) as connection:
@@ -77,9 +86,17 @@ def over_http(host, port):
                 connection.sendall(f"GET {page} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n".encode())
                 answer = connection.recv(4096)
         except OSError:
-            return
+            break
         if answer.startswith(b"HTTP/"):
-            yield f"{host}:{port} http {page}: {answer[:60]!r}"
+            found.append(f"{host}:{port} http {page}: {answer[:60]!r}")
+    return found
+
+
+async def on_ports(ports, orders, theirs):
+    """Attack all ports at once; return what was obtained."""
+    attacks = [over_dask(*port, way, arguments, orders) for port in ports for way, arguments in ways_in(theirs).items()]
+    pages = [asyncio.to_thread(over_http, *port) for port in ports]
+    return [text for found in await asyncio.gather(*attacks, *pages) for text in found]
 
 
 def of_process(pid):
@@ -100,7 +117,8 @@ def of_process(pid):
 
 def of_folder(folder):
     """Read every file that can be reached, and write beside it."""
-    for root, _, files in os.walk(folder):
+    for root, folders, files in os.walk(folder):
+        folders[:] = [name for name in folders if name != PREPARED]
         for name in files:
             try:
                 yield f"{root}/{name}: {Path(root, name).read_bytes()[:40]!r}"
@@ -130,9 +148,7 @@ def main():
     found, over, of_files = [], threading.Event(), set()
     watcher = threading.Thread(target=watch, args=(plan["temporary"], of_files, over))
     watcher.start()
-    for host, port in plan["ports"]:
-        found += over_dask(host, port, plan["secret"], plan["marker"], plan["theirs"])
-        found += over_http(host, port)
+    found += asyncio.run(on_ports(plan["ports"], messages(plan["secret"], plan["marker"]), plan["theirs"]))
     for pid in plan["pids"]:
         found += of_process(pid)
     with suppress(OSError):
