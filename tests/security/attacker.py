@@ -22,7 +22,7 @@ from distributed.protocol.pickle import dumps
 
 UID = 20002
 PREPARED = "dask-scratch-space"  # the attacker's own, in the folder for temporary files
-PATIENCE = 8.0  # s, to be let in
+PATIENCE = 5.0  # s, to be let in
 ANSWERS_WITHIN = 5.0  # s, once let in
 PAGES = ("/", "/health", "/info/main/workers.html", "/json/identity.json", "/metrics", "/sitemap.json", "/proxy/1/x/y")
 
