@@ -157,6 +157,11 @@ def _text(error: BaseException, plan: Plan) -> str:
     return f"{type(error).__name__}: {error}"
 
 
+def longest_sample(plan: Plan) -> float:
+    """Return the time [s] that a sample may take, with all repetitions of its run that the retry policy asks for."""
+    return (1 + len(plan.spec.failures.retry)) * _longest(plan)
+
+
 def _longest(plan: Plan) -> float:
     """Return the time [s] after which a run that ignores its time limit is killed: twice that limit plus a second."""
     limit = plan.spec.execution.time_limit

@@ -3,7 +3,8 @@
 Only a run that had begun can be to blame for the end of its child process, and only if it was the child's first run:
 what an earlier one left behind, a thread or a full memory, may have ended it. A child that ends before a run, between
 two runs, or with an error of its own has failed itself; it is started again. Where the cause may lie outside, such as a
-signal that others send too, a run is guilty when child after child ends in it, with ever longer pauses.
+signal that others send too, a run is guilty when child after child ends in it, with ever longer pauses. A child that
+hangs, because somebody stopped it, is killed, and counts as one that others have killed.
 """
 
 import logging
@@ -20,11 +21,14 @@ from campaign.plan import Plan
 from campaign.safe_path import python_environment
 from campaign.worker.isolated_child import COMMAND
 from campaign.worker.messages import CampaignAddress, ChildFailed
-from campaign.worker.row import Row, crashed_row, sample_values
+from campaign.worker.row import Row, crashed_row, longest_sample, sample_values
 from campaign.worker.runs import open_campaign
+from campaign.worker.silent_child import ChildWatch
 
 logger = logging.getLogger(__name__)
 
+READY_WITHIN = 900.0  # s, for a child to start, compile the engine and open the store, beyond the store's patience
+BUSY = 60.0  # s, that a run may take beyond its limit, on a machine with too much to do
 # Signals that operators and the operating system send too, so that they do not prove the run guilty.
 AMBIGUOUS = {signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP}
 TRIES = 5  # processes that a run must end one after the other to be guilty, if the cause may be another one
@@ -45,12 +49,15 @@ class _Ending:
         Its last message, see `campaign.worker.isolated_child`; the kind is empty if it sent none.
     exit_status : int
         As of `subprocess.Popen.wait`.
+    hung : bool
+        Whether it was killed because it hung.
     """
 
     rows: int
     kind: str
     content: Any
     exit_status: int
+    hung: bool = False
 
     @property
     def in_run(self) -> bool:
@@ -101,7 +108,7 @@ def rows_in_subprocess(address: CampaignAddress, samples: Sequence[int], attempt
     deaths = alone = failures = 0  # children that ended in the next run; in their first run; for reasons of their own
     while samples:
         requested = samples[:1] if deaths else samples
-        ending = yield from _rows_of_child(address, requested, attempt + deaths)
+        ending = yield from _rows_of_child(address, requested, attempt + deaths, longest_sample(plan))
         samples = samples[ending.rows :]
         if ending.rows:
             deaths = alone = failures = 0
@@ -120,20 +127,24 @@ def rows_in_subprocess(address: CampaignAddress, samples: Sequence[int], attempt
         samples, deaths, alone = samples[1:], 0, 0
 
 
-def _rows_of_child(address: CampaignAddress, samples: Sequence[int], attempt: int) -> Generator[Row, None, _Ending]:
-    """Yield the rows of one child; return how it ended."""
+def _rows_of_child(
+    address: CampaignAddress, samples: Sequence[int], attempt: int, longest: float
+) -> Generator[Row, None, _Ending]:
+    """Yield the rows of one child, of which none takes more than ``longest`` seconds; return how it ended."""
+    ready_within = READY_WITHIN + address.patience.seconds
     rows, kind, content = 0, "", None
     try:
         child = _start_child()
     except OSError as error:
         return _Ending(0, "failed", error, 0)
-    with child:
+    with child, ChildWatch(child, ready_within) as watch:
         for kind, content in _messages(child, (address, samples, attempt)):
+            watch.heard(longest + BUSY if kind == "begun" else ready_within)
             if kind == "row":
                 yield content
                 rows += 1
         child.wait()
-    return _Ending(rows, kind, content, child.returncode)
+    return _Ending(rows, kind, content, child.returncode, watch.hung)
 
 
 def _start_child() -> "subprocess.Popen[bytes]":
@@ -193,6 +204,10 @@ def _deed(ending: _Ending) -> str:
     """Return what a run did to its process."""
     if ending.exit_status == -signal.SIGALRM:
         return "took no notice of its time limit and was ended"
+    if ending.hung:
+        return (
+            f"took no notice of its time limit {TRIES} times in a row; perhaps somebody stopped its process each time"
+        )
     if -ending.exit_status in AMBIGUOUS:
         return (
             f"ended with its process, killed by {ending.text()} {TRIES} times in a row; perhaps it needs more memory"

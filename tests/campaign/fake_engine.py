@@ -85,6 +85,13 @@ def kills_at_first(times, counter, mechanism, values, **settings):
     return simulate(mechanism, values)
 
 
+def stops_at_first(times, counter, mechanism, values, **settings):
+    """Stop the process for good, as an operator may, the first ``times`` times any process comes here."""
+    if happens(times, counter):
+        os.kill(os.getpid(), signal.SIGSTOP)
+    return simulate(mechanism, values)
+
+
 def raises_at_first(error, counter, mechanism, values, **settings):
     """Raise an error the first time any process comes here."""
     if happens(1, counter):

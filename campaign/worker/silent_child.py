@@ -1,0 +1,83 @@
+"""End a child process that hangs, stopped by somebody or stuck in a run that takes no notice of its time limit."""
+
+import logging
+import os
+import signal
+import subprocess
+import threading
+import time
+from contextlib import suppress
+from types import TracebackType
+
+logger = logging.getLogger(__name__)
+
+LOOK_INTERVAL = 2.0  # s, between two looks
+
+
+class ChildWatch:
+    """Kill a child that sends nothing for longer than it may; a context, in which a thread looks every two seconds.
+
+    Only time in which this process is awake counts: a look counts for no more than twice the interval of looks, so that
+    nobody is to blame when a laptop sleeps or all processes of a campaign are stopped.
+
+    Parameters
+    ----------
+    child : subprocess.Popen
+        A process that leads a session of its own; what it has started itself is killed with it.
+    allowed : float
+        For how long it may be silent at first [s].
+
+    Attributes
+    ----------
+    hung : bool
+        Whether the child was killed because it was silent for too long.
+    """
+
+    def __init__(self, child: "subprocess.Popen[bytes]", allowed: float) -> None:
+        self.hung = False
+        self._child = child
+        self._last = self._seen = (0, allowed)  # number of messages; for how long the child may be silent now
+        self._silent_for = 0.0
+        self._over = threading.Event()
+        self._thread = threading.Thread(target=self._watch, name="silent child", daemon=True)
+
+    def __enter__(self) -> "ChildWatch":
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def heard(self, allowed: float) -> None:
+        """Note that the child has sent a message, after which it may be silent for ``allowed`` seconds."""
+        self._last = (self._last[0] + 1, allowed)
+
+    def is_silent(self, passed: float) -> bool:
+        """Return whether the child has sent nothing for too long, ``passed`` seconds [s] after the look before."""
+        if self._last != self._seen:
+            self._seen, self._silent_for = self._last, 0.0
+        else:
+            self._silent_for += min(passed, 2.0 * LOOK_INTERVAL)
+        return self._silent_for > self._seen[1]
+
+    def _watch(self) -> None:
+        looked_at = time.monotonic()
+        while not self._over.wait(LOOK_INTERVAL):
+            now = time.monotonic()
+            if self.is_silent(now - looked_at):
+                self._end()
+                return
+            looked_at = now
+
+    def _end(self) -> None:
+        self.hung = True
+        logger.warning(
+            "the process that computes runs in isolation sends nothing for %.0f s: it hangs or was stopped, is killed,"
+            " and its run is tried again",
+            self._silent_for,
+        )
+        with suppress(ProcessLookupError):  # it ended at this moment
+            os.killpg(self._child.pid, signal.SIGKILL)
