@@ -6,10 +6,9 @@ from typing import Annotated
 from pydantic import Field, ValidationError
 
 from campaign.errors import SpecError
-from campaign.inputs.distributions import PositiveNumber
 from campaign.plan import Plan
 from campaign.spec.faults import structure_faults
-from engine.mechanism.base import Number, TableModel
+from engine.mechanism.base import PositiveNumber, TableModel
 from engine.toml_file import UnfitToml, read_toml
 from reporting.capability.verdict import CAPABLE
 
@@ -35,7 +34,7 @@ class Cost(TableModel, strict=True):
 class Costs(TableModel, strict=True):
     """A cost file."""
 
-    target: Annotated[Number, Field(gt=0.0)] = Field(
+    target: PositiveNumber = Field(
         default=CAPABLE, description="Cpk that every response with limits must have, above 0."
     )
     variables: Annotated[dict[str, Cost], Field(min_length=1)] = Field(

@@ -6,10 +6,10 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticKnownError
 
-from campaign.inputs.distributions import PositiveNumber, Variable
+from campaign.inputs.distributions import Variable
 from campaign.inputs.sampling import SAMPLERS, check_sampling
 from campaign.spec.policy import Execution, Failures, SimulationSettings, Stop
-from engine.mechanism.base import Number, TableModel
+from engine.mechanism.base import Number, PositiveNumber, TableModel
 
 LARGEST_LIST = 1_000_000  # rows of a user's table
 MOST_VARIABLES = 1000
@@ -19,7 +19,8 @@ Correlation = Annotated[
     tuple[ShortName, ShortName, Annotated[float, Field(gt=-1.0, lt=1.0, allow_inf_nan=False)]], Field(strict=False)
 ]
 Levels = (
-    Annotated[int, Field(ge=2)] | Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_length=100_000)]
+    Annotated[int, Field(ge=2, le=LARGEST_LIST)]
+    | Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_length=100_000)]
 )
 
 

@@ -38,13 +38,16 @@ def key_path(keys: Iterable[str]) -> str:
 
 def _line(error: Mapping[str, Any], root: type[BaseModel]) -> str:
     """Return one fault with its key and value."""
-    at = locate(root, error["loc"])
+    refused = error.get("ctx", {}) if error["type"] == "refused" else {}
+    below = refused.get("key")  # a table refuses one of its keys
+    at = locate(root, (*error["loc"], *below.split(".")) if below else error["loc"])
     keys = list(at.path)
     if keys[:1] == ["grid"] and len(keys) > 1:  # pydantic has an error for each of the two ways to write levels
-        text = "must be a number of levels, at least 2, or a list of levels, finite numbers; correct it"
+        text = "must be a number of levels, 2 to a million, or a list of levels, finite numbers; correct it"
         return fault(keys[:2], None, text)
     text = _text(error, keys, at.known_keys)
-    return fault(keys, error["input"], text) if keys else text  # without keys: of the campaign as a whole
+    value = refused["value"] if below else error["input"]
+    return fault(keys, value, text) if keys else text  # without keys: of the campaign as a whole
 
 
 def _text(error: Mapping[str, Any], keys: list[str], known: list[str]) -> str:

@@ -4,8 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from campaign.inputs.distributions import PositiveNumber
-from engine.mechanism.base import TableModel
+from engine.mechanism.base import PositiveNumber, TableModel
 
 RETRIED = ("not_converged", "jammed", "diverged", "timeout")
 """Statuses that other settings could avoid. An ``invalid`` run is a result, and settings do not cause a crash."""

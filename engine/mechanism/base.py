@@ -2,26 +2,47 @@
 
 import math
 import sys
-from collections.abc import Mapping, Sequence
-from typing import Annotated, Any, ClassVar
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, ClassVar, Self
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, StringConstraints
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    StringConstraints,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from engine.mechanism.quantities import Quantity
 
+LARGEST_NUMBER = 1e100  # in a file: squares and products of such numbers are finite
+SMALLEST_NUMBER = 1e-100  # of those that are divided by
 PERPENDICULAR = 1e-5  # largest cosine of two directions that are meant to be perpendicular
 
 
 class TableModel(BaseModel):
     """Base of every table of a file that a user writes: it is immutable, and an unknown key is an error.
 
-    Where a file offers a choice of tables, the key ``kind_key`` says which one is meant.
+    Where a file offers a choice of tables, the key ``kind_key`` says which one is meant. No number of it is larger than
+    `LARGEST_NUMBER` in size; none but 0 is smaller than ``smallest``.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     kind_key: ClassVar[str] = "type"
+    smallest: ClassVar[float] = 0.0
+
+    @model_validator(mode="after")
+    def _numbers_have_a_real_size(self) -> Self:
+        for key, value in self.entries().items():
+            for number in _numbers(value):
+                if number and not self.smallest <= abs(number) <= LARGEST_NUMBER:
+                    raise refuse(_no_real_size(self.smallest), key=key, value=number)
+        return self
 
     def entries(self) -> dict[str, Any]:
         """Return the table by the keys of the file (``from``, not ``from_``); its sub-tables remain models."""
@@ -46,6 +67,22 @@ def refuse(text: str, *, key: str = "", value: Any = None) -> PydanticCustomErro
         The error, for the validator to raise.
     """
     return PydanticCustomError("refused", "{text}", {"text": text, "key": key, "value": value})
+
+
+def _numbers(value: Any) -> Iterator[float]:
+    """Yield the floats of a table's entry; a table below checks its own."""
+    items = value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else (value,)
+    for item in items:
+        if isinstance(item, float):
+            yield item
+        elif isinstance(item, tuple | dict):
+            yield from _numbers(item)
+
+
+def _no_real_size(smallest: float) -> str:
+    """Return the message about a number that nothing real has."""
+    sizes = f"0, and sizes from {smallest:g} to" if smallest else "sizes up to"
+    return f"no size of a real quantity; allowed: {sizes} {LARGEST_NUMBER:g}; correct it"
 
 
 def one_of(**keys: str) -> Discriminator:
@@ -94,14 +131,21 @@ def _unit(value: tuple[float, float, float]) -> tuple[float, float, float]:
     return (value[0] / length, value[1] / length, value[2] / length)
 
 
+def _divisible(value: float) -> float:
+    if value < SMALLEST_NUMBER:
+        raise refuse(f"no size of a real quantity; allowed: from {SMALLEST_NUMBER:g}; correct it")
+    return value
+
+
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+PositiveNumber = Annotated[Number, Field(gt=0), AfterValidator(_divisible)]
 Vector = Annotated[tuple[float, float, float], BeforeValidator(_three_numbers)]
 Direction = Annotated[Vector, AfterValidator(_unit)]
 Point = Annotated[Vector, Quantity("length")]
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
 
 Length = Annotated[Number, Quantity("length")]
-PositiveLength = Annotated[Number, Field(gt=0), Quantity("length")]
+PositiveLength = Annotated[PositiveNumber, Quantity("length")]
 Friction = Annotated[Number, Field(ge=0), Quantity("number")]
 Restitution = Annotated[Number, Field(ge=0, le=1), Quantity("number")]
 

@@ -5,7 +5,18 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from engine.mechanism.base import Direction, Name, Number, Point, TableModel, Vector, is_number, refuse
+from engine.mechanism.base import (
+    SMALLEST_NUMBER,
+    Direction,
+    Name,
+    Number,
+    Point,
+    PositiveNumber,
+    TableModel,
+    Vector,
+    is_number,
+    refuse,
+)
 from engine.mechanism.quantities import Quantity
 
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
@@ -35,9 +46,9 @@ def _inertia(value: Any) -> Matrix | None:
         raise refuse("not symmetric; allowed: Ixy = Iyx, Ixz = Izx, Iyz = Izy; make both entries equal")
     moments = np.linalg.eigvalsh(shape)
     shown = ", ".join(f"{moment * float(scale):.6g}" for moment in moments.tolist())
-    if moments[0] <= 0:
+    if moments[0] * scale < SMALLEST_NUMBER:
         raise refuse(
-            f"not positive definite: principal moments {shown}; allowed: all three > 0; "
+            f"not positive definite: principal moments {shown}; allowed: all three > 0, from {SMALLEST_NUMBER:g}; "
             "check signs and orders of magnitude"
         )
     if moments[0] + moments[1] < moments[2] * (1 - 1e-9):
@@ -66,7 +77,7 @@ class Body(TableModel):
     """A rigid body. Its frame is at ``origin``, turned by ``angle`` about ``axis``, at the start."""
 
     fixed: bool = Field(default=False, strict=True, description="true for a body that never moves")
-    mass: Annotated[Number | None, Field(gt=0), Quantity("mass")] = Field(
+    mass: Annotated[PositiveNumber | None, Quantity("mass")] = Field(
         default=None, description="the mass of the body, a positive number"
     )
     inertia: Annotated[

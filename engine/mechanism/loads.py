@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field, Tag
 
-from engine.mechanism.base import BodyPoint, Direction, Name, Number, Point, TableModel, Vector, one_of
+from engine.mechanism.base import BodyPoint, Direction, Name, Number, Point, PositiveNumber, TableModel, Vector, one_of
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.time_laws import FactorLaw
 
@@ -83,7 +83,7 @@ class LinearSpring(TableModel):
     type: Literal["linear"] = Field(description="the kind of spring")
     a: BodyPoint = Field(description="one end: { body, point }")
     b: BodyPoint = Field(description="the other end: { body, point }")
-    stiffness: Annotated[Number, Field(gt=0), Quantity("stiffness")] = Field(
+    stiffness: Annotated[PositiveNumber, Quantity("stiffness")] = Field(
         description="the stiffness of the spring, a number > 0"
     )
     free_length: Annotated[Number, Field(ge=0), Quantity("length")] = Field(
@@ -114,7 +114,7 @@ class TorsionSpring(TableModel):
     a: Name = Field(description="the body in which the axis is fixed")
     b: Name = Field(description="the other body")
     axis: Direction = Field(description="the axis of the couple, in the frame of a")
-    stiffness: Annotated[Number, Field(gt=0), Quantity("torsional stiffness")] = Field(
+    stiffness: Annotated[PositiveNumber, Quantity("torsional stiffness")] = Field(
         description="the torsional stiffness, a number > 0"
     )
     free_angle: Annotated[Number, Quantity("angle")] = Field(
@@ -138,7 +138,7 @@ class LinearDamper(TableModel):
     type: Literal["linear"] = Field(description="the kind of damper")
     a: BodyPoint = Field(description="one end: { body, point }")
     b: BodyPoint = Field(description="the other end: { body, point }")
-    damping: Annotated[Number, Field(gt=0), Quantity("damping")] = Field(
+    damping: Annotated[PositiveNumber, Quantity("damping")] = Field(
         description="force per speed of its length, a number > 0"
     )
 
@@ -150,7 +150,7 @@ class TorsionDamper(TableModel):
     a: Name = Field(description="the body in which the axis is fixed")
     b: Name = Field(description="the other body")
     axis: Direction = Field(description="the axis of the couple, in the frame of a")
-    damping: Annotated[Number, Field(gt=0), Quantity("torsional damping")] = Field(
+    damping: Annotated[PositiveNumber, Quantity("torsional damping")] = Field(
         description="torque per angular speed, a number > 0"
     )
 

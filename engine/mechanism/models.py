@@ -9,7 +9,17 @@ from pydantic import Field, ValidationError, model_validator
 from pydantic_core import PydanticCustomError
 
 from engine.errors import MechanismError
-from engine.mechanism.base import Friction, Name, Number, Restitution, TableModel, Vector, is_number, refuse
+from engine.mechanism.base import (
+    Friction,
+    Name,
+    Number,
+    PositiveNumber,
+    Restitution,
+    TableModel,
+    Vector,
+    is_number,
+    refuse,
+)
 from engine.mechanism.benches import Bench, Plot, Preset, with_bench
 from engine.mechanism.bodies import Body
 from engine.mechanism.conditions import ValidityCondition
@@ -28,10 +38,8 @@ from engine.mechanism.responses import Response
 class Rest(TableModel):
     """The criterion of rest: nothing that is measured, and no contact that carries load, moves for a while."""
 
-    window: Annotated[Number, Field(gt=0), Quantity("time")] = Field(
-        description="how long nothing may move, a number > 0"
-    )
-    drift: Annotated[Number, Field(gt=0), Quantity("length")] = Field(
+    window: Annotated[PositiveNumber, Quantity("time")] = Field(description="how long nothing may move, a number > 0")
+    drift: Annotated[PositiveNumber, Quantity("length")] = Field(
         description="what a measured length may change, and a loaded contact slip, meanwhile: a number > 0"
     )
 
@@ -39,10 +47,10 @@ class Rest(TableModel):
 class Adaptive(TableModel):
     """Longer steps while everything is slow."""
 
-    longest: Annotated[Number, Field(gt=0), Quantity("time")] = Field(
+    longest: Annotated[PositiveNumber, Quantity("time")] = Field(
         description="the longest time step, a number > 0; the shortest is step"
     )
-    travel: Annotated[Number, Field(gt=0), Quantity("length")] = Field(
+    travel: Annotated[PositiveNumber, Quantity("length")] = Field(
         description="how far a contact point may move in a step longer than the shortest, a number > 0"
     )
 
@@ -50,20 +58,18 @@ class Adaptive(TableModel):
 class Simulation(TableModel):
     """Defaults of a run."""
 
-    step: Annotated[Number, Field(gt=0), Quantity("time")] = Field(description="the time step, a number > 0")
-    horizon: Annotated[Number, Field(gt=0), Quantity("time")] = Field(
-        description="the longest simulated time, a number > 0"
-    )
-    tolerance: Annotated[Number, Field(gt=0, le=1e-3), Quantity("number")] = Field(
+    step: Annotated[PositiveNumber, Quantity("time")] = Field(description="the time step, a number > 0")
+    horizon: Annotated[PositiveNumber, Quantity("time")] = Field(description="the longest simulated time, a number > 0")
+    tolerance: Annotated[PositiveNumber, Field(le=1e-3), Quantity("number")] = Field(
         default=1e-8, description="the relative residual of the friction problem at each step, 0 to 1e-3"
     )
-    penetration: Annotated[Number, Field(gt=0), Quantity("length")] = Field(
+    penetration: Annotated[PositiveNumber, Quantity("length")] = Field(
         description="the largest gap violation after a step, a number > 0"
     )
-    wall_limit: Annotated[Number, Field(gt=0), Quantity("real time")] = Field(
+    wall_limit: Annotated[PositiveNumber, Quantity("real time")] = Field(
         default=60.0, description="the longest real time of a run, a number > 0; then its status is timeout"
     )
-    joint_violation: Annotated[Number, Field(gt=0), Quantity("length")] = Field(
+    joint_violation: Annotated[PositiveNumber, Quantity("length")] = Field(
         default=0.0,
         validate_default=False,
         description="the largest violation of an ideal joint after a step, a number > 0; default: penetration / 100",
@@ -93,7 +99,7 @@ class Phase(TableModel):
     """A part of the run; it ends at rest, or after ``duration`` or at the event ``until``, whichever is first."""
 
     name: Name = Field(description="what forces and torques call it")
-    duration: Annotated[Number | None, Field(gt=0), Quantity("time")] = Field(
+    duration: Annotated[PositiveNumber | None, Quantity("time")] = Field(
         default=None, description="how long it lasts, a number > 0; default: until its event, or rest"
     )
     until: Event | None = Field(

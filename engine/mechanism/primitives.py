@@ -14,6 +14,7 @@ from engine.mechanism.base import (
     Number,
     Point,
     PositiveLength,
+    PositiveNumber,
     TableModel,
     check_perpendicular,
     is_number,
@@ -54,7 +55,7 @@ class Arc(TableModel):
         default=None, description="the direction from the centre to the middle of the arc; a full circle needs none"
     )
     radius: PositiveLength = Field(description="the radius of the arc, a number > 0")
-    half_angle: Annotated[Number, Field(gt=0, le=3.1415926535897936), Quantity("angle")] = Field(
+    half_angle: Annotated[PositiveNumber, Field(le=3.1415926535897936), Quantity("angle")] = Field(
         default=math.pi, description="half the angle the arc spans, in rad; pi for a full circle"
     )
     edge_radius: Annotated[Number, Field(ge=0), Quantity("length")] = Field(

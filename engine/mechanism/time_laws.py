@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, Tag, model_validator
 
-from engine.mechanism.base import Number, TableModel, is_number, one_of, refuse
+from engine.mechanism.base import Number, PositiveNumber, TableModel, is_number, one_of, refuse
 from engine.mechanism.quantities import Quantity
 
 Points = tuple[tuple[float, float], ...]
@@ -62,10 +62,10 @@ class Sine(TableModel):
 
     distinguishing_key: ClassVar[str] = "amplitude"
 
-    frequency: Annotated[Number | None, Field(gt=0), Quantity("frequency")] = Field(
+    frequency: Annotated[PositiveNumber | None, Quantity("frequency")] = Field(
         default=None, description="periods per time, a number > 0"
     )
-    period: Annotated[Number | None, Field(gt=0), Quantity("time")] = Field(
+    period: Annotated[PositiveNumber | None, Quantity("time")] = Field(
         default=None, description="the period, a number > 0, instead of frequency"
     )
     phase: Annotated[Number, Quantity("angle")] = Field(

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Union, get_args
 
 from pydantic import BeforeValidator, Field
 
-from campaign.inputs.distributions.base import Distribution, PositiveNumber
+from campaign.inputs.distributions.base import Distribution
 from campaign.inputs.distributions.beta import Beta
 from campaign.inputs.distributions.constant import Constant
 from campaign.inputs.distributions.continuous import Continuous
@@ -34,7 +34,6 @@ __all__ = [
     "Continuous",
     "Distribution",
     "Empirical",
-    "PositiveNumber",
     "ProductionBatch",
     "Variable",
 ]

@@ -1,15 +1,14 @@
 """What every distribution of an input can do, and what the distributions check in common."""
 
 from abc import abstractmethod
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from engine.arrays import Array
-from engine.mechanism.base import Number, TableModel
+from engine.mechanism.base import LARGEST_NUMBER, SMALLEST_NUMBER, Number, PositiveNumber, TableModel
 
-PositiveNumber = Annotated[Number, Field(gt=0.0)]
 LowerBound = Annotated[
     Number | None,
     Field(description="Lower bound at which the distribution is cut, in the target's unit; no bound if absent."),
@@ -22,7 +21,7 @@ StandardDeviation = Annotated[
     PositiveNumber | None, Field(description="Standard deviation before the cut, in the target's unit, above 0.")
 ]
 
-LARGEST_NUMBER = 1e100  # so that squares and products of parameters are finite
+DRAWN = np.array([2.0**-54, 1.0 - 2.0**-53])  # the outermost probabilities that are drawn
 TAIL = 1e-6  # probability beyond the ends at which an unbounded variable is tried on the mechanism
 
 
@@ -34,18 +33,26 @@ class Distribution(TableModel, strict=True):
     """
 
     kind_key: ClassVar[str] = "distribution"
+    smallest: ClassVar[float] = SMALLEST_NUMBER
 
     target: Annotated[str | None, Field(min_length=1)] = Field(
         default=None, description="Key of the mechanism that the variable sets; the variable's own name if absent."
     )
 
-    @model_validator(mode="after")
-    def _numbers_are_not_absurd(self) -> Self:
-        for name, number in self:
-            if isinstance(number, float) and number and not 1.0 / LARGEST_NUMBER <= abs(number) <= LARGEST_NUMBER:
-                allowed = f"0, and sizes from {1.0 / LARGEST_NUMBER:g} to {LARGEST_NUMBER:g}"
-                raise ValueError(f"{name} = {number:g} is no size of a real input; allowed: {allowed}; correct it")
-        return self
+    def check_size(self) -> None:
+        """Raise ValueError if values that can be drawn, or their mean and deviation, are beyond any real size."""
+        tried = self.model_copy()  # keeps what it computes to itself
+        with np.errstate(all="ignore"):  # what is not finite is refused
+            try:
+                low, high = tried.ppf(DRAWN).tolist()
+                sizes = np.abs([low, high, *tried.moments()])
+            except OverflowError:
+                low, high, sizes = -np.inf, np.inf, np.array([np.inf])
+        if not (sizes <= LARGEST_NUMBER).all():
+            raise ValueError(
+                f"its values reach from {low:g} to {high:g}: no sizes of a real quantity; allowed: up to"
+                f" {LARGEST_NUMBER:g}; reduce its spread, or cut it with lower and upper"
+            )
 
     @abstractmethod
     def ppf(self, u: Array) -> Array:

@@ -6,10 +6,12 @@ import numpy as np
 from pydantic import Field
 from scipy.special import betainc, betaincinv, betaln, xlog1py, xlogy
 
-from campaign.inputs.distributions.base import PositiveNumber, StandardDeviation, check_parameter_groups
+from campaign.inputs.distributions.base import StandardDeviation, check_parameter_groups
 from campaign.inputs.distributions.bounded import Cut
 from engine.arrays import Array
-from engine.mechanism.base import Number
+from engine.mechanism.base import Number, PositiveNumber
+
+LARGEST_EXPONENT = 1e12  # beyond, its quantiles lose their order
 
 
 class Beta(Cut):
@@ -29,6 +31,8 @@ class Beta(Cut):
         """Raise ValueError unless one set of parameters is complete and such a distribution exists."""
         super().check_parameters()
         check_parameter_groups(self, ("alpha", "beta"), ("mean", "std"))
+        if max(self.alpha or 0.0, self.beta or 0.0) > LARGEST_EXPONENT:
+            raise ValueError(f"alpha and beta: so narrow that digits are lost; allowed: up to {LARGEST_EXPONENT:g}")
         if self.mean is None or self.std is None:
             return
         if not self.lower < self.mean < self.upper:
@@ -41,6 +45,12 @@ class Beta(Cut):
             raise ValueError(
                 f"std = {self.std:g}: too large for mean {self.mean:g} between {self.lower:g} and {self.upper:g}"
                 f"; allowed: below {largest:.4g}; reduce std or widen the bounds"
+            )
+
+        if not self.std >= self.width / np.sqrt(LARGEST_EXPONENT):
+            raise ValueError(
+                f"std = {self.std:g}: too small beside upper - lower = {self.width:g}, digits would be lost; allowed:"
+                f" from a millionth of it; enlarge std or bring the bounds nearer"
             )
 
     @property

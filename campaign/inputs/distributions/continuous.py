@@ -25,6 +25,7 @@ from campaign.inputs.distributions.production_batch import LARGEST_SHIFT, Produc
 from engine.arrays import Array
 
 LEAST_PROBABILITY = 1e-290  # between bounds: below, quantiles lose their digits
+TINIEST = float(np.finfo(np.float64).tiny)
 SHIFTS = 97  # number of shifts at which a mixture over production batches is evaluated
 # probabilities of the pieces over which moments are integrated; the decades resolve any tail, the others a corner
 DECADES = np.array([300, 250, 200, 150, 100, 70, 50, 40, 30, 25, *range(20, 0, -1)], dtype=np.float64)
@@ -98,6 +99,7 @@ class Continuous(Distribution):
                     f"{where}[lower, upper] = [{lower:g}, {upper:g}] holds a share of {probability:.3g} of"
                     f" {self.words()}: nothing can be drawn there; move or widen the bounds, or {remedy}"
                 )
+        self.check_size()
         return self
 
     def ppf(self, u: Array, shift: float | Array = 0.0) -> Array:
@@ -210,12 +212,13 @@ class Continuous(Distribution):
     def _tail(self, v: Array, shift: float, *, upper: bool) -> Array:
         """Return the values with probability ``v`` beyond them, at the lower or the upper end."""
         below, above, probability, _ = self._window(shift)
+        beyond = np.maximum(v * probability, TINIEST)  # 0 would have no finite quantile
         if upper:
             nearer = above <= 0.5
-            x = self.parent_isf(above + v * probability) if nearer else self.parent_ppf(below + (1.0 - v) * probability)
+            x = self.parent_isf(above + beyond) if nearer else self.parent_ppf(below + (1.0 - v) * probability)
         else:
             nearer = below <= 0.5
-            x = self.parent_ppf(below + v * probability) if nearer else self.parent_isf(above + (1.0 - v) * probability)
+            x = self.parent_ppf(below + beyond) if nearer else self.parent_isf(above + (1.0 - v) * probability)
         return np.clip(x + shift, *self.cut())
 
 

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from campaign.inputs.distributions.base import Distribution, LowerBound, PositiveNumber, UpperBound, check_order
+from campaign.inputs.distributions.base import Distribution, LowerBound, UpperBound, check_order
 from campaign.inputs.distributions.elementary import log
 from engine.arrays import Array
-from engine.mechanism.base import Number
+from engine.mechanism.base import Number, PositiveNumber
 
+LARGEST_COUNT = 10**15  # beyond, counts lose their last digit
 ROUNDING = 1e-9  # of a step: a value this near to a bound lies within it
 
 
@@ -97,12 +98,17 @@ class Count(Discrete):
     def check_parameters(self) -> None:
         """Raise ValueError unless a value lies between the bounds."""
         first, last = self.counts()
+        if first > LARGEST_COUNT and self.lower is not None:
+            raise ValueError(
+                f"lower = {self.lower:g} is a count of {first:g}; allowed: to {LARGEST_COUNT:g}; reduce it"
+            )
         if not first <= last:
             low, high = self.bounds()
             raise ValueError(
                 f"no value origin + step * k = {self.origin:g} + {self.step:g} k, k from {self.least}, lies in"
                 f" [lower, upper] = [{low:g}, {high:g}]; widen the bounds, or change origin or step"
             )
+        self.check_size()
 
     def scaled(self, k: NDArray[np.int64]) -> Array:
         """Return the values of counts, shape (n,); never beyond a bound by rounding."""
@@ -112,4 +118,4 @@ class Count(Discrete):
         first, last = self.counts()
         low, high = self.bounds()
         least, most = self.origin + self.step * first, self.origin + self.step * last
-        return max(least, low), min(most, high)
+        return min(max(least, low), high), max(min(most, high), low)

@@ -1,6 +1,6 @@
 """Measured values."""
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -16,6 +16,8 @@ Values = Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_len
 
 class Empirical(Discrete):
     """Measured values, each drawn with equal probability and any number of times."""
+
+    smallest: ClassVar[float] = 0.0  # measured values may be as small as they are
 
     distribution: Literal["empirical"] = Field(description="Name of the distribution.")
     values: Values | None = Field(

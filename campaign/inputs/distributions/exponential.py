@@ -6,10 +6,11 @@ import numpy as np
 from pydantic import Field
 from scipy.special import expm1, log1p
 
-from campaign.inputs.distributions.base import PositiveNumber, check_parameter_groups
+from campaign.inputs.distributions.base import check_parameter_groups
 from campaign.inputs.distributions.elementary import exp, log
 from campaign.inputs.distributions.skewed import Skewed
 from engine.arrays import Array
+from engine.mechanism.base import PositiveNumber
 
 
 class Exponential(Skewed):

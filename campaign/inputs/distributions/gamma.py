@@ -7,9 +7,9 @@ import numpy as np
 from pydantic import Field
 from scipy.special import gammainc, gammaincc, gammainccinv, gammaincinv, xlogy
 
-from campaign.inputs.distributions.base import PositiveNumber
 from campaign.inputs.distributions.skewed import Skewed
 from engine.arrays import Array
+from engine.mechanism.base import PositiveNumber
 
 
 class Gamma(Skewed):

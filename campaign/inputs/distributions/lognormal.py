@@ -8,11 +8,10 @@ import numpy as np
 from pydantic import Field
 from scipy.special import ndtr, ndtri
 
-from campaign.inputs.distributions.base import PositiveNumber
 from campaign.inputs.distributions.elementary import HALF_LOG_TWO_PI, exp, log
 from campaign.inputs.distributions.skewed import Skewed
 from engine.arrays import Array
-from engine.mechanism.base import Number
+from engine.mechanism.base import Number, PositiveNumber
 
 
 class Lognormal(Skewed):

@@ -6,11 +6,11 @@ import numpy as np
 from pydantic import Field
 from scipy.special import ndtr, ndtri
 
-from campaign.inputs.distributions.base import PositiveNumber, StandardDeviation, check_parameter_groups
+from campaign.inputs.distributions.base import StandardDeviation, check_parameter_groups
 from campaign.inputs.distributions.continuous import Continuous
 from campaign.inputs.distributions.elementary import HALF_LOG_TWO_PI
 from engine.arrays import Array
-from engine.mechanism.base import Number
+from engine.mechanism.base import Number, PositiveNumber
 
 
 class Normal(Continuous):
@@ -69,7 +69,8 @@ class Normal(Continuous):
 
     def parent_logpdf(self, x: Array) -> Array:
         z = (x - self.location) / self.scale
-        return np.asarray(-0.5 * z * z - HALF_LOG_TWO_PI - np.log(self.scale))
+        with np.errstate(over="ignore"):  # far out, the density is 0
+            return np.asarray(-0.5 * z * z - HALF_LOG_TWO_PI - np.log(self.scale))
 
     def parent_moments(self) -> tuple[float, float]:
         return self.location, self.scale

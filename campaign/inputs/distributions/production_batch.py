@@ -6,9 +6,8 @@ import numpy as np
 from pydantic import Field
 from scipy.special import ndtri
 
-from campaign.inputs.distributions.base import PositiveNumber
 from engine.arrays import Array
-from engine.mechanism.base import TableModel
+from engine.mechanism.base import PositiveNumber, TableModel
 
 LARGEST_SHIFT = 6.0  # in standard deviations; two in a thousand million would be larger
 

@@ -10,6 +10,8 @@ from campaign.inputs.distributions.continuous import Continuous
 from engine.arrays import Array
 from engine.mechanism.base import Number
 
+WIDEST = 1e12  # ratio of std and mean, or its inverse: squares of it are far from the ends of the numbers
+
 
 class Skewed(Continuous):
     """A distribution of values above an origin; ``natural_keys`` are given instead of mean and std."""
@@ -28,11 +30,17 @@ class Skewed(Continuous):
         self.check_mean()
 
     def check_mean(self) -> None:
-        """Raise ValueError unless the mean lies above the origin."""
+        """Raise ValueError unless the mean lies above the origin and std is of a size that fits it."""
         if self.mean is not None and not self.mean > self.origin:
             raise ValueError(
                 f"mean = {self.mean:g} is not above origin = {self.origin:g}, below which there is no value;"
                 " raise the mean or lower the origin"
+            )
+
+        if self.mean is not None and self.std is not None and not 1.0 / WIDEST <= self.variation <= WIDEST:
+            raise ValueError(
+                f"std = {self.std:g} is {self.variation:.3g} times the mean above the origin, {self.height:g}; allowed:"
+                f" {1.0 / WIDEST:g} to {WIDEST:g} times; change std, mean or origin"
             )
 
     @property

@@ -9,11 +9,13 @@ import numpy as np
 from pydantic import Field
 from scipy.special import expm1, log1p, xlogy
 
-from campaign.inputs.distributions.base import PositiveNumber
 from campaign.inputs.distributions.elementary import exp, log, power
 from campaign.inputs.distributions.skewed import Skewed
 from engine.arrays import Array
+from engine.mechanism.base import PositiveNumber
 
+LARGE = 1e4
+ZETA = (1.6449340668482264, 1.2020569031595942, 1.0823232337111382)  # zeta(2), zeta(3), zeta(4)
 SHAPES = (0.2, 1000.0)  # the shape for a mean and a deviation is between them; there std / mean is 15.8 and 0.00128
 
 
@@ -86,4 +88,7 @@ class Weibull(Skewed):
 
 def _variation(shape: float) -> float:
     """Return the standard deviation divided by the mean of a Weibull distribution whose origin is 0."""
+    if shape > LARGE:  # the difference below would lose its digits; the series of the logarithm of gamma at 1
+        x = 1.0 / shape
+        return float(np.sqrt(np.expm1(x * x * (ZETA[0] - 2.0 * ZETA[1] * x + 3.5 * ZETA[2] * x * x))))
     return float(np.sqrt(np.expm1(lgamma(1.0 + 2.0 / shape) - 2.0 * lgamma(1.0 + 1.0 / shape))))

@@ -30,7 +30,7 @@ class Grid(EnumeratingSampler):
         numbered = [name for name in names if isinstance(given[name], int)]
         self.check_ends(inputs, numbered, remedy=", or its levels")
         check_bounds(inputs, "grid", {name: levels for name, levels in given.items() if isinstance(levels, tuple)})
-        size = prod(map(len, self.levels(inputs).values()))
+        size = prod(levels if isinstance(levels := given[name], int) else len(levels) for name in names)
         if inputs.samples != size:
             raise ValueError(f"samples = {inputs.samples}: the grid has {size} points; write samples = {size}")
 

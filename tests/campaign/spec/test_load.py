@@ -92,7 +92,7 @@ FAULTS = {
     "one level": (
         "seed = 7",
         'seed = 7\nsampler = "grid"\ngrid = {J1 = 1, preload = 5}',
-        ["grid.J1: must be a number of levels, at least 2, or a list"],
+        ["grid.J1: must be a number of levels, 2 to a million, or a list"],
     ),
     "grid miscounted": (
         "seed = 7",
@@ -366,3 +366,17 @@ def test_ends_are_tried_of_batches_and_counts(campaign_file):
     rows = 'samples = 2\nsampler = "list"\ntable.columns = {J1 = [0.06, 2.0], preload = [0.9, 0.9]}'
     with pytest.raises(SpecError, match=r"variables\.J1: reaches J1 = 2, which c60 refuses"):
         load_campaign(replaced(campaign_file, "samples = 25", rows))
+
+
+def test_levels_without_end_are_refused(tmp_path):
+    """Two thousand million levels were made before their number was compared with the samples."""
+    path = tmp_path / "grid.toml"
+    path.write_text(
+        'format = 1\nname = "g"\nmechanism = "bouncing_ball"\nsamples = 8\nsampler = "grid"\ngrid = {e = 2147483648}\n'
+        '[variables.e]\ntarget = "contacts.floor.restitution"\ndistribution = "uniform"\nlower = 0\nupper = 1\n'
+    )
+    with pytest.raises(SpecError, match=r"grid\.e: must be a number of levels, 2 to a million"):
+        load_campaign(str(path))
+    path.write_text(path.read_text().replace("2147483648", "8").replace("upper = 1", "upper = 1e101"))
+    with pytest.raises(SpecError, match=r"variables\.e\.upper = 1e\+101: no size of a real quantity; allowed: 0, and"):
+        load_campaign(str(path))

@@ -2,15 +2,18 @@
 
 import errno
 import os
+import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from engine import toml_file
 from engine.errors import MechanismError
-from engine.mechanism import Mechanism, library_names, load_mechanism
+from engine.mechanism import Mechanism, library_names, load_mechanism, mechanism_from
+from engine.mechanism.bodies import Body
 
 MINIMAL = """
 format = 1
@@ -137,3 +140,31 @@ def test_a_description_loads_without_tables_and_cluster():
     code = "import sys, engine.mechanism; print([m for m in ('dask', 'pandas', 'pyarrow') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
+
+
+@pytest.mark.parametrize(
+    ("key", "text"),
+    [
+        ("mass = 1e101", "bodies.a.mass = 1e+101 g: no size of a real quantity; allowed: sizes up to 1e+100"),
+        ("mass = 5e-324", "bodies.a.mass = 5e-324 g: no size of a real quantity; allowed: from 1e-100"),
+        ("mass = 1.0\norigin = [0, 1e300, 0]", "bodies.a.origin = 1e+300 mm: no size of a real quantity"),
+    ],
+)
+def test_a_number_of_absurd_size_is_refused(key, text):
+    """Squares and products of it overflowed in the assembly and after it."""
+    data = {
+        "format": 1,
+        "name": "absurd",
+        "units": "mm-g-ms",
+        "simulation": {"step": 0.01, "horizon": 1.0, "penetration": 1e-6, "rest": {"window": 0.1, "drift": 1e-6}},
+        "bodies": {"a": {"inertia": [1.0, 1.0, 1.0], **tomllib.loads(key)}},
+    }
+    with pytest.raises(MechanismError, match=re.escape(text)):
+        mechanism_from(data, "absurd.toml")
+
+
+def test_an_inertia_whose_inverse_overflows_is_refused():
+    """One moment of 5e-324 made a jam's rows overflow."""
+    data = {"fixed": False, "mass": 1.0, "inertia": [0.004, 0.004, 5e-324]}
+    with pytest.raises(ValueError, match="not positive definite"):
+        Body.model_validate(data)

@@ -11,6 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 from scipy import integrate, stats
 
 from campaign.inputs.distributions import DISTRIBUTIONS, Variable
+from campaign.inputs.distributions.weibull import Weibull
 from campaign.inputs.sampling.streams import uniforms
 from tests.campaign.statistics import check_sample
 
@@ -358,3 +359,52 @@ def test_impossible_is_refused(keys, said):
     """What cannot be drawn is refused with key, value and remedy."""
     with pytest.raises(ValidationError, match=said):
         make(keys)
+
+
+ABSURD = [
+    {"distribution": "normal", "mean": 0.0, "std": 7e99},
+    {"distribution": "lognormal", "log_mean": 0.0, "log_std": 70.0},
+    {"distribution": "lognormal", "mean": 1e-99, "std": 1e100},
+    {"distribution": "weibull", "shape": 0.007, "scale": 0.35},
+    {"distribution": "gamma", "mean": 1e50, "std": 1e-99},
+    {"distribution": "beta", "mean": 130.0, "std": 1e-99, "lower": -3.0, "upper": 1e100},
+    {"distribution": "poisson", "rate": 1.0, "step": 1e-100, "lower": 1e100},
+    {"distribution": "constant", "value": 1e101},
+]
+
+
+@pytest.mark.parametrize("table", ABSURD, ids=lambda table: "-".join(map(str, table.values())))
+def test_a_distribution_of_absurd_sizes_is_refused(table):
+    """It gave infinite values, or an overflow where it was used."""
+    with pytest.raises(ValidationError, match="allowed"):
+        TypeAdapter(Variable).validate_python(table)
+
+
+EXTREME = [
+    {"distribution": "exponential", "std": 0.013, "lower": 2.0},
+    {"distribution": "weibull", "shape": 7e7, "scale": 1e99},
+    {"distribution": "normal", "mean": 7e-6, "std": 2e-96, "lower": 0.0, "upper": 1e16},
+    {"distribution": "lognormal", "log_mean": 0.0, "log_std": 70.0, "upper": 1.0},
+    {"distribution": "poisson", "rate": 0.5, "step": 1e98, "lower": 2.1},
+]
+
+
+@pytest.mark.parametrize("table", EXTREME, ids=lambda table: "-".join(map(str, table.values())))
+def test_extreme_parameters_give_numbers(table):
+    """Moments of a far tail were not numbers, and others warned."""
+    variable = TypeAdapter(Variable).validate_python(table)
+    low, high = variable.support()
+    x = variable.ppf(np.array([2.0**-54, 0.5, 1.0 - 2.0**-53]))
+    assert (low <= x).all()
+    assert (x <= high).all()
+    assert np.isfinite([*x, *variable.moments(), *variable.ends()]).all()
+    assert not np.isnan(variable.logpdf(np.array([-1e100, *x, 1e100]))).any()
+
+
+def test_the_deviation_of_a_narrow_weibull():
+    """Where the series begins, it agrees with the formula; far beyond, with its limit pi / (sqrt(6) shape)."""
+    for shape, share in ((1.01e4, 1e-6), (1e8, 1e-7)):
+        of_series = Weibull(distribution="weibull", shape=shape, scale=1.0)
+        mean, std = of_series.moments()
+        exact = np.pi / np.sqrt(6.0) / shape * (1.0 - 1.2020569 / 1.6449341 / shape)
+        assert std / mean == pytest.approx(exact, rel=share)
