@@ -212,14 +212,20 @@ def test_no_value_anywhere_causes_anything_but_a_mechanism_or_its_error(key, val
         assert isinstance(mechanism_from(put(pendulum(), key, value), "FILE"), Mechanism)
 
 
-@pytest.mark.parametrize("size", [1e-300, 1e-160, 1.0, 1e160, 1e300])
-def test_numbers_of_any_size_are_taken_without_overflow(size):
+@pytest.mark.parametrize("size", [1e-99, 1e-60, 1.0, 1e60, 1e99])
+def test_numbers_of_any_real_size_are_taken_without_overflow(size):
     data = put(pendulum(), "bodies.link.inertia", [2 * size, size, 2 * size])
     mechanism = mechanism_from(put(data, "bodies.link.axis", [0, 0, size]), "FILE")
     assert mechanism.bodies["link"].axis == (0.0, 0.0, 1.0)
     assert mechanism.bodies["link"].inertia[0][0] == 2 * size
     (line,) = faults(put(pendulum(), "bodies.link.inertia", [2 * size, -size, 2 * size]))
     assert "not positive definite" in line
+
+
+@pytest.mark.parametrize(("size", "text"), [(1e-300, "allowed: all three > 0, from 1e-100"), (1e300, "sizes up to")])
+def test_numbers_beyond_any_real_size_are_refused(size, text):
+    (line,) = faults(put(pendulum(), "bodies.link.inertia", [2 * size, size, 2 * size]))
+    assert text in line
 
 
 def test_digest_sees_numbers_and_order_but_not_the_order_of_keys():
