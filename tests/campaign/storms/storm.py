@@ -105,10 +105,20 @@ class Storm:
         self._undo.append((time.monotonic() + seconds, undo))
 
     def undo(self, *, everything=False):
-        """Undo what has lasted long enough, or everything."""
-        for due in [due for due in self._undo if everything or due[0] <= time.monotonic()]:
-            self._undo.remove(due)
-            due[1]()
+        """Undo what has lasted long enough, or everything; what a faulty disk does not let be undone waits for it."""
+        while ready := [due for due in self._undo if everything or due[0] <= time.monotonic()]:
+            refused = []
+            for due in ready:
+                self._undo.remove(due)
+                try:
+                    due[1]()
+                except OSError:
+                    refused.append(due)
+            self._undo += refused
+            if not everything:
+                return
+            if len(refused) == len(ready):
+                raise OSError(f"{len(refused)} disturbances cannot be undone")
 
     def wait(self, ready, seconds):
         """Wait until ``ready()``, or the campaign is over, undoing what is due; return whether it is ready."""
