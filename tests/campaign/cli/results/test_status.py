@@ -25,7 +25,7 @@ def test_status_of_a_stopped_campaign(store, plan, capsys, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("known", ["with a manifest", "without one"])
 def test_status_of_100000_rows(tmp_path, store, campaign_file, known):
-    """It counts 1,000 parts of 100 rows and loads no tables, no kernels and no dask: `benchmarks overhead` measures its time."""
+    """It counts 1,000 parts of 100 rows without tables, kernels and dask: `benchmarks overhead` measures its time."""
     plan = make_plan(load_campaign(str(campaign_file), samples=100_000), 100)
     store.create_plan(plan)
     row = dict.fromkeys(plan.schema.names, 1.0) | {"status": "ok", "message": "", "settled": True}
