@@ -1,11 +1,14 @@
 """What holds for all tests."""
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
 
 TESTS = Path(__file__).parent
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a shell: tests send interrupts
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 # What tests start imports them too. It does not look into its current folder: clearcap forbids that to all it starts.
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(TESTS.parent), os.environ.get("PYTHONPATH"))))
 # These files take longest. They start first, so that all processes end at about the same time.

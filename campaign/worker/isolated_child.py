@@ -28,6 +28,8 @@ def main() -> None:
     request, answers = _take_pipes()
     try:
         _compute(request, answers)
+    except (EOFError, BrokenPipeError):  # the process that started this one has ended
+        os._exit(1)
     except Exception as error:
         traceback.print_exc()
         _send(answers, "failed", _portable(error))
