@@ -61,6 +61,7 @@ def coordinate(
     show: Show = lambda _: None,
     simulate: Simulate = simulate,
     *,
+    is_served: bool = False,
     report_due: bool = False,
 ) -> Outcome:
     """Compute the missing rows of a campaign.
@@ -77,6 +78,8 @@ def coordinate(
         Called every two seconds with a heartbeat.
     simulate : callable
         `engine.simulate`, or a function with the same parameters that takes its place.
+    is_served : bool
+        Whether a service computes it: then Ctrl-C ends the service, and leaves the campaign open for the next one.
     report_due : bool
         Leave the campaign open at its end, for a service that still has to write the report and may be killed before.
 
@@ -107,7 +110,7 @@ def coordinate(
             coordinator = Coordinator(store, plan, token, show, simulate)
             coordinator.run(lambda: _ready_workers(plan, cluster, simulate))
         except BaseException as error:
-            _write_failure(store, plan.campaign_id, error)
+            _write_failure(store, plan.campaign_id, error, is_served=is_served)
             raise
         verdict = coordinator.checkpoints.verdict
         coordinator.publish_heartbeat("completed")  # first, for whoever watches until the state is this
@@ -146,16 +149,18 @@ def _compile(workers: Workers) -> None:
             logger.warning("loading the engine was given to %s; trying again", error)
 
 
-def _write_failure(store: Store, campaign_id: str, error: BaseException) -> None:
+def _write_failure(store: Store, campaign_id: str, error: BaseException, *, is_served: bool) -> None:
     """Write down how a campaign ended; a store that cannot take it must not hide the error.
 
-    A campaign that a supervisor, the store or the cluster ended stays open for the next coordinator.
+    A campaign that a supervisor, the store or the cluster ended stays open for the next coordinator; one that Ctrl-C
+    ended stays open if the interrupt was for the service that computes it.
     """
     if isinstance(error, LeaseLost):
         return
-    is_open = isinstance(error, SystemExit | StoreError | UnreachableError)
+    is_interrupted = isinstance(error, KeyboardInterrupt)
+    is_open = isinstance(error, SystemExit | StoreError | UnreachableError) or (is_interrupted and is_served)
     state = "cancelled" if isinstance(error, Cancelled) else "failed"
-    state = "interrupted" if is_open or isinstance(error, KeyboardInterrupt) else state
+    state = "interrupted" if is_open or is_interrupted else state
     message = "" if isinstance(error, SystemExit) else str(error)  # which has a number only
     with suppress(StoreError):
         write_state(store.hasty, campaign_id, state, message, is_open=is_open)

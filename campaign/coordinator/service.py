@@ -44,9 +44,10 @@ def serve(store: Store, cluster: Cluster, *, once: bool = False, with_report: bo
         If another process serves the store.
     """
     completed: list[str] = []
+    unreadable: dict[str, str] = {}
     with hold_lease(store, SERVICE), _service_heartbeats(store):
         while True:
-            queued = [c for c in store.campaigns() if state_of(store, c)["open"]]
+            queued = [c for c in store.campaigns() if _is_open(store, c, unreadable)]
             for campaign_id in queued:
                 logger.info("computing campaign %s", campaign_id)
                 if _coordinate(store, campaign_id, cluster, with_report):
@@ -57,10 +58,26 @@ def serve(store: Store, cluster: Cluster, *, once: bool = False, with_report: bo
                 time.sleep(HEARTBEAT_INTERVAL)
 
 
+def _is_open(store: Store, campaign_id: str, unreadable: dict[str, str]) -> bool:
+    """Return whether a campaign is to be continued; one whose files cannot be read is logged once and passed over.
+
+    ``unreadable`` holds what was logged, by campaign.
+    """
+    try:
+        is_open: bool = state_of(store, campaign_id)["open"]
+    except StoreError as error:
+        if unreadable.get(campaign_id) != str(error):
+            unreadable[campaign_id] = str(error)
+            logger.warning("campaign %s is passed over: %s", campaign_id, error)
+        return False
+    unreadable.pop(campaign_id, None)
+    return is_open
+
+
 def _coordinate(store: Store, campaign_id: str, cluster: Cluster, with_report: bool) -> bool:
     """Coordinate one campaign and write its report; its failure is logged and does not end the service."""
     try:
-        outcome = coordinate(store, store.plan(campaign_id), cluster, report_due=with_report)
+        outcome = coordinate(store, store.plan(campaign_id), cluster, is_served=True, report_due=with_report)
         if with_report:
             _report(store, outcome.plan)
     except LeaseHeld as error:

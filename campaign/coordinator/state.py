@@ -5,7 +5,7 @@ from typing import Any
 
 from campaign.coordinator.lease import is_coordinated, this_process
 from campaign.store import Store
-from campaign.store.layout import STATE
+from campaign.store.layout import HEARTBEAT, STATE
 
 LATEST = 32_503_680_000.0  # s since 1970: the year 3000
 STATES = ("queued", "running", "completed", "cancelled", "failed", "interrupted")
@@ -31,18 +31,27 @@ def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
 
     What the file says beyond what clearcap writes counts as not said, and ``fault`` names it; otherwise that is None.
     A campaign that is running by its file but has no living coordinator is ``interrupted``, and open like a queued one.
-    A campaign without the file is ``planned``.
+    Without a state in the file the heartbeat says how far the campaign came, and it is open, since nothing says that
+    its report is written; without either it is ``planned``.
     """
     content = store.read_json(campaign_id, STATE) or {}
-    state = content.get("state") if content.get("state") in STATES else "planned"
+    is_written = content.get("state") in STATES
+    state = content["state"] if is_written else _state_by_heartbeat(store, campaign_id)
     orphaned = state == "running" and not is_coordinated(store, campaign_id)
+    is_lost = not is_written and state == "completed"
     return {
         "state": "interrupted" if orphaned else state,
         "message": str(content.get("message", "")),
         "since": _date(content.get("since")),
-        "open": orphaned or state == "queued" or content.get("open") is True,
+        "open": orphaned or is_lost or state == "queued" or content.get("open") is True,
         "fault": _fault(content),
     }
+
+
+def _state_by_heartbeat(store: Store, campaign_id: str) -> str:
+    """Return how far a campaign came whose state was lost: to its end, to a coordinator, or to its plan only."""
+    heartbeat = store.read_json(campaign_id, HEARTBEAT) or {}
+    return heartbeat["state"] if heartbeat.get("state") in ("running", "completed") else "planned"
 
 
 def _fault(content: dict[str, Any]) -> str | None:

@@ -7,9 +7,10 @@ from campaign.cluster.cluster import Cluster
 from campaign.coordinator import service
 from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.service import serve
-from campaign.coordinator.state import state_of
+from campaign.coordinator.state import state_of, write_state
 from campaign.errors import CampaignError, StoreError
 from campaign.spec.load import load_campaign
+from campaign.store.layout import HEARTBEAT, STATE
 from tests.campaign.driving import computed
 
 CLUSTER = Cluster(workers=1)
@@ -78,4 +79,48 @@ def test_report_is_tried_again_when_the_store_fails(done, monkeypatch):
     monkeypatch.setattr(campaign.reports.report, "report", fails_once)
     assert serve(store, CLUSTER, once=True) == [plan.campaign_id]
     assert len(calls) == 2
+    assert not state_of(store, plan.campaign_id)["open"]
+
+
+@pytest.mark.parametrize("reached", ["running", "completed"])
+def test_campaign_whose_state_is_lost_is_continued(done, reached):
+    """The heartbeat says that somebody began it; nothing says that its report is written."""
+    store, plan = done
+    store.remove(plan.campaign_id, STATE)
+    assert serve(store, CLUSTER, once=True) == []  # planned by somebody, and not submitted
+    store.write_json(plan.campaign_id, HEARTBEAT, {"state": reached})
+    assert serve(store, CLUSTER, once=True) == [plan.campaign_id]
+    state = state_of(store, plan.campaign_id)
+    assert (state["state"], state["open"]) == ("completed", False)
+    assert store.files.exists(f"{plan.campaign_id}/report/report.html")
+
+
+def test_unreadable_campaign_keeps_no_other_waiting(done, campaign_file, caplog):
+    """It is logged once, and passed over until its file is restored."""
+    store, plan = done
+    _, second = computed(store.url, load_campaign(str(campaign_file), samples=5), 5)
+    store.files.write(f"{plan.campaign_id}/{STATE}", b"garbage")
+    assert serve(store, CLUSTER, once=True) == [second.campaign_id]
+    lines = [r.getMessage() for r in caplog.records if "passed over" in r.getMessage()]
+    assert len(lines) == 1
+    assert "restore or remove it" in lines[0]
+    store.remove(plan.campaign_id, STATE)
+    store.write_json(plan.campaign_id, HEARTBEAT, {"state": "running"})
+    assert serve(store, CLUSTER, once=True) == [plan.campaign_id]
+
+
+def test_interrupted_service_leaves_its_campaign_to_the_next(store, plan, monkeypatch):
+    """Ctrl-C ends the service; nobody has ended the campaign."""
+    write_state(store, plan.campaign_id, "queued")
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("campaign.coordinator.coordinator.Coordinator.run", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        serve(store, CLUSTER)
+    state = state_of(store, plan.campaign_id)
+    assert (state["state"], state["open"]) == ("interrupted", True)
+    with pytest.raises(KeyboardInterrupt):
+        coordinate(store, plan, CLUSTER)  # of this one campaign: it was ended
     assert not state_of(store, plan.campaign_id)["open"]

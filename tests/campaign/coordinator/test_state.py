@@ -2,8 +2,9 @@
 
 import pytest
 
+from campaign.coordinator.lease import hold_lease
 from campaign.coordinator.state import state_of, write_state
-from campaign.store.layout import STATE
+from campaign.store.layout import HEARTBEAT, STATE
 from tests.campaign.commands import clearcap_here
 
 
@@ -23,3 +24,15 @@ def test_strange_date_breaks_no_list(store, plan, monkeypatch, capsys, since):
     code, output, _ = clearcap_here(capsys, monkeypatch, "list", "--store", store.url)
     assert code == 0
     assert plan.campaign_id in output
+
+
+def test_lost_state_is_that_of_the_heartbeat(store, plan):
+    """Running while a coordinator lives; open as soon as none does, so that the campaign is continued."""
+    assert state_of(store, plan.campaign_id)["state"] == "planned"
+    store.write_json(plan.campaign_id, HEARTBEAT, {"state": "running"})
+    with hold_lease(store, plan.campaign_id):
+        assert state_of(store, plan.campaign_id)["state"] == "running"
+    state = state_of(store, plan.campaign_id)
+    assert (state["state"], state["open"]) == ("interrupted", True)
+    write_state(store, plan.campaign_id, "cancelled")
+    assert not state_of(store, plan.campaign_id)["open"]

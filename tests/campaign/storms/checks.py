@@ -9,6 +9,8 @@ from campaign.store.survey import load_manifest
 VARIES = ["wall_s", "attempts"]
 OF_DASK = "scheduler", "worker"  # their statuses and words are dask's
 STOPPED = {signal.SIGTERM, signal.SIGKILL}  # by which a supervisor ends what still runs
+FAILED_AT = "store ", "scheduler", "worker", "engine could not be"  # what a message of status 4 names
+UNSHARE = "unshare: sigprocmask unblock failed"  # how ``unshare`` ends, with 1, when its child was killed by SIGKILL
 LEASE_WORDS = ("was taken over by another process", "is computed by process", "was taken by another process")
 
 
@@ -48,7 +50,9 @@ def check_endings(supervisor, signals):
         if life.process.returncode is not None and not life.name.startswith(OF_DASK):
             pid, code, said = life.process.pid, life.process.returncode, life.text()
             sent = signals.get(pid, set()) | (STOPPED if pid in supervisor.stopped else set())
-            allowed = {0, 4} | {status for number in sent for status in (128 + number, -number)}
+            allowed = {0} | {status for number in sent for status in (128 + number, -number)}
             allowed |= {1} if any(words in said for words in LEASE_WORDS) else set()
+            allowed |= {1} if signal.SIGKILL in sent and UNSHARE in said else set()
+            allowed |= {4} if "error: " in said and any(words in said for words in FAILED_AT) else set()
             assert code in allowed, f"{life.name} {pid} ended with {code}:\n{said[-3000:]}"
             assert "Traceback" not in said, f"{life.name} {pid} ended with {code}:\n{said[-6000:]}"
