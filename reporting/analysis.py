@@ -20,7 +20,8 @@ from reporting.sensitivity.total_order import TotalOrder, independent_draws, tot
 from reporting.spec import ReportSpec
 from reporting.tolerance.advice import Advice, advise
 from reporting.tolerance.reweighting import Change
-from reporting.trust import Check, trust_checks
+from reporting.trust.card import trust_checks
+from reporting.trust.check import Check
 
 if TYPE_CHECKING:
     from reporting.samples import Rows

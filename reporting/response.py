@@ -4,14 +4,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from reporting.arrays import Array
 from reporting.capability.convergence import Convergence, convergence
-from reporting.capability.intervals import share_lower_bound
 from reporting.capability.shares import Nonconforming, nonconforming, runs_to_claim
 from reporting.capability.summary import Capability, capability
 from reporting.capability.verdict import class_of, verdict
+from reporting.capability.yields import Yield, yield_with_failures
 from reporting.errors import ReportError
 from reporting.samples import Samples
 from reporting.sensitivity.influence import ResponseSensitivity
@@ -28,28 +27,6 @@ CLAIM_PPM = 64.0
 # Families fitted first. The others take three times as long and are fitted only if none of these is close.
 QUICK = ("normal", "lognormal", "weibull", "gamma", "logistic", "largest_extreme", "smallest_extreme", "box_cox")
 _FEWEST_FOR_A_FIT = 20
-
-
-@dataclass(frozen=True)
-class Yield:
-    """The yield of a response over all finished samples, with failures counted as rejects.
-
-    Attributes
-    ----------
-    finished, conforming : int
-        Number of samples done, and of those that ended ok within the limits.
-    share, lower : float
-        Conforming share, and its one-sided Clopper-Pearson lower bound.
-    cpk : float or None
-        Cpk if every failure lay beyond the nearer limit: ``-Phi^-1(f + (1 - f) Phi(-3 Cpk)) / 3`` with the failed
-        share f. Equal to Cpk without failures.
-    """
-
-    finished: int
-    conforming: int
-    share: float
-    lower: float
-    cpk: float | None
 
 
 @dataclass(frozen=True)
@@ -153,7 +130,7 @@ def analyse_response(
         certain=certain,
         capability=numbers,
         missing=numbers.dropped,
-        yield_=_yield(numbers, samples.sample.size, confidence),
+        yield_=yield_with_failures(numbers, samples.sample.size, confidence),
         histogram=histogram(x, spec.lsl, spec.usl),
         worst=None if corners is None else _corners(spec, *corners),
         nonconforming=counted,
@@ -204,21 +181,3 @@ def _methods(x: Array, fits: Fits, spec: ResponseSpec, confidence: float) -> tup
         return (empirical,)
     fitted = [fitted_indices(method, best, spec.lsl, spec.usl, confidence) for method in ("percentile", "z_score")]
     return (*fitted, empirical)
-
-
-def _yield(numbers: Capability, finished: int, confidence: float) -> Yield | None:
-    """Return the yield, with failures and missing values counted as rejects; None without limits or samples."""
-    if finished == 0 or (numbers.lsl is None and numbers.usl is None):
-        return None
-    conforming = numbers.n - (numbers.below or 0) - (numbers.above or 0)
-    failed = (finished - numbers.n) / finished
-    cpk = numbers.cpk
-    if cpk is not None and failed > 0:
-        cpk = -float(ndtri(failed + (1 - failed) * float(ndtr(-3 * cpk)))) / 3
-    return Yield(
-        finished=finished,
-        conforming=conforming,
-        share=conforming / finished,
-        lower=share_lower_bound(conforming, finished, confidence),
-        cpk=cpk,
-    )

@@ -1,4 +1,4 @@
-"""Figures of one response or one variable, as SVG elements with a description for screen readers."""
+"""Figures of one response beside its histogram: probability plot, convergence, tornado, with a description in words."""
 
 import math
 
@@ -6,75 +6,12 @@ import numpy as np
 from scipy.special import ndtri
 
 from reporting import format_numbers
-from reporting.arrays import Array
 from reporting.capability.verdict import CAPABLE, MARGINAL
-from reporting.comparison import ResponseComparison
-from reporting.inputs import VariableAnalysis
+from reporting.render.axes import HALF, LIMIT, around, axis_name
 from reporting.render.svg import INK, MUTED, PlotArea, axis_x, axis_y, band, box, curve, dots, line, marker, svg, text
 from reporting.response import ResponseAnalysis
-from reporting.shape.fits import distribution
-from reporting.shape.histogram import Histogram
 
-BAR, REJECT, LIMIT, TARGET, FIT, OTHER = "#7fa6cc", "#c2371d", "#a61c00", "#1f6f43", "#7a3e9d", "#c9772b"
 _PROBABILITIES = (0.0001, 0.001, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)
-_WIDE, _HALF = 720.0, 500.0
-# Distance of the lines that hatch a bar; a pattern would need an id that is unique on the page.
-_HATCH = 5.0
-
-
-def response_figure(response: ResponseAnalysis) -> str:
-    """Return the histogram of a response with its limits, the normal and the fitted density."""
-    spec, c, bins = response.spec, response.capability, response.histogram
-    fences = [value for value in (spec.lsl, spec.usl, spec.target) if value is not None]
-    ends = [*fences, *((bins.edges[0], bins.edges[-1]) if bins else ())]
-    curves: list[tuple[Array, Array, str, str]] = []
-    if c.mean is not None and c.std:
-        x = np.linspace(c.mean - 4.5 * c.std, c.mean + 4.5 * c.std, 121)
-        curves.append((x, np.exp(-(((x - c.mean) / c.std) ** 2) / 2) / (c.std * math.sqrt(2 * math.pi)), INK, ""))
-        best = response.fits.of(response.fits.best)
-        if best is not None and best.family != "normal":
-            with np.errstate(all="ignore"):
-                density = np.exp(distribution(best).logpdf(x))
-            kept = np.isfinite(density)
-            curves.append((x[kept], density[kept], FIT, "5 3"))
-    most = max([float(np.max(_density(bins)[1])) if bins else 0.0, *(_top(y) for _, y, _, _ in curves)])
-    frame = PlotArea(_WIDE, 264, _around(ends or [0.0]), (0.0, 1.06 * most or 1.0), top=42)
-    marks = [axis_y(frame, _density_label(spec.unit))]
-    marks += [_bars(frame, bins, spec.lsl, spec.usl)] if bins else []
-    for x, y, colour, dash in curves:
-        seen = (x >= frame.x[0]) & (x <= frame.x[1]) & (y <= frame.y[1])
-        marks += [curve(frame, x[seen].tolist(), y[seen].tolist(), colour, dash)] if seen.any() else []
-    marks.append(axis_x(frame, _name(spec.name, spec.unit)))
-    named = (
-        (spec.lsl, "LSL", LIMIT, "7 4", 0),
-        (spec.usl, "USL", LIMIT, "7 4", 0),
-        (spec.target, "target", TARGET, "2 3", 1),
-    )
-    marks += [
-        marker(frame, value, f"{name} {format_numbers.plain(value)}", colour, dash, row)
-        for value, name, colour, dash, row in named
-        if value is not None
-    ]
-    return svg(frame, response_label(response), marks)
-
-
-def response_label(response: ResponseAnalysis) -> str:
-    """Return a description of the histogram of a response."""
-    spec, c = response.spec, response.capability
-    unit = unit_suffix(spec.unit)
-    if c.n == 0:
-        return f"Histogram of {spec.name}: no values."
-    fences, places = (spec.lsl, spec.usl), format_numbers.decimals_for(c.std)
-    low, high = format_numbers.fixed(c.min, places, fences), format_numbers.fixed(c.max, places, fences)
-    words = f"Histogram of {spec.name}: {c.n} values from {low} to {high}{unit}"
-    limits = [
-        f"{name} {format_numbers.plain(value)}{unit}"
-        for name, value in (("lower limit", spec.lsl), ("upper limit", spec.usl), ("target", spec.target))
-        if value is not None
-    ]
-    rejects = (c.below or 0) + (c.above or 0)
-    limits += [f"{rejects} values out of limits"] if c.ppm_observed is not None else ["no limits"]
-    return f"{words}; {', '.join(limits)}."
 
 
 def probability_figure(response: ResponseAnalysis) -> str | None:
@@ -86,14 +23,14 @@ def probability_figure(response: ResponseAnalysis) -> str | None:
     scores = np.asarray(plot.scores)
     reach = max(3.1, float(np.max(np.abs(scores))) + 0.2)
     fit = [c.mean - reach * c.std, c.mean + reach * c.std]
-    frame = PlotArea(_HALF, 290, _around([*limits, *plot.values, *fit]), (-reach, reach), left=70, top=28)
+    frame = PlotArea(HALF, 290, around([*limits, *plot.values, *fit]), (-reach, reach), left=70, top=28)
     ticks = [(float(ndtri(p)), f"{100 * p:g}") for p in _PROBABILITIES if abs(ndtri(p)) < reach]
     marks = [
         axis_y(frame, "values below [%]", ticks),
         line([(frame.across(fit[0]), frame.up(-reach)), (frame.across(fit[1]), frame.up(reach))], INK, 1.3),
         *(curve(frame, side, plot.scores, MUTED, "4 3") for side in (plot.low, plot.high)),
         dots(((frame.across(v), frame.up(s)) for v, s in zip(plot.values, plot.scores, strict=True)), "#1b5f9e", 1.8),
-        axis_x(frame, _name(spec.name, spec.unit)),
+        axis_x(frame, axis_name(spec.name, spec.unit)),
         *(
             marker(frame, v, f"{name} {format_numbers.plain(v)}", LIMIT, "7 4")
             for v, name in ((spec.lsl, "LSL"), (spec.usl, "USL"))
@@ -113,15 +50,15 @@ def convergence_figure(response: ResponseAnalysis) -> str | None:
     bars = [CAPABLE, MARGINAL] if run.index == "Cpk" else []
     low, high = min(run.low[later:]), max(run.high[later:])
     near = [bar for bar in bars if low - 0.5 * (high - low) <= bar <= high + 0.5 * (high - low)]
-    span = _around([low, high, *near])
-    frame = PlotArea(_HALF, 290, (math.log10(run.n[0]), math.log10(run.n[-1]) + 1e-9), span, left=70, top=28)
+    span = around([low, high, *near])
+    frame = PlotArea(HALF, 290, (math.log10(run.n[0]), math.log10(run.n[-1]) + 1e-9), span, left=70, top=28)
     n = [math.log10(count) for count in run.n]
     clipped = [[min(max(v, span[0]), span[1]) for v in column] for column in (run.low, run.high, run.value)]
     powers = [10**p for p in range(1, 9) if run.n[0] <= 10**p <= run.n[-1]]
     ticks = [(math.log10(p), f"{p:,}".replace(",", "\u202f")) for p in powers]
     unit = spec.unit if run.index == "mean" else "1"
     marks = [
-        axis_y(frame, _name(f"{run.index}", unit)),
+        axis_y(frame, axis_name(f"{run.index}", unit)),
         band(frame, n, clipped[0], clipped[1], "#cfdeee"),
         curve(frame, n, clipped[2], "#1b5f9e"),
         *(line([(frame.left, frame.up(b)), (frame.width - frame.right, frame.up(b))], LIMIT, 1.2, "7 4") for b in near),
@@ -146,7 +83,7 @@ def tornado_figure(response: ResponseAnalysis) -> str | None:
     lows, highs = [i.low or 0.0 for i in shown], [i.high or 0.0 for i in shown]
     height = 62.0 + 22 * len(shown)
     left = 24 + max(0.6 * 12 * len(i.variable) for i in shown)
-    frame = PlotArea(_HALF, height, _around([*lows, *highs, c.mean]), (0, len(shown)), left=min(left, 180), top=8)
+    frame = PlotArea(HALF, height, around([*lows, *highs, c.mean]), (0, len(shown)), left=min(left, 180), top=8)
     marks = []
     for row, (influence, low, high) in enumerate(zip(shown, lows, highs, strict=True)):
         y = frame.top + 22 * row
@@ -155,116 +92,9 @@ def tornado_figure(response: ResponseAnalysis) -> str | None:
         marks += [box(x, y + 3, max(end - x, 0.8), 15, colour), text(frame.left - 6, y + 15, influence.variable, "end")]
     middle = frame.across(c.mean)
     marks.append(line([(middle, frame.top), (middle, frame.ground)], INK, 1, "3 3"))
-    marks.append(axis_x(frame, f"expected {_name(spec.name, spec.unit)}"))
+    marks.append(axis_x(frame, f"expected {axis_name(spec.name, spec.unit)}"))
     ranges = "; ".join(
         f"{i.variable} {format_numbers.significant(i.low)} to {format_numbers.significant(i.high)}" for i in shown
     )
     label = f"Tornado of {spec.name}: expected value with each variable from its 5th to its 95th percentile: {ranges}."
     return svg(frame, label, marks)
-
-
-def variable_figure(variable: VariableAnalysis) -> str:
-    """Return the histogram of an input with the requested density."""
-    spec, bins = variable.spec, variable.histogram
-    points = np.asarray(spec.density, dtype=float).reshape(-1, 2)
-    ends = [*((bins.edges[0], bins.edges[-1]) if bins else ()), *points[:, 0].tolist()]
-    most = max(float(np.max(_density(bins)[1])) if bins else 0.0, _top(points[:, 1]))
-    frame = PlotArea(340, 210, _around(ends or [0.0]), (0.0, 1.06 * most or 1.0), top=12)
-    marks = [axis_y(frame, _density_label(spec.unit))]
-    marks += [_bars(frame, bins, spec.lower, spec.upper)] if bins else []
-    if points.size:
-        seen = points[points[:, 1] <= frame.y[1]]
-        marks.append(curve(frame, seen[:, 0].tolist(), seen[:, 1].tolist()))
-    marks.append(axis_x(frame, _name(spec.name, spec.unit)))
-    label = f"Histogram of input {spec.name}: {variable.n} values; requested {spec.distribution}."
-    return svg(frame, label, marks)
-
-
-def compared_figure(comparison: ResponseComparison) -> str | None:
-    """Return the histograms of a response in both campaigns; None if one has no values."""
-    bins, other = comparison.histogram, comparison.histogram_other
-    if bins is None or other is None:
-        return None
-    limits = [v for v in (comparison.capability.lsl, comparison.capability.usl) if v is not None]
-    most = max(float(np.max(_density(b)[1])) for b in (bins, other))
-    frame = PlotArea(_WIDE, 230, _around([*limits, bins.edges[0], bins.edges[-1]]), (0.0, 1.06 * most), top=28)
-    marks = [axis_y(frame, _density_label(comparison.unit)), _bars(frame, bins, None, None)]
-    edges, heights = _density(other)
-    steps = [(edges[0], 0.0)]
-    for left, right, height in zip(edges[:-1], edges[1:], heights, strict=True):
-        steps += [(left, height), (right, height)]
-    steps.append((edges[-1], 0.0))
-    marks.append(line(((frame.across(x), frame.up(y)) for x, y in steps), OTHER, 2))
-    marks.append(axis_x(frame, _name(comparison.response, comparison.unit)))
-    marks += [
-        marker(frame, v, f"{name} {format_numbers.plain(v)}", LIMIT, "7 4")
-        for v, name in ((comparison.capability.lsl, "LSL"), (comparison.capability.usl, "USL"))
-        if v is not None
-    ]
-    mean, other_mean = (c.mean for c in (comparison.capability, comparison.capability_other))
-    label = (
-        f"{comparison.response} in both campaigns: bars, {comparison.n} values of this campaign with mean "
-        f"{format_numbers.significant(mean, 4)}; line, {comparison.n_other} values of the other campaign with mean "
-        f"{format_numbers.significant(other_mean, 4)}."
-    )
-    return svg(frame, label, marks)
-
-
-def unit_suffix(unit: str) -> str:
-    """Return the unit with a space before it; nothing for a number without unit."""
-    return "" if unit in ("", "1") else f" {unit}"
-
-
-def _bars(frame: PlotArea, bins: Histogram, low: float | None, high: float | None) -> str:
-    """Return the bars; those outside the limits are coloured and hatched."""
-    edges, heights = _density(bins)
-    marks = []
-    for left, right, height in zip(edges[:-1], edges[1:], heights, strict=True):
-        if height == 0:
-            continue
-        # The bounds of a variable need not be edges of its bins: only a bar completely outside is marked.
-        outside = (low is not None and right <= low) or (high is not None and left > high)
-        x, end, top = frame.across(left), frame.across(right), frame.up(height)
-        top = min(top, frame.ground - 0.8)  # a single value stays visible
-        edge = 'stroke="white" stroke-width="0.5"'
-        marks.append(box(x, top, end - x, frame.ground - top, REJECT if outside else BAR, edge))
-        if outside:
-            marks += _hatched(x, end, top, frame.ground)
-    return "\n".join(marks)
-
-
-def _hatched(left: float, right: float, top: float, ground: float) -> list[str]:
-    """Return white oblique lines over a bar."""
-    at = np.arange(top, ground, _HATCH)
-    return [line([(left, float(y)), (right, max(float(y) - (right - left), top))], "white", 0.9) for y in at]
-
-
-def _density(bins: Histogram) -> tuple[list[float], list[float]]:
-    """Return the edges and heights of the bars, whose total area is 1."""
-    edges, counts = np.asarray(bins.edges), np.asarray(bins.counts, dtype=float)
-    total = float(counts.sum()) or 1.0
-    return edges.tolist(), (counts / (total * np.diff(edges))).tolist()
-
-
-def _top(density: Array) -> float:
-    """Return the largest finite height of a curve."""
-    finite = density[np.isfinite(density)]
-    return float(np.max(finite, initial=0.0))
-
-
-def _around(values: list[float]) -> tuple[float, float]:
-    """Return the ends of an axis that shows all values, with a margin."""
-    low, high = min(values), max(values)
-    room = 0.04 * (high - low) or 0.02 * abs(low) or 1.0
-    return low - room, high + room
-
-
-def _name(name: str, unit: str) -> str:
-    """Return the label of an axis."""
-    return name if unit in ("", "1") else f"{name} [{unit}]"
-
-
-def _density_label(unit: str) -> str:
-    """Return the label of a density axis."""
-    bare = unit in ("", "1")
-    return "density" if bare else f"density [1/{unit}]" if " " not in unit else f"density [1/({unit})]"

@@ -15,7 +15,7 @@ from reporting.analysis import Analysis
 from reporting.capability.indices import NAMES, SIX_SIGMA_SHIFT, WHICH_SIGMA
 from reporting.capability.shares import runs_to_claim
 from reporting.capability.verdict import CAPABLE, MARGINAL
-from reporting.render import figures, overview
+from reporting.render import axes, figures, histograms, overview
 from reporting.response import CLAIM_PPM, ResponseAnalysis
 from reporting.sensitivity.influence import CRITICAL_SHARE
 
@@ -122,15 +122,15 @@ def _environment() -> Environment:
         grouped=format_numbers.grouped,
         duration=format_numbers.duration,
         p=format_numbers.probability,
-        unit=figures.unit_suffix,
+        unit=axes.unit_suffix,
         places=format_numbers.decimals_for,
         source_hash=_source_hash,
-        histogram=lambda r: _markup(figures.response_figure(r)),
+        histogram=lambda r: _markup(histograms.response_figure(r)),
         probability_plot=lambda r: _markup(figures.probability_figure(r)),
         convergence_plot=lambda r: _markup(figures.convergence_figure(r)),
         tornado=lambda r: _markup(figures.tornado_figure(r)),
-        variable_histogram=lambda v: _markup(figures.variable_figure(v)),
-        compared=lambda c: _markup(figures.compared_figure(c)),
+        variable_histogram=lambda v: _markup(histograms.variable_figure(v)),
+        compared=lambda c: _markup(histograms.compared_figure(c)),
     )
     return environment
 

@@ -1,0 +1,48 @@
+"""The yield of a response: failures count as rejects."""
+
+from dataclasses import dataclass
+
+from scipy.special import ndtr, ndtri
+
+from reporting.capability.intervals import share_lower_bound
+from reporting.capability.summary import Capability
+
+
+@dataclass(frozen=True)
+class Yield:
+    """The yield of a response over all finished samples, with failures counted as rejects.
+
+    Attributes
+    ----------
+    finished, conforming : int
+        Number of samples done, and of those that ended ok within the limits.
+    share, lower : float
+        Conforming share, and its one-sided Clopper-Pearson lower bound.
+    cpk : float or None
+        Cpk if every failure lay beyond the nearer limit: ``-Phi^-1(f + (1 - f) Phi(-3 Cpk)) / 3`` with the failed
+        share f. Equal to Cpk without failures.
+    """
+
+    finished: int
+    conforming: int
+    share: float
+    lower: float
+    cpk: float | None
+
+
+def yield_with_failures(numbers: Capability, finished: int, confidence: float) -> Yield | None:
+    """Return the yield, with failures and missing values counted as rejects; None without limits or samples."""
+    if finished == 0 or (numbers.lsl is None and numbers.usl is None):
+        return None
+    conforming = numbers.n - (numbers.below or 0) - (numbers.above or 0)
+    failed = (finished - numbers.n) / finished
+    cpk = numbers.cpk
+    if cpk is not None and failed > 0:
+        cpk = -float(ndtri(failed + (1 - failed) * float(ndtr(-3 * cpk)))) / 3
+    return Yield(
+        finished=finished,
+        conforming=conforming,
+        share=conforming / finished,
+        lower=share_lower_bound(conforming, finished, confidence),
+        cpk=cpk,
+    )

@@ -1,0 +1,40 @@
+"""The lines of the trust card, in reading order.
+
+They check that the campaign is complete, that the simulation keeps its promises in every sample, and that the
+statistics support the verdicts.
+"""
+
+from reporting.inputs import CorrelationAnalysis, VariableAnalysis
+from reporting.response import ResponseAnalysis
+from reporting.samples import Samples
+from reporting.spec import ReportSpec
+from reporting.trust.certificates import PENETRATION_BAR, RESIDUAL_BAR, complete, failures, largest, settled
+from reporting.trust.check import Check
+from reporting.trust.evidence import converged, enough_samples, failures_as_rejects, missing_values, normal_shape
+from reporting.trust.requested_inputs import drawn_as_requested
+
+
+def trust_checks(
+    spec: ReportSpec,
+    samples: Samples,
+    responses: tuple[ResponseAnalysis, ...],
+    variables: tuple[VariableAnalysis, ...],
+    correlations: tuple[CorrelationAnalysis, ...],
+) -> tuple[Check, ...]:
+    """Return the lines of the trust card, in reading order."""
+    unit, design = samples.penetration_unit, spec.design
+    return (
+        Check("Sampling", "info" if design.production else "attention", design.text),
+        complete(spec.requested, samples),
+        enough_samples(responses, production=design.production),
+        converged(responses, production=design.production),
+        *([Check("Stopping rule", "info", spec.stop)] if spec.stop else []),
+        failures(samples),
+        failures_as_rejects(responses, samples),
+        missing_values(responses),
+        normal_shape(responses),
+        largest("Friction residual", samples, samples.max_residual, "", RESIDUAL_BAR),
+        largest("Penetration", samples, samples.max_penetration, unit, PENETRATION_BAR.get(unit)),
+        settled(samples),
+        drawn_as_requested(variables, correlations, production=design.production),
+    )

@@ -1,0 +1,73 @@
+"""What every run promises: it is computed, it succeeded, it obeyed the laws of contact, it came to rest."""
+
+import numpy as np
+
+from reporting import format_numbers
+from reporting.arrays import Array
+from reporting.samples import OK, Samples
+from reporting.trust.check import Check
+
+# Promises for every ok row: relative residual of the friction problem; penetration, by unit.
+RESIDUAL_BAR = 1e-6
+PENETRATION_BAR = {"mm": 1e-6, "m": 1e-9}
+OK_SHARE_BAR = 0.99
+
+
+def complete(requested: int, samples: Samples) -> Check:
+    """Check that every requested sample is done."""
+    done = samples.sample.size
+    text = f"{format_numbers.grouped(done)} of {format_numbers.grouped(requested)} requested samples are computed."
+    if done < requested:
+        text += " The campaign is not finished: every number below is provisional."
+    return Check("Complete", "good" if done == requested else "attention", text, float(done))
+
+
+def failures(samples: Samples) -> Check:
+    """Check that few samples failed, and quote the most frequent failure."""
+    done, ok = samples.sample.size, int(np.count_nonzero(samples.ok))
+    if done == 0:
+        return Check("Failures", "bad", "No sample is computed yet.")
+    if ok == done:
+        return Check("Failures", "good", "No sample failed.", 0.0)
+    counts = {word: samples.rows_of(word).size for word in sorted(samples.statuses) if word != OK}
+    worst = max(counts, key=counts.__getitem__)
+    row = int(samples.rows_of(worst)[0])
+    message = samples.messages.get(int(samples.sample[row]), "").strip() or "no message"
+    text = (
+        f"{format_numbers.grouped(done - ok)} of {format_numbers.grouped(done)} samples failed "
+        f"({format_numbers.percent((done - ok) / done)}) and are left out of all statistics; most often {worst}, "
+        f"first in sample {samples.sample[row]}: {message}"
+    )
+    level = "bad" if ok == 0 else "good" if ok / done >= OK_SHARE_BAR else "attention"
+    return Check("Failures", level, text, float(done - ok))
+
+
+def largest(name: str, samples: Samples, values: Array, unit: str, bar: float | None) -> Check:
+    """Check the largest value of a column of the certificate over the ok samples against its bound."""
+    rows = np.flatnonzero(samples.ok)
+    stated = rows[np.isfinite(values[rows])]
+    if stated.size == 0:
+        return Check(name, "info", f"No {OK} sample has this number.")
+    row = int(stated[np.argmax(values[stated])])
+    most, suffix = float(values[row]), f" {unit}" if unit else ""
+    text = f"Largest over the ok samples: {format_numbers.significant(most, 2)}{suffix}, sample {samples.sample[row]}"
+    if stated.size < rows.size:
+        return Check(name, "bad", f"{text}; {rows.size - stated.size} ok samples lack it.", most)
+    if bar is None:
+        return Check(name, "info", f"{text}.", most)
+    level = "good" if most <= bar else "bad"
+    text += f"; {'within' if level == 'good' else 'over'} the bound of {format_numbers.plain(bar)}{suffix}."
+    return Check(name, level, text, most)
+
+
+def settled(samples: Samples) -> Check:
+    """Check that every ok sample came to rest."""
+    total = int(np.count_nonzero(samples.ok))
+    moving = total - int(np.count_nonzero(samples.settled & samples.ok))
+    if total == 0:
+        return Check("Settled", "info", "No ok sample.")
+    if moving == 0:
+        return Check("Settled", "good", "Every ok sample came to rest before its end.", 0.0)
+    share = format_numbers.percent(moving / total)
+    text = f"{format_numbers.grouped(moving)} ok samples ({share}) were still moving at their end."
+    return Check("Settled", "attention", text, float(moving))

@@ -1,0 +1,95 @@
+"""Whether the statistics support the numbers: enough samples, the same in both halves, none missing, of what shape."""
+
+import math
+
+from reporting import format_numbers
+from reporting.capability.convergence import DRIFT_BAR
+from reporting.capability.intervals import cpk_half_width
+from reporting.response import ResponseAnalysis
+from reporting.samples import Samples
+from reporting.trust.check import Check
+
+_NO_PRODUCTION = "The samples do not represent production."
+_TOO_FEW = "Too few samples to compare their halves."
+# Cpk to +-5 % is a usual requirement; at Cpk 1.33 it needs 874 samples.
+WANTED_HALF_WIDTH = 0.05
+
+
+def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool) -> Check:
+    """Check that the intervals of Cpk are narrow enough for the verdicts."""
+    indexed = [(r, r.capability) for r in responses if r.capability.cpk is not None]
+    if not indexed or not production:
+        reason = _NO_PRODUCTION if indexed else "No response has a Cpk."
+        return Check("Enough samples", "info", reason)
+    # A width relative to a Cpk near 0 is meaningless: below 1 it is relative to 1.
+    widths = [cpk_half_width(c.cpk or 0.0, c.n, c.confidence) / max(abs(c.cpk or 0.0), 1.0) for _, c in indexed]
+    at = widths.index(max(widths))
+    response, c = indexed[at]
+    text = f"Cpk is known to ±{format_numbers.percent(widths[at])} or better (widest: {response.spec.name})"
+    if widths[at] > WANTED_HALF_WIDTH:
+        needed = math.ceil(c.n * (widths[at] / WANTED_HALF_WIDTH) ** 2)
+        text += f"; about {format_numbers.grouped(round(needed, 2 - len(str(needed))))} samples would give ±5 %"
+    uncertain = [r.spec.name for r, _ in indexed if not r.certain]
+    if uncertain:
+        text += f". The interval of {', '.join(uncertain)} includes another verdict: more samples are needed to decide"
+    return Check("Enough samples", "attention" if uncertain else "good", f"{text}.", widths[at])
+
+
+def converged(responses: tuple[ResponseAnalysis, ...], *, production: bool) -> Check:
+    """Check that the first and the second half of the samples agree."""
+    drifts = {r.spec.name: abs(r.running.drift) for r in responses if r.running and r.running.drift is not None}
+    if not drifts or not production:
+        return Check("Converged", "info", _TOO_FEW if production else _NO_PRODUCTION)
+    name = max(drifts, key=drifts.__getitem__)
+    errors = format_numbers.fixed(drifts[name], 1, (DRIFT_BAR,))
+    text = f"First and second half of the samples differ by at most {errors} standard errors of an index ({name})"
+    if drifts[name] <= DRIFT_BAR:
+        return Check("Converged", "good", f"{text}, which chance explains.", drifts[name])
+    return Check(
+        "Converged",
+        "attention",
+        f"{text}, more than chance explains: something changed during the campaign.",
+        drifts[name],
+    )
+
+
+def failures_as_rejects(responses: tuple[ResponseAnalysis, ...], samples: Samples) -> Check:
+    """Report Cpk with every failure counted as a reject."""
+    name = "Failures as rejects"
+    if samples.ok.all():
+        return Check(name, "good" if samples.ok.size else "info", "No sample failed, so Cpk is the same.")
+    indices = [(r.yield_.cpk, r.spec.name) for r in responses if r.yield_ and r.yield_.cpk is not None]
+    if not indices:
+        return Check(name, "info", "No response has a Cpk.")
+    lowest = ", ".join(f"{response} {format_numbers.index(cpk)}" for cpk, response in sorted(indices)[:3])
+    return Check(name, "info", f"Cpk if every failed sample were a reject on the worse side, lowest first: {lowest}.")
+
+
+def missing_values(responses: tuple[ResponseAnalysis, ...]) -> Check:
+    """Check that every ok sample has a number for every response."""
+    incomplete = [(r.spec.name, r.missing) for r in responses if r.missing]
+    if not incomplete:
+        return Check("Values", "good", "Every ok sample has a finite number for every response.", 0.0)
+    listed = ", ".join(f"{name} {format_numbers.grouped(count)}" for name, count in incomplete)
+    text = f"Ok samples without a finite number, left out of the statistics and counted as rejects: {listed}."
+    return Check("Values", "bad", text, float(sum(count for _, count in incomplete)))
+
+
+def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
+    """Check that the responses are close to normal, by the size of the departure."""
+    shaped = [r for r in responses if r.capability.cpk is not None and r.normality.distance is not None]
+    if not shaped:
+        return Check("Shape", "info", "No response with limits has values enough to judge its shape.")
+    other = [r.spec.name for r in shaped if r.normality.verdict == "not normal"]
+    undecided = [r.spec.name for r in shaped if r.normality.verdict in ("undecided", "too few values")]
+    if other:
+        text = (
+            f"Not normal: {', '.join(other)}. For these read the non-normal methods instead of Cpk and the normal ppm."
+        )
+        return Check("Shape", "attention", text, float(len(other)))
+    if undecided:
+        text = f"Too few samples to tell whether {', '.join(undecided)} is normal; no departure is proven."
+        return Check("Shape", "info", text, 0.0)
+    return Check(
+        "Shape", "good", "Every response with limits is normal, or close enough to normal for these numbers.", 0.0
+    )
