@@ -5,6 +5,7 @@ bit; pyarrow, which holds them meanwhile; pydantic, which reads the spec, whose 
 coordinator and the cluster: a row does not depend on where and in which order rows are computed.
 """
 
+import hashlib
 import platform
 from functools import lru_cache
 from importlib.metadata import version
@@ -35,6 +36,11 @@ def row_build() -> str:
         **{name: version(name) for name in (*LIBRARIES, "scipy")},
     }
     return ", ".join(f"{name} {value}" for name, value in ingredients.items())
+
+
+def short_build() -> str:
+    """Return the build of this installation in 12 characters, such as for the tag of an image."""
+    return hashlib.sha256(row_build().encode()).hexdigest()[:12]
 
 
 def differences(planned: str) -> str:

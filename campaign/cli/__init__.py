@@ -66,18 +66,19 @@ app.add_typer(schema_app, name="schema")
 
 
 def _version(wanted: bool) -> None:
-    """Print the version and exit."""
+    """Print the version and the build, and exit."""
     if wanted:
+        from campaign.row_build import short_build
         from campaign.version import clearcap_version
 
-        print_text(f"clearcap {clearcap_version()}")
+        print_text(f"clearcap {clearcap_version()}, build {short_build()}")
         raise typer.Exit
 
 
 @app.callback()
 def root(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and the build.")
     ] = False,
 ) -> None:
     """From clearance to capability: what the play in a mechanism's joints does to its function."""

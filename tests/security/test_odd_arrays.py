@@ -140,7 +140,7 @@ def targets() -> dict[str, Target]:
     mechanism = engine.load_mechanism("incline")
     limits = {"lsl": -3.0, "usl": 3.0, "target": 0.1, "confidence": 0.95}
     values = {"x": rng.normal(size=36), "batches": np.repeat(np.arange(6), 6), **limits}
-    run = {"mechanism": mechanism, "values": {"gravity.2": -9.81}, "step": 1e-2, "horizon": 2e-2}
+    run = {"mechanism": mechanism, "values": {"bodies.block.mass": 1.5}, "step": 1e-2, "horizon": 2e-2}
     range_of = {"H": problem.H, "mu": problem.mu, "r": solution.r, "contact": 1}
     return {
         "solve": Target(

@@ -15,6 +15,7 @@ import campaign.coordinator.coordinate
 import campaign.coordinator.submit
 from campaign.cli import app, main
 from campaign.coordinator.coordinate import coordinate
+from campaign.row_build import short_build
 from engine import read_trajectory
 from tests.campaign import fake_engine
 from tests.campaign.commands import ROOT, clearcap, clearcap_here
@@ -230,8 +231,9 @@ def test_mechanism_verbs(capsys, monkeypatch):
 
 
 def test_version(tmp_path):
-    """``--version`` prints the name and a version."""
-    assert clearcap("--version", cwd=tmp_path).stdout.startswith("clearcap ")
+    """``--version`` prints the name, a version, and the build by which an image is named."""
+    printed = clearcap("--version", cwd=tmp_path).stdout
+    assert re.fullmatch(rf"clearcap \S+, build {short_build()}\n", printed)
 
 
 @pytest.mark.parametrize("words", [["--help"], ["mechanism", "list"]])
