@@ -12,6 +12,7 @@ from reporting.comparison import Comparison, compare
 from reporting.designs import Design
 from reporting.failures import FailedSample, StatusCount, count_statuses, list_failures
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_correlations, analyse_variable
+from reporting.product.product_yield import ProductYield, product_yield
 from reporting.response import ResponseAnalysis, analyse_response
 from reporting.samples import Samples, read_samples
 from reporting.sensitivity.influence import ResponseSensitivity, Sensitivity
@@ -52,6 +53,8 @@ class Analysis:
     trust : tuple of Check
         The trust card.
     responses : tuple of ResponseAnalysis
+    product : ProductYield or None
+        Share of samples that keep all limits together; None without limits, or if samples are not production.
     variables : tuple of VariableAnalysis
     correlations : tuple of CorrelationAnalysis
         The requested correlations, and the largest of the others.
@@ -79,6 +82,7 @@ class Analysis:
     statuses: tuple[StatusCount, ...]
     trust: tuple[Check, ...]
     responses: tuple[ResponseAnalysis, ...]
+    product: ProductYield | None
     variables: tuple[VariableAnalysis, ...]
     correlations: tuple[CorrelationAnalysis, ...]
     never_critical: tuple[str, ...]
@@ -142,6 +146,7 @@ def analyse(
         statuses=count_statuses(samples),
         trust=trust_checks(spec, samples, responses, variables, correlations),
         responses=responses,
+        product=product_yield(drawn, spec, CONFIDENCE),
         variables=variables,
         correlations=correlations,
         never_critical=influences.never_critical() if influences else (),

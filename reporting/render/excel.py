@@ -52,6 +52,7 @@ def _tables(analysis: Analysis, samples: Samples) -> dict[str, Table]:
     return {
         "Summary": _summary(analysis),
         "Trust": (("check", "result", "finding"), [(c.name, c.level, c.text) for c in analysis.trust]),
+        "Product": _product(analysis),
         "Indices": _indices(analysis.responses),
         "Causes": _causes(analysis),
         "Inputs": _inputs(analysis),
@@ -74,6 +75,24 @@ def _summary(analysis: Analysis) -> Table:
         low, high = c.cpk_interval or (None, None)
         rows.append((spec.name, spec.unit, r.verdict, spec.lsl, spec.usl, c.mean, c.std, c.min, c.max, c.cp, c.cpk,
                      low, high, c.cc, c.ppm_observed, c.ppm_upper, c.ppm_expected))  # fmt: skip
+    return heads, rows
+
+
+def _product(analysis: Analysis) -> Table:
+    """Return the yield of the whole product, and what each response costs of it."""
+    heads = ("what", "conforming", "samples", "share", "low", "high", "yield without its rejects")
+    found = analysis.product
+    if found is None:
+        return heads, []
+    counts = {"all limits together": found.counted, "failures as rejects": found.with_failures}
+    rows: list[Sequence[Any]] = [
+        (name, c.conforming, c.n, c.share, *c.interval) for name, c in counts.items() if c is not None
+    ]
+    rows.append(("rolled throughput", None, None, found.rolled))
+    n = found.counted.n if found.counted else 0
+    for loss in found.losses:
+        part = f"part of the rejects: {loss.response}"
+        rows.append((part, n - loss.rejects, n, loss.share, *loss.share_interval, loss.yield_without))
     return heads, rows
 
 

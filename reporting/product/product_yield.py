@@ -1,0 +1,150 @@
+"""Yield of the whole product: the share of samples that keep the limits of all responses together."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import pdtr, pdtrc
+
+from reporting.capability.intervals import Interval, share_interval, share_lower_bound
+from reporting.product.loss import ResponseLoss, response_losses
+from reporting.samples import Samples
+from reporting.spec import ReportSpec, ResponseSpec
+
+# Below this probability independent responses do not explain in how many samples several of them fail.
+_CHANCE = 0.05
+
+
+@dataclass(frozen=True)
+class CountedYield:
+    """A counted share of conforming samples.
+
+    Attributes
+    ----------
+    conforming, n : int
+        Number of samples that keep every limit, and of samples.
+    share : float
+    interval : (float, float)
+        Two-sided.
+    lower : float
+        One-sided lower bound.
+    """
+
+    conforming: int
+    n: int
+    share: float
+    interval: Interval
+    lower: float
+
+
+@dataclass(frozen=True)
+class ProductYield:
+    """Yield of the whole product, rolled throughput yield beside it, and which response costs it.
+
+    Attributes
+    ----------
+    responses : tuple of str
+        Responses with limits; the product conforms where all of them do.
+    counted : CountedYield or None
+        Over the ok samples with a value of each of these responses; None without such a sample.
+    with_failures : CountedYield
+        Over all finished samples; failed ones, and those without a value, count as rejects.
+    rolled : float or None
+        Rolled throughput yield: the product of the single yields. It is the yield of the product if the responses
+        fail independently.
+    dependence : str
+        What the difference between the yield and the rolled one says, in one sentence; empty with one response.
+    losses : tuple of ResponseLoss
+        What each response costs, the most expensive first.
+    """
+
+    responses: tuple[str, ...]
+    counted: CountedYield | None
+    with_failures: CountedYield
+    rolled: float | None
+    dependence: str
+    losses: tuple[ResponseLoss, ...]
+
+
+def product_yield(samples: Samples, spec: ReportSpec, confidence: float) -> ProductYield | None:
+    """Return the yield of the whole product; None without limits or samples, or if samples are not production.
+
+    Parameters
+    ----------
+    samples : Samples
+        The independent samples of the campaign.
+    spec : ReportSpec
+        Limits.
+    confidence : float
+        Of the two-sided intervals and of the one-sided bounds.
+    """
+    limited = [r for r in spec.responses if r.lsl is not None or r.usl is not None]
+    finished = samples.sample.size
+    if not limited or finished == 0 or not spec.design.production:
+        return None
+    complete = samples.ok & np.all([np.isfinite(samples.values[r.name]) for r in limited], axis=0)
+    failed = {r.name: _out(r, samples)[complete] for r in limited}
+    n = int(np.count_nonzero(complete))
+    conforming = n - int(np.count_nonzero(np.any(list(failed.values()), axis=0)))
+    rolled = math.prod(1 - float(np.mean(out)) for out in failed.values()) if n else None
+    return ProductYield(
+        responses=tuple(failed),
+        counted=count_yield(conforming, n, confidence) if n else None,
+        with_failures=count_yield(conforming, finished, confidence),
+        rolled=rolled,
+        dependence=dependence(failed),
+        losses=response_losses(failed, confidence) if n else (),
+    )
+
+
+def count_yield(conforming: int, n: int, confidence: float) -> CountedYield:
+    """Return the yield of a count, with the exact interval and bound of Clopper and Pearson (1934); n above 0."""
+    return CountedYield(
+        conforming=conforming,
+        n=n,
+        share=conforming / n,
+        interval=share_interval(conforming, n, confidence),
+        lower=share_lower_bound(conforming, n, confidence),
+    )
+
+
+def _out(response: ResponseSpec, samples: Samples) -> NDArray[np.bool_]:
+    """Return whether each sample breaks a limit of a response; a value on a limit conforms."""
+    values = samples.values[response.name]
+    low = -math.inf if response.lsl is None else response.lsl
+    high = math.inf if response.usl is None else response.usl
+    return (values < low) | (values > high)
+
+
+def dependence(failed: dict[str, NDArray[np.bool_]]) -> str:
+    """Return whether the responses fail together, in words; nothing with one response or without samples.
+
+    Counted are the failures of responses in samples that another response has rejected already. If the responses are
+    independent and rejects are rare, that count is close to a Poisson one around its expectation; with many rejects
+    it varies less, and the words are careful.
+
+    Parameters
+    ----------
+    failed : dict of str to array of bool, each of shape (n,)
+        Whether each sample breaks a limit of the response.
+    """
+    matrix = np.array(list(failed.values()))
+    if len(failed) < 2 or matrix.size == 0:
+        return ""
+    failures, rejected = int(np.count_nonzero(matrix)), int(np.count_nonzero(matrix.any(axis=0)))
+    if failures == 0:
+        return "No response fails, so both are 100 %."
+    rolled = math.prod(1 - matrix.mean(axis=1))
+    repeated, expected = failures - rejected, max(failures - matrix.shape[1] * (1 - rolled), 0.0)
+    if repeated > 0 and float(pdtrc(repeated - 1, expected)) < _CHANCE / 2:
+        return (
+            "Responses fail in the same samples more often than independent ones would, so fewer samples are lost than "
+            "the product of the single yields says."
+        )
+    if float(pdtr(repeated, expected)) < _CHANCE / 2:
+        return (
+            "Responses fail in the same samples less often than independent ones would, so more samples are lost than "
+            "the product of the single yields says."
+        )
+    return "The two differ by no more than chance makes of responses that fail independently."

@@ -1,0 +1,121 @@
+"""Yield of the whole product against counting, permutations, and simulated campaigns."""
+
+from dataclasses import replace
+from itertools import permutations
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from reporting import ResponseSpec
+from reporting.product.loss import response_losses, weighted_share_interval
+from reporting.product.product_yield import dependence, product_yield
+from reporting.samples import read_samples
+from tests.reporting.synthetic import analysis_of, c60_spec, c60_table, drawn_by
+
+
+def shapley_by_permutations(failed):
+    """Return Shapley's values by their definition: the mean marginal reject share over all orders of the responses."""
+    names = list(failed)
+    values = dict.fromkeys(names, 0.0)
+    orders = list(permutations(names))
+    for order in orders:
+        out = np.zeros(next(iter(failed.values())).size, bool)
+        for name in order:
+            values[name] += (np.mean(out | failed[name]) - np.mean(out)) / len(orders)
+            out |= failed[name]
+    return values
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_each_response_gets_shapleys_value(seed):
+    """By the definition, on random rejects that overlap; the parts add up to the reject share."""
+    rng = np.random.default_rng(seed)
+    common = rng.random(300) < 0.1
+    failed = {f"FC-{i}": (rng.random(300) < 0.15 * rng.random()) | (common & (rng.random(300) < 0.5)) for i in range(5)}
+    losses = {loss.response: loss for loss in response_losses(failed, 0.95)}
+    right = shapley_by_permutations(failed)
+    assert {name: loss.share for name, loss in losses.items()} == pytest.approx(right, abs=1e-14)
+    assert sum(loss.part for loss in losses.values()) == pytest.approx(1.0)
+    for name, loss in losses.items():
+        others = np.any([out for other, out in failed.items() if other != name], axis=0)
+        assert loss.yield_without == pytest.approx(1 - np.mean(others))
+        assert loss.share_interval[0] < loss.share < loss.share_interval[1]
+
+
+def test_the_interval_of_a_plain_count_is_garwoods():
+    """Exact Poisson limits (Garwood 1936): 0 counted up to 3.689, 10 counted 4.795 to 18.391."""
+    assert weighted_share_interval(np.ones(0), 1, 0.95) == (0.0, 1.0)
+    assert weighted_share_interval(np.ones(0), 1000, 0.95)[1] == pytest.approx(3.6889e-3, rel=1e-4)
+    assert weighted_share_interval(np.ones(10), 1000, 0.95) == pytest.approx((4.7954e-3, 18.3904e-3), rel=1e-4)
+
+
+def test_the_interval_of_a_shapley_share_covers():
+    """Two responses that fail together half of the time, n = 400: at least 93 % of 2,000 campaigns (5 errors)."""
+    rng = np.random.default_rng(3)
+    a, b, both, n = 0.01, 0.02, 0.015, 400
+    counts = rng.multinomial(n, [a, b, both, 1 - a - b - both], 2000)
+    truth, covered = a + both / 2, 0
+    for alone, _, shared, _ in counts:
+        low, high = weighted_share_interval(np.repeat([1.0, 0.5], [alone, shared]), n, 0.95)
+        covered += low <= truth <= high
+    assert covered >= 0.93 * 2000
+
+
+def two_responses(first, second, ok=None):
+    """Return a table and a spec of two responses with the limits 0 to 1."""
+    n = len(first)
+    table, spec = c60_table(n), c60_spec(n)
+    responses = tuple(ResponseSpec(name, "", "mm", 0.0, 1.0, None, "") for name in ("FC-1", "FC-2"))
+    for name, column in (("FC-1", first), ("FC-2", second)):
+        table = table.set_column(table.schema.get_field_index(name), name, pa.array(column, pa.float64()))
+    if ok is not None:
+        words = pa.array(["ok" if good else "timeout" for good in ok])
+        table = table.set_column(table.schema.get_field_index("status"), "status", words)
+    return table, replace(spec, responses=responses)
+
+
+def test_failures_and_missing_values_are_rejects_beside():
+    """10 samples: 2 rejects that overlap in one, 1 without a value, 1 failed, and one on a limit, which conforms."""
+    first = [0.5, 2.0, 2.0, 0.5, 0.5, 0.5, 0.5, 1.0, 0.5, 0.5]
+    second = [0.5, -1.0, 0.5, 0.5, 0.5, 0.5, 0.5, 0.5, None, 0.5]
+    table, spec = two_responses(first, second, [True] * 9 + [False])
+    found = product_yield(read_samples(table, spec), spec, 0.95)
+    assert (found.counted.conforming, found.counted.n) == (6, 8)
+    assert (found.with_failures.conforming, found.with_failures.n) == (6, 10)
+    assert found.counted.interval == pytest.approx((0.349144, 0.968146), abs=1e-6)  # Clopper and Pearson, 6 of 8
+    assert found.rolled == pytest.approx(6 / 8 * 7 / 8)
+    assert [(loss.response, loss.rejects, loss.only) for loss in found.losses] == [("FC-1", 2, 1), ("FC-2", 1, 0)]
+    assert [loss.share for loss in found.losses] == [1.5 / 8, 0.5 / 8]
+
+
+@pytest.mark.parametrize(
+    ("rho", "word"), [(0.9, "in the same samples more often"), (0.0, "no more than chance"), (-0.9, "less often")]
+)
+def test_the_difference_to_the_rolled_yield_is_explained(rho, word):
+    """Responses that fail together lose fewer samples than the product says, those that exclude each other more."""
+    rng = np.random.default_rng(1)
+    z = rng.multivariate_normal([0, 0], [[1, rho], [rho, 1]], 5000)
+    table, spec = two_responses(*(0.25 * z.T + 0.6))
+    spec = replace(spec, responses=tuple(replace(r, lsl=None) for r in spec.responses))
+    found = product_yield(read_samples(table, spec), spec, 0.95)
+    assert word in found.dependence
+    assert np.sign(round(found.counted.share - found.rolled, 3)) == np.sign(rho)
+
+
+def test_responses_that_are_independent_are_called_dependent_rarely():
+    """In at most 5 % of 400 campaigns, and some: rejects of 1 to 30 % in 500 samples."""
+    rng = np.random.default_rng(2)
+    said = 0
+    for _ in range(400):
+        failed = {name: rng.random(500) < rng.choice([0.01, 0.05, 0.3]) for name in ("FC-1", "FC-2")}
+        said += "in the same samples" in dependence(failed)
+    assert 0 < said <= 0.05 * 400
+
+
+def test_what_has_no_limits_or_is_no_production_has_no_yield(campaign):
+    """Corners are not production; a campaign in which every run failed has only the yield with failures."""
+    assert analysis_of(*campaign(60, **drawn_by("worst_case"))).product is None
+    assert analysis_of(*campaign(60, responses=())).product is None
+    failed = analysis_of(*campaign(60, failures=60)).product
+    assert (failed.counted, failed.losses, failed.with_failures.share) == (None, (), 0.0)
