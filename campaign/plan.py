@@ -141,7 +141,7 @@ def _columns(spec: CampaignSpec, mechanism: Mechanism, campaign_id: str) -> list
             "unit": (field.metadata or {}).get(b"unit", b"").decode(),
             "nullable": field.nullable,
         }
-        for field in results_schema(mechanism, spec.targets(), campaign_id)
+        for field in results_schema(mechanism, spec.targets(), campaign_id, sampler_named(spec.sampler).columns)
     ]
 
 

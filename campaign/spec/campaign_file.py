@@ -8,6 +8,7 @@ from pydantic_core import PydanticKnownError
 
 from campaign.inputs.distributions import Variable
 from campaign.inputs.sampling import SAMPLERS, check_sampling
+from campaign.inputs.sampling.proposal import Proposal
 from campaign.spec.policy import Execution, Failures, SimulationSettings, Stop
 from engine.mechanism.base import Number, PositiveNumber, TableModel
 
@@ -161,6 +162,9 @@ class CampaignSpec(TableModel, strict=True):
         description="Only for sampler grid: the number of levels of each variable, at least 2, or the levels.",
     )
     table: SampleTable | None = Field(default=None, description="Only for sampler list: the samples.")
+    importance: Proposal | None = Field(
+        default=None, description="Only for sampler importance: where rejects are expected, and samples are drawn."
+    )
     responses: Annotated[dict[ShortName, Response], Field(default_factory=dict)] = Field(
         description="Limits of each response of the mechanism by its name; other responses are reported without limits."
     )

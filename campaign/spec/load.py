@@ -15,6 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from campaign.errors import SpecError
 from campaign.inputs.distributions import Distribution, Empirical, Variable
+from campaign.inputs.sampling import SAMPLERS
 from campaign.spec.campaign_file import MOST_VARIABLES, CampaignSpec
 from campaign.spec.data_files import read_data_files
 from campaign.spec.faults import fault, structure_faults
@@ -162,10 +163,13 @@ def _sound_variables(table: Any) -> Iterator[tuple[str, Distribution]]:
 def _name_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
     """Yield the faults of variables with the name of another column, and of responses that the mechanism lacks."""
     responses = list(mechanism.responses)
-    for table, taken in (
-        ("variables", {*CERTIFICATE_COLUMNS, *responses}),
-        ("responses", set(CERTIFICATE_COLUMNS)),
-    ):
+    sampler = SAMPLERS.get(str(raw.get("sampler")))
+    columns = {*CERTIFICATE_COLUMNS, *(sampler.columns if sampler else ())}
+    for name in sorted(columns.intersection(responses)):
+        yield fault(
+            ["sampler"], raw.get("sampler"), f"has a column {name}, and {mechanism.name} a response of this name"
+        )
+    for table, taken in (("variables", {*columns, *responses}), ("responses", columns)):
         names = raw.get(table)
         for name in names if isinstance(names, dict) else ():
             if name in taken:

@@ -21,7 +21,12 @@ CERTIFICATE_COLUMNS = (
 )
 
 
-def results_schema(mechanism: Mechanism, targets: Mapping[str, str], campaign_id: str) -> pa.Schema:
+OF_SAMPLERS = {"component": pa.int64(), "log_weight": pa.float64()}
+
+
+def results_schema(
+    mechanism: Mechanism, targets: Mapping[str, str], campaign_id: str, of_sampler: tuple[str, ...] = ()
+) -> pa.Schema:
     """Return the schema of a campaign's table.
 
     Parameters
@@ -32,6 +37,8 @@ def results_schema(mechanism: Mechanism, targets: Mapping[str, str], campaign_id
         Key of the mechanism that each variable sets, by variable name.
     campaign_id : str
         Id of the campaign, for the metadata: it shows which campaign a part belongs to.
+    of_sampler : tuple of str
+        Columns that the sampler adds.
     """
     length = Quantity("length").unit(mechanism.units)
     fields = [
@@ -47,6 +54,7 @@ def results_schema(mechanism: Mechanism, targets: Mapping[str, str], campaign_id
         pa.field("settled", pa.bool_(), nullable=False),
         pa.field("attempts", pa.int64(), nullable=False),
         pa.field("earlier_attempts", pa.string(), nullable=False),
+        *(pa.field(name, OF_SAMPLERS[name], nullable=False, metadata={"unit": "1"}) for name in of_sampler),
     ]
     return pa.schema(fields, metadata={"format": "1", "campaign": campaign_id})
 

@@ -5,9 +5,10 @@ from math import isfinite, nan
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pyarrow as pa
 
-from campaign.inputs.sampling import draw
+from campaign.inputs.sampling import draw, sampler_named
 from campaign.plan import Plan
 from campaign.spec.policy import RETRIED, SimulationSettings
 from campaign.worker.limits import time_limit
@@ -98,9 +99,12 @@ def crashed_row(
 
 
 def rows_to_table(plan: Plan, rows: list[Row]) -> pa.Table:
-    """Return rows as a table of the plan's schema."""
+    """Return rows as a table of the plan's schema, with the columns that the sampler adds."""
+    sample = np.array([row["sample"] for row in rows], np.int64)
+    added = sampler_named(plan.spec.sampler).own_columns(plan.spec, sample)
     columns = zip(plan.schema.names, plan.schema.types, strict=True)
-    return pa.table([pa.array([row[name] for row in rows], kind) for name, kind in columns], schema=plan.schema)
+    values = [pa.array(added[name] if name in added else [r[name] for r in rows], kind) for name, kind in columns]
+    return pa.table(values, schema=plan.schema)
 
 
 def sample_inputs(plan: Plan, samples: Sequence[int]) -> Iterator[tuple[int, dict[str, float]]]:

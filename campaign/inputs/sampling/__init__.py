@@ -7,6 +7,7 @@ variables' distributions (`inverse_transform`), the others enumerate values (`en
 from campaign.inputs.sampling.correlation import check_correlations
 from campaign.inputs.sampling.grid import Grid
 from campaign.inputs.sampling.halton import Halton
+from campaign.inputs.sampling.importance import ImportanceSampler
 from campaign.inputs.sampling.lhs import LatinHypercube
 from campaign.inputs.sampling.list import UserTable
 from campaign.inputs.sampling.production_batches import production_batch
@@ -28,6 +29,7 @@ SAMPLERS: dict[str, Sampler] = {
         Sobol(),
         Halton(),
         Saltelli(),
+        ImportanceSampler(),
         Corners(),
         Grid(),
         UserTable(),

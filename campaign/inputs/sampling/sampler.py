@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from campaign.inputs.distributions import Constant, Continuous, Distribution
+from campaign.inputs.sampling.proposal import Proposal
 from engine.arrays import Array
 
 Correlations = tuple[tuple[str, str, float], ...]
@@ -54,6 +55,10 @@ class SampledInputs(Protocol):
         """The user's samples; only sampler ``list`` reads it."""
 
     @property
+    def importance(self) -> Proposal | None:
+        """Where rejects are expected; only sampler ``importance`` reads it."""
+
+    @property
     def stop(self) -> object | None:
         """A stopping rule, which may end the campaign before its last sample."""
 
@@ -79,6 +84,8 @@ class Sampler(ABC):
         Whether the order of the variables is part of the campaign's identity.
     own_key : str
         The key of a campaign file that this sampler alone reads; empty if there is none.
+    columns : tuple of str
+        Names of the columns that this sampler adds to the results, see `own_columns`.
     not_extendable : str
         Why a campaign with more samples does not begin with the same samples; empty if it does.
     """
@@ -91,6 +98,7 @@ class Sampler(ABC):
     weighted: ClassVar[bool] = True
     ordered: ClassVar[bool] = True
     own_key: ClassVar[str] = ""
+    columns: ClassVar[tuple[str, ...]] = ()
     not_extendable: ClassVar[str] = ""
 
     def check(self, inputs: SampledInputs) -> None:  # noqa: B027
@@ -103,6 +111,10 @@ class Sampler(ABC):
     def independent(self, inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which samples are draws of their own and repeat no values, in the shape of ``sample``."""
         return np.ones(sample.shape, np.bool_)
+
+    def own_columns(self, inputs: SampledInputs, sample: NDArray[np.int64]) -> dict[str, NDArray[np.generic]]:
+        """Return the columns that this sampler adds to the results, by name, each in the shape of ``sample``."""
+        return {}
 
     def designed(self, inputs: SampledInputs) -> tuple[str, ...] | None:
         """Return the variables of Saltelli's design, in its order; None if the samples are no such design."""

@@ -17,7 +17,9 @@ from engine.arrays import Array
 Words = NDArray[np.uint64]
 
 WORDS_PER_BLOCK = 4  # Philox4x64 yields four words for each value of its counter
-VALUE, BATCH, SCRAMBLE, STRATA, PLACE = "", "batch\n", "scramble\n", "strata\n", "place\n"  # purposes of streams
+# purposes of streams
+VALUE, BATCH, SCRAMBLE, STRATA, PLACE = "", "batch\n", "scramble\n", "strata\n", "place\n"
+COMPONENT = "component\n"
 
 
 class _Generator(threading.local):
