@@ -16,6 +16,7 @@ from scipy.special import ndtri
 from reporting.arrays import Array
 from reporting.sensitivity.first_order import jackknife_error
 from reporting.sensitivity.polynomials import Sums
+from reporting.sensitivity.shapley import shapley_values
 from reporting.shape.order_statistics import centred_ranks
 
 MOST_SHARED = 10  # variables whose 2^10 subsets are all fitted
@@ -92,14 +93,7 @@ def shapley_of_r2(among: Array, with_response: Array) -> Array:
         members = np.flatnonzero([subset >> i & 1 for i in range(k)])
         r = with_response[:, members]
         r2[subset] = np.sum(r * _solve(among[:, members[:, None], members], r), axis=1)
-    shares = np.zeros((g, k, m))
-    subsets = np.arange(2**k)
-    size = np.array([subset.bit_count() for subset in range(2**k)])
-    weight = np.array([1 / (k * math.comb(k - 1, s)) if s < k else 0.0 for s in range(k + 1)])
-    for i in range(k):
-        without = subsets[(subsets >> i & 1) == 0]
-        shares[:, i] = np.tensordot(weight[size[without]], r2[without | 1 << i] - r2[without], axes=1)
-    return shares
+    return np.moveaxis(shapley_values(r2), 0, 1)
 
 
 @dataclass(frozen=True)
