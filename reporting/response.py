@@ -11,6 +11,7 @@ from reporting.capability.shares import Nonconforming, nonconforming, runs_to_cl
 from reporting.capability.summary import Capability, capability
 from reporting.capability.verdict import class_of, verdict
 from reporting.capability.yields import Yield, yield_with_failures
+from reporting.content.tolerance_intervals import ToleranceIntervals, tolerance_intervals
 from reporting.errors import ReportError
 from reporting.samples import Samples
 from reporting.sensitivity.influence import ResponseSensitivity
@@ -65,6 +66,8 @@ class ResponseAnalysis:
         Fitted distributions.
     methods : tuple of NonnormalIndices
         Indices by percentiles and Z-scores of the best fit, and by the percentiles of the values.
+    tolerance_intervals : ToleranceIntervals or None
+        Limits that contain a share of the production; None if the samples are not production.
     running : Convergence or None
         How the index converges.
     sensitivity : ResponseSensitivity or None
@@ -87,6 +90,7 @@ class ResponseAnalysis:
     plot: ProbabilityPlot | None
     fits: Fits
     methods: tuple[NonnormalIndices, ...]
+    tolerance_intervals: ToleranceIntervals | None
     running: Convergence | None
     sensitivity: ResponseSensitivity | None
 
@@ -113,6 +117,7 @@ def analyse_response(
     except ReportError as error:
         raise ReportError(f"response {spec.name}: {error}") from error
     x = values[np.isfinite(values)]
+    lots = None if batches is None else batches[np.isfinite(values)]
     word = verdict(numbers)
     certain = None
     if numbers.cpk_interval is not None:
@@ -140,6 +145,7 @@ def analyse_response(
         plot=probability_plot(x, confidence=confidence),
         fits=fits,
         methods=_methods(x, fits, spec, confidence) if limited else (),
+        tolerance_intervals=tolerance_intervals(x, shape, confidence, lots) if request.design.production else None,
         running=convergence(x, spec.lsl, spec.usl, confidence),
         sensitivity=sensitivity,
     )

@@ -54,6 +54,7 @@ def _tables(analysis: Analysis, samples: Samples) -> dict[str, Table]:
         "Trust": (("check", "result", "finding"), [(c.name, c.level, c.text) for c in analysis.trust]),
         "Product": _product(analysis),
         "Indices": _indices(analysis.responses),
+        "Tolerance intervals": _tolerance_intervals(analysis.responses),
         "Causes": _causes(analysis),
         "Inputs": _inputs(analysis),
         "Failures": (
@@ -107,6 +108,18 @@ def _indices(responses: tuple[ResponseAnalysis, ...]) -> Table:
             interval = m.ppk_interval or (None, None)
             rows.append((r.spec.name, f"Ppk by {m.method}", m.family or "", m.ppk, *interval, m.assumed))
     return ("response", "index", "AIAG, ISO 22514-2", "value", "low", "high", "formula"), rows
+
+
+def _tolerance_intervals(responses: tuple[ResponseAnalysis, ...]) -> Table:
+    """Return what contains a share of the production of each response."""
+    heads = ("response", "share of production", "confidence", "normal low", "normal high", "normal: above",
+             "normal: below", "any low", "any high", "any: above", "any: below", "note")  # fmt: skip
+    rows = [
+        (r.spec.name, t.content, found.confidence, *(t.normal or (None, None)), t.normal_lower, t.normal_upper,
+         *(t.free or (None, None)), t.free_lower, t.free_upper, found.note)
+        for r in responses if (found := r.tolerance_intervals) for t in found.claims
+    ]  # fmt: skip
+    return heads, rows
 
 
 def _causes(analysis: Analysis) -> Table:

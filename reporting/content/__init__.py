@@ -1,0 +1,1 @@
+"""Statistical tolerance intervals: limits that contain a stated share of production, with a stated confidence."""

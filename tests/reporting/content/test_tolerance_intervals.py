@@ -1,0 +1,68 @@
+"""Tolerance intervals of a response: what they contain, and when they are withheld."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from reporting.content.tolerance_intervals import CONTENTS, tolerance_intervals
+from reporting.shape.normality import normality
+from tests.reporting.synthetic import analysis_of, drawn_by
+
+
+def of(x, lots=None):
+    """Return the intervals of values."""
+    return tolerance_intervals(x, normality(x), 0.95, lots)
+
+
+def test_normal_values_are_contained_as_often_as_said():
+    """150 samples of 100 normal values: each share is contained in 92 to 98 %, both sides and each side."""
+    rng = np.random.default_rng(6)
+    contained = []
+    for _ in range(150):
+        claims = of(rng.normal(size=100)).claims
+        contained += [
+            [stats.norm.cdf(c.normal[1]) - stats.norm.cdf(c.normal[0]), stats.norm.sf(c.normal_lower),
+             stats.norm.cdf(c.normal_upper)] - np.array(c.content) >= 0
+            for c in claims if c.normal
+        ]  # fmt: skip
+    assert len(contained) >= 0.85 * 150 * len(CONTENTS)
+    assert np.all((np.mean(contained, axis=0) >= 0.92) & (np.mean(contained, axis=0) <= 0.985))
+
+
+@pytest.mark.parametrize("draw", ["lognormal", "standard_t", "uniform"])
+def test_what_is_not_normal_has_only_ordered_values(draw):
+    """And they contain their share: 500 values reach up to 99 %."""
+    arguments = {"lognormal": (0.0, 0.5), "standard_t": (5,), "uniform": (0.0, 1.0)}[draw]
+    found = of(getattr(np.random.default_rng(8), draw)(*arguments, 500))
+    assert [c.normal for c in found.claims] == [None] * 3
+    assert "Anderson-Darling" in found.note
+    assert [c.free is not None for c in found.claims] == [True, True, False]
+    assert [c.free_upper is not None for c in found.claims] == [True, True, False]
+    for c in found.claims[:2]:
+        assert c.free[0] <= c.free_lower < c.free_upper <= c.free[1]
+
+
+def test_few_values_say_what_they_cannot_show():
+    """19 values have no normal interval, 60 have one with a caution, 600 without it."""
+    rng = np.random.default_rng(1)
+    assert "19 values are too few" in of(rng.normal(size=19)).note
+    assert of(rng.normal(size=19)).claims[0].normal is None
+    assert "60 values cannot show" in of(rng.normal(size=60)).note
+    assert "cannot show" not in of(rng.normal(size=600)).note
+    assert of(np.zeros(0)).claims[0].runs_two_sided == 93
+    assert of(np.ones(200)).claims[0].free == (1.0, 1.0)
+
+
+def test_values_of_lots_are_not_taken_for_independent():
+    """Nothing is given where two values share a lot; a lot of one value each is no lot."""
+    x = np.random.default_rng(2).normal(size=2000)
+    withheld = of(x, np.arange(2000) // 50)
+    assert all(c.normal is None and c.free is None and c.free_upper is None for c in withheld.claims)
+    assert "lot" in withheld.note
+    assert of(x, np.arange(2000)) == of(x)
+
+
+def test_corners_have_none(campaign):
+    """Samples that are not production have no content to speak of."""
+    assert {r.tolerance_intervals for r in analysis_of(*campaign(60, **drawn_by("worst_case"))).responses} == {None}
+    assert analysis_of(*campaign(60)).responses[0].tolerance_intervals.claims[0].content == 0.95
