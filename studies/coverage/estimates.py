@@ -1,0 +1,89 @@
+"""The estimates of one response: indices, shares, methods without the normal distribution, tails.
+
+Each function draws one campaign and yields what the report states of it.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.stats import norm
+
+from reporting.capability.shares import nonconforming
+from reporting.capability.summary import capability
+from reporting.shape.nonnormal import NonnormalIndices
+from reporting.shape.normality import normality
+from studies.coverage.outcomes import Statement
+from studies.coverage.pages import ABOUT_ALL, CONFIDENCE, page, warned_of
+from studies.coverage.productions import Production, Truth, truth
+
+INFINITE = float("inf")
+
+
+def indices(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the intervals of `reporting.capability` that rest on mean and sigma."""
+    true = truth(production.shape)
+    y = production.draw(n, rng)
+    c = capability(y, true.lsl, true.usl, true.target, CONFIDENCE, production.lot_of(n))
+    warned = normality(y, CONFIDENCE).verdict == "not normal"
+    middle, half = (true.usl + true.lsl) / 2, (true.usl - true.lsl) / 2
+    cpm = half / (3 * np.hypot(true.std, true.mean - true.target))
+    for number, interval, value in (
+        ("Cp", c.cp_interval, true.cp),
+        ("Cpk", c.cpk_interval, true.cpk),
+        ("Cpk, joint", c.cpk_interval_joint, true.cpk),
+        ("Cpl", c.cpl_interval, true.cpl),
+        ("Cpu", c.cpu_interval, true.cpu),
+        ("Cc", c.cc_interval, (true.mean - middle) / half),
+        ("Cpm", c.cpm_interval, cpm),
+        ("Z.bench", c.z_bench_interval, -norm.ppf(1e-6 * true.ppm)),
+        ("ppm expected, normal", c.ppm_expected_interval, true.ppm),
+    ):
+        yield Statement(number, interval, float(value), warned)
+
+
+def counts(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the intervals of counted shares."""
+    true = truth(production.shape)
+    y = production.draw(n, rng)
+    counted = nonconforming(y, true.lsl, true.usl, CONFIDENCE)
+    assert counted is not None
+    assert counted.below is not None
+    assert counted.above is not None
+    yield Statement("counted, below", counted.below.interval, true.below)
+    yield Statement("counted, above", counted.above.interval, true.above)
+    yield Statement("counted, total", counted.total.interval, true.ppm)
+    yield Statement("counted, at most", (0.0, counted.total.upper), true.ppm)
+
+
+def methods(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the intervals of the page that take no normal distribution for granted."""
+    true = truth(production.shape)
+    (analysed,), card = (found := page(production, production.draw(n, rng), true)).responses, found.trust
+    warned = warned_of(card, ABOUT_ALL)
+    of_method = {m.method: m for m in analysed.methods}
+    for name, word in (
+        ("percentile", "percentiles, fitted"),
+        ("z_score", "Z-scores, fitted"),
+        ("empirical", "empirical"),
+    ):
+        yield from _of_method(word, of_method.get(name), true, warned=warned)
+    tails = {tail.side: tail for tail in analysed.tails}
+    for side, value in (("below", true.below), ("above", true.above)):
+        tail = tails[side]
+        yield Statement(f"tail, {side}", tail.interval, value, warned or bool(tail.note))
+    assert analysed.yield_ is not None
+    yield Statement("yield, at least", (analysed.yield_.lower, INFINITE), 1 - 1e-6 * true.ppm, warned)
+
+
+def _of_method(word: str, m: NonnormalIndices | None, true: Truth, *, warned: bool) -> Iterator[Statement]:
+    """Yield the intervals of one method."""
+    if word.startswith("Z"):
+        ppl, ppu = (float(norm.isf(1e-6 * ppm)) / 3 for ppm in (true.below, true.above))
+        pp = (ppl + ppu) / 2
+    else:
+        ppl = (true.median - true.lsl) / (true.median - true.low)
+        ppu = (true.usl - true.median) / (true.high - true.median)
+        pp = (true.usl - true.lsl) / (true.high - true.low)
+    caution = warned or (m is not None and any("interval" not in note for note in m.notes))
+    yield Statement(f"Pp, {word}", m.pp_interval if m else None, pp, caution)
+    yield Statement(f"Ppk, {word}", m.ppk_interval if m else None, min(ppl, ppu), caution)

@@ -1,0 +1,79 @@
+"""The estimates that the study repeats: how often, of which productions, and the tallies of all of them."""
+
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from studies.coverage.estimates import counts, indices, methods
+from studies.coverage.outcomes import Statement, Tally, tallied
+from studies.coverage.productions import LOTS, LOTS_IN_TURN, SHAPES, SIZES, Production
+from studies.coverage.products import products
+from studies.coverage.questions import causes, changes, differences
+from studies.coverage.stops import stops
+
+SEED = 95
+Estimate = Callable[[Production, int, np.random.Generator], Iterator[Statement]]
+Key = tuple[str, str, int]  # of a tally: number, production, size
+
+
+@dataclass(frozen=True)
+class Case:
+    """One estimate of one production and size, so many times.
+
+    Attributes
+    ----------
+    estimate : callable
+    production : Production
+    n : int
+        Number of samples.
+    replications : int
+    """
+
+    estimate: Estimate
+    production: Production
+    n: int
+    replications: int
+
+    def tallies(self) -> dict[Key, Tally]:
+        """Draw and judge all replications; replication r is the same however many there are."""
+        name = f"{self.estimate.__name__} of {self.production.name}, {self.n}"
+        seed = (SEED, zlib.crc32(name.encode()))
+        found = tallied(
+            self.estimate(self.production, self.n, np.random.default_rng((*seed, r))) for r in range(self.replications)
+        )
+        return {(number, self.production.name, self.n): tally for number, tally in found.items()}
+
+
+# Replications in the whole study.
+REPLICATIONS: dict[Estimate, int] = {
+    indices: 1000,
+    counts: 1000,
+    methods: 100,
+    causes: 100,
+    changes: 200,
+    differences: 200,
+    products: 500,
+}
+STOPS = 200
+
+
+def cases(share: float = 1.0) -> list[Case]:
+    """Return all cases with this share of their replications, the longest first."""
+    of_reports = [
+        Case(estimate, production, n, round(share * replications))
+        for estimate, replications in REPLICATIONS.items()
+        for production in (*SHAPES, *LOTS)
+        for n in SIZES
+    ]
+    of_stops = [Case(stops, production, max(SIZES), round(share * STOPS)) for production in LOTS_IN_TURN]
+    return sorted([*of_reports, *of_stops], key=lambda case: -case.n * case.replications)
+
+
+def all_tallies(chosen: list[Case], mapped: Callable[..., Iterable[dict[Key, Tally]]] = map) -> dict[Key, Tally]:
+    """Return the tallies of some cases; ``mapped`` computes them as `map` would."""
+    found: dict[Key, Tally] = {}
+    for tallies in mapped(Case.tallies, chosen):
+        found |= tallies
+    return found

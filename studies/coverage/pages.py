@@ -1,0 +1,61 @@
+"""One synthetic campaign as the report takes it: its samples, its request, and what the page warns of."""
+
+import numpy as np
+
+from engine.arrays import Array
+from reporting import ReportSpec, ResponseSpec, VariableSpec
+from reporting.analysis import Analysis, analyse
+from reporting.samples import Samples
+from reporting.trust.check import Check
+from studies.coverage.productions import VARIABLES, Production, Truth
+
+RESPONSE, BATCH = "y", "production batch"
+CONFIDENCE = 0.95
+# Lines of the trust card that speak of intervals: of those that rest on the normal distribution, and of all.
+ABOUT_SHAPE = ("Shape",)
+ABOUT_ALL = ("Sampling", "Production lots")
+
+
+def samples_of(production: Production, y: Array, variables: Array | None = None) -> Samples:
+    """Return values, all of them ok, as the rows of a campaign."""
+    n = y.size
+    columns = {} if variables is None else dict(zip(VARIABLES, variables.T, strict=True))
+    return Samples(
+        sample=np.arange(n),
+        status=np.zeros(n, np.int16),
+        statuses=("ok",),
+        messages={},
+        ok=np.ones(n, np.bool_),
+        values={RESPONSE: y, **columns},
+        max_residual=np.zeros(n),
+        max_penetration=np.zeros(n),
+        settled=np.ones(n, np.bool_),
+        penetration_unit="mm",
+        production_batch=production.lot_of(n),
+        run_seconds=None,
+    )
+
+
+def request(production: Production, n: int, true: Truth, variables: tuple[str, ...] = ()) -> ReportSpec:
+    """Return the request of a campaign of n samples with one response."""
+    batch = -(-n // production.lots) if production.lots else 0
+    return ReportSpec(
+        title=production.name,
+        campaign="study",
+        header={},
+        responses=(ResponseSpec(RESPONSE, "", "1", true.lsl, true.usl, true.target, "study"),),
+        variables=tuple(VariableSpec(name, "1", "normal", None, None, 0.0, 1.0, (), batch=batch) for name in variables),
+        provenance={},
+        requested=n,
+        production_batch_column=BATCH if production.lots else "",
+    )
+
+
+def page(production: Production, y: Array, true: Truth) -> Analysis:
+    """Return the report's analysis of values."""
+    return analyse(samples_of(production, y), request(production, y.size, true))
+
+
+def warned_of(card: tuple[Check, ...], lines: tuple[str, ...]) -> bool:
+    """Return whether one of these lines of the trust card asks for attention."""
+    return any(check.name in lines and check.level in ("attention", "bad") for check in card)

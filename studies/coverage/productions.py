@@ -1,0 +1,222 @@
+"""Productions of known truth: a response of some shape, in lots or without, and what is true of it.
+
+Every response is ``value(w)``, a rising function of a standard normal score w, so a share below a value is a normal
+one, and moments are integrals over scores. The score is a weighted sum of independent normal variables, so the truth
+of first-order indices and of changed variables is an integral over scores as well.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from scipy import stats
+from scipy.interpolate import PchipInterpolator
+
+from engine.arrays import Array
+
+SIZES = (50, 500, 5000)
+# Shares of the score's variance that the variables X1, X2, ... account for.
+SHARES = (0.5, 0.3, 0.15, 0.05, 0.0)
+VARIABLES = tuple(f"X{i + 1}" for i in range(len(SHARES)))
+_SCORES = np.linspace(-13.0, 13.0, 5201)
+_DENSITY = stats.norm.pdf(_SCORES) * (_SCORES[1] - _SCORES[0])
+
+Curve = Callable[[Array], Array]
+
+
+def _of(distribution: stats.rv_continuous) -> Curve:
+    """Return a distribution's value at normal scores, each from the nearer tail."""
+
+    def value(score: Array) -> Array:
+        lower = score < 0
+        found = np.empty_like(score)
+        found[lower] = distribution.ppf(stats.norm.cdf(score[lower]))
+        found[~lower] = distribution.isf(stats.norm.sf(score[~lower]))
+        return found
+
+    return value
+
+
+def _two_normals(apart: float) -> Curve:
+    """Return the values of two equal normal distributions at a distance in their sigmas."""
+    x = np.linspace(-25.0, 0.0, 4001)
+    lower = stats.norm.ppf(stats.norm.cdf(x[:, None], (-apart / 2, apart / 2)).mean(axis=1))
+    interpolated = PchipInterpolator([*lower, *-lower[-2::-1]], [*x, *-x[-2::-1]])
+    return lambda w: np.asarray(interpolated(w))
+
+
+CURVES: dict[str, Curve] = {
+    "normal": lambda w: w,
+    "lognormal": lambda w: np.exp(0.5 * w),
+    "gamma": _of(stats.gamma(16)),
+    "t5": _of(stats.t(5)),
+    "uniform": _of(stats.uniform()),
+    "bimodal": _two_normals(4.0),
+}
+
+
+@dataclass(frozen=True)
+class Production:
+    """What is produced.
+
+    Attributes
+    ----------
+    name : str
+        Column of the table.
+    shape : str
+        Key of `CURVES`.
+    lots : int
+        Number of production lots; 0 for independent values.
+    between : float
+        Sigma of the lots' shifts over sigma within a lot.
+    growth : float
+        Size of a lot over that of the lot before it.
+    """
+
+    name: str
+    shape: str
+    lots: int = 0
+    between: float = 1.0
+    growth: float = 1.0
+
+    def lot_of(self, n: int) -> np.ndarray | None:
+        """Return the lot of each of n values in the order of production; None without lots."""
+        if not self.lots:
+            return None
+        sizes = self.growth ** np.arange(self.lots)
+        ends = np.round(n * np.cumsum(sizes) / sizes.sum())
+        return np.asarray(np.searchsorted(ends, np.arange(n), side="right"))
+
+    def variables(self, n: int, rng: np.random.Generator, lot: np.ndarray | None = None) -> Array:
+        """Return n draws of the normal variables, shape (n, variables); each shares a shift within a lot."""
+        lot = self.lot_of(n) if lot is None else lot
+        own = rng.standard_normal((n, len(SHARES)))
+        if lot is None:
+            return own
+        shift = self.between * rng.standard_normal((int(lot[-1]) + 1, len(SHARES)))
+        return np.asarray((own + shift[lot]) / np.hypot(1.0, self.between))
+
+    def values(self, variables: Array) -> Array:
+        """Return the response at draws of the variables."""
+        return CURVES[self.shape](variables @ np.sqrt(SHARES))
+
+    def draw(self, n: int, rng: np.random.Generator) -> Array:
+        """Return n values of the response."""
+        return self.values(self.variables(n, rng))
+
+
+SHAPES = tuple(Production(shape, shape) for shape in CURVES)
+LOTS = (
+    Production("20 lots", "normal", 20),
+    Production("20 lots, 0.3", "normal", 20, between=0.3),
+    Production("20 unequal lots", "normal", 20, growth=1.15),
+    Production("5 lots", "normal", 5),
+    Production("1 lot", "normal", 1),
+    Production("20 lots, lognormal", "lognormal", 20),
+)
+# Productions whose samples come in until a stopping rule is sure.
+LOTS_IN_TURN = (
+    *(Production(f"{shape}, in turn", shape) for shape in ("normal", "lognormal", "t5")),
+    Production("lots of 50", "normal", 100),
+    Production("lots of 50, 0.3", "normal", 100, between=0.3),
+    Production("lots of 500, 0.3", "normal", 10, between=0.3),
+)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is true of a production whose score has another sigma than 1, or 1.
+
+    Attributes
+    ----------
+    mean, std, median : float
+    low, high : float
+        Quantiles at 0.135 % and 99.865 %.
+    below, above : float
+        Shares out of limits, in ppm.
+    lsl, usl, target : float
+    """
+
+    mean: float
+    std: float
+    median: float
+    low: float
+    high: float
+    below: float
+    above: float
+    lsl: float
+    usl: float
+    target: float
+
+    @property
+    def cpl(self) -> float:
+        """Lower index."""
+        return (self.mean - self.lsl) / (3 * self.std)
+
+    @property
+    def cpu(self) -> float:
+        """Upper index."""
+        return (self.usl - self.mean) / (3 * self.std)
+
+    @property
+    def cpk(self) -> float:
+        """Smaller of the two."""
+        return min(self.cpl, self.cpu)
+
+    @property
+    def cp(self) -> float:
+        """Potential index."""
+        return (self.usl - self.lsl) / (6 * self.std)
+
+    @property
+    def ppm(self) -> float:
+        """Share out of limits on both sides."""
+        return self.below + self.above
+
+
+# Limits as scores: 233 ppm below, 1,350 ppm above.
+LIMITS = (-3.5, 3.0)
+
+
+@lru_cache(maxsize=256)
+def moments(shape: str, spread: float = 1.0) -> tuple[float, float]:
+    """Return mean and sigma of a shape whose score has the sigma ``spread``."""
+    values = CURVES[shape](spread * _SCORES)
+    mean = float(values @ _DENSITY)
+    return mean, float(np.sqrt((values - mean) ** 2 @ _DENSITY))
+
+
+@lru_cache(maxsize=256)
+def truth(shape: str, spread: float = 1.0, limits: tuple[float, float] = LIMITS) -> Truth:
+    """Return what is true of a shape whose score has the sigma ``spread``, with limits at scores of sigma 1."""
+    mean, std = moments(shape, spread)
+    usual_mean, usual_std = moments(shape)
+    lsl, low, median, high, usl = CURVES[shape](np.array([limits[0], -3.0 * spread, 0.0, 3.0 * spread, limits[1]]))
+    return Truth(
+        mean=mean,
+        std=std,
+        median=float(median),
+        low=float(low),
+        high=float(high),
+        below=1e6 * float(stats.norm.cdf(limits[0] / spread)),
+        above=1e6 * float(stats.norm.sf(limits[1] / spread)),
+        lsl=float(lsl),
+        usl=float(usl),
+        target=usual_mean + 0.3 * usual_std,
+    )
+
+
+@lru_cache(maxsize=64)
+def first_order(shape: str) -> tuple[float, ...]:
+    """Return the share of a shape's variance that each variable explains alone."""
+    _, std = moments(shape)
+    coarse = _SCORES[::10]
+    density = 10 * _DENSITY[::10]
+    indices = []
+    for share in SHARES:
+        own = np.sqrt(share) * coarse[:, None] + np.sqrt(1 - share) * coarse[None, :]
+        expected = CURVES[shape](own.ravel()).reshape(own.shape) @ density
+        mean = float(expected @ density)
+        indices.append(float((expected - mean) ** 2 @ density) / std**2)
+    return tuple(indices)

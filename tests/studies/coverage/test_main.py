@@ -1,0 +1,60 @@
+"""The command of the coverage study: it repeats every estimate, and one that is wrong shows."""
+
+import re
+
+import numpy as np
+
+from studies.coverage import families
+from studies.coverage.__main__ import lines
+from studies.coverage.families import Case, all_tallies, cases
+from studies.coverage.outcomes import Statement
+from studies.coverage.productions import SHAPES, SIZES
+from studies.coverage.tables import faults
+
+
+def test_a_few_replications():
+    """One table for a case, the counts behind it, and the words that say what was computed."""
+    text = list(lines([Case(families.indices, SHAPES[0], 50, 20)], detailed=True))
+    assert text[0] == "| interval of | normal | lognormal | gamma | t5 | uniform | bimodal |"
+    (row,) = (line for line in text if line.startswith("| Cpk | normal | 50 | "))
+    assert sum(int(cell) for cell in row.split(" | ")[3:8]) == 20
+    assert re.search(r"20 campaigns of 50, 500, 5,000 samples", text[-1])
+
+
+def test_replications_do_not_depend_on_their_number():
+    """A part of the study repeats the first campaigns of the whole one."""
+    few, more = ([*_draws(Case(_recorded, SHAPES[0], 5, r))] for r in (2, 3))
+    assert more[:2] == few
+    assert len({tuple(draw) for draw in more}) == 3
+
+
+def test_a_narrow_interval_shows():
+    """Half the width of an exact interval is found out on a tenth of the replications."""
+    assert set(faults(all_tallies([Case(_halved, SHAPES[0], 50, 100)])).values()) == {"too narrow"}
+
+
+def test_every_case_has_a_part_of_its_replications():
+    """A tenth of the study has all productions and sizes."""
+    whole, tenth = cases(), cases(0.1)
+    assert {(c.estimate, c.production, c.n) for c in whole} == {(c.estimate, c.production, c.n) for c in tenth}
+    assert all(case.replications >= 10 for case in tenth if case.n <= max(SIZES))
+
+
+DRAWN: list[list[float]] = []
+
+
+def _recorded(production, n, rng):
+    DRAWN.append(production.draw(n, rng).tolist())
+    yield Statement("nothing", None, 0.0)
+
+
+def _draws(case):
+    DRAWN.clear()
+    case.tallies()
+    return [*DRAWN]
+
+
+def _halved(production, n, rng):
+    y = production.draw(n, rng)
+    half = 0.5 * 1.96 * y.std() / np.sqrt(n)
+    yield Statement("mean", (y.mean() - half, y.mean() + half), 0.0)

@@ -1,0 +1,67 @@
+"""Productions: what the study takes for true is true of what it draws."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from studies.coverage.productions import CURVES, LOTS, SHAPES, Production, first_order, moments, truth
+
+KNOWN = {
+    "normal": stats.norm(),
+    "lognormal": stats.lognorm(0.5),
+    "gamma": stats.gamma(16),
+    "t5": stats.t(5),
+    "uniform": stats.uniform(),
+}
+
+
+@pytest.mark.parametrize("shape", KNOWN)
+def test_moments_and_quantiles_are_those_of_the_distribution(shape):
+    mean, std = moments(shape)
+    assert (mean, std) == pytest.approx((KNOWN[shape].mean(), KNOWN[shape].std()), abs=1e-9)
+    true = truth(shape)
+    assert [true.low, true.median, true.high] == pytest.approx(KNOWN[shape].ppf(stats.norm.cdf([-3, 0, 3])), abs=1e-9)
+    assert true.above == pytest.approx(1e6 * KNOWN[shape].sf(true.usl))
+
+
+def test_two_normals():
+    """Four sigmas apart, so sigma is the root of 1 + 2^2."""
+    assert moments("bimodal") == pytest.approx((0.0, 5**0.5), abs=1e-9)
+    share = stats.norm.cdf(truth("bimodal").usl, (-2, 2)).mean()
+    assert 1e6 * (1 - share) == pytest.approx(truth("bimodal").above, rel=1e-6)
+
+
+def test_a_spread_score():
+    """A lognormal whose score has another sigma is a lognormal with that times its own."""
+    mean, std = moments("lognormal", 1.3)
+    assert (mean, std) == pytest.approx((stats.lognorm(0.65).mean(), stats.lognorm(0.65).std()), rel=1e-9)
+    true = truth("lognormal", 1.3)
+    assert true.ppm == pytest.approx(1e6 * (stats.lognorm(0.65).cdf(true.lsl) + stats.lognorm(0.65).sf(true.usl)))
+
+
+def test_first_order_indices_of_a_lognormal():
+    """By Sobol's (2001) formula for a product: (exp(s^2 a) - 1) / (exp(s^2) - 1)."""
+    expected = [np.expm1(0.25 * a) / np.expm1(0.25) for a in (0.5, 0.3, 0.15, 0.05, 0.0)]
+    assert first_order("lognormal") == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("production", [*SHAPES, *LOTS], ids=lambda production: production.name)
+def test_draws_have_the_truth(production):
+    """Over many campaigns, within five standard errors."""
+    true = truth(production.shape)
+    rng = np.random.default_rng(7)
+    draws = np.array([production.draw(50, rng) for _ in range(2000)])
+    errors = draws.mean(axis=1).std() / 2000**0.5
+    assert abs(draws.mean() - true.mean) < 5 * errors
+    assert np.mean(draws > CURVES[production.shape](np.array([1.0]))[0]) == pytest.approx(stats.norm.sf(1), abs=0.03)
+
+
+def test_lots_share_a_shift():
+    """With equal sigmas half of the variance lies between lots; unequal lots grow."""
+    lots = Production("lots", "normal", 4, growth=2.0)
+    assert np.bincount(lots.lot_of(150)).tolist() == [10, 20, 40, 80]
+    even = Production("lots", "normal", 500)
+    y = even.draw(5000, np.random.default_rng(3)).reshape(500, 10)
+    assert y.var(axis=1, ddof=1).mean() == pytest.approx(0.5, rel=0.1)
+    assert y.var() == pytest.approx(1.0, rel=0.1)
+    assert Production("none", "normal").lot_of(5) is None
