@@ -10,6 +10,7 @@ from scipy.special import pdtr, pdtrc
 from reporting.capability.intervals import Interval, share_interval, share_lower_bound
 from reporting.product.loss import ResponseLoss, response_losses
 from reporting.samples import Samples
+from reporting.sensitivity.reject_attribution import RejectAttribution, reject_attribution
 from reporting.spec import ReportSpec, ResponseSpec
 
 # Below this probability independent responses do not explain in how many samples several of them fail.
@@ -57,6 +58,8 @@ class ProductYield:
         What the difference between the yield and the rolled one says, in one sentence; empty with one response.
     losses : tuple of ResponseLoss
         What each response costs, the most expensive first.
+    by_variable : RejectAttribution or None
+        What each variable costs; None without variables or samples.
     """
 
     responses: tuple[str, ...]
@@ -65,6 +68,7 @@ class ProductYield:
     rolled: float | None
     dependence: str
     losses: tuple[ResponseLoss, ...]
+    by_variable: RejectAttribution | None
 
 
 def product_yield(samples: Samples, spec: ReportSpec, confidence: float) -> ProductYield | None:
@@ -86,7 +90,9 @@ def product_yield(samples: Samples, spec: ReportSpec, confidence: float) -> Prod
     complete = samples.ok & np.all([np.isfinite(samples.values[r.name]) for r in limited], axis=0)
     failed = {r.name: _out(r, samples)[complete] for r in limited}
     n = int(np.count_nonzero(complete))
-    conforming = n - int(np.count_nonzero(np.any(list(failed.values()), axis=0)))
+    rejected = np.any(list(failed.values()), axis=0)
+    conforming = n - int(np.count_nonzero(rejected))
+    inputs = {v.name: samples.values[v.name][complete] for v in spec.variables}
     rolled = math.prod(1 - float(np.mean(out)) for out in failed.values()) if n else None
     return ProductYield(
         responses=tuple(failed),
@@ -95,6 +101,7 @@ def product_yield(samples: Samples, spec: ReportSpec, confidence: float) -> Prod
         rolled=rolled,
         dependence=dependence(failed),
         losses=response_losses(failed, confidence) if n else (),
+        by_variable=reject_attribution(inputs, rejected, confidence) if n and inputs else None,
     )
 
 

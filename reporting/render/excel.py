@@ -94,6 +94,8 @@ def _product(analysis: Analysis) -> Table:
     for loss in found.losses:
         part = f"part of the rejects: {loss.response}"
         rows.append((part, n - loss.rejects, n, loss.share, *loss.share_interval, loss.yield_without))
+    for each in found.by_variable.shares if found.by_variable else ():
+        rows.append((f"of all rejects: {each.variable}", None, n, each.share, *each.interval))
     return heads, rows
 
 

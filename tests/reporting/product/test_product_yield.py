@@ -10,6 +10,7 @@ import pytest
 from reporting import ResponseSpec
 from reporting.product.loss import response_losses, weighted_share_interval
 from reporting.product.product_yield import dependence, product_yield
+from reporting.render.html import render_html
 from reporting.samples import read_samples
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table, drawn_by
 
@@ -119,3 +120,18 @@ def test_what_has_no_limits_or_is_no_production_has_no_yield(campaign):
     assert analysis_of(*campaign(60, responses=())).product is None
     failed = analysis_of(*campaign(60, failures=60)).product
     assert (failed.counted, failed.losses, failed.with_failures.share) == (None, (), 0.0)
+
+
+def test_the_variable_that_makes_the_rejects_costs_the_yield():
+    """J2 alone decides about both responses: it has nearly the whole reject share, on the page too."""
+    table, _ = two_responses([0.5] * 1500, [0.5] * 1500)
+    z = (table["J2"].to_numpy() - 0.07) / 0.0175
+    table, spec = two_responses(0.5 + 0.3 * z, 0.5 - 0.3 * z + 0.1)
+    found = analysis_of(table, spec)
+    first = found.product.by_variable.shares[0]
+    assert first.variable == "J2"
+    assert first.share > 0.9
+    assert "What each variable costs of the yield" in render_html(found)
+    few = product_yield(read_samples(*two_responses([0.5] * 60, [2.0] + [0.5] * 59)), spec, 0.95)
+    assert few.by_variable.shares == ()
+    assert "1 rejects are too few" in few.by_variable.note
