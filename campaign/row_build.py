@@ -1,8 +1,9 @@
 """The build that rows come from: all sources and libraries that a row depends on, besides its campaign and its number.
 
 Not among them, because they carry a row and do not change it: the store, which seals rows and reads them back to the
-bit; pyarrow, which holds them meanwhile; pydantic, which reads the spec, whose values are in the plan. Nor are the
-coordinator and the cluster: a row does not depend on where and in which order rows are computed.
+bit; pyarrow and `campaign.footers`, which hold and check them meanwhile; pydantic, which reads the spec, whose values
+are in the plan. Nor are the coordinator and the cluster: a row does not depend on where and in which order rows are
+computed.
 """
 
 import hashlib

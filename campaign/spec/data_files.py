@@ -95,7 +95,7 @@ def read_columns(path: Path, names: list[str], *, quote: bool = True) -> dict[st
         raise SpecError(f"no such file ({path}); paths are relative to the campaign file") from error
     except MemoryError as error:
         raise SpecError("its content takes too much memory; keep only the columns and rows that you need") from error
-    except (pa.ArrowException, OverflowError) as error:
+    except (pa.ArrowException, OverflowError, ValueError) as error:  # ValueError: a footer that is damaged
         raise SpecError(f"not {suffix[1:]}: {_reason(error)}; correct the file") from error
     except UnfitFile as error:
         most = f"files of up to {LARGEST_FILE // 1_000_000} MB; keep only the columns and rows that the campaign needs"

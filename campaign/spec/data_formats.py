@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from campaign.errors import SpecError
+from campaign.footers.column_chunks import column_chunks
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -82,15 +83,15 @@ class ParquetColumns:
     ------
     SpecError
         If there are too many rows or columns.
-    pyarrow.ArrowException, OSError
-        If it is no Parquet file.
+    pyarrow.ArrowException, OSError, ValueError
+        If it is no Parquet file, or damaged.
     """
 
     def __init__(self, content: bytes) -> None:
         import pyarrow as pa
         from pyarrow import parquet
 
-        self._file = parquet.ParquetFile(pa.BufferReader(content))
+        self._file, self._content = parquet.ParquetFile(pa.BufferReader(content)), content
         self.names: list[str] = self._file.schema_arrow.names
         check_size(self._file.metadata.num_columns, MOST_COLUMNS, "columns")
         check_size(self._file.metadata.num_rows, MOST_ROWS, "rows")
@@ -99,15 +100,14 @@ class ParquetColumns:
         """Return some columns; errors as of the class."""
         import pyarrow as pa
 
-        schema, metadata = self._file.schema_arrow, self._file.metadata
+        schema = self._file.schema_arrow
         empty = pa.schema([schema.field(name) for name in names]).empty_table()
         if not all(is_number(kind) for kind in empty.schema.types):
             return empty  # whoever asks refuses the type
-        for group in map(metadata.row_group, range(metadata.num_row_groups)):
-            for column in map(group.column, range(group.num_columns)):
-                if column.path_in_schema in names:
-                    check_size(column.num_values, MOST_ROWS, "values")
-                    check_size(column.total_uncompressed_size, LARGEST_COLUMN, "bytes in a column")
+        for chunk in column_chunks(self._content):
+            if chunk.path in names:
+                check_size(chunk.values, MOST_ROWS, "values")
+                check_size(chunk.uncompressed, LARGEST_COLUMN, "bytes in a column")
         tables, rows = [empty], 0
         for batch in self._file.iter_batches(BATCH, columns=names, use_threads=False):
             rows += batch.num_rows

@@ -195,11 +195,11 @@ def decode(plan: PlanHeader, content: bytes, rows: int, columns: Sequence[str] |
     schema = pa.schema([plan.schema.field(name) for name in names], plan.schema.metadata)
     try:
         footer = pq.read_metadata(pa.BufferReader(content))
-        check_decoded_size(content, footer, rows)
+        check_decoded_size(content, footer.num_rows, rows)
         file = pq.ParquetFile(pa.BufferReader(content), metadata=footer, read_dictionary=list(FEW_STRINGS))
         table = _plain(file.read(columns, use_threads=False))
         table = table if columns is None else table.select(names)
-    except (pa.ArrowException, OSError, KeyError, ValueError) as error:
+    except (pa.ArrowException, OSError, KeyError, ValueError, OverflowError) as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise BadPart(f"is not a Parquet file that this version can read ({reason})") from error
     table = table.replace_schema_metadata(plan.schema.metadata)

@@ -31,7 +31,9 @@ COMPUTE_ROWS = (
     "campaign.worker.subprocess_runs",
     "campaign.worker.batch",
 )
-CARRY_ROWS = re.compile(r"campaign\.store(\..*)?|campaign(\.errors|\.safe_path)?")  # see the docstring of `row_build`
+CARRY_ROWS = re.compile(
+    r"campaign\.(store|footers)(\..*)?|campaign(\.errors|\.safe_path)?"
+)  # see the docstring of `row_build`
 
 
 def test_all_that_a_row_depends_on_is_covered():

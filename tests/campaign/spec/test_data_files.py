@@ -190,3 +190,41 @@ def test_a_file_elsewhere_is_not_quoted(tmp_path):
         assert "secret" not in said.replace("root:secret", "") or column in said
         assert "user" not in said
         assert "root,secret" not in said
+
+
+def test_name_that_is_no_text_is_one_message(tmp_path):
+    """The footer names its columns in bytes that no text has."""
+    path = tmp_path / "a.parquet"
+    content = write_parquet(path, {"x": [1.0], "velvet": [2.0]}, store_schema=False)
+    path.write_bytes(content.replace(b"velvet", b"velve\xd6"))
+    assert "not parquet" in refusal(path)
+
+
+EVERY_BYTE = """\
+import sys
+from pathlib import Path
+from campaign.errors import SpecError
+from campaign.spec.data_files import read_columns
+path, first = Path(sys.argv[1]), int(sys.argv[2])
+content = path.read_bytes()
+refused = 0
+for at in range(first, len(content)):
+    for change in (1, 2, 0x10, 0xFF):
+        path.write_bytes(content[:at] + bytes([content[at] ^ change]) + content[at + 1 :])
+        try:
+            read_columns(path, ["x"])
+        except SpecError:
+            refused += 1
+print(refused)
+"""
+
+
+def test_no_byte_of_a_footer_ends_the_process(tmp_path):
+    """Pyarrow aborts where the sizes of a column contradict themselves, if it is asked for them."""
+    path = tmp_path / "a.parquet"
+    content = write_parquet(path, {"x": [1.0, 2.0], "s": ["a", "b"]}, store_schema=False)
+    first = len(content) - 8 - struct.unpack("<I", content[-8:-4])[0]
+    words = [sys.executable, "-c", EVERY_BYTE, path, str(first)]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=300, cwd=ROOT)
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert int(done.stdout) > 100

@@ -11,6 +11,7 @@ OF_DASK = "scheduler", "worker"  # their statuses and words are dask's
 STOPPED = {signal.SIGTERM, signal.SIGKILL}  # by which a supervisor ends what still runs
 FAILED_AT = "store ", "scheduler", "worker", "engine could not be"  # what a message of status 4 names
 UNSHARE = "unshare: sigprocmask unblock failed"  # how ``unshare`` ends, with 1, when its child was killed by SIGKILL
+NO_PLAN = "no campaign "  # said by whoever starts while a storm has taken the plan away
 LEASE_WORDS = ("was taken over by another process", "is computed by process", "was taken by another process")
 
 
@@ -54,5 +55,6 @@ def check_endings(supervisor, signals):
             allowed |= {1} if any(words in said for words in LEASE_WORDS) else set()
             allowed |= {1} if signal.SIGKILL in sent and UNSHARE in said else set()
             allowed |= {4} if "error: " in said and any(words in said for words in FAILED_AT) else set()
+            allowed |= {2} if NO_PLAN in said else set()
             assert code in allowed, f"{life.name} {pid} ended with {code}:\n{said[-3000:]}"
             assert "Traceback" not in said, f"{life.name} {pid} ended with {code}:\n{said[-6000:]}"

@@ -4,6 +4,7 @@ The environment says how long a run takes, and names the file that says how wron
 """
 
 import os
+import signal
 import subprocess
 import time
 from functools import partial
@@ -31,6 +32,7 @@ def _start(words, **how):
 def main():
     """Put the stand-in in the engine's place and the wrong clock in the right one's, and run the command."""
     time.time = wrong_clock(Path(os.environ[CLOCK]))  # first of all: dask keeps the function that it finds
+    handler = signal.signal(signal.SIGINT, signal.SIG_DFL)  # while this imports, not yet under the command's care
     from campaign import cli
     from campaign.coordinator import coordinate, submit
     from tests.campaign import fake_engine
@@ -39,6 +41,7 @@ def main():
     simulate = partial(fake_engine.takes, float(os.environ[SECONDS]))
     coordinate.coordinate = partial(coordinate.coordinate, simulate=simulate)
     submit.submit = partial(submit.submit, simulate=simulate)
+    signal.signal(signal.SIGINT, handler)
     cli.main()
 
 

@@ -1,0 +1,109 @@
+"""Structs of the Thrift compact protocol, in which Parquet writes its footer and the headers of its pages.
+
+Every element takes at least a byte of the content, so no content takes longer than its length. Nothing is trusted:
+whatever is not sound raises ValueError.
+"""
+
+from typing import Any
+
+DEEPEST = 12  # nested structs and lists; a footer has seven
+_LONG = 15  # in the head of a list: its length follows
+
+
+def read_struct(content: bytes, at: int, depth: int = 0) -> tuple[dict[int, Any], int]:
+    """Return the fields of a struct by number, and where it ends.
+
+    Parameters
+    ----------
+    content : bytes
+        That holds the struct.
+    at : int
+        Where it begins.
+    depth : int
+        How many structs and lists it lies in.
+
+    Returns
+    -------
+    (dict, int)
+        Integers as int, texts as bytes, structs as dict, lists as list; other values as None.
+
+    Raises
+    ------
+    ValueError
+        If there is no sound struct.
+    """
+    if depth > DEEPEST:
+        raise ValueError("a header is nested too deeply")
+    fields: dict[int, Any] = {}
+    field = 0
+    while True:
+        head, at = _byte(content, at)
+        if head == 0:
+            return fields, at
+        kind = head & 15
+        if head >> 4:
+            field += head >> 4
+        else:
+            field, at = _number(content, at)
+        if kind in (1, 2):  # true and false take no more than their kind
+            fields[field] = None
+        else:
+            fields[field], at = _value(content, at, kind, depth)
+
+
+def _value(content: bytes, at: int, kind: int, depth: int) -> tuple[Any, int]:
+    """Return a value of a kind, and where it ends."""
+    if kind in (1, 2, 3):  # a byte; in a list a Boolean is one too
+        return None, at + 1
+    if kind in (4, 5, 6):
+        return _number(content, at)
+    if kind == 7:
+        return None, at + 8
+    if kind == 8:
+        length, at = _varint(content, at)
+        return content[at : at + length], at + length
+    if kind == 9:
+        return _list(content, at, depth + 1)
+    if kind == 12:
+        return read_struct(content, at, depth + 1)
+    raise ValueError("a header has a field that none has")
+
+
+def _list(content: bytes, at: int, depth: int) -> tuple[list[Any], int]:
+    """Return the elements of a list, and where it ends."""
+    if depth > DEEPEST:
+        raise ValueError("a header is nested too deeply")
+    head, at = _byte(content, at)
+    length = head >> 4
+    if length == _LONG:
+        length, at = _varint(content, at)
+    elements = []
+    for _ in range(length):
+        _byte(content, at)  # a length that lies must not be believed
+        element, at = _value(content, at, head & 15, depth)
+        elements.append(element)
+    return elements, at
+
+
+def _byte(content: bytes, at: int) -> tuple[int, int]:
+    """Return the byte at a place, and the next place."""
+    if not 0 <= at < len(content):
+        raise ValueError("a header lies outside of the file")
+    return content[at], at + 1
+
+
+def _varint(content: bytes, at: int) -> tuple[int, int]:
+    """Return a number of seven bits a byte, and where it ends."""
+    value = 0
+    for shift in range(0, 70, 7):
+        byte, at = _byte(content, at)
+        value |= (byte & 127) << shift
+        if byte < 128:
+            return value, at
+    raise ValueError("a header has a number of too many digits")
+
+
+def _number(content: bytes, at: int) -> tuple[int, int]:
+    """Return a number whose sign is its last bit, and where it ends."""
+    value, at = _varint(content, at)
+    return (value >> 1) ^ -(value & 1), at
