@@ -144,7 +144,7 @@ def analyse(
         used=int(np.count_nonzero(drawn.ok)),
         run_seconds=samples.run_seconds,
         statuses=count_statuses(samples),
-        trust=trust_checks(spec, samples, responses, variables, correlations),
+        trust=trust_checks(spec, samples, responses, variables, correlations, CONFIDENCE),
         responses=responses,
         product=product_yield(drawn, spec, CONFIDENCE),
         variables=variables,

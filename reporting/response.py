@@ -9,7 +9,7 @@ from reporting.arrays import Array
 from reporting.capability.convergence import Convergence, convergence
 from reporting.capability.shares import Nonconforming, nonconforming, runs_to_claim
 from reporting.capability.summary import Capability, capability
-from reporting.capability.verdict import class_of, verdict
+from reporting.capability.verdict import CapabilityVerdict, IndexEstimate, verdict
 from reporting.capability.yields import Yield, yield_with_failures
 from reporting.content.tolerance_intervals import ToleranceIntervals, tolerance_intervals
 from reporting.errors import ReportError
@@ -17,6 +17,7 @@ from reporting.samples import Samples
 from reporting.sensitivity.influence import ResponseSensitivity
 from reporting.shape.fits import Fits, fit_families
 from reporting.shape.histogram import Histogram, histogram
+from reporting.shape.index_estimates import index_estimates
 from reporting.shape.nonnormal import NonnormalIndices, empirical_indices, fitted_indices
 from reporting.shape.normality import CLOSE, Normality, ProbabilityPlot, normality, probability_plot
 from reporting.shape.tails import TailShare, pareto_tails
@@ -25,6 +26,8 @@ from reporting.tolerance.worst_case import WorstCase, worst_case
 
 # Share out of limits of a centred normal response with Cp 1.33.
 CLAIM_PPM = 64.0
+# With a larger share of failed samples they may decide the verdict.
+FAILED_BAR = 0.01
 # Families fitted first. The others take three times as long and are fitted only if none of these is close.
 QUICK = ("normal", "lognormal", "weibull", "gamma", "logistic", "largest_extreme", "smallest_extreme", "box_cox")
 _FEWEST_FOR_A_FIT = 20
@@ -39,11 +42,8 @@ class ResponseAnalysis:
     spec : ResponseSpec
     assumed : bool
         The source of the limits calls them an assumption.
-    verdict : str
-        "capable", "marginal", "not capable", "no limits", or "no verdict" (no index, or the samples do not represent
-        production).
-    certain : bool or None
-        Both ends of the interval of Cpk have the same verdict; None without an interval.
+    verdict : CapabilityVerdict
+        The word, whether it is certain, and why.
     capability : Capability
         Over the ok samples.
     missing : int
@@ -76,8 +76,7 @@ class ResponseAnalysis:
 
     spec: ResponseSpec
     assumed: bool
-    verdict: str
-    certain: bool | None
+    verdict: CapabilityVerdict
     capability: Capability
     missing: int
     yield_: Yield | None
@@ -118,33 +117,30 @@ def analyse_response(
         raise ReportError(f"response {spec.name}: {error}") from error
     x = values[np.isfinite(values)]
     lots = None if batches is None else batches[np.isfinite(values)]
-    word = verdict(numbers)
-    certain = None
-    if numbers.cpk_interval is not None:
-        certain = all(class_of(end) == word for end in numbers.cpk_interval)
-    if word != "no limits" and not request.design.production:
-        word, certain = "no verdict", None
     counted = nonconforming(x, spec.lsl, spec.usl, confidence, samples.sample.size - x.size)
     shape = normality(x, confidence)
     limited = spec.lsl is not None or spec.usl is not None
     fits = _fits(x, shape, limited=limited)
+    methods = _methods(x, fits, spec, confidence) if limited else ()
+    tails = pareto_tails(x, spec.lsl, spec.usl, confidence) if limited else ()
+    with_failures = yield_with_failures(numbers, samples.sample.size, confidence)
+    others = (*_by_failures(with_failures, numbers.n), *index_estimates(fits, methods, tails))
     return ResponseAnalysis(
         spec=spec,
         assumed=spec.source.lower().startswith("assumption"),
-        verdict=word,
-        certain=certain,
+        verdict=verdict(numbers, counted, others, production=request.design.production),
         capability=numbers,
         missing=numbers.dropped,
-        yield_=yield_with_failures(numbers, samples.sample.size, confidence),
+        yield_=with_failures,
         histogram=histogram(x, spec.lsl, spec.usl),
         worst=None if corners is None else _corners(spec, *corners),
         nonconforming=counted,
         claim_runs=None if counted is None else runs_to_claim(CLAIM_PPM, confidence, counted.total.count),
-        tails=pareto_tails(x, spec.lsl, spec.usl, confidence) if limited else (),
+        tails=tails,
         normality=shape,
         plot=probability_plot(x, confidence=confidence),
         fits=fits,
-        methods=_methods(x, fits, spec, confidence) if limited else (),
+        methods=methods,
         tolerance_intervals=tolerance_intervals(x, shape, confidence, lots) if request.design.production else None,
         running=convergence(x, spec.lsl, spec.usl, confidence),
         sensitivity=sensitivity,
@@ -187,3 +183,15 @@ def _methods(x: Array, fits: Fits, spec: ResponseSpec, confidence: float) -> tup
         return (empirical,)
     fitted = [fitted_indices(method, best, spec.lsl, spec.usl, confidence) for method in ("percentile", "z_score")]
     return (*fitted, empirical)
+
+
+def _by_failures(with_failures: Yield | None, n: int) -> tuple[IndexEstimate, ...]:
+    """Return what Cpk would be if every failure were a reject, where failures are many enough to matter."""
+    if with_failures is None or with_failures.cpk is None:
+        return ()
+    failed = with_failures.finished - n
+    if failed <= FAILED_BAR * with_failures.finished:
+        return ()
+    words = f"{failed} of {with_failures.finished} samples have no value; if they count as rejects"
+    cpk = with_failures.cpk
+    return (IndexEstimate("failures", -math.inf, cpk, math.inf, words),)

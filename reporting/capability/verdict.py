@@ -1,19 +1,204 @@
-"""From an index to a word: capable, marginal, not capable."""
+"""From an index to a word: capable, marginal, not capable. A verdict is a promise, so every estimate may object.
 
+Cpk decides. Another estimate overrules it where its whole interval lies in a worse class: rejects that were counted
+are a fact, whatever a normal distribution expects. An estimate that the count itself refutes has no say. A verdict is
+*certain* if the interval of Cpk lies in one class, no estimate speaks for a worse one, none proves a better one, and
+the count does not exclude the share that the index implies. So the verdict is never better than what Cpk says, and
+never certain where methods disagree.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from scipy.special import ndtri
+
+from reporting.capability.shares import PPM, Nonconforming, Share
 from reporting.capability.summary import Capability
+from reporting.format_numbers import grouped, index, ppm
 
 # A response is capable from the first Cpk on and marginal from the second on (AIAG; Montgomery, Introduction to
 # Statistical Quality Control).
 CAPABLE, MARGINAL = 1.33, 1.00
+# Of normal responses with one limit and Cpk 1.00, 30 values call 4 % capable, 20 values 8 %, two values 54 %.
+FEWEST_FOR_A_VERDICT = 30
+NO_PRODUCTION = "The samples do not represent production."
+_BEST_FIRST = ("capable", "marginal", "not capable")
 
 
-def verdict(capability: Capability) -> str:
-    """Return "capable", "marginal" or "not capable"; "no verdict" without a Cpk, "no limits" without limits."""
+@dataclass(frozen=True)
+class IndexEstimate:
+    """What one method says of a response, in the scale of Cpk.
+
+    Attributes
+    ----------
+    by : str
+        The method in a word or two.
+    low, value, high : float
+        Interval and estimate. A share of rejects counts as the Cpk of a normal response with this share beyond its
+        worse limit; it is infinite where there are none.
+    words : str
+        The estimate in words, with its numbers, as the subject of a sentence.
+    """
+
+    by: str
+    low: float
+    value: float
+    high: float
+    words: str
+
+
+@dataclass(frozen=True)
+class CapabilityVerdict:
+    """A word on a response, and what it rests on.
+
+    Attributes
+    ----------
+    word : str
+        "capable", "marginal", "not capable", "no limits", or "no verdict" (no index, too few values, or samples that
+        do not represent production).
+    certain : bool or None
+        Whether the interval of the estimate that decides has the same verdict at both ends and no other estimate
+        contradicts; None without a verdict.
+    by : str
+        The estimate that decides: "index", or the one that overrules it; empty without a verdict.
+    reasons : tuple of str
+        Why there is no verdict, why it is not certain, or why it is worse than Cpk, in sentences.
+    """
+
+    word: str
+    certain: bool | None = None
+    by: str = ""
+    reasons: tuple[str, ...] = ()
+
+
+def verdict(
+    capability: Capability,
+    counted: Nonconforming | None,
+    others: Iterable[IndexEstimate] = (),
+    *,
+    production: bool = True,
+) -> CapabilityVerdict:
+    """Return the verdict on a response.
+
+    Parameters
+    ----------
+    capability : Capability
+        Its indices.
+    counted : Nonconforming or None
+        Its counted rejects.
+    others : iterable of IndexEstimate
+        Further estimates that are worth believing.
+    production : bool
+        The samples represent production.
+    """
     if capability.lsl is None and capability.usl is None:
-        return "no limits"
-    return "no verdict" if capability.cpk is None else class_of(capability.cpk)
+        return CapabilityVerdict("no limits")
+    missing = _missing(capability, production=production)
+    if missing:
+        return CapabilityVerdict("no verdict", reasons=(missing,))
+    assert capability.cpk is not None
+    assert capability.cpk_interval is not None
+    low, high = capability.cpk_interval
+    of_index = IndexEstimate(
+        "index", low, capability.cpk, high, f"Cpk {index(capability.cpk)} ({index(low)} to {index(high)})"
+    )
+    further = _with_count(counted, others)
+    word, decides = class_of(of_index.value), of_index
+    for other in further:
+        if _worse(class_of(other.high), word):
+            word, decides = class_of(other.high), other
+    reasons = [*_undecided(decides, word)]
+    reasons += [_objection(e, word) for e in further if e is not decides and _objects(e, word)]
+    if decides is not of_index:
+        reasons.insert(
+            0, f"{decides.words}: {word} at best, although {of_index.words} says {class_of(of_index.value)}."
+        )
+    if counted is not None and decides is of_index:
+        reasons += _excluded(capability, counted)
+    overruled_only = decides is not of_index and len(reasons) == 1
+    return CapabilityVerdict(word, not reasons or overruled_only, decides.by, tuple(reasons))
 
 
 def class_of(cpk: float) -> str:
     """Return "capable", "marginal" or "not capable" for a Cpk."""
     return "capable" if cpk >= CAPABLE else "marginal" if cpk >= MARGINAL else "not capable"
+
+
+def index_of_share(share: float) -> float:
+    """Return the Cpk of a normal response with this many ppm beyond its worse limit; infinite for none."""
+    return -float(ndtri(min(share, PPM) / PPM)) / 3
+
+
+def _missing(capability: Capability, *, production: bool) -> str:
+    """Return why there is no verdict; empty if there is one."""
+    if not production:
+        return NO_PRODUCTION
+    if capability.cpk is None or capability.cpk_interval is None:
+        return "There is no Cpk: " + ("all values are equal." if capability.n > 1 else "fewer than two values.")
+    if capability.n < FEWEST_FOR_A_VERDICT:
+        return (
+            f"{capability.n} values are too few for a verdict: below {FEWEST_FOR_A_VERDICT} a response with Cpk "
+            f"{MARGINAL:.2f} passes for capable too often."
+        )
+    return ""
+
+
+def _by_count(counted: Nonconforming) -> IndexEstimate:
+    """Return what the count says: the worse side, by its exact interval.
+
+    The value is the better end of the interval: one reject among 30,000 speaks neither for nor against 33 ppm.
+    """
+    sides = [side for side in (counted.below, counted.above) if side is not None]
+    low = min(index_of_share(side.interval[1]) for side in sides)
+    high = min(index_of_share(side.interval[0]) for side in sides)
+    return IndexEstimate("count", low, high, high, _words(counted.total))
+
+
+def _with_count(counted: Nonconforming | None, others: Iterable[IndexEstimate]) -> list[IndexEstimate]:
+    """Return the count and the estimates that it does not refute."""
+    if counted is None:
+        return list(others)
+    count = _by_count(counted)
+    return [count, *(other for other in others if other.high >= count.low and other.low <= count.high)]
+
+
+def _words(total: Share) -> str:
+    """Return the count in words."""
+    low, high = total.interval
+    return (
+        f"{grouped(total.count)} of {grouped(total.n)} values out of limits, {ppm(total.ppm)} ppm "
+        f"({ppm(low)} to {ppm(high)})"
+    )
+
+
+def _worse(word: str, than: str) -> bool:
+    """Return whether a class is worse than another."""
+    return _BEST_FIRST.index(word) > _BEST_FIRST.index(than)
+
+
+def _undecided(estimate: IndexEstimate, word: str) -> list[str]:
+    """Return a sentence if the interval of the estimate that decides includes another class."""
+    other = [class_of(end) for end in (estimate.low, estimate.high) if class_of(end) != word]
+    return [f"{estimate.words} does not tell {word} from {' or '.join(dict.fromkeys(other))}."] if other else []
+
+
+def _objects(estimate: IndexEstimate, word: str) -> bool:
+    """Return whether an estimate speaks for a worse class, or its whole interval lies in a better one."""
+    return _worse(class_of(estimate.value), word) or _worse(word, class_of(estimate.low))
+
+
+def _objection(estimate: IndexEstimate, word: str) -> str:
+    """Return the objection in a sentence."""
+    if _worse(word, class_of(estimate.low)):
+        return f"{estimate.words}: {class_of(estimate.low)}; the verdict goes with the worse."
+    return f"{estimate.words}: {class_of(estimate.value)}."
+
+
+def _excluded(capability: Capability, counted: Nonconforming) -> list[str]:
+    """Return a sentence if the exact interval of the counted share excludes the share that the index implies."""
+    expected, (low, high) = capability.ppm_expected, counted.total.interval
+    if expected is None or not math.isfinite(expected) or low <= expected <= high:
+        return []
+    direction = "more" if expected < low else "fewer"
+    return [f"{_words(counted.total)}: {direction} than the {ppm(expected)} ppm that a normal distribution expects."]

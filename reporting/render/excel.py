@@ -68,15 +68,21 @@ def _tables(analysis: Analysis, samples: Samples) -> dict[str, Table]:
 
 def _summary(analysis: Analysis) -> Table:
     """Return one row a response."""
-    heads = ("response", "unit", "verdict", "LSL", "USL", "mean", "sigma", "min", "max", "Cp", "Cpk", "Cpk low",
-             "Cpk high", "Cc", "ppm observed", "ppm at most", "ppm expected (normal)")  # fmt: skip
+    heads = ("response", "unit", "verdict", "certain", "by", "why", "LSL", "USL", "mean", "sigma", "min", "max", "Cp",
+             "Cpk", "Cpk low", "Cpk high", "Cc", "ppm observed", "ppm at most", "ppm expected (normal)")  # fmt: skip
     rows = []
     for r in analysis.responses:
         c, spec = r.capability, r.spec
         low, high = c.cpk_interval or (None, None)
-        rows.append((spec.name, spec.unit, r.verdict, spec.lsl, spec.usl, c.mean, c.std, c.min, c.max, c.cp, c.cpk,
-                     low, high, c.cc, c.ppm_observed, c.ppm_upper, c.ppm_expected))  # fmt: skip
+        rows.append((spec.name, spec.unit, r.verdict.word, *_basis(r), spec.lsl, spec.usl, c.mean, c.std, c.min, c.max,
+                     c.cp, c.cpk, low, high, c.cc, c.ppm_observed, c.ppm_upper, c.ppm_expected))  # fmt: skip
     return heads, rows
+
+
+def _basis(response: ResponseAnalysis) -> tuple[str, str, str]:
+    """Return whether a verdict is certain, the estimate that decides, and the reasons."""
+    found = response.verdict
+    return {True: "yes", False: "no", None: ""}[found.certain], found.by, " ".join(found.reasons)
 
 
 def _product(analysis: Analysis) -> Table:

@@ -35,6 +35,10 @@ METHODS = {
     "z_score": "Z-scores (Minitab)",
     "empirical": "the values' own percentiles (Cnpk)",
 }
+_WORST_FIRST = (
+    *("not capable", "not capable, not certain", "marginal", "marginal, not certain"),
+    *("capable, not certain", "no verdict"),
+)
 CLAIMS = (1000.0, 100.0, CLAIM_PPM, 10.0, 1.0)
 
 
@@ -88,10 +92,20 @@ def headline(analysis: Analysis) -> str:
         return "No response has limits, so there is nothing to judge."
     if not analysis.design.production:
         return "The samples do not represent production, so there is no verdict on capability."
-    capable = sum(r.verdict == "capable" for r in limited)
-    if capable == len(limited):
-        return f"Every response with limits is capable ({capable} of {capable})."
-    return f"{capable} of {len(limited)} responses with limits are capable."
+    return _by_verdict(limited)
+
+
+def _by_verdict(limited: list[ResponseAnalysis]) -> str:
+    """Return the responses by their verdict, the worst first; an uncertain one counts as nothing but uncertain."""
+    groups: dict[str, list[str]] = {}
+    for r in limited:
+        word, certain = r.verdict.word, r.verdict.certain
+        groups.setdefault(word if certain is not False else f"{word}, not certain", []).append(r.spec.name)
+    if list(groups) == ["capable"]:
+        return f"Every response with limits is capable ({len(limited)} of {len(limited)})."
+    bad = [f"{word.capitalize()}: {', '.join(groups[word])}." for word in _WORST_FIRST if word in groups]
+    capable = len(groups.get("capable", ()))
+    return " ".join([*bad, f"Certainly capable: {capable or 'none'} of {len(limited)} responses with limits."])
 
 
 def weakest(analysis: Analysis) -> ResponseAnalysis | None:

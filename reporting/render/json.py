@@ -12,6 +12,7 @@ from reporting.capability.verdict import CAPABLE, MARGINAL
 FORMAT = 2
 
 _OF_SPEC = ("title", "campaign", "header", "requested", "sampler", "stop", "replay")
+_OF_VERDICT = {"certain": "certain", "verdict_by": "by", "verdict_reasons": "reasons", "verdict": "word"}
 _REPEATED = ("lsl", "usl", "target")  # inside a capability these are only what it was called with
 
 
@@ -29,6 +30,7 @@ def document(analysis: Analysis) -> dict[str, Any]:
         response["yield"] = response.pop("yield_")
         for name in _REPEATED:
             del response["capability"][name]
+        response |= {name: response["verdict"][key] for name, key in _OF_VERDICT.items()}
     return {
         "format": FORMAT,
         **{name: spec[name] for name in _OF_SPEC},
@@ -53,6 +55,9 @@ def report_schema() -> dict[str, Any]:
     response = models["ResponseAnalysis"]
     response["properties"]["yield"] = response["properties"].pop("yield_")
     response["required"] = ["yield" if name == "yield_" else name for name in response["required"]]
+    of_verdict = models.pop("CapabilityVerdict")["properties"]
+    response["properties"] |= {name: of_verdict[key] for name, key in _OF_VERDICT.items()}
+    response["required"] += [name for name in _OF_VERDICT if name != "verdict"]
     models["ComparedCapability"] = json.loads(json.dumps(models["Capability"]))
     for name in _REPEATED:
         del models["Capability"]["properties"][name]

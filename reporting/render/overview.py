@@ -4,7 +4,7 @@ from typing import cast
 
 from reporting import format_numbers
 from reporting.analysis import Analysis
-from reporting.capability.verdict import CAPABLE, MARGINAL
+from reporting.capability.verdict import CAPABLE, MARGINAL, CapabilityVerdict
 from reporting.render.svg import (
     GRID,
     INK,
@@ -45,7 +45,7 @@ def overview_figure(analysis: Analysis) -> str | None:
     ]
     for row, (response, part) in enumerate(zip(shown, parts, strict=True)):
         y = frame.top + _ROW * (row + 0.5)
-        colour = COLOURS.get(response.verdict, MUTED)
+        colour = verdict_colour(response.verdict)
         start, mean, end, least, largest = (frame.across(min(max(p, low), high)) for p in part)
         marks += [
             box(start, y - 6, end - start, 12, colour, 'fill-opacity="0.55"'),
@@ -55,7 +55,7 @@ def overview_figure(analysis: Analysis) -> str | None:
         ]
     marks += [marker(frame, at, name, LIMIT, "7 4") for at, name in ((-1.0, "LSL"), (1.0, "USL"))]
     marks.append(axis_x(frame, "position between the limits (0: middle, ±1: limits), each response in its own scale"))
-    verdicts = "; ".join(f"{r.spec.name} {r.verdict}, Cpk {format_numbers.index(r.capability.cpk)}" for r in shown)
+    verdicts = "; ".join(f"{r.spec.name} {_in_words(r)}, Cpk {format_numbers.index(r.capability.cpk)}" for r in shown)
     return svg(frame, f"Position and spread of every response between its limits: {verdicts}.", marks)
 
 
@@ -81,7 +81,7 @@ def goal_figure(analysis: Analysis) -> str | None:
     taken: list[tuple[float, float, float]] = []
     for r, (x, y) in zip(shown, points, strict=True):
         at, up = frame.across(min(max(x, -reach), reach)), frame.up(min(y, top))
-        marks.append(dots([(at, up)], COLOURS.get(r.verdict, MUTED), 4.5))
+        marks.append(dots([(at, up)], verdict_colour(r.verdict), 4.5))
         left, baseline = _room(at, up, text_width(r.spec.name), taken)
         marks.append(text(left, baseline, r.spec.name, "start"))
     marks.append(axis_x(frame, "(mean − middle) / (USL − LSL): 0 is centred, ±0.5 on a limit"))
@@ -103,6 +103,17 @@ def _room(at: float, up: float, wide: float, taken: list[tuple[float, float, flo
     )
     taken.append((left, left + wide, baseline))
     return left, baseline
+
+
+def verdict_colour(found: CapabilityVerdict) -> str:
+    """Return the colour of a verdict; what is not certain is never green."""
+    uncertain = found.word == "capable" and not found.certain
+    return COLOURS.get("marginal" if uncertain else found.word, MUTED)
+
+
+def _in_words(response: ResponseAnalysis) -> str:
+    """Return the verdict on a response in words."""
+    return response.verdict.word + (" (not certain)" if response.verdict.certain is False else "")
 
 
 def _two_sided(analysis: Analysis) -> list[ResponseAnalysis]:

@@ -26,7 +26,8 @@ def render_parquet(analysis: Analysis) -> bytes:
 
     rows = [_row(response) for response in analysis.responses]
     schema = [("response", pa.string()), ("title", pa.string()), ("unit", pa.string()), ("verdict", pa.string())]
-    schema += [("certain", pa.bool_()), ("normality", pa.string()), ("distribution", pa.string())]
+    schema += [("certain", pa.bool_()), ("verdict_by", pa.string()), ("verdict_reasons", pa.list_(pa.string()))]
+    schema += [("normality", pa.string()), ("distribution", pa.string())]
     schema += [(name, pa.int64() if name in _COUNTS else pa.float64()) for name in _numbers()]
     schema_of_rows = pa.schema([pa.field(name, kind, metadata=_metadata(name)) for name, kind in schema])
     about = {"campaign": analysis.spec.campaign, "title": analysis.spec.title, "format": "2"}
@@ -57,8 +58,10 @@ def _row(response: ResponseAnalysis) -> dict[str, Any]:
         "response": response.spec.name,
         "title": response.spec.title,
         "unit": response.spec.unit,
-        "verdict": response.verdict,
-        "certain": response.certain,
+        "verdict": response.verdict.word,
+        "certain": response.verdict.certain,
+        "verdict_by": response.verdict.by,
+        "verdict_reasons": list(response.verdict.reasons),
         "normality": response.normality.verdict,
         "distribution": response.fits.best,
         "cpk_with_failures": response.yield_.cpk if response.yield_ else None,

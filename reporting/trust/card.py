@@ -8,6 +8,7 @@ from reporting.inputs import CorrelationAnalysis, VariableAnalysis
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
 from reporting.spec import ReportSpec
+from reporting.trust.agreement import many_statements, verdicts_hold
 from reporting.trust.certificates import PENETRATION_BAR, RESIDUAL_BAR, complete, failures, largest, settled
 from reporting.trust.check import Check
 from reporting.trust.evidence import converged, enough_samples, failures_as_rejects, missing_values, normal_shape
@@ -20,6 +21,7 @@ def trust_checks(
     responses: tuple[ResponseAnalysis, ...],
     variables: tuple[VariableAnalysis, ...],
     correlations: tuple[CorrelationAnalysis, ...],
+    confidence: float,
 ) -> tuple[Check, ...]:
     """Return the lines of the trust card, in reading order."""
     unit, design = samples.penetration_unit, spec.design
@@ -27,6 +29,8 @@ def trust_checks(
         Check("Sampling", "info" if design.production else "attention", design.text),
         complete(spec.requested, samples),
         enough_samples(responses, production=design.production),
+        verdicts_hold(responses),
+        *([many_statements(responses, confidence)] if design.production else []),
         converged(responses, production=design.production),
         *([Check("Stopping rule", "info", spec.stop)] if spec.stop else []),
         failures(samples),

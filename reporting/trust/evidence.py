@@ -5,6 +5,7 @@ import math
 from reporting import format_numbers
 from reporting.capability.convergence import DRIFT_BAR
 from reporting.capability.intervals import cpk_half_width
+from reporting.capability.verdict import class_of
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
 from reporting.trust.check import Check
@@ -29,7 +30,9 @@ def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool)
     if widths[at] > WANTED_HALF_WIDTH:
         needed = math.ceil(c.n * (widths[at] / WANTED_HALF_WIDTH) ** 2)
         text += f"; about {format_numbers.grouped(round(needed, 2 - len(str(needed))))} samples would give ±5 %"
-    uncertain = [r.spec.name for r, _ in indexed if not r.certain]
+    uncertain = [
+        r.spec.name for r, c in indexed if c.cpk_interval and len({class_of(end) for end in c.cpk_interval}) > 1
+    ]
     if uncertain:
         text += f". The interval of {', '.join(uncertain)} includes another verdict: more samples are needed to decide"
     return Check("Enough samples", "attention" if uncertain else "good", f"{text}.", widths[at])

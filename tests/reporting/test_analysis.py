@@ -6,8 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from reporting import ReportError, capability
-from reporting.capability.verdict import verdict
+from reporting import ReportError
 from reporting.failures import STATUSES
 from tests.reporting.synthetic import analysis_of
 
@@ -58,36 +57,21 @@ def test_yields_cpk_is_the_quantile_of_the_failed_share(campaign) -> None:
     assert a.responses[0].yield_.cpk == pytest.approx(1.2815515655446004 / 3, abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("cpk", "word"),
-    [
-        (1.33, "capable"),
-        (1.3299, "marginal"),
-        (1.0, "marginal"),
-        (0.9999, "not capable"),
-        (-1, "not capable"),
-    ],
-)
-def test_verdict_by_cpk(cpk, word) -> None:
-    c = capability([0.0, 1.0], -1.0, 2.0)
-    assert verdict(replace(c, cpk=cpk)) == word
-    assert verdict(replace(c, cpk=None)) == "no verdict"
-    assert verdict(replace(c, lsl=None, usl=None, cpk=None)) == "no limits"
-
-
 def test_certain_only_if_the_interval_keeps_the_verdict(campaign) -> None:
     a = analysis_of(*campaign(500))
     for r in a.responses:
         if r.capability.cpk_interval is None:
-            assert r.certain is None
+            assert r.verdict.certain is None
         else:
             low, high = r.capability.cpk_interval
             inside = any(low < bar <= high for bar in (1.0, 1.33))
-            assert r.certain is not inside
-    assert {r.certain for r in a.responses} == {True, False, None}
-    unsure = [r.spec.name for r in a.responses if r.certain is False]
+            assert r.verdict.certain is not inside
+    assert {r.verdict.certain for r in a.responses} == {True, False, None}
+    unsure = [r.spec.name for r in a.responses if r.verdict.certain is False]
     assert check(a, "Enough samples").level == "attention"
     assert unsure[0] in check(a, "Enough samples").text
+    assert check(a, "Verdicts").level == "attention"
+    assert f"{unsure[0]} (" in check(a, "Verdicts").text
 
 
 def test_limits_of_an_assumption_are_marked(campaign) -> None:

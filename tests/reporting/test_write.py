@@ -123,7 +123,8 @@ def test_the_page_says_the_words_not_only_the_colours(page: Page) -> None:
 
 def test_the_headline_names_the_weakest(campaign) -> None:
     a = analysis_of(*campaign(500))
-    assert headline(a) == "4 of 6 responses with limits are capable."
+    bad = "Not capable: FC-4. Marginal: FC-3. Capable, not certain: FC-5."
+    assert headline(a) == f"{bad} Certainly capable: 3 of 6 responses with limits."
     assert weakest(a).spec.name == "FC-4"
 
 
@@ -177,7 +178,13 @@ def test_json_holds_every_number_of_the_analysis(campaign) -> None:
     assert found["thresholds"] == {"capable": 1.33, "marginal": 1.0}
     assert {s["status"]: s["count"] for s in found["statuses"]}["timeout"] == 2
     for written, r in zip(found["responses"], a.responses, strict=True):
-        assert written["verdict"] == r.verdict
+        found_verdict = (
+            written["verdict"],
+            written["certain"],
+            written["verdict_by"],
+            tuple(written["verdict_reasons"]),
+        )
+        assert found_verdict == (r.verdict.word, r.verdict.certain, r.verdict.by, r.verdict.reasons)
         assert written["spec"]["lsl"] == r.spec.lsl
         for name, value in vars(r.capability).items():
             if name not in ("lsl", "usl", "target"):

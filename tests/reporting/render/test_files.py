@@ -111,7 +111,7 @@ def test_batches_of_production_give_the_sigma_within(campaign) -> None:
 @pytest.mark.parametrize("sampler", ["grid", "list", "worst_case"])
 def test_samples_that_are_no_production_get_no_verdict(campaign, sampler) -> None:
     a = analysis_of(*campaign(200, **drawn_by(sampler)))
-    assert {r.verdict for r in a.responses} == {"no verdict", "no limits"}
+    assert {r.verdict.word for r in a.responses} == {"no verdict", "no limits"}
     first = a.trust[0]
     assert (first.name, first.level) == ("Sampling", "attention")
     assert not a.advice
@@ -123,6 +123,6 @@ def test_the_worst_case_of_another_campaign_stands_beside_the_statistics(campaig
     corners, of_corners = campaign(60, **drawn_by("worst_case"))
     a = analysis_of(table, spec, against=(corners, of_corners))
     assert a.comparison is None
-    assert a.responses[0].verdict == "capable"
+    assert a.responses[0].verdict.word == "capable"
     assert a.responses[0].worst == analysis_of(corners, of_corners).responses[0].worst
     assert "Mean ± 3σ" in render_html(a)

@@ -1,0 +1,122 @@
+"""A verdict is a promise: index, count and every other estimate must agree before it is certain."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import ndtri
+
+from reporting import capability
+from reporting.capability.shares import nonconforming
+from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, IndexEstimate, class_of, index_of_share, verdict
+
+
+def spread(n: int, cpk: float, rejects: int = 0) -> np.ndarray:
+    """Return n values with an upper Cpk for a limit at 3 of about `cpk`, this many of them beyond it."""
+    kept = ndtri((np.arange(n - rejects) + 0.5) / (n - rejects)) / cpk
+    return np.concatenate((np.clip(kept, -2.99, 2.99), np.full(rejects, 3.01)))
+
+
+def judged(x, lsl=None, usl=None, others=(), **how):
+    """Return the verdict on values."""
+    c = capability(x, lsl, usl)
+    return verdict(c, nonconforming(np.asarray(x), lsl, usl, 0.95), others, **how)
+
+
+def objector(by: str, low: float, value: float, high: float) -> IndexEstimate:
+    return IndexEstimate(by, low, value, high, f"Ppk {value} by {by}")
+
+
+@pytest.mark.parametrize(
+    ("cpk", "word"),
+    [(1.33, "capable"), (1.3299, "marginal"), (1.0, "marginal"), (0.9999, "not capable"), (-1, "not capable")],
+)
+def test_the_word_follows_from_cpk(cpk, word) -> None:
+    c = capability(spread(40, 1.0), -3.0, 2.0)
+    assert class_of(cpk) == word
+    assert verdict(replace(c, cpk=cpk, cpk_interval=(cpk, cpk)), None).word == word
+    assert verdict(replace(c, cpk=None), None).word == "no verdict"
+    assert verdict(replace(c, lsl=None, usl=None, cpk=None), None).word == "no limits"
+
+
+@pytest.mark.parametrize(("rejects", "word"), [(27, "marginal"), (25, "marginal"), (110, "not capable")])
+def test_a_count_that_excludes_the_index_overrules_it(rejects: int, word: str) -> None:
+    """27 of 30,000 values out of limits, at least 593 ppm, with a Cpk of 1.4 that expects 13."""
+    x = spread(30_000, 1.4, rejects)
+    assert capability(x, usl=3.0).cpk > 1.33
+    found = judged(x, usl=3.0)
+    assert (found.word, found.by) == (word, "count")
+    assert f"{rejects} of 30" in found.reasons[0]
+    assert "Cpk 1.3" in found.reasons[0]
+
+
+def test_a_count_better_than_the_index_never_raises_the_verdict() -> None:
+    """Two rejects of 30,000 where Cpk 0.8 expects thousands: the worse word, with the reason, and not certain."""
+    x = np.random.default_rng(0).uniform(-1, 1, 30_000)
+    x[:2] = 1.5
+    found = judged(x, usl=1.4)
+    assert capability(x, usl=1.4).cpk < 1
+    assert (found.word, found.certain, found.by) == ("not capable", False, "index")
+    assert any("fewer than" in reason for reason in found.reasons)
+    assert any("goes with the worse" in reason for reason in found.reasons)
+
+
+@pytest.mark.parametrize("n", [2, 3, 10, FEWEST_FOR_A_VERDICT - 1])
+def test_too_few_values_have_no_verdict(n: int) -> None:
+    found = judged(spread(n, 1.0), -9.0, 9.0)
+    assert (found.word, found.certain) == ("no verdict", None)
+    assert f"{n} values are too few" in found.reasons[0]
+
+
+def test_the_fewest_values_seldom_call_a_poor_response_capable() -> None:
+    """Of 20,000 samples of a normal response with one limit and Cpk 1.00, at most one of twenty is called capable."""
+    x = np.random.default_rng(1).normal(size=(20_000, FEWEST_FOR_A_VERDICT))
+    cpk = (3.0 - x.mean(axis=1)) / (3 * x.std(axis=1, ddof=1))
+    assert np.mean(cpk >= 1.33) <= 0.05
+    fewer = x[:, :20]
+    assert np.mean((3.0 - fewer.mean(axis=1)) / (3 * fewer.std(axis=1, ddof=1)) >= 1.33) > 0.05
+
+
+def test_enough_agreeing_estimates_are_certain() -> None:
+    x = spread(5_000, 1.0)
+    found = judged(x, -5.0, 5.0, [objector("tail", 1.4, 1.6, math.inf)])
+    assert (found.word, found.certain, found.by, found.reasons) == ("capable", True, "index", ())
+
+
+def test_any_estimate_in_a_worse_class_takes_the_certainty() -> None:
+    x = spread(5_000, 1.0)
+    found = judged(x, -5.0, 5.0, [objector("fitted distribution", 0.9, 1.2, 1.5)])
+    assert (found.word, found.certain, found.by) == ("capable", False, "index")
+    assert found.reasons == ("Ppk 1.2 by fitted distribution: marginal.",)
+
+
+def test_an_estimate_wholly_in_a_worse_class_overrules() -> None:
+    x = spread(1_000, 1.0)
+    found = judged(x, -5.0, 5.0, [objector("fitted distribution", 0.9, 0.95, 0.99), objector("tail", 0.9, 1.1, 1.2)])
+    assert (found.word, found.by) == ("not capable", "fitted distribution")
+    assert found.certain is True
+    assert found.reasons[0].startswith("Ppk 0.95 by fitted distribution: not capable at best, although Cpk")
+
+
+def test_an_estimate_that_the_count_refutes_has_no_say() -> None:
+    """None of 5,000 values is out of limits, at most 738 ppm: a fit that expects 8,000 is wrong."""
+    found = judged(spread(5_000, 1.0), -5.0, 5.0, [objector("fitted distribution", 0.7, 0.8, 0.9)])
+    assert (found.word, found.certain) == ("capable", True)
+
+
+def test_samples_that_are_no_production_have_no_verdict() -> None:
+    found = judged(spread(500, 1.0), -5.0, 5.0, production=False)
+    assert (found.word, found.certain) == ("no verdict", None)
+
+
+def test_a_constant_response_is_not_asked_for_more_values() -> None:
+    found = judged(np.full(500, 3.0), 0.0, 5.0)
+    assert found.word == "no verdict"
+    assert "all values are equal" in found.reasons[0]
+
+
+def test_a_share_in_the_scale_of_cpk() -> None:
+    assert index_of_share(1349.898) == pytest.approx(1.0, abs=1e-7)
+    assert index_of_share(0.0) == math.inf
+    assert index_of_share(1e6) == -math.inf
