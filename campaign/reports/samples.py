@@ -1,8 +1,12 @@
 """Samples of a campaign as columns, for questions that need no new runs."""
 
+from math import lcm
+
 import numpy as np
+from numpy.typing import NDArray
 
 from campaign.errors import CampaignError
+from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan
 from campaign.spec.campaign_file import Response
@@ -12,8 +16,8 @@ from engine.arrays import Array
 Limits = dict[str, tuple[float | None, float | None]]
 
 
-def independent_samples(store: Store, plan: Plan) -> dict[str, Array]:
-    """Return the variables and responses of all samples that are independent draws.
+def independent_samples(store: Store, plan: Plan) -> tuple[dict[str, Array], NDArray[np.int64] | None]:
+    """Return the variables and responses of all samples that are drawn independently, and their production lots.
 
     Parameters
     ----------
@@ -26,6 +30,8 @@ def independent_samples(store: Store, plan: Plan) -> dict[str, Array]:
     -------
     dict of str to ndarray, each of shape (n,)
         By name; NaN where a run has no value.
+    array of int64, shape (n,), or None
+        Production lot of each sample; None if no variable varies by lot.
 
     Raises
     ------
@@ -34,13 +40,21 @@ def independent_samples(store: Store, plan: Plan) -> dict[str, Array]:
     """
     names = [*plan.spec.variables, *plan.mechanism.responses]
     pieces: dict[str, list[Array]] = {name: [] for name in names}
+    samples: list[NDArray[np.int64]] = []
     for table in store.stream(plan, ["sample", *names]):
         rows = sampler_named(plan.spec.sampler).independent(plan.spec, table["sample"].to_numpy())
+        samples.append(table["sample"].to_numpy()[rows])
         for name in names:
             pieces[name].append(table[name].to_numpy()[rows])
     if not pieces[names[0]]:
         raise CampaignError(f"{plan.campaign_id}: no sample is computed yet; wait for the first, or run the campaign")
-    return {name: np.concatenate(pieces.pop(name)) for name in names}
+    return {name: np.concatenate(pieces.pop(name)) for name in names}, _lots(plan, np.concatenate(samples))
+
+
+def _lots(plan: Plan, sample: NDArray[np.int64]) -> NDArray[np.int64] | None:
+    """Return the lot of each sample, such that different lots share no shift of any variable; None without lots."""
+    sizes = [v.batch.size for v in plan.spec.variables.values() if isinstance(v, Continuous) and v.batch]
+    return sample // min(lcm(*sizes), int(np.iinfo(np.int64).max)) if sizes else None
 
 
 def limits_of(plan: Plan) -> Limits:

@@ -115,7 +115,7 @@ def _samples_and_limits(store: Store, plan: Plan) -> tuple[dict[str, Array], Lim
     """Return the samples, and the limits of the responses that have any."""
     check_drawn(plan.spec)
     limits = {name: pair for name, pair in limits_of(plan).items() if pair != (None, None)}
-    return independent_samples(store, plan), limits
+    return independent_samples(store, plan)[0], limits
 
 
 def _variables(plan: Plan, samples: Mapping[str, Array], rows: NDArray[np.intp]) -> dict[str, Array]:

@@ -35,9 +35,10 @@ def what_if(store: Store, plan: Plan, settings: list[str]) -> dict[str, WhatIf]:
     """
     check_drawn(plan.spec)
     changed = changed_variables(plan.spec, settings)
-    samples = independent_samples(store, plan)
+    samples, lots = independent_samples(store, plan)
     responses = {name: samples[name] for name in plan.mechanism.responses}
     try:
-        return what_if_all(responses, change_distributions(plan.spec, changed, samples), limits_of(plan))
+        change = change_distributions(plan.spec, changed, samples)
+        return what_if_all(responses, change, limits_of(plan), lots=lots)
     except ReportError as error:
         raise CampaignError(f"what if of {plan.campaign_id}: {error}") from error

@@ -1,12 +1,15 @@
 """The capability under other distributions of the variables, from the samples at hand: reweighting.
 
-Every statistic is a smooth function of weighted means, so its standard error follows from its influence function,
-``se^2 = sum (w_i IF_i)^2`` (delta method). Shares have the interval of Korn and Graubard (1998): that of Clopper and
-Pearson for the sample size with the same standard error.
+Every statistic is a smooth function of weighted means, so its error follows from its influence function: sample i adds
+``w_i IF_i`` (delta method). `reporting.tolerance.weighted_intervals` makes intervals of these terms.
+
+A heavy tail of a response's own contributions widens its interval and is no reason to refuse it: the campaigns that
+happened to miss the tail would pass, and their answers are the wrong ones. With refusals above k = 0.5, as few as 20 %
+of the answered intervals held.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,14 +18,24 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
 from reporting.arrays import Array
-from reporting.capability.intervals import Interval, share_interval
+from reporting.capability.intervals import Interval
 from reporting.capability.moments import ROUNDING
 from reporting.capability.shares import PPM, expected_normal
 from reporting.errors import ReportError
 from reporting.tolerance.reweighting import Change, Weights, pareto_smoothed, weights
+from reporting.tolerance.weighted_intervals import (
+    LEAST_LOTS,
+    LotLabels,
+    by_lot,
+    mean_interval,
+    share_interval,
+    variance_of_sum,
+)
 
 USUAL_CPK = 1.33
 WANTED_HALF_WIDTH = 0.05
+# Above this shape of the tail a mean of so many samples is decided by a few of them (Vehtari et al. 2024).
+HEAVY_TAIL = 0.7
 
 
 @dataclass(frozen=True)
@@ -34,7 +47,7 @@ class Estimate:
     value : float
     interval : (float, float)
     effective : float
-        Number of new runs that would give an interval as narrow.
+        Number of new runs that would give an error as small, at most Kish's effective sample size.
     """
 
     value: float
@@ -52,15 +65,18 @@ class WhatIf:
         Number of finite values, and of rows without one.
     effective, largest : float
         Kish's effective sample size, and the largest weight of a sample.
-    pareto_k, pareto_k_sigma, pareto_k_bar : float or None
-        Shape of the tail of the weights, of the samples' contributions to sigma, and the largest that is accepted.
+    pareto_k, pareto_k_bar : float or None
+        Shape of the tail of the weights, and the largest that is accepted.
+    pareto_k_sigma : float or None
+        Shape of the tail of the samples' contributions to sigma; None if the weights do not make it heavier.
     outside : float
         Probability of new values outside the range of the old distribution.
     mean, std : Estimate or None
         In the response's unit.
     cp, cpl, cpu, cpk : Estimate or None
     ppm, ppm_below, ppm_above : Estimate or None
-        Weighted share out of limits; the upper end of the interval includes `outside`.
+        Weighted share out of limits; the upper end of the interval includes `outside`. Where rejects carry small
+        weights, the value may be far below one effective sample: only the upper end of its interval is informative.
     ppm_expected : float or None
         Share out of limits of a normal distribution with the new mean and sigma.
     missing : float or None
@@ -96,12 +112,22 @@ class WhatIf:
     notes: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class _Sampled:
+    """The samples with a value: their weights with the sum 1, lots and effective number."""
+
+    weight: Array
+    lots: LotLabels | None
+    kish: float
+
+
 def what_if(
     y: ArrayLike,
     change: Change,
     lsl: float | None = None,
     usl: float | None = None,
     confidence: float = 0.95,
+    lots: LotLabels | None = None,
 ) -> WhatIf:
     """Return the capability of one response under a change of the variables' distributions.
 
@@ -115,13 +141,15 @@ def what_if(
         Limits, in the response's unit.
     confidence : float
         Of the intervals, two-sided.
+    lots : array, shape (n,), or None
+        Production lot of each sample; None for independent samples.
 
     Raises
     ------
     ReportError
-        Response and log ratios differ in length, or a log ratio is not a number.
+        Response, lots and log ratios differ in length, or a log ratio is not a number.
     """
-    return _under(np.asarray(y, np.float64), weights(change), lsl, usl, confidence)
+    return _under(np.asarray(y, np.float64), weights(change), (lsl, usl), confidence, lots)
 
 
 def what_if_all(
@@ -129,11 +157,12 @@ def what_if_all(
     change: Change,
     limits: Mapping[str, tuple[float | None, float | None]] | None = None,
     confidence: float = 0.95,
+    lots: LotLabels | None = None,
 ) -> dict[str, WhatIf]:
     """Return `what_if` of every response, with weights that are computed once."""
     w = weights(change)
     return {
-        name: _under(np.asarray(column, np.float64), w, *(limits or {}).get(name, (None, None)), confidence)
+        name: _under(np.asarray(column, np.float64), w, (limits or {}).get(name, (None, None)), confidence, lots)
         for name, column in responses.items()
     }
 
@@ -144,36 +173,55 @@ def runs_for(cpk: float | None, half_width: float = WANTED_HALF_WIDTH, confidenc
     return math.ceil((float(ndtri(0.5 + confidence / 2)) / half_width) ** 2 * (location + 0.5))
 
 
-def _under(y: Array, w: Weights, lsl: float | None, usl: float | None, confidence: float) -> WhatIf:
+def _under(
+    y: Array, w: Weights, limits: tuple[float | None, float | None], confidence: float, lots: LotLabels | None
+) -> WhatIf:
     """Return the numbers of one response under weights."""
-    if y.shape != w.weight.shape:
+    if y.shape != w.weight.shape or (lots is not None and np.shape(lots) != y.shape):
         raise ReportError(f"what if: {y.shape} values and {w.weight.shape} weights; give both of the same samples")
     finite = np.isfinite(y)
-    n, limited = int(np.count_nonzero(finite)), lsl is not None or usl is not None
+    n, limited = int(np.count_nonzero(finite)), limits != (None, None)
     with_value = float(w.weight[finite].sum())
     base = WhatIf(n, y.size - n, w.effective, w.largest, w.pareto_k, w.pareto_k_bar, w.outside, 0)
-    empty = "no sample with a value has a weight above zero" if n < 2 or with_value <= 0 else ""
+    refusal = w.refusal or _too_few(n, with_value, None if lots is None else lots[finite])
     usual_runs = runs_for(USUAL_CPK if limited else None)
-    if w.refusal or empty:
-        return replace(base, refusal=w.refusal or empty, runs=usual_runs)
+    if refusal:
+        return replace(base, refusal=refusal, runs=usual_runs)
     values, weight = y[finite], w.weight[finite] / with_value
+    sampled = _Sampled(weight, None if lots is None else lots[finite], float(1 / np.sum(weight**2)))
     k = _tail_of_sigma(values, weight)
-    if k is not None and k > w.pareto_k_bar:
-        why = f"a few samples determine the new sigma, Pareto k = {k:.2f} above {w.pareto_k_bar:.2f}"
-        return replace(base, pareto_k_sigma=k, refusal=why, runs=usual_runs)
-    numbers: dict[str, Any] = _moments(values, weight, lsl, usl, float(ndtri(0.5 + confidence / 2)))
-    numbers |= _shares(values, weight, lsl, usl, w.outside, confidence)
+    numbers: dict[str, Any] = _moments(values, sampled, *limits, confidence)
+    numbers |= _shares(values, sampled, *limits, w.outside, confidence)
     mean, std, cpk = numbers["mean"], numbers["std"], numbers["cpk"]
-    notes = () if std else ("All values are equal: the spread is zero, so there is no index and no expected ppm.",)
     return replace(
         base,
         **numbers,
-        ppm_expected=expected_normal(mean.value, std.value, lsl, usl).get("total") if mean and std else None,
+        ppm_expected=expected_normal(mean.value, std.value, *limits).get("total") if std else None,
         pareto_k_sigma=k,
         missing=max(1.0 - with_value, 0.0) if n < y.size else 0.0,
         runs=runs_for(cpk.value) if cpk else usual_runs,
-        notes=notes if limited else (*notes, "Without limits there is no index and no share out of limits."),
+        notes=tuple(_notes(std is not None, limited, k)),
     )
+
+
+def _too_few(n: int, with_value: float, lots: LotLabels | None) -> str:
+    """Return why the samples with a value do not suffice; empty if they do."""
+    if n < 2 or with_value <= 0:
+        return "no sample with a value has a weight above zero"
+    count = LEAST_LOTS if lots is None else int(np.unique(lots).size)
+    return (
+        "" if count >= LEAST_LOTS else f"the samples are of {count} production lots; at least {LEAST_LOTS} are needed"
+    )
+
+
+def _notes(varies: bool, limited: bool, k: float | None) -> Iterator[str]:
+    """Yield what limits the answer."""
+    if not varies:
+        yield "All values are equal: the spread is zero, so there is no index and no expected ppm."
+    if k is not None and k > HEAVY_TAIL:
+        yield f"A few samples decide the new sigma (Pareto k = {k:.2f}), so its interval and that of Cpk are wide."
+    if not limited:
+        yield "Without limits there is no index and no share out of limits."
 
 
 def _tail_of_sigma(y: Array, weight: Array) -> float | None:
@@ -185,43 +233,50 @@ def _tail_of_sigma(y: Array, weight: Array) -> float | None:
 
 
 def _moments(
-    y: Array, weight: Array, lsl: float | None, usl: float | None, z: float
-) -> dict[str, Estimate | None]:  # fmt: skip
+    y: Array, sampled: _Sampled, lsl: float | None, usl: float | None, confidence: float
+) -> dict[str, Estimate | None]:
     """Return mean, sigma and indices with the intervals of their influence functions."""
+    weight = sampled.weight
     origin = y[int(np.argmax(weight))]  # sums over a large offset would lose the digits of the spread
     mean = float(np.sum(weight * (y - origin))) + float(origin)
     deviation = y - mean
-    variance = float(np.sum(weight * deviation**2)) / max(1 - float(np.sum(weight**2)), 0.5)
+    of_mean = variance_of_sum(by_lot(weight * deviation, sampled.lots))
+    squares = float(np.sum(weight * deviation**2))
+    variance = squares + min(of_mean, squares)  # deviations are from the samples' own mean
     std = math.sqrt(variance)
     names = ("std", "cp", "cpl", "cpu", "cpk")
     if std <= ROUNDING * float(np.abs(y).max()):
-        return {"mean": Estimate(mean, (mean, mean), float(y.size))} | dict.fromkeys(names)
-    of_std = (deviation**2 - variance) / (2 * std)
+        return {"mean": Estimate(mean, (mean, mean), sampled.kish)} | dict.fromkeys(names)
+    of_variance = deviation**2 - variance
+    of_std = of_variance / (2 * std)
     numbers: dict[str, Estimate | None] = dict.fromkeys(names)
-    numbers["mean"] = _estimate(mean, deviation, weight, z)
-    numbers["std"] = _estimate(std, of_std, weight, z)
+    numbers["mean"] = _estimate(mean, deviation, sampled, confidence)
+    spread = _estimate(variance, of_variance, sampled, confidence)
+    low, high = (math.sqrt(max(end, 0.0)) for end in spread.interval)
+    numbers["std"] = Estimate(std, (low, high), spread.effective)
     for name, limit, sign in (("cpl", lsl, 1.0), ("cpu", usl, -1.0)):
         if limit is not None:
             index = sign * (mean - limit) / (3 * std)
-            numbers[name] = _estimate(index, (sign * deviation / 3 - index * of_std) / std, weight, z)
+            numbers[name] = _estimate(index, (sign * deviation / 3 - index * of_std) / std, sampled, confidence)
     sides = [side for side in (numbers["cpl"], numbers["cpu"]) if side is not None]
     numbers["cpk"] = min(sides, key=lambda side: side.value) if sides else None
     if lsl is not None and usl is not None:
         cp = (usl - lsl) / (6 * std)
-        numbers["cp"] = _estimate(cp, -cp / std * of_std, weight, z)
+        numbers["cp"] = _estimate(cp, -cp / std * of_std, sampled, confidence)
     return numbers
 
 
-def _estimate(value: float, influence: Array, weight: Array, z: float) -> Estimate:
+def _estimate(value: float, influence: Array, sampled: _Sampled, confidence: float) -> Estimate:
     """Return an estimate with the interval of its influence function."""
-    error = math.sqrt(float(np.sum((weight * influence) ** 2)))
-    spread = float(np.sum(weight * influence**2))
-    effective = spread / error**2 if error > 0 else float(weight.size)
-    return Estimate(float(value), (float(value - z * error), float(value + z * error)), effective)
+    terms = by_lot(sampled.weight * influence, sampled.lots)
+    error2 = float(np.sum(terms**2))
+    spread = float(np.sum(sampled.weight * influence**2))
+    effective = min(spread / error2, sampled.kish) if error2 > 0 else sampled.kish
+    return Estimate(float(value), mean_interval(float(value), terms, confidence), effective)
 
 
 def _shares(
-    y: Array, weight: Array, lsl: float | None, usl: float | None, outside: float, confidence: float
+    y: Array, sampled: _Sampled, lsl: float | None, usl: float | None, outside: float, confidence: float
 ) -> dict[str, Estimate | None]:
     """Return the shares out of limits."""
     below = None if lsl is None else y < lsl
@@ -229,16 +284,15 @@ def _shares(
     sides = [side for side in (below, above) if side is not None]
     both = np.any(sides, axis=0) if sides else None
     return {
-        name: None if out is None else _share(out, weight, outside, confidence)
+        name: None if out is None else _share(out, sampled, outside, confidence)
         for name, out in (("ppm", both), ("ppm_below", below), ("ppm_above", above))
     }
 
 
-def _share(out: NDArray[np.bool_], weight: Array, outside: float, confidence: float) -> Estimate:
-    """Return a weighted share in ppm with the interval of Korn and Graubard."""
-    share = min(float(np.sum(weight[out])), 1.0)
-    error2 = float(np.sum((weight * (out - share)) ** 2))
-    kish = 1 / float(np.sum(weight**2))
-    effective = share * (1 - share) / error2 if 0 < share < 1 and error2 > 0 else kish
-    low, high = share_interval(share * effective, effective, confidence)
+def _share(out: NDArray[np.bool_], sampled: _Sampled, outside: float, confidence: float) -> Estimate:
+    """Return a weighted share in ppm with its interval."""
+    share = min(float(np.sum(sampled.weight[out])), 1.0)
+    error2 = float(np.sum(by_lot(sampled.weight * (out - share), sampled.lots) ** 2))
+    effective = min(share * (1 - share) / error2, sampled.kish) if 0 < share < 1 and error2 > 0 else sampled.kish
+    low, high = share_interval(out, sampled.weight, sampled.lots, confidence)
     return Estimate(PPM * share, (PPM * low, PPM * min(high + outside, 1.0)), effective)

@@ -27,10 +27,7 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
     """
     from dataclasses import asdict
 
-    import numpy as np
-
     from campaign.errors import SpecError
-    from campaign.inputs.sampling import production_batch
     from campaign.reports.whatif import what_if
     from campaign.store import open_store
     from campaign.store.files.patience import QUICK
@@ -45,9 +42,9 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
         print_json({"campaign": plan.campaign_id, "store": opened.url, "set": settings, "responses": responses})
     else:
         _print(answers, plan.mechanism.response_units())
-    if production_batch(plan.spec, np.zeros(1, np.int64)) is not None:
-        say("samples of a production batch share its shift; the intervals treat them as independent and are too narrow")
     refused = {answer.refusal: answer.runs for answer in answers.values() if answer.refusal}
+    for note in dict.fromkeys(f"{name}: {note}" for name, answer in answers.items() for note in answer.notes):
+        say(note)
     for reason, runs in refused.items():
         say(f"no answer: {reason}; run a campaign with these distributions; {runs} samples determine Cpk to 5 %")
     if refused:
@@ -59,8 +56,8 @@ def _print(answers: "dict[str, WhatIf]", units: dict[str, str]) -> None:
     rows = []
     for name, answer in answers.items():
         label = name if units[name] == "1" else f"{name} [{units[name]}]"
-        estimates = [None] * 4 if answer.refusal else [answer.mean, answer.std, answer.cpk, answer.ppm]
-        rows.append((label, *map(_cell, estimates), f"{answer.effective:.0f}"))
+        estimates = [None] * 3 if answer.refusal else [answer.mean, answer.std, answer.cpk]
+        rows.append((label, *map(_cell, estimates), _ppm(answer), f"{answer.effective:.0f}"))
     heads = ("response", "mean", "sigma", "Cpk", "ppm out of limits", "worth samples")
     print_table("under the new distributions, 95 % intervals", heads, rows, texts=1)
 
@@ -71,3 +68,12 @@ def _cell(estimate: "Estimate | None") -> str:
         return "-"
     low, high = estimate.interval
     return f"{number(estimate.value)} ({number(low, 4)} to {number(high, 4)})"
+
+
+def _ppm(answer: "WhatIf") -> str:
+    """Return the share out of limits; only its bound where it is below one of the samples that they are worth."""
+    if answer.refusal or answer.ppm is None:
+        return "-"
+    if answer.ppm.value * answer.effective < 1e6:
+        return f"at most {number(answer.ppm.interval[1], 4)}"
+    return _cell(answer.ppm)

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -67,12 +68,27 @@ def test_the_verbs_say_it_in_json_and_in_words(filled):
 
 
 def test_production_batches_are_minded(campaign_file, tmp_path):
-    """Samples that share a shift are no independent ones, and who asks is told."""
-    path = campaign_file.parent / "batches.toml"
-    path.write_text(campaign_file.read_text().replace("std = 0.0175", "std = 0.0175\nbatch = {size = 20, std = 0.002}"))
-    store, plan = computed(tmp_path / "s", load_campaign(str(path), samples=400), 200)
-    asked = ["whatif", plan.campaign_id, "--set", "J1.std=0.016", "--store", store.url]
-    assert "intervals treat them as independent" in CliRunner().invoke(app, asked).stderr
+    """Samples that share a shift are worth fewer than independent ones; those of four lots give no interval."""
+    path, text = campaign_file.parent / "batches.toml", campaign_file.read_text()
+    intervals = {}
+    for size in (20, 100):
+        path.write_text(text.replace("std = 0.0175", f"std = 0.0175\nbatch = {{size = {size}, std = 0.01}}"))
+        store, plan = computed(tmp_path / f"s{size}", load_campaign(str(path), samples=400), 200)
+        intervals[size] = what_if(store, plan, ["J1.std=0.0173"])["FC-2"]
+    y = store.table(plan.campaign_id)["FC-2"].to_numpy()
+    assert np.diff(intervals[20].mean.interval)[0] > 1.2 * 4 * y.std() / 20
+    assert "of 4 production lots" in intervals[100].refusal
+    asked = ["whatif", plan.campaign_id, "--set", "J1.std=0.0173", "--store", store.url]
+    assert "of 4 production lots" in CliRunner().invoke(app, asked).stderr
+
+
+def test_a_share_below_one_sample_is_a_bound(filled):
+    """Without a reject the command prints what the samples prove, and no 0."""
+    store, plan = filled
+    answer = what_if(store, plan, ["J1.std=0.017"])["FC-1"]
+    assert answer.ppm.value * answer.effective < 1e6
+    shown = CliRunner().invoke(app, ["whatif", plan.campaign_id, "--set", "J1.std=0.017", "--store", store.url]).stdout
+    assert "at most" in shown
 
 
 def test_two_campaigns_are_compared_on_one_page(filled, campaign_file):

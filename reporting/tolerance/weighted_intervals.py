@@ -1,0 +1,112 @@
+"""Intervals of weighted means and shares that allow for what the weights have not shown.
+
+Few samples of large weight decide a weighted mean, and those that were not drawn are missing in it. So every interval
+counts one more sample as decisive as the most decisive one (Fay and Feuer 1997 do so for shares). Its width is that of
+Student's t with the degrees of freedom of the contributions' own variance (Satterthwaite), and its ends follow the
+skewness of the contributions by the monotone cubic transformation of Hall (1992).
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import betaincinv, stdtrit
+
+from reporting.arrays import Array
+from reporting.capability.intervals import Interval
+
+# Samples show less skewness than their distribution has. With this factor 95 % intervals of mean, sigma and Cpk held
+# in 90 to 100 % of campaigns of 500 and 5,000 samples, one sigma times 0.5 to 1.3; with 1, in 79 to 99 %.
+UNSEEN_SKEWNESS = 1.5
+_LEAST_FREEDOM = 2.0
+LEAST_LOTS = 5
+
+LotLabels = NDArray[np.generic]
+
+
+def by_lot(terms: Array, lots: LotLabels | None) -> Array:
+    """Return independent terms: those of one lot share a shift and are added."""
+    if lots is None:
+        return terms
+    _, group = np.unique(lots, return_inverse=True)
+    return np.asarray(np.bincount(group, weights=terms), np.float64)
+
+
+def variance_of_sum(terms: Array) -> float:
+    """Return the variance of the sum of independent terms whose expectations add up to zero; infinite for one term."""
+    return math.inf if terms.size < 2 else terms.size / (terms.size - 1) * float(np.sum(terms**2))
+
+
+def mean_interval(value: float, terms: Array, confidence: float) -> Interval:
+    """Return the two-sided interval of an estimate from its influence function.
+
+    Parameters
+    ----------
+    value : float
+        The estimate.
+    terms : array, shape (m,)
+        What each independent sample, or lot, adds to the error of the estimate: weight times influence function.
+    confidence : float
+        Two-sided.
+    """
+    variance = variance_of_sum(terms)
+    if variance == 0:
+        return value, value
+    if not math.isfinite(variance):
+        return -math.inf, math.inf
+    scaled = terms / math.sqrt(float(np.sum(terms**2)))
+    most = float(scaled[np.argmax(np.abs(scaled))])
+    second, third, fourth = 1 + most**2, float(np.sum(scaled**3)) + most**3, float(np.sum(scaled**4)) + most**4
+    spread_of_second = fourth - second**2 / (terms.size + 1)
+    freedom = 2 * second**2 / spread_of_second if spread_of_second > 0 else float(terms.size)
+    t = float(stdtrit(min(max(freedom, _LEAST_FREEDOM), terms.size - 1), 0.5 + confidence / 2))
+    skewness = UNSEEN_SKEWNESS * third / second**1.5
+    error = math.sqrt(variance * second)
+    return value - error * _hall(t, skewness), value - error * _hall(-t, skewness)
+
+
+def share_interval(is_out: NDArray[np.bool_], weight: Array, lots: LotLabels | None, confidence: float) -> Interval:
+    """Return the two-sided interval of a weighted share.
+
+    With equal weights it is that of Clopper and Pearson. Without a sample that is out, it is theirs for as many samples
+    as the largest weight goes into 1.
+
+    Parameters
+    ----------
+    is_out : array of bool, shape (n,)
+        The samples that are counted.
+    weight : array, shape (n,)
+        Weights with the sum 1.
+    lots : array, shape (n,), or None
+        Lot of each sample; None for independent samples.
+    confidence : float
+        Two-sided.
+    """
+    upper = 0.5 + confidence / 2
+    share = min(float(np.sum(weight[is_out])), 1.0)
+    variance = float(np.sum(weight[is_out] ** 2))
+    largest = float(weight.max())
+    if lots is not None:
+        weights, counted = by_lot(weight, lots), by_lot(np.where(is_out, weight, 0.0), lots)
+        if counted.size < 2:
+            return 0.0, 1.0
+        largest = float(weights.max())
+        widened = float(stdtrit(counted.size - 1, upper) / stdtrit(weight.size - 1, upper)) ** 2
+        variance = max(variance, float(np.sum(counted**2))) * widened
+    low = 0.0 if share <= 0 else _beta(share, variance, 1 - upper)
+    return low, _beta(share + largest, variance + largest**2, upper)
+
+
+def _beta(share: float, variance: float, p: float) -> float:
+    """Return the quantile of the beta distribution of a share that was counted with this variance."""
+    if share >= 1 or variance == 0:  # squares of tiny weights underflow: the share is zero
+        return min(math.floor(share), 1.0)
+    count = share**2 / variance
+    return float(betaincinv(count, share / variance + 1 - count, p))
+
+
+def _hall(x: float, skewness: float) -> float:
+    """Return the quantile of a studentised mean with the skewness of the sum, given the one without skewness."""
+    if abs(skewness) < 1e-9:
+        return x
+    return float((np.cbrt(1 + skewness * (x - skewness / 6)) - 1) / (skewness / 3))
