@@ -97,10 +97,10 @@ class Stop(TableModel, strict=True):
     confidence: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
         default=0.95, description="Confidence of the two-sided interval, between 0 and 1."
     )
-    min_samples: Annotated[int, Field(ge=2)] = Field(
+    min_samples: Annotated[int, Field(ge=2, le=100_000_000)] = Field(
         default=100, description="First checkpoint, at least 2 samples; each later one has a quarter more samples."
     )
-    max_samples: Annotated[int | None, Field(ge=2)] = Field(
+    max_samples: Annotated[int | None, Field(ge=2, le=100_000_000)] = Field(
         default=None,
         description="Number of samples at which the campaign ends at the latest, at least min_samples; the campaign's"
         " samples if absent.",

@@ -15,7 +15,7 @@ LARGEST_SHIFT = 6.0  # in standard deviations; two in a thousand million would b
 class ProductionBatch(TableModel, strict=True):
     """The parts of a production batch share a shift, which is normal with mean 0, cut at 6 standard deviations."""
 
-    size: Annotated[int, Field(ge=1)] = Field(
+    size: Annotated[int, Field(ge=1, le=100_000_000)] = Field(
         description="Number of consecutive samples with the same shift, at least 1."
     )
     std: PositiveNumber = Field(description="Standard deviation of the shift, in the target's unit, above 0.")

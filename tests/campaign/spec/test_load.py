@@ -380,3 +380,19 @@ def test_levels_without_end_are_refused(tmp_path):
     path.write_text(path.read_text().replace("2147483648", "8").replace("upper = 1", "upper = 1e101"))
     with pytest.raises(SpecError, match=r"variables\.e\.upper = 1e\+101: no size of a real quantity; allowed: 0, and"):
         load_campaign(str(path))
+
+
+@pytest.mark.parametrize(
+    ("key", "table"),
+    [
+        ("variables.preload.batch.size", "[variables.preload.batch]\nsize = NUMBER\nstd = 0.01\n"),
+        ("stop.min_samples", "[stop]\nresponse = 'FC-1'\nstatistic = 'cpk'\nhalf_width = 1.0\nmin_samples = NUMBER\n"),
+    ],
+)
+def test_counts_beyond_all_samples_are_refused(campaign_file, key, table):
+    """A batch of 2^63 samples ended in an OverflowError while its samples were drawn."""
+    text = table.replace("NUMBER", str(2**63))
+    campaign_file.write_text(campaign_file.read_text().replace("[responses.FC-1]", text + "\n[responses.FC-1]"))
+    with pytest.raises(SpecError) as error:
+        load_campaign(str(campaign_file))
+    assert f"{key} = 9223372036854775808: must be less than or equal to 100000000" in str(error.value)
