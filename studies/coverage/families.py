@@ -9,7 +9,7 @@ import numpy as np
 from studies.coverage.estimates import counts, indices, methods
 from studies.coverage.outcomes import Statement, Tally, tallied
 from studies.coverage.productions import LOTS, LOTS_IN_TURN, SHAPES, SIZES, Production
-from studies.coverage.products import products
+from studies.coverage.products import contents, products
 from studies.coverage.questions import causes, changes, differences
 from studies.coverage.stops import stops
 
@@ -55,6 +55,7 @@ REPLICATIONS: dict[Estimate, int] = {
     changes: 200,
     differences: 200,
     products: 500,
+    contents: 500,
 }
 STOPS = 200
 

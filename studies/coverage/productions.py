@@ -207,6 +207,11 @@ def truth(shape: str, spread: float = 1.0, limits: tuple[float, float] = LIMITS)
     )
 
 
+def share_below(shape: str, value: float) -> float:
+    """Return the share of a shape's values below a value."""
+    return float(stats.norm.cdf(np.interp(value, CURVES[shape](_SCORES), _SCORES, -np.inf, np.inf)))
+
+
 @lru_cache(maxsize=64)
 def first_order(shape: str) -> tuple[float, ...]:
     """Return the share of a shape's variance that each variable explains alone."""

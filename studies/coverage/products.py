@@ -1,4 +1,4 @@
-"""The yield of a product of two responses that share their variables, and what each response costs of it."""
+"""The yield of a product of two responses, what each response costs of it, and what contains a share of one."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -7,12 +7,15 @@ from functools import lru_cache
 import numpy as np
 from scipy.stats import multivariate_normal
 
+from reporting.content.tolerance_intervals import tolerance_intervals
 from reporting.product.product_yield import product_yield
+from reporting.shape.normality import normality
 from studies.coverage.outcomes import Statement
 from studies.coverage.pages import CONFIDENCE, RESPONSE, request, samples_of
-from studies.coverage.productions import CURVES, LIMITS, SHARES, Production, truth
+from studies.coverage.productions import CURVES, LIMITS, SHARES, Production, share_below, truth
 
 SECOND = "second"
+CONTENTS = (0.95, 0.9973)
 _WEIGHTS = np.sqrt(SHARES)
 # The second response has the first one's variables in another order.
 _SECOND_WEIGHTS = _WEIGHTS[[2, 0, 1, 3, 4]]
@@ -45,3 +48,30 @@ def shares() -> tuple[float, float]:
     low, high = LIMITS
     conforming = float(together.cdf([high, high], lower_limit=[low, low]))
     return conforming, (1 - conforming) / 2
+
+
+def contents(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield what each tolerance interval says that it contains, at least, beside the share that it contains."""
+    y = production.draw(n, rng)
+    found = tolerance_intervals(y, normality(y, CONFIDENCE), CONFIDENCE, production.lot_of(n))
+    for claim in found.claims:
+        if claim.content not in CONTENTS:
+            continue
+        cautioned = "contains less" in found.note
+        for kind, between, above, below, warned in (
+            ("normal", claim.normal, claim.normal_lower, claim.normal_upper, cautioned),
+            ("any", claim.free, claim.free_lower, claim.free_upper, False),
+        ):
+            shares = (
+                ("between", None if between is None else _share(production.shape, *between)),
+                ("above", None if above is None else _share(production.shape, above, np.inf)),
+                ("below", None if below is None else _share(production.shape, -np.inf, below)),
+            )
+            for side, share in shares:
+                said = None if share is None else (claim.content, 1.0)
+                yield Statement(f"contains {claim.content}, {kind}, {side}", said, share or 0.0, warned)
+
+
+def _share(shape: str, low: float, high: float) -> float:
+    """Return the share of a shape's values between two values."""
+    return share_below(shape, high) - share_below(shape, low)
