@@ -11,6 +11,7 @@ from studies.coverage.outcomes import Statement, Tally, tallied
 from studies.coverage.productions import LOTS, LOTS_IN_TURN, SHAPES, SIZES, Production
 from studies.coverage.products import contents, products
 from studies.coverage.questions import causes, changes, differences
+from studies.coverage.rejects import attributions
 from studies.coverage.stops import stops
 
 SEED = 95
@@ -46,7 +47,7 @@ class Case:
         return {(number, self.production.name, self.n): tally for number, tally in found.items()}
 
 
-# Replications in the whole study.
+# Replications in the whole study, of each production and size.
 REPLICATIONS: dict[Estimate, int] = {
     indices: 1000,
     counts: 1000,
@@ -57,19 +58,21 @@ REPLICATIONS: dict[Estimate, int] = {
     products: 500,
     contents: 500,
 }
-STOPS = 200
+# Of productions in lots alone, and of one without.
+OF_REJECTS, OF_STOPS = 100, 200
 
 
 def cases(share: float = 1.0) -> list[Case]:
     """Return all cases with this share of their replications, the longest first."""
-    of_reports = [
+    found = [
         Case(estimate, production, n, round(share * replications))
         for estimate, replications in REPLICATIONS.items()
         for production in (*SHAPES, *LOTS)
         for n in SIZES
     ]
-    of_stops = [Case(stops, production, max(SIZES), round(share * STOPS)) for production in LOTS_IN_TURN]
-    return sorted([*of_reports, *of_stops], key=lambda case: -case.n * case.replications)
+    found += [Case(attributions, p, n, round(share * OF_REJECTS)) for p in (SHAPES[0], *LOTS) for n in SIZES[1:]]
+    found += [Case(stops, production, max(SIZES), round(share * OF_STOPS)) for production in LOTS_IN_TURN]
+    return sorted(found, key=lambda case: -case.n * case.replications)
 
 
 def all_tallies(chosen: list[Case], mapped: Callable[..., Iterable[dict[Key, Tally]]] = map) -> dict[Key, Tally]:

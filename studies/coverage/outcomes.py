@@ -15,7 +15,11 @@ SURE = 0.99
 FALSE_ALARMS = 0.10
 # Intervals that cover at least as often as they say, by their documented construction: from whole numbers of rejects or
 # values, or over all positions of the mean.
-CONSERVATIVE = re.compile(r"counted|yield|loss by a response|contains [0-9.]+, any|Cpk, joint|what if .*: ppm")
+CONSERVATIVE = re.compile(
+    "counted|yield|loss by a response|part of the rejects|contains [0-9.]+, any|Cpk, joint|what if .*: ppm"
+)
+    r"counted|yield|loss by a response|contains [0-9.]+, any|Cpk, joint|what if .*: ppm|part of the rejects"
+)
 
 
 @dataclass(frozen=True)
