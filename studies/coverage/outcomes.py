@@ -18,8 +18,6 @@ FALSE_ALARMS = 0.10
 CONSERVATIVE = re.compile(
     "counted|yield|loss by a response|part of the rejects|contains [0-9.]+, any|Cpk, joint|what if .*: ppm"
 )
-    r"counted|yield|loss by a response|contains [0-9.]+, any|Cpk, joint|what if .*: ppm|part of the rejects"
-)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from studies.coverage.outcomes import Statement
 from studies.coverage.pages import CONFIDENCE, RESPONSE, request, samples_of
 from studies.coverage.productions import SHARES, VARIABLES, Production, first_order, truth
 
-FACTORS = (0.5, 0.8, 1.2)
+FACTORS = (0.5, 0.8, 1.3)
 OTHER_SPREAD, OTHER_SHIFT = 1.1, 0.2
 
 
@@ -38,14 +38,15 @@ def changes(production: Production, n: int, rng: np.random.Generator) -> Iterato
     for factor in FACTORS:
         change = Change(0.5 * x[:, 0] ** 2 * (1 - factor**-2) - np.log(factor))
         new = truth(production.shape, float(np.sqrt(1 + SHARES[0] * (factor**2 - 1))))
-        found = what_if(y, change, now.lsl, now.usl, CONFIDENCE)
-        for name, estimate, value in (
-            ("mean", found.mean, new.mean),
-            ("std", found.std, new.std),
-            ("Cpk", found.cpk, new.cpk),
-            ("ppm", found.ppm, new.ppm),
+        found = what_if(y, change, now.lsl, now.usl, CONFIDENCE, production.lot_of(n))
+        decided = any("decide" in note for note in found.notes)
+        for name, estimate, value, warned in (
+            ("mean", found.mean, new.mean, False),
+            ("sigma", found.std, new.std, decided),
+            ("Cpk", found.cpk, new.cpk, decided),
+            ("ppm", found.ppm, new.ppm, False),
         ):
-            yield Statement(f"what if {factor}: {name}", _interval(estimate), value)
+            yield Statement(f"what if {factor}: {name}", _interval(estimate), value, warned)
 
 
 def _interval(estimate: Estimate | None) -> tuple[float, float] | None:
