@@ -14,7 +14,7 @@ from reporting.shape.nonnormal import NonnormalIndices
 from reporting.shape.normality import normality
 from studies.coverage.outcomes import Statement
 from studies.coverage.pages import ABOUT_ALL, CONFIDENCE, page, warned_of
-from studies.coverage.productions import Production, Truth, truth
+from studies.coverage.productions import Production, Truth, distance_from_normal, explained, truth
 
 INFINITE = float("inf")
 
@@ -39,6 +39,9 @@ def indices(production: Production, n: int, rng: np.random.Generator) -> Iterato
         ("ppm expected, normal", c.ppm_expected_interval, true.ppm),
     ):
         yield Statement(number, interval, float(value), warned)
+    if c.within is not None:
+        cp_within = true.cp / np.sqrt(1 - explained(production.shape, production.share_between))
+        yield Statement("Cp within lots", c.within.cp_interval, float(cp_within), warned)
 
 
 def counts(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
@@ -71,6 +74,9 @@ def methods(production: Production, n: int, rng: np.random.Generator) -> Iterato
     for side, value in (("below", true.below), ("above", true.above)):
         tail = tails[side]
         yield Statement(f"tail, {side}", tail.interval, value, warned or bool(tail.note))
+    yield Statement(
+        "distance from normal", analysed.normality.distance_interval, distance_from_normal(production.shape)
+    )
     assert analysed.yield_ is not None
     yield Statement("yield, at least", (analysed.yield_.lower, INFINITE), 1 - 1e-6 * true.ppm, warned)
 

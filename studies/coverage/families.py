@@ -8,7 +8,7 @@ import numpy as np
 
 from studies.coverage.estimates import counts, indices, methods
 from studies.coverage.outcomes import Statement, Tally, tallied
-from studies.coverage.productions import LOTS, LOTS_IN_TURN, SHAPES, SIZES, Production
+from studies.coverage.productions import JUMPS, LOTS, LOTS_IN_TURN, SHAPES, SIZES, Production
 from studies.coverage.products import contents, products
 from studies.coverage.questions import causes, changes, differences
 from studies.coverage.rejects import attributions
@@ -58,8 +58,8 @@ REPLICATIONS: dict[Estimate, int] = {
     products: 500,
     contents: 500,
 }
-# Of productions in lots alone, and of one without.
-OF_REJECTS, OF_STOPS = 100, 200
+# Of some productions only.
+OF_JUMPS, OF_REJECTS, OF_STOPS = 100, 100, 200
 
 
 def cases(share: float = 1.0) -> list[Case]:
@@ -70,6 +70,7 @@ def cases(share: float = 1.0) -> list[Case]:
         for production in (*SHAPES, *LOTS)
         for n in SIZES
     ]
+    found += [Case(causes, p, n, round(share * OF_JUMPS)) for p in JUMPS for n in SIZES[1:]]
     found += [Case(attributions, p, n, round(share * OF_REJECTS)) for p in (SHAPES[0], *LOTS) for n in SIZES[1:]]
     found += [Case(stops, production, max(SIZES), round(share * OF_STOPS)) for production in LOTS_IN_TURN]
     return sorted(found, key=lambda case: -case.n * case.replications)

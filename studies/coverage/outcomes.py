@@ -16,7 +16,8 @@ FALSE_ALARMS = 0.10
 # Intervals that cover at least as often as they say, by their documented construction: from whole numbers of rejects or
 # values, or over all positions of the mean.
 CONSERVATIVE = re.compile(
-    "counted|yield|loss by a response|part of the rejects|contains [0-9.]+, any|Cpk, joint|what if .*: ppm"
+    "counted|distance from normal|yield|loss by a response|part of the rejects|contains [0-9.]+, any|Cpk, joint"
+    "|what if .*: ppm"
 )
 
 

@@ -72,6 +72,8 @@ class Production:
         Sigma of the lots' shifts over sigma within a lot.
     growth : float
         Size of a lot over that of the lot before it.
+    jump : float
+        What the response gains where the first variable is above 1; only its first-order indices are known.
     """
 
     name: str
@@ -79,6 +81,12 @@ class Production:
     lots: int = 0
     between: float = 1.0
     growth: float = 1.0
+    jump: float = 0.0
+
+    @property
+    def share_between(self) -> float:
+        """Share of the score's variance that lies between lots."""
+        return self.between**2 / (1 + self.between**2) if self.lots else 0.0
 
     def lot_of(self, n: int) -> np.ndarray | None:
         """Return the lot of each of n values in the order of production; None without lots."""
@@ -99,7 +107,7 @@ class Production:
 
     def values(self, variables: Array) -> Array:
         """Return the response at draws of the variables."""
-        return CURVES[self.shape](variables @ np.sqrt(SHARES))
+        return CURVES[self.shape](variables @ np.sqrt(SHARES)) + self.jump * (variables[:, 0] > 1)
 
     def draw(self, n: int, rng: np.random.Generator) -> Array:
         """Return n values of the response."""
@@ -107,6 +115,7 @@ class Production:
 
 
 SHAPES = tuple(Production(shape, shape) for shape in CURVES)
+JUMPS = (Production("small jump", "normal", jump=1.5), Production("large jump", "normal", jump=6.0))
 LOTS = (
     Production("20 lots", "normal", 20),
     Production("20 lots, 0.3", "normal", 20, between=0.3),
@@ -212,16 +221,31 @@ def share_below(shape: str, value: float) -> float:
     return float(stats.norm.cdf(np.interp(value, CURVES[shape](_SCORES), _SCORES, -np.inf, np.inf)))
 
 
+def first_order(production: Production) -> tuple[float, ...]:
+    """Return the share of the response's variance that each variable explains alone."""
+    if not production.jump:
+        return tuple(explained(production.shape, share) for share in SHARES)
+    jumped = stats.norm.sf(1)
+    of_first = SHARES[0] + 2 * production.jump * SHARES[0] ** 0.5 * stats.norm.pdf(1)
+    of_first += production.jump**2 * jumped * (1 - jumped)
+    total = of_first + 1 - SHARES[0]
+    return tuple(float(part) / total for part in (of_first, *SHARES[1:]))
+
+
 @lru_cache(maxsize=64)
-def first_order(shape: str) -> tuple[float, ...]:
-    """Return the share of a shape's variance that each variable explains alone."""
+def explained(shape: str, share: float) -> float:
+    """Return the share of a shape's variance that is explained by a part of its score with this share of variance."""
     _, std = moments(shape)
-    coarse = _SCORES[::10]
-    density = 10 * _DENSITY[::10]
-    indices = []
-    for share in SHARES:
-        own = np.sqrt(share) * coarse[:, None] + np.sqrt(1 - share) * coarse[None, :]
-        expected = CURVES[shape](own.ravel()).reshape(own.shape) @ density
-        mean = float(expected @ density)
-        indices.append(float((expected - mean) ** 2 @ density) / std**2)
-    return tuple(indices)
+    scores, density = _SCORES[::10], 10 * _DENSITY[::10]
+    both = np.sqrt(share) * scores[:, None] + np.sqrt(1 - share) * scores[None, :]
+    expected = CURVES[shape](both.ravel()).reshape(both.shape) @ density
+    mean = float(expected @ density)
+    return float((expected - mean) ** 2 @ density) / std**2
+
+
+@lru_cache(maxsize=16)
+def distance_from_normal(shape: str) -> float:
+    """Return the largest difference between the shares below a value of a shape and of a normal distribution."""
+    mean, std = moments(shape)
+    differences = stats.norm.cdf(_SCORES) - stats.norm.cdf((CURVES[shape](_SCORES) - mean) / std)
+    return float(np.abs(differences).max())

@@ -26,7 +26,7 @@ def causes(production: Production, n: int, rng: np.random.Generator) -> Iterator
         {RESPONSE: (true.lsl, true.usl)},
         confidence=CONFIDENCE,
     ).responses[0]
-    for influence, value in zip(found.influences, first_order(production.shape), strict=True):
+    for influence, value in zip(found.influences, first_order(production), strict=True):
         yield Statement(f"first order, {influence.variable}", influence.first_order_interval, value)
 
 

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from studies.coverage.productions import CURVES, LOTS, SHAPES, Production, first_order, moments, truth
+from studies.coverage.productions import (
+    CURVES,
+    LOTS,
+    SHAPES,
+    SHARES,
+    Production,
+    distance_from_normal,
+    first_order,
+    moments,
+    truth,
+)
 
 KNOWN = {
     "normal": stats.norm(),
@@ -42,7 +52,7 @@ def test_a_spread_score():
 def test_first_order_indices_of_a_lognormal():
     """By Sobol's (2001) formula for a product: (exp(s^2 a) - 1) / (exp(s^2) - 1)."""
     expected = [np.expm1(0.25 * a) / np.expm1(0.25) for a in (0.5, 0.3, 0.15, 0.05, 0.0)]
-    assert first_order("lognormal") == pytest.approx(expected, abs=1e-9)
+    assert first_order(Production("lognormal", "lognormal")) == pytest.approx(expected, abs=1e-9)
 
 
 @pytest.mark.parametrize("production", [*SHAPES, *LOTS], ids=lambda production: production.name)
@@ -65,3 +75,21 @@ def test_lots_share_a_shift():
     assert y.var(axis=1, ddof=1).mean() == pytest.approx(0.5, rel=0.1)
     assert y.var() == pytest.approx(1.0, rel=0.1)
     assert Production("none", "normal").lot_of(5) is None
+
+
+def test_first_order_indices_of_a_jump():
+    """The variances of the conditional expectations, over many draws."""
+    production = Production("jump", "normal", jump=1.5)
+    x = production.variables(400_000, np.random.default_rng(5))
+    y = production.values(x)
+    expected = [np.var(x[:, 0] * SHARES[0] ** 0.5 + 1.5 * (x[:, 0] > 1)), *SHARES[1:]] / y.var()
+    assert first_order(production) == pytest.approx(expected, abs=0.005)
+
+
+def test_distance_from_normal():
+    """None for a normal shape; that of a uniform one by a grid of its values."""
+    assert distance_from_normal("normal") == pytest.approx(0, abs=1e-9)
+    grid = np.linspace(0, 1, 100_001)
+    assert distance_from_normal("uniform") == pytest.approx(
+        np.abs(grid - stats.norm.cdf((grid - 0.5) * 12**0.5)).max(), abs=1e-5
+    )
