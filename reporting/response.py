@@ -1,6 +1,5 @@
 """One response: its limits, its numbers and the verdict."""
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +14,11 @@ from reporting.content.tolerance_intervals import ToleranceIntervals, tolerance_
 from reporting.errors import ReportError
 from reporting.samples import Samples
 from reporting.sensitivity.influence import ResponseSensitivity
-from reporting.shape.fits import Fits, fit_families
+from reporting.shape.fits import Fits, fit_families, unfitted
 from reporting.shape.histogram import Histogram, histogram
 from reporting.shape.index_estimates import index_estimates
 from reporting.shape.nonnormal import NonnormalIndices, empirical_indices, fitted_indices
-from reporting.shape.normality import CLOSE, Normality, ProbabilityPlot, normality, probability_plot
+from reporting.shape.normality import Normality, ProbabilityPlot, normality, probability_plot
 from reporting.shape.tails import TailShare, pareto_tails
 from reporting.spec import ReportSpec, ResponseSpec
 from reporting.tolerance.worst_case import WorstCase, worst_case
@@ -28,8 +27,6 @@ from reporting.tolerance.worst_case import WorstCase, worst_case
 CLAIM_PPM = 64.0
 # With a larger share of failed samples they may decide the verdict.
 FAILED_BAR = 0.01
-# Families fitted first. The others take three times as long and are fitted only if none of these is close.
-QUICK = ("normal", "lognormal", "weibull", "gamma", "logistic", "largest_extreme", "smallest_extreme", "box_cox")
 _FEWEST_FOR_A_FIT = 20
 
 
@@ -120,7 +117,7 @@ def analyse_response(
     counted = nonconforming(x, spec.lsl, spec.usl, confidence, samples.sample.size - x.size)
     shape = normality(x, confidence)
     limited = spec.lsl is not None or spec.usl is not None
-    fits = _fits(x, shape, limited=limited)
+    fits = _fits(x, spec)
     methods = _methods(x, fits, spec, confidence) if limited else ()
     tails = pareto_tails(x, spec.lsl, spec.usl, confidence) if limited else ()
     with_failures = yield_with_failures(numbers, samples.sample.size, confidence)
@@ -156,23 +153,11 @@ def _corners(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> Worst
     return worst_case(everywhere, inputs, spec.lsl, spec.usl)
 
 
-def _fits(x: Array, shape: Normality, *, limited: bool) -> Fits:
-    """Return the fitted distributions: all families only if no quick one is close and there are limits."""
+def _fits(x: Array, spec: ResponseSpec) -> Fits:
+    """Return the fitted distributions."""
     if x.size < _FEWEST_FOR_A_FIT:
-        return Fits(
-            (), None, {}, (f"{x.size} values are too few to fit a distribution: {_FEWEST_FOR_A_FIT} are needed.",)
-        )
-    few = fit_families(x, names=QUICK)
-    best = few.of(few.best)
-    # The distance of the true distribution is up to 1 / sqrt(n) by chance.
-    close = max(CLOSE / 2, 1 / math.sqrt(x.size))
-    if (
-        not limited
-        or best is None
-        or (best.distance <= close and (best.family != "normal" or shape.verdict != "not normal"))
-    ):
-        return few
-    return fit_families(x)
+        return unfitted(f"{x.size} values are too few to fit a distribution: {_FEWEST_FOR_A_FIT} are needed.")
+    return fit_families(x, limits=(spec.lsl, spec.usl))
 
 
 def _methods(x: Array, fits: Fits, spec: ResponseSpec, confidence: float) -> tuple[NonnormalIndices, ...]:

@@ -23,7 +23,7 @@ from reporting.render.axes import (
 )
 from reporting.render.svg import INK, PlotArea, axis_x, axis_y, box, curve, line, marker, svg
 from reporting.response import ResponseAnalysis
-from reporting.shape.fits import distribution
+from reporting.shape.fitting import distribution
 from reporting.shape.histogram import Histogram
 
 # Distance of the lines that hatch a bar; a pattern would need an id that is unique on the page.

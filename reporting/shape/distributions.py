@@ -1,7 +1,8 @@
 """Distributions in closed form.
 
 A fit evaluates them some thousand times with other parameters, and `scipy.stats` takes fifty times as long: it builds
-and checks an object for each set of parameters.
+and checks an object for each set of parameters. Parameters are numbers, or arrays of shape (b, 1): then each function
+of m values returns b distributions at once, shape (b, m).
 """
 
 import math
@@ -15,6 +16,7 @@ from scipy.special import ndtr, ndtri
 from reporting.arrays import Array
 
 Function = Callable[[Array], Array]
+Parameter = float | Array
 
 _HALF_LOG_2PI = 0.5 * math.log(2 * math.pi)
 _HALVINGS = 80
@@ -56,49 +58,49 @@ def normal_after(score: Function, log_slope: Function, inverse: Function) -> Clo
     )
 
 
-def normal(mean: float, std: float) -> ClosedForm:
+def normal(mean: Parameter, std: Parameter) -> ClosedForm:
     """Return the normal distribution."""
-    slope = -math.log(std)
-    return normal_after(lambda z: (z - mean) / std, lambda z: np.full_like(z, slope), lambda s: mean + std * s)
+    slope = -np.log(std)
+    return normal_after(lambda z: (z - mean) / std, lambda z: np.zeros_like(z) + slope, lambda s: mean + std * s)
 
 
-def lognormal(low: float, mean: float, std: float) -> ClosedForm:
+def lognormal(low: Parameter, mean: Parameter, std: Parameter) -> ClosedForm:
     """Return the distribution of values whose ``ln(z - low)`` is normal (Johnson's SL)."""
     return normal_after(
         lambda z: (np.log(np.maximum(z - low, 0.0)) - mean) / std,
-        lambda z: -np.log(z - low) - math.log(std),
+        lambda z: -np.log(z - low) - np.log(std),
         lambda s: low + np.exp(mean + std * s),
     )
 
 
-def johnson_su(gamma: float, delta: float, xi: float, scale: float) -> ClosedForm:
+def johnson_su(gamma: Parameter, delta: Parameter, xi: Parameter, scale: Parameter) -> ClosedForm:
     """Return Johnson's (1949) unbounded distribution: ``gamma + delta asinh((z - xi) / scale)`` is normal."""
     return normal_after(
         lambda z: gamma + delta * np.arcsinh((z - xi) / scale),
-        lambda z: math.log(delta / scale) - 0.5 * np.log1p(((z - xi) / scale) ** 2),
+        lambda z: np.log(delta / scale) - 0.5 * np.log1p(((z - xi) / scale) ** 2),
         lambda s: xi + scale * np.sinh((s - gamma) / delta),
     )
 
 
-def johnson_sb(gamma: float, delta: float, low: float, high: float) -> ClosedForm:
+def johnson_sb(gamma: Parameter, delta: Parameter, low: Parameter, high: Parameter) -> ClosedForm:
     """Return Johnson's (1949) bounded distribution: ``gamma + delta ln((z - low) / (high - z))`` is normal."""
     return normal_after(
         lambda z: gamma + delta * special.logit(np.clip((z - low) / (high - low), 0.0, 1.0)),
-        lambda z: math.log(delta * (high - low)) - np.log(z - low) - np.log(high - z),
+        lambda z: np.log(delta * (high - low)) - np.log(z - low) - np.log(high - z),
         lambda s: low + (high - low) * special.expit((s - gamma) / delta),
     )
 
 
-def box_cox_normal(power: float, mean: float, std: float) -> ClosedForm:
+def box_cox_normal(power: Parameter, mean: Parameter, std: Parameter) -> ClosedForm:
     """Return the distribution of positive values whose ``(z^power - 1) / power`` is normal (Box, Cox 1964)."""
     return normal_after(
         lambda z: (special.boxcox(np.maximum(z, 0.0), power) - mean) / std,
-        lambda z: (power - 1.0) * np.log(z) - math.log(std),
+        lambda z: (power - 1.0) * np.log(z) - np.log(std),
         lambda s: special.inv_boxcox(mean + std * s, power),
     )
 
 
-def yeo_johnson_normal(power: float, mean: float, std: float) -> ClosedForm:
+def yeo_johnson_normal(power: Parameter, mean: Parameter, std: Parameter) -> ClosedForm:
     """Return the distribution of values that are normal after the power transform of Yeo and Johnson (2000)."""
 
     def transformed(z: Array) -> Array:
@@ -111,28 +113,28 @@ def yeo_johnson_normal(power: float, mean: float, std: float) -> ClosedForm:
 
     return normal_after(
         lambda z: (transformed(z) - mean) / std,
-        lambda z: (power - 1.0) * np.sign(z) * np.log1p(np.abs(z)) - math.log(std),
+        lambda z: (power - 1.0) * np.sign(z) * np.log1p(np.abs(z)) - np.log(std),
         lambda s: back(mean + std * s),
     )
 
 
-def weibull(shape: float, scale: float) -> ClosedForm:
+def weibull(shape: Parameter, scale: Parameter) -> ClosedForm:
     """Return the two-parameter Weibull distribution, ``P(Z > z) = exp(-(z/scale)^shape)``."""
 
     def hazard(z: Array) -> Array:
         return np.asarray(np.maximum(z / scale, 0.0) ** shape)
 
     return ClosedForm(
-        logpdf=lambda z: math.log(shape / scale) + (shape - 1) * np.log(z / scale) - hazard(z),
+        logpdf=lambda z: np.log(shape / scale) + (shape - 1) * np.log(z / scale) - hazard(z),
         cdf=lambda z: -np.expm1(-hazard(z)),
         sf=lambda z: np.exp(-hazard(z)),
         ppf=lambda p: scale * (-np.log1p(-p)) ** (1 / shape),
     )
 
 
-def gamma(shape: float, scale: float) -> ClosedForm:
+def gamma(shape: Parameter, scale: Parameter) -> ClosedForm:
     """Return the gamma distribution."""
-    constant = -float(special.gammaln(shape)) - math.log(scale)
+    constant = -special.gammaln(shape) - np.log(scale)
     return ClosedForm(
         logpdf=lambda z: constant + (shape - 1) * np.log(z / scale) - z / scale,
         cdf=lambda z: special.gammainc(shape, np.maximum(z / scale, 0.0)),
@@ -141,9 +143,9 @@ def gamma(shape: float, scale: float) -> ClosedForm:
     )
 
 
-def beta(a: float, b: float) -> ClosedForm:
+def beta(a: Parameter, b: Parameter) -> ClosedForm:
     """Return the beta distribution on 0 to 1."""
-    constant = -float(special.betaln(a, b))
+    constant = -special.betaln(a, b)
     return ClosedForm(
         logpdf=lambda z: constant + (a - 1) * np.log(z) + (b - 1) * np.log1p(-z),
         cdf=lambda z: special.betainc(a, b, np.clip(z, 0.0, 1.0)),
@@ -152,9 +154,9 @@ def beta(a: float, b: float) -> ClosedForm:
     )
 
 
-def folded_normal(mean: float, std: float) -> ClosedForm:
+def folded_normal(mean: Parameter, std: Parameter) -> ClosedForm:
     """Return the distribution of the magnitude of a normal value; with mean 0 it is the half-normal distribution."""
-    slope = -math.log(std) - _HALF_LOG_2PI
+    slope = -np.log(std) - _HALF_LOG_2PI
 
     def cdf(z: Array) -> Array:
         z = np.maximum(z, 0.0)
@@ -164,16 +166,16 @@ def folded_normal(mean: float, std: float) -> ClosedForm:
         logpdf=lambda z: slope + np.logaddexp(-0.5 * ((z - mean) / std) ** 2, -0.5 * ((z + mean) / std) ** 2),
         cdf=cdf,
         sf=lambda z: np.where(z > 0, ndtr((mean - z) / std) + ndtr((-z - mean) / std), 1.0),
-        ppf=lambda p: _bisect(cdf, p, np.zeros_like(p), abs(mean) + std * np.abs(ndtri((1 + p) / 2))),
+        ppf=lambda p: _bisect(cdf, p, np.zeros_like(p * mean), abs(mean) + std * np.abs(ndtri((1 + p) / 2))),
     )
 
 
-def logistic(mean: float, scale: float) -> ClosedForm:
+def logistic(mean: Parameter, scale: Parameter) -> ClosedForm:
     """Return the logistic distribution."""
 
     def log_density(z: Array) -> Array:
         u = (z - mean) / scale
-        return np.asarray(-u - 2 * np.logaddexp(0.0, -u) - math.log(scale))
+        return np.asarray(-u - 2 * np.logaddexp(0.0, -u) - np.log(scale))
 
     return ClosedForm(
         logpdf=log_density,
@@ -183,12 +185,24 @@ def logistic(mean: float, scale: float) -> ClosedForm:
     )
 
 
-def largest_extreme(mode: float, scale: float) -> ClosedForm:
+def student_t(mean: Parameter, scale: Parameter, freedom: Parameter) -> ClosedForm:
+    """Return Student's t distribution, shifted and stretched."""
+    half = (np.asarray(freedom) + 1) / 2
+    constant = special.gammaln(half) - special.gammaln(half - 0.5) - 0.5 * np.log(np.pi * freedom) - np.log(scale)
+    return ClosedForm(
+        logpdf=lambda z: constant - half * np.log1p(((z - mean) / scale) ** 2 / freedom),
+        cdf=lambda z: special.stdtr(freedom, (z - mean) / scale),
+        sf=lambda z: special.stdtr(freedom, (mean - z) / scale),
+        ppf=lambda p: mean + scale * special.stdtrit(freedom, p),
+    )
+
+
+def largest_extreme(mode: Parameter, scale: Parameter) -> ClosedForm:
     """Return Gumbel's distribution of the largest of many values; mirrored, it is that of the smallest."""
 
     def log_density(z: Array) -> Array:
         u = (z - mode) / scale
-        return np.asarray(-u - np.exp(-u) - math.log(scale))
+        return np.asarray(-u - np.exp(-u) - np.log(scale))
 
     return ClosedForm(
         logpdf=log_density,
@@ -198,7 +212,7 @@ def largest_extreme(mode: float, scale: float) -> ClosedForm:
     )
 
 
-def two_normals(share: float, mean1: float, std1: float, mean2: float, std2: float) -> ClosedForm:
+def two_normals(share: Parameter, mean1: Parameter, std1: Parameter, mean2: Parameter, std2: Parameter) -> ClosedForm:
     """Return a mixture of two normal distributions, the first with the probability `share`."""
     one, two = normal(mean1, std1), normal(mean2, std2)
     rest = 1.0 - share

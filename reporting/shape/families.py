@@ -6,7 +6,7 @@ scale are chosen: positive families leave zero at zero, bounded ones put the sma
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,9 +15,13 @@ from numpy.typing import ArrayLike
 from reporting.arrays import Array
 from reporting.shape import distributions
 from reporting.shape.condensed import Condensed
-from reporting.shape.distributions import ClosedForm
+from reporting.shape.distributions import ClosedForm, Parameter
+from reporting.shape.parameter_units import Reading, above, below, of_log, place, plain, probability, ratio, width
 
 Theta = tuple[float, ...]
+
+# With more degrees of freedom a t distribution is normal.
+_MOST_FREEDOM = 6.0
 
 
 @dataclass(frozen=True)
@@ -69,28 +73,40 @@ class Family:
     ----------
     name, title : str
         Key in `FAMILIES`, and the name in words.
-    parameters : tuple of str
-        Names of theta; "log ..." for the logarithm of a positive parameter of z.
+    parameters : mapping of str to callable
+        How each parameter reads in the unit of the values, by name and in the order of theta: from (its theta, shift,
+        scale).
     frame : str
         How z is scaled: "free" (median 0, standard deviation 1), "positive" (zero stays zero, median 1), "range" (the
         values fill -1 to 1), "bounds" (known bounds become 0 and 1), "free mirrored" or "range mirrored".
     build : callable
-        From theta to the distribution of z.
+        From theta to the distribution of z. Arrays of shape (b, 1) in the place of numbers give b distributions.
     start : callable
         From the condensed values of z to the theta where the search starts.
+    framed : bool
+        The parameters are those of z, so shift and scale belong to them.
     """
 
     name: str
     title: str
-    parameters: tuple[str, ...]
+    parameters: Mapping[str, Reading]
     frame: str
-    build: Callable[[Theta], ClosedForm]
+    build: Callable[[Sequence[Parameter]], ClosedForm]
     start: Callable[[Condensed], Theta]
+    framed: bool = False
+
+    def in_units(self, theta: Theta, shift: float, scale: float) -> dict[str, float]:
+        """Return the parameters of ``x = shift + scale z`` by name."""
+        readings = zip(self.parameters.items(), theta, strict=True)
+        named = {name: float(reading(value, shift, scale)) for (name, reading), value in readings}
+        return named | ({"shift": shift, "scale": scale} if self.framed else {})
 
 
-def _exp(value: float) -> float:
+def _exp(value: Parameter) -> Parameter:
     """Return ``exp(value)``, bounded in case a search diverges."""
-    return math.exp(min(max(value, -40.0), 40.0))
+    if isinstance(value, float):
+        return math.exp(min(max(value, -40.0), 40.0))
+    return np.asarray(np.exp(np.clip(value, -40.0, 40.0)))
 
 
 def _moments(c: Condensed) -> Theta:
@@ -129,6 +145,12 @@ def _logistic_start(c: Condensed) -> Theta:
     return mean, log_sd + math.log(math.sqrt(3) / math.pi)
 
 
+def _student_start(c: Condensed) -> Theta:
+    """Return parameters from the moments, with five degrees of freedom."""
+    mean, log_sd = _moments(c)
+    return mean, log_sd + 0.5 * math.log(0.6), math.log(5.0)
+
+
 def _gumbel_start(c: Condensed) -> Theta:
     """Return parameters from the moments."""
     mean, log_sd = _moments(c)
@@ -158,81 +180,90 @@ def _mixture_start(c: Condensed) -> Theta:
     return 0.0, means[0], log_sd - 0.5, means[1], log_sd - 0.5
 
 
-_SL = ("log gap", "mean of log", "log sd of log")
-_POWER = ("lambda", "mean", "log sd")
-
-
-def _build_sl(t: Theta) -> ClosedForm:
+def _build_sl(t: Sequence[Parameter]) -> ClosedForm:
     return distributions.lognormal(-1.0 - _exp(t[0]), t[1], _exp(t[2]))
 
+
+_NORMAL = {"mean": place, "sd": width}
+_LOGNORMAL = {"mean of log": of_log, "sd of log": ratio}
+_SHAPE_AND_SCALE = {"shape": ratio, "scale": width}
+_MODE_AND_SCALE = {"mode": place, "scale": width}
+_POWER = {"lambda": plain, "mean": plain, "sd": ratio}
 
 FAMILIES = {
     family.name: family
     for family in (
+        Family("normal", "normal", _NORMAL, "free", lambda t: distributions.normal(t[0], _exp(t[1])), _moments),
         Family(
-            "normal", "normal", ("mean", "log sd"), "free", lambda t: distributions.normal(t[0], _exp(t[1])), _moments
-        ),
-        Family(
-            "lognormal", "lognormal", ("mean of log", "log sd of log"), "positive",
+            "lognormal", "lognormal", _LOGNORMAL, "positive",
             lambda t: distributions.lognormal(0.0, t[0], _exp(t[1])), _log_moments,
         ),
         Family(
-            "weibull", "Weibull", ("log shape", "log scale"), "positive",
+            "weibull", "Weibull", _SHAPE_AND_SCALE, "positive",
             lambda t: distributions.weibull(_exp(t[0]), _exp(t[1])), _weibull_start,
         ),
         Family(
-            "gamma", "gamma", ("log shape", "log scale"), "positive",
+            "gamma", "gamma", _SHAPE_AND_SCALE, "positive",
             lambda t: distributions.gamma(_exp(t[0]), _exp(t[1])), _gamma_start,
         ),
         Family(
-            "half_normal", "half-normal", ("log sd",), "positive",
+            "half_normal", "half-normal", {"sd": width}, "positive",
             lambda t: distributions.folded_normal(0.0, _exp(t[0])), _root_mean_square,
         ),
         Family(
-            "folded_normal", "folded normal", ("mean", "log sd"), "positive",
+            "folded_normal", "folded normal", _NORMAL, "positive",
             lambda t: distributions.folded_normal(t[0], _exp(t[1])), _moments,
         ),
         Family(
-            "logistic", "logistic", ("mean", "log scale"), "free",
+            "logistic", "logistic", {"mean": place, "scale": width}, "free",
             lambda t: distributions.logistic(t[0], _exp(t[1])), _logistic_start,
         ),
         Family(
-            "largest_extreme", "largest extreme value", ("mode", "log scale"), "free",
+            "largest_extreme", "largest extreme value", _MODE_AND_SCALE, "free",
             lambda t: distributions.largest_extreme(t[0], _exp(t[1])), _gumbel_start,
         ),
         Family(
-            "smallest_extreme", "smallest extreme value", ("mode", "log scale"), "free mirrored",
+            "smallest_extreme", "smallest extreme value", _MODE_AND_SCALE, "free mirrored",
             lambda t: distributions.largest_extreme(t[0], _exp(t[1])), _gumbel_start,
         ),
         Family(
-            "beta", "beta on the known bounds", ("log a", "log b"), "bounds",
-            lambda t: distributions.beta(_exp(t[0]), _exp(t[1])), _beta_start,
+            "beta", "beta on the known bounds", {"a": ratio, "b": ratio}, "bounds",
+            lambda t: distributions.beta(_exp(t[0]), _exp(t[1])), _beta_start, framed=True,
+        ),
+        Family(
+            "student_t", "Student t", {"mean": place, "scale": width, "degrees of freedom": ratio}, "free",
+            lambda t: distributions.student_t(t[0], _exp(t[1]), _exp(np.minimum(t[2], _MOST_FREEDOM))), _student_start,
         ),
         Family(
             "box_cox", "normal after Box-Cox", _POWER, "positive",
             lambda t: distributions.box_cox_normal(t[0], t[1], _exp(t[2])), lambda c: (0.0, *_log_moments(c)),
+            framed=True,
         ),
         Family(
             "yeo_johnson", "normal after Yeo-Johnson", _POWER, "free",
             lambda t: distributions.yeo_johnson_normal(t[0], t[1], _exp(t[2])), lambda c: (1.0, *_moments(c)),
+            framed=True,
         ),
-        Family("johnson_sl", "Johnson SL, lognormal above a threshold", _SL, "range", _build_sl, _sl_start),
         Family(
-            "johnson_sl_mirrored", "Johnson SL, lognormal below a threshold", _SL, "range mirrored",
+            "johnson_sl", "Johnson SL, lognormal above a threshold", {"low": below} | _LOGNORMAL, "range",
             _build_sl, _sl_start,
         ),
         Family(
-            "johnson_su", "Johnson SU", ("gamma", "log delta", "xi", "log lambda"), "free",
+            "johnson_sl_mirrored", "Johnson SL, lognormal below a threshold", {"high": below} | _LOGNORMAL,
+            "range mirrored", _build_sl, _sl_start,
+        ),
+        Family(
+            "johnson_su", "Johnson SU", {"gamma": plain, "delta": ratio, "xi": place, "lambda": width}, "free",
             lambda t: distributions.johnson_su(t[0], _exp(t[1]), t[2], _exp(t[3])), lambda _: (0.0, 0.7, 0.0, 0.7),
         ),
         Family(
-            "johnson_sb", "Johnson SB", ("gamma", "log delta", "log gap below", "log gap above"), "range",
+            "johnson_sb", "Johnson SB", {"gamma": plain, "delta": ratio, "low": below, "high": above}, "range",
             lambda t: distributions.johnson_sb(t[0], _exp(t[1]), -1.0 - _exp(t[2]), 1.0 + _exp(t[3])),
             lambda _: (0.0, 0.0, -1.0, -1.0),
         ),
         Family(
             "two_normals", "mixture of two normals",
-            ("logit of share", "mean 1", "log sd 1", "mean 2", "log sd 2"), "free",
+            {"share 1": probability, "mean 1": place, "sd 1": width, "mean 2": place, "sd 2": width}, "free",
             lambda t: distributions.two_normals(1 / (1 + _exp(-t[0])), t[1], _exp(t[2]), t[3], _exp(t[4])),
             _mixture_start,
         ),

@@ -1,71 +1,25 @@
-"""Distributions fitted to a response by maximum likelihood, ranked by AIC, with their distance from the data.
+"""Distributions fitted to a response: all families, those that may be used, and the one that is.
 
-The search uses the sample condensed to 600 values, the figures of merit 20,000 (`reporting.shape.condensed`): a million
-values cost as much as a few thousand. Normal and lognormal distributions use the moments of all values; sigma has the
-divisor n - 1 as everywhere in the report.
+A family may be used if it passes a test of its fit (`reporting.shape.goodness`). Of these, the one with the smallest
+AIC is no better than a simpler one within `AIC_MARGIN`. The data do not rule out those within `AIC_SUPPORT`: what is
+said of the tails must hold for all of them.
 """
 
-import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from reporting.arrays import Array
 from reporting.capability.moments import ROUNDING, series
-from reporting.shape.condensed import Condensed, anderson_darling, condense, distance
-from reporting.shape.families import FAMILIES, Family, Scaled, Theta
-from reporting.shape.maximum_likelihood import covariance, maximise
+from reporting.shape import atoms
+from reporting.shape.atoms import Atom
+from reporting.shape.families import FAMILIES
+from reporting.shape.fitting import SEARCHED, Fit, Fitting
+from reporting.shape.goodness import PRACTICAL
 
-SEARCHED, JUDGED = 600, 20_000
-# Values needed for each parameter.
-VALUES_PER_PARAMETER = 8
-# A smaller difference of AIC is not evidence (Burnham, Anderson 2002): the simpler family is chosen.
-AIC_MARGIN = 10.0
-# Below this ratio of sigma and value a family that starts at zero is indistinguishable from a normal one.
-LEAST_VARIATION = 0.01
-
-
-@dataclass(frozen=True)
-class Fit:
-    """A family fitted to the values.
-
-    Attributes
-    ----------
-    family, title : str
-        Key in `reporting.shape.families.FAMILIES`, and the name in words.
-    parameters : dict of str to float
-        Of the distribution of ``z = (x - shift) / scale``; positive parameters themselves, not their logarithms.
-    theta : tuple of float
-        Unconstrained parameters, which with shift and scale determine the distribution (see `distribution`).
-    covariance : tuple of tuples of float, or None
-        Of theta, from the curvature of the likelihood; None where it is flat.
-    shift, scale : float
-        In the unit of the values.
-    n : int
-        Number of values.
-    loglik, aic, bic : float
-        Log-likelihood (density in 1/unit), and the information criteria of Akaike and Schwarz.
-    ad : float or None
-        Anderson-Darling statistic. It grows with n: it ranks families but does not measure a misfit.
-    distance : float
-        Kolmogorov's distance between sample and distribution: the size of the misfit.
-    """
-
-    family: str
-    title: str
-    parameters: dict[str, float]
-    theta: Theta
-    covariance: tuple[tuple[float, ...], ...] | None
-    shift: float
-    scale: float
-    n: int
-    loglik: float
-    aic: float
-    bic: float
-    ad: float | None
-    distance: float
+# Burnham, Anderson (2002): within 2 a family has substantial support, beyond 10 none.
+AIC_MARGIN, AIC_SUPPORT = 2.0, 10.0
 
 
 @dataclass(frozen=True)
@@ -77,16 +31,23 @@ class Fits:
     fits : tuple of Fit
         By AIC, smallest first.
     best : str or None
-        Family chosen: among those within `AIC_MARGIN` of the smallest AIC the one with the fewest parameters; of
-        several, the normal one.
+        Family chosen: among those that pass and are within `AIC_MARGIN` of the smallest AIC the one with the fewest
+        parameters; of several, the normal one. None if no family passes.
+    candidates : tuple of str
+        Families that pass and that the data do not rule out, by AIC. Differences of AIC count as those of
+        `PRACTICAL` values.
+    atoms : tuple of Atom
+        Values that a share of all values has; then no family is fitted.
     refused : dict of str to str
         Families that were not fitted, and why.
     notes : tuple of str
-        How the families were fitted, or why none was.
+        How the families were fitted, or why none was or none is used.
     """
 
     fits: tuple[Fit, ...]
     best: str | None
+    candidates: tuple[str, ...]
+    atoms: tuple[Atom, ...]
     refused: dict[str, str]
     notes: tuple[str, ...]
 
@@ -95,7 +56,12 @@ class Fits:
         return next((fit for fit in self.fits if fit.family == family), None)
 
 
-def fit_families(x: ArrayLike, bounds: tuple[float, float] | None = None, names: Iterable[str] | None = None) -> Fits:
+def fit_families(
+    x: ArrayLike,
+    bounds: tuple[float, float] | None = None,
+    names: Iterable[str] | None = None,
+    limits: Sequence[float | None] = (None, None),
+) -> Fits:
     """Fit every family that the values allow.
 
     Parameters
@@ -106,6 +72,8 @@ def fit_families(x: ArrayLike, bounds: tuple[float, float] | None = None, names:
         Physical bounds of the response, for the beta distribution.
     names : iterable of str, optional
         Families to fit; all of them if not given.
+    limits : (float or None, float or None)
+        Lower and upper limit: a family that contradicts the count of values beyond them does not pass.
 
     Raises
     ------
@@ -116,117 +84,44 @@ def fit_families(x: ArrayLike, bounds: tuple[float, float] | None = None, names:
     values = np.sort(values[np.isfinite(values)])
     n = int(values.size)
     if n < 2 or values[-1] - values[0] <= ROUNDING * float(np.max(np.abs(values))):
-        return Fits((), None, {}, ("Fewer than two different values, so no distribution is fitted.",))
+        return unfitted("Fewer than two different values, so no distribution is fitted.")
     if not float(np.max(np.abs(values))) < 1e150:
-        return Fits((), None, {}, ("The values are too large to be squared, so no distribution is fitted.",))
-    few, many = condense(values, SEARCHED), condense(values, JUDGED)
+        return unfitted("The values are too large to be squared, so no distribution is fitted.")
+    ties = atoms.ties(values)
+    found = ties.atoms()
+    if found:
+        said = (*(atoms.in_words(atom) for atom in found), "No smooth distribution describes it, so none is fitted.")
+        return unfitted(" ".join(said), found)
+    if ties.discrete:
+        return unfitted(f"Only {ties.values.size} different values, so no smooth distribution is fitted.")
+    fitting = Fitting(values, ties, bounds, limits)
     families = FAMILIES.values() if names is None else [FAMILIES[name] for name in FAMILIES if name in set(names)]
-    fits, refused = [], {}
-    for family in families:
-        fit = _fit(family, values, few, many, bounds)
-        if isinstance(fit, Fit):
-            fits.append(fit)
-        else:
-            refused[family.name] = fit
-    fits.sort(key=lambda fit: fit.aic)
+    outcomes = {family.name: fitting.fit(family) for family in families}
+    fits = sorted((fit for fit in outcomes.values() if isinstance(fit, Fit)), key=lambda fit: fit.aic)
+    refused = {name: reason for name, reason in outcomes.items() if isinstance(reason, str)}
+    passing = [fit for fit in fits if fit.passes]
     notes: tuple[str, ...] = ()
     if n > SEARCHED:
         notes = (f"Fitted to {SEARCHED} weighted values that represent {n}; both tails are complete.",)
-    return Fits(tuple(fits), _choose(fits), refused, notes)
+    if fits and not passing:
+        notes += (f"No family is used: of {len(fits)} fitted, none agrees with the values.",)
+    return Fits(tuple(fits), _choose(passing), _candidates(passing), (), refused, notes)
 
 
-def distribution(fit: Fit, theta: Theta | None = None) -> Scaled:
-    """Return the distribution of a fit in the unit of the values; with the parameters `theta`, if given."""
-    return Scaled(FAMILIES[fit.family].build(fit.theta if theta is None else theta), fit.shift, fit.scale)
+def unfitted(reason: str, found: tuple[Atom, ...] = ()) -> Fits:
+    """Return no fits, with the reason."""
+    return Fits((), None, (), found, {}, (reason,))
 
 
-def _choose(fits: list[Fit]) -> str | None:
+def _choose(passing: list[Fit]) -> str | None:
     """Return the simplest family that is as good as the best."""
-    if not fits:
+    if not passing:
         return None
-    close = [fit for fit in fits if fit.aic <= fits[0].aic + AIC_MARGIN]
+    close = [fit for fit in passing if fit.aic <= passing[0].aic + AIC_MARGIN]
     return min(close, key=lambda fit: (len(fit.theta), fit.family != "normal", fit.aic)).family
 
 
-def _fit(
-    family: Family, values: Array, few: Condensed, many: Condensed, bounds: tuple[float, float] | None
-) -> Fit | str:
-    """Return the fit of a family, or why there is none."""
-    n, k = int(values.size), len(family.parameters)
-    if n < VALUES_PER_PARAMETER * k:
-        return f"{n} values are too few for {k} parameters; {VALUES_PER_PARAMETER * k} are needed"
-    frame = _frame(family, values, bounds)
-    if isinstance(frame, str):
-        return frame
-    shift, scale = frame
-    sample = few.scaled(shift, scale)
-
-    def loglik(theta: Theta) -> float:
-        return float(sample.weights @ family.build(theta).logpdf(sample.values))
-
-    with np.errstate(all="ignore"):  # a search may pass through parameters whose likelihood overflows
-        theta: Theta | None = _moments_of_all(family, values, shift, scale)
-        if theta is None:
-            theta = maximise(loglik, family.start(sample))
-        if theta is None:
-            return "no maximum of the likelihood was found"
-        fitted = Scaled(family.build(theta), shift, scale)
-        total = float(many.weights @ fitted.logpdf(many.values))
-        cdf, sf = fitted.cdf(many.values), fitted.sf(many.values)
-        if not math.isfinite(total) or not np.all(np.isfinite(cdf)):
-            return "some values are impossible under the distribution that fits the others"
-        theta_covariance = covariance(loglik, theta)
-    return Fit(
-        family=family.name,
-        title=family.title,
-        parameters=_named(family, theta),
-        theta=theta,
-        covariance=theta_covariance,
-        shift=shift,
-        scale=scale,
-        n=n,
-        loglik=total,
-        aic=2 * k - 2 * total,
-        bic=k * math.log(n) - 2 * total,
-        ad=anderson_darling(many, cdf, sf),
-        distance=distance(many, cdf),
-    )
-
-
-def _named(family: Family, theta: Theta) -> dict[str, float]:
-    """Return the parameters by name, positive ones without the logarithm."""
-    pairs = zip(family.parameters, theta, strict=True)
-    return {name.removeprefix("log "): math.exp(t) if name.startswith("log ") else t for name, t in pairs}
-
-
-def _frame(family: Family, values: Array, bounds: tuple[float, float] | None) -> tuple[float, float] | str:
-    """Return shift and scale of a family, or why it cannot describe the values."""
-    low, high = float(values[0]), float(values[-1])
-    std = float(np.std(values))
-    if family.frame == "positive":
-        if low <= 0:
-            return f"values at or below 0 (smallest {low:.6g}); the family has only positive ones"
-        if std < LEAST_VARIATION * high:
-            return f"zero is more than {1 / LEAST_VARIATION:.0f} sigma away: too far for a positive family"
-        return 0.0, float(np.median(values))
-    if family.frame == "bounds":
-        if bounds is None:
-            return "no bounds are known"
-        if not bounds[0] < low <= high < bounds[1]:
-            return f"values from {low:.6g} to {high:.6g} reach the bounds {bounds[0]:.6g} and {bounds[1]:.6g}"
-        return bounds[0], bounds[1] - bounds[0]
-    sign = -1.0 if family.frame.endswith("mirrored") else 1.0
-    if family.frame.startswith("free"):
-        return float(np.median(values)), sign * std
-    half = (high - low) / 2
-    return low + half, sign * half
-
-
-def _moments_of_all(family: Family, values: Array, shift: float, scale: float) -> Theta | None:
-    """Return theta of the families that moments determine, from all values; None for other families."""
-    if family.name not in ("normal", "lognormal"):
-        return None
-    z = (values - shift) / scale
-    if family.name == "lognormal":
-        z = np.log(z)
-    return float(np.mean(z)), math.log(float(np.std(z, ddof=1)))
+def _candidates(passing: list[Fit]) -> tuple[str, ...]:
+    """Return the families that the values do not rule out."""
+    support = AIC_SUPPORT * max(1.0, passing[0].n / PRACTICAL) if passing else 0.0
+    return tuple(fit.family for fit in passing if fit.aic <= passing[0].aic + support)

@@ -25,7 +25,7 @@ from reporting.capability.intervals import Interval, bench
 from reporting.capability.moments import series
 from reporting.capability.shares import PPM
 from reporting.shape.families import Scaled
-from reporting.shape.fits import Fit, distribution
+from reporting.shape.fitting import Fit, distribution
 from reporting.shape.order_statistics import FEWEST, empirical_percentiles, percentile_bootstrap
 
 # Probabilities of the lower end, the middle and the upper end of a process (ISO 22514-2): -3, 0 and 3 normal sigmas.

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from reporting.shape.condensed import anderson_darling, condense, distance
-from reporting.shape.fits import JUDGED, SEARCHED, distribution, fit_families
+from reporting.shape.fits import fit_families
+from reporting.shape.fitting import JUDGED, SEARCHED, distribution
 
 RNG = np.random.default_rng(6)
 WEIBULL = 3 * RNG.weibull(2, 500)

@@ -1,0 +1,227 @@
+"""One family fitted to the values by maximum likelihood.
+
+The search uses the sample condensed to 600 values, the figures of merit 4,000 (`reporting.shape.condensed`): a million
+values cost as much as a few thousand. Normal and lognormal distributions use the moments of all values; sigma has the
+divisor n - 1 as everywhere in the report.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from reporting.arrays import Array
+from reporting.shape.atoms import Ties
+from reporting.shape.condensed import Condensed, anderson_darling, condense, distance
+from reporting.shape.families import FAMILIES, Family, Scaled, Theta
+from reporting.shape.goodness import LEAST_P, bootstrap, tail_misfit
+from reporting.shape.maximum_likelihood import covariance, curvature, maximise
+
+SEARCHED, JUDGED = 600, 4000
+# Values needed for each parameter.
+VALUES_PER_PARAMETER = 8
+# Below this ratio of sigma and value a family that starts at zero is indistinguishable from a normal one.
+LEAST_VARIATION = 0.01
+# A component of a mixture that is narrower than a quarter of the densest part of the values of this share is a spike.
+_SPIKE_SHARE, _FEWEST_IN_SPIKE = 0.05, 8
+# A threshold closer to the extreme value, in usual distances of values, is where the likelihood has no maximum.
+_CLOSEST = 0.01
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A family fitted to the values.
+
+    Attributes
+    ----------
+    family, title : str
+        Key in `reporting.shape.families.FAMILIES`, and the name in words.
+    parameters : dict of str to float
+        In the unit of the values. Those of a power transformation and of the beta distribution are of the values
+        ``(x - shift) / scale``, with these two beside them.
+    theta : tuple of float
+        Unconstrained parameters, which with shift and scale determine the distribution (see `distribution`).
+    covariance : tuple of tuples of float, or None
+        Of theta, from the curvature of the likelihood; None where it is flat.
+    shift, scale : float
+        In the unit of the values.
+    n : int
+        Number of values.
+    loglik, aic, bic : float
+        Log-likelihood (density in 1/unit), and the information criteria of Akaike and Schwarz.
+    ad : float or None
+        Anderson-Darling statistic. It grows with n: it ranks families but does not measure a misfit.
+    ad_p : float or None
+        Its p-value by parametric bootstrap, with the parameters fitted to each resample; above 5,000 values that of a
+        misfit which 5,000 values would show. None where a value is impossible.
+    distance : float
+        Kolmogorov's distance between sample and distribution: the size of the misfit.
+    passes : bool
+        The p-value is at least 0.05 and no counted share contradicts the tails: the fit may be used.
+    misfit : str
+        Why it may not; else empty.
+    """
+
+    family: str
+    title: str
+    parameters: dict[str, float]
+    theta: Theta
+    covariance: tuple[tuple[float, ...], ...] | None
+    shift: float
+    scale: float
+    n: int
+    loglik: float
+    aic: float
+    bic: float
+    ad: float | None
+    ad_p: float | None
+    distance: float
+    passes: bool
+    misfit: str
+
+
+class Fitting:
+    """The values of a response, ready for many families.
+
+    Parameters
+    ----------
+    ordered : array, shape (n,)
+        Ascending values.
+    ties : Ties
+        The different ones.
+    bounds : (float, float) or None
+        Physical bounds.
+    limits : (float or None, float or None)
+        Lower and upper limit, where the tails are compared.
+    """
+
+    def __init__(
+        self,
+        ordered: Array,
+        ties: Ties,
+        bounds: tuple[float, float] | None,
+        limits: Sequence[float | None],
+    ) -> None:
+        self.ordered, self.bounds, self.limits = ordered, bounds, limits
+        self.smooth = ties.spread()
+        self.few, self.many = condense(self.smooth, SEARCHED), condense(self.smooth, JUDGED)
+        self.bootstrap = bootstrap(ordered.size)
+        self.median, self.std = float(np.median(ordered)), float(np.std(ordered))
+        self.skewness = float(np.mean((ordered - np.mean(ordered)) ** 3))
+
+    def fit(self, family: Family) -> Fit | str:
+        """Return the fit of a family, or why there is none."""
+        n, k = int(self.ordered.size), len(family.parameters)
+        if n < VALUES_PER_PARAMETER * k:
+            return f"{n} values are too few for {k} parameters; {VALUES_PER_PARAMETER * k} are needed"
+        frame = self._frame(family)
+        if isinstance(frame, str):
+            return frame
+        shift, scale = frame
+        loglik = log_likelihood(family, self.few.scaled(shift, scale))
+        many = self.many.scaled(shift, scale)
+        with np.errstate(all="ignore"):  # a search may pass through parameters whose likelihood overflows
+            theta: Theta | None = self._moments(family, shift, scale)
+            if theta is None:
+                theta = maximise(loglik, family.start(self.few.scaled(shift, scale)))
+            if theta is None:
+                return "no maximum of the likelihood was found"
+            parameters = family.in_units(theta, shift, scale)
+            spike = self._spike(parameters)
+            if spike:
+                return spike
+            fitted = Scaled(family.build(theta), shift, scale)
+            total = float(many.weights @ fitted.base.logpdf(many.values)) - n * math.log(abs(scale))
+            cdf, sf = fitted.base.cdf(many.values), fitted.base.sf(many.values)
+            if not math.isfinite(total) or not np.all(np.isfinite(cdf)):
+                return "some values are impossible under the distribution that fits the others"
+            ad = anderson_darling(self.many, cdf, sf) if scale > 0 else anderson_darling(self.many, sf, cdf)
+            ad_p = None if ad is None else self.bootstrap.p_value(family.build, theta, ad)
+            misfit = _misfit(ad_p) or tail_misfit(self.ordered, fitted, self.limits)
+            information = curvature(loglik, theta)
+        return Fit(
+            family=family.name,
+            title=family.title,
+            parameters=parameters,
+            theta=theta,
+            covariance=covariance(information),
+            shift=shift,
+            scale=scale,
+            n=n,
+            loglik=total,
+            aic=2 * k - 2 * total,
+            bic=k * math.log(n) - 2 * total,
+            ad=ad,
+            ad_p=ad_p,
+            distance=distance(self.many, cdf if scale > 0 else sf),
+            passes=not misfit,
+            misfit=misfit,
+        )
+
+    def _frame(self, family: Family) -> tuple[float, float] | str:
+        """Return shift and scale of a family, or why it cannot describe the values."""
+        low, high = float(self.smooth[0]), float(self.smooth[-1])
+        if family.frame == "positive":
+            if low <= 0:
+                return f"values at or below 0 (smallest {low:.6g}); the family has only positive ones"
+            if self.std < LEAST_VARIATION * high:
+                return f"zero is more than {1 / LEAST_VARIATION:.0f} sigma away: too far for a positive family"
+            return 0.0, self.median
+        if family.frame == "bounds":
+            if self.bounds is None:
+                return "no bounds are known"
+            if not self.bounds[0] < low <= high < self.bounds[1]:
+                ends = f"{self.bounds[0]:.6g} and {self.bounds[1]:.6g}"
+                return f"values from {low:.6g} to {high:.6g} reach the bounds {ends}"
+            return self.bounds[0], self.bounds[1] - self.bounds[0]
+        sign = -1.0 if family.frame.endswith("mirrored") else 1.0
+        if family.frame.startswith("free"):
+            return self.median, sign * self.std
+        if family.name.startswith("johnson_sl") and sign * self.skewness < 0:
+            return "the values are skewed the other way"
+        half = (high - low) / 2
+        return low + half, sign * half
+
+    def _moments(self, family: Family, shift: float, scale: float) -> Theta | None:
+        """Return theta of the families that moments determine, from all values; None for other families."""
+        if family.name not in ("normal", "lognormal"):
+            return None
+        z = (self.ordered - shift) / scale
+        if family.name == "lognormal":
+            z = np.log(z)
+        return float(np.mean(z)), math.log(float(np.std(z, ddof=1)))
+
+    def _spike(self, parameters: dict[str, float]) -> str:
+        """Return why the fit describes a few values instead of all; empty if it does not."""
+        x, n = self.smooth, self.smooth.size
+        among = max(_FEWEST_IN_SPIKE, int(_SPIKE_SHARE * n))
+        narrowest = float(np.min(x[among:] - x[:-among])) / 4 if n > among else 0.0
+        if any(parameters.get(name, math.inf) < narrowest for name in ("sd 1", "sd 2")):
+            return "one of the two distributions would be a spike at a few values"
+        closest = _CLOSEST * float(x[-1] - x[0]) / n
+        if x[0] - parameters.get("low", -math.inf) < closest or parameters.get("high", math.inf) - x[-1] < closest:
+            return "the likelihood has no maximum: it grows as a threshold approaches the extreme value"
+        return ""
+
+
+def log_likelihood(family: Family, sample: Condensed) -> Callable[[Array], Array]:
+    """Return the log-likelihood of a sample of z as a function of parameters, shape (p, k), for p of them."""
+
+    def loglik(points: Array) -> Array:
+        densities = family.build(list(points.T[:, :, None])).logpdf(sample.values)
+        return np.asarray(densities @ sample.weights)
+
+    return loglik
+
+
+def distribution(fit: Fit, theta: Theta | None = None) -> Scaled:
+    """Return the distribution of a fit in the unit of the values; with the parameters `theta`, if given."""
+    return Scaled(FAMILIES[fit.family].build(fit.theta if theta is None else theta), fit.shift, fit.scale)
+
+
+def _misfit(p: float | None) -> str:
+    """Return why the body of the values contradicts a fit; empty if it does not."""
+    if p is None:
+        return "an extreme value is impossible"
+    return f"Anderson-Darling p = {p:.2g}" if p < LEAST_P else ""
