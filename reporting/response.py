@@ -1,5 +1,6 @@
 """One response: its limits, its numbers and the verdict."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np

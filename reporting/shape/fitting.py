@@ -58,7 +58,7 @@ class Fit:
     distance : float
         Kolmogorov's distance between sample and distribution: the size of the misfit.
     passes : bool
-        The p-value is at least 0.05 and no counted share contradicts the tails: the fit may be used.
+        The p-value is at least 0.01 and no counted share contradicts the tails: the fit may be used.
     misfit : str
         Why it may not; else empty.
     """

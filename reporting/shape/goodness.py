@@ -19,7 +19,7 @@ from reporting.shape.distributions import ClosedForm, Parameter
 from reporting.shape.families import Scaled, Theta
 
 # A fit with a smaller p-value is not used.
-LEAST_P = 0.05
+LEAST_P = 0.01
 # A misfit that so many values would not show has no importance.
 PRACTICAL = 5000
 # A tail fails if the counted share is proven (at `_TAIL_CHANCE`) to differ by more than this factor.

@@ -49,7 +49,7 @@ def test_a_wrong_family_fails_and_says_so(name: str, x) -> None:
     found = fit_families(x, names=[name])
     fit = found.of(name)
     assert not fit.passes
-    assert fit.ad_p < 0.05
+    assert fit.ad_p < 0.01
     assert "Anderson-Darling" in fit.misfit
     assert found.best is None
     assert any("No family is used" in note for note in found.notes)
