@@ -15,12 +15,15 @@ from reporting.arrays import Array
 from reporting.capability.intervals import Interval
 from reporting.capability.moments import location_and_shape, series
 from reporting.shape.condensed import Condensed, anderson_darling, condense, distance
+from reporting.shape.tail_weight import TailWeight, tail_weights
 
 # With a distance up to the first a response counts as normal, above the second as not normal.
 CLOSE, FAR = 0.02, 0.05
 # Beyond these the normal ppm is a poor estimate, however close the middle is.
 SKEWNESS_BAR, KURTOSIS_BAR = 0.5, 1.0
 FEWEST_FOR_WORDS = 20
+# Chance alone does not give a smaller p-value: then it is proven that the response is not normal.
+PROVEN_P = 0.001
 _MOST_FOR_SHAPIRO = 5000
 _JUDGED = 20_000
 
@@ -45,6 +48,11 @@ class Normality:
         G1 and G2 (excess).
     skewness_interval, kurtosis_interval : (float, float) or None
         From their influence functions, for any distribution.
+    tails : tuple of TailWeight
+        Whether the lower and the upper tail are heavier or lighter than a normal one; empty below 50 values.
+    p : float or None
+        Probability of a departure at least as clear as the clearest of A^2 and the two tails in a sample of normal
+        values (Bonferroni over the three); None below 8 values.
     verdict : str
         "normal", "close to normal", "not normal", "undecided" or "too few values".
     reason : str
@@ -62,6 +70,8 @@ class Normality:
     kurtosis: float | None = None
     skewness_interval: Interval | None = None
     kurtosis_interval: Interval | None = None
+    tails: tuple[TailWeight, ...] = ()
+    p: float | None = None
     verdict: str = "too few values"
     reason: str = "Fewer than two different values, so there is no shape."
 
@@ -116,18 +126,22 @@ def normality(x: ArrayLike, confidence: float = 0.95) -> Normality:
     skewness, kurtosis = shape["skewness"], shape.get("kurtosis")
     statistic = anderson_darling(sample, cdf, ndtr(-sample.values))
     skewness_error, kurtosis_error = _errors(sample, float(ndtri(0.5 + confidence / 2)))
+    p_value = None if statistic is None or n < 8 else _stephens(statistic, n)
+    tails = tail_weights(sample)
     measures = Normality(
         n=n,
         shapiro_w=w,
         shapiro_p=p,
         anderson_darling=statistic,
-        anderson_darling_p=None if statistic is None or n < 8 else _stephens(statistic, n),
+        anderson_darling_p=p_value,
         distance=far,
         distance_interval=(max(far - band, 0.0), min(far + band, 1.0)),
         skewness=skewness,
         kurtosis=kurtosis,
         skewness_interval=(skewness - skewness_error, skewness + skewness_error),
         kurtosis_interval=None if kurtosis is None else (kurtosis - kurtosis_error, kurtosis + kurtosis_error),
+        tails=tails,
+        p=None if p_value is None else min(1.0, (1 + len(tails)) * min([p_value, *(tail.p for tail in tails)])),
     )
     verdict, reason = _verdict(measures)
     return Normality(**{**vars(measures), "verdict": verdict, "reason": reason})
@@ -215,23 +229,35 @@ def _verdict(measures: Normality) -> tuple[str, str]:
         f"shares below a value differ from the normal distribution's by at most {100 * measures.distance:.2g} % "
         f"(with {measures.n} values, between {100 * low:.2g} and {100 * high:.2g} %)"
     )
-    shape = f"skewness {measures.skewness:.2f}, excess kurtosis {kurtosis:.2f}"
+    shape = f"skewness {measures.skewness:.2f}, excess kurtosis {kurtosis:.2f}{_tails_in_words(measures)}"
     if measures.n < FEWEST_FOR_WORDS:
         return "too few values", f"Too few values for a verdict on the shape: {distance}; {shape}."
+    proven = measures.p is not None and measures.p < PROVEN_P
     if low > FAR or (low > CLOSE and heavy):
         return "not normal", f"Not normal: {distance}; {shape}."
     if heavy:
-        if _beyond_bar(measures):
+        if proven or _beyond_bar(measures):
             return "not normal", f"Not normal in the tails: {shape}; {distance}."
         return (
             "undecided",
             f"Perhaps not normal in the tails, but {measures.n} values do not prove it: {shape}; {distance}.",
         )
     if high <= CLOSE:
-        return "normal", f"Normal for every purpose of this report: {distance}; {shape}."
-    if high <= FAR or measures.distance <= CLOSE:
+        return "normal", f"Normal to within {100 * high:.2g} % of the values: {distance}; {shape}."
+    if high <= FAR or (measures.distance <= CLOSE and not proven):
         return "close to normal", f"Close to normal: {distance}; {shape}."
+    if proven:
+        return "not normal", f"Not normal, by how much is open: {distance}; {shape}."
     return "undecided", f"Undecided, more samples are needed: {distance}; {shape}."
+
+
+def _tails_in_words(measures: Normality) -> str:
+    """Return which tails are heavier or lighter than normal ones."""
+    return "".join(
+        f", {'lower' if tail.side == 'below' else 'upper'} tail {tail.word} than normal ({tail.weight:.2g} times)"
+        for tail in measures.tails
+        if tail.word != "like normal"
+    )
 
 
 def _beyond_bar(measures: Normality) -> bool:

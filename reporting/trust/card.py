@@ -11,7 +11,8 @@ from reporting.spec import ReportSpec
 from reporting.trust.agreement import many_statements, verdicts_hold
 from reporting.trust.certificates import PENETRATION_BAR, RESIDUAL_BAR, complete, failures, largest, settled
 from reporting.trust.check import Check
-from reporting.trust.evidence import converged, enough_samples, failures_as_rejects, missing_values, normal_shape
+from reporting.trust.evidence import converged, enough_samples, failures_as_rejects, missing_values
+from reporting.trust.normal_shape import normal_shape
 from reporting.trust.requested_inputs import drawn_as_requested
 
 

@@ -76,23 +76,3 @@ def missing_values(responses: tuple[ResponseAnalysis, ...]) -> Check:
     listed = ", ".join(f"{name} {format_numbers.grouped(count)}" for name, count in incomplete)
     text = f"Ok samples without a finite number, left out of the statistics and counted as rejects: {listed}."
     return Check("Values", "bad", text, float(sum(count for _, count in incomplete)))
-
-
-def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
-    """Check that the responses are close to normal, by the size of the departure."""
-    shaped = [r for r in responses if r.capability.cpk is not None and r.normality.distance is not None]
-    if not shaped:
-        return Check("Shape", "info", "No response with limits has values enough to judge its shape.")
-    other = [r.spec.name for r in shaped if r.normality.verdict == "not normal"]
-    undecided = [r.spec.name for r in shaped if r.normality.verdict in ("undecided", "too few values")]
-    if other:
-        text = (
-            f"Not normal: {', '.join(other)}. For these read the non-normal methods instead of Cpk and the normal ppm."
-        )
-        return Check("Shape", "attention", text, float(len(other)))
-    if undecided:
-        text = f"Too few samples to tell whether {', '.join(undecided)} is normal; no departure is proven."
-        return Check("Shape", "info", text, 0.0)
-    return Check(
-        "Shape", "good", "Every response with limits is normal, or close enough to normal for these numbers.", 0.0
-    )

@@ -1,0 +1,72 @@
+"""Which tail of a response is heavier or lighter than a normal one, and whether chance explains it.
+
+The weight of a tail is the fourth moment of its side, ``mean(z^4)`` with 0 for values of the other side, relative to
+1.5, that of a normal distribution. Heavy tails are found by it long before a count of far values finds them: of 500
+values of Student's t with 5 degrees of freedom hardly two more lie beyond three sigma than of normal ones.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr
+
+from reporting.shape.condensed import Condensed
+
+NORMAL_WEIGHT = 1.5
+FEWEST = 50
+# A tail is called heavier or lighter from this p on; whether a response departs at all is judged before, over all
+# responses together.
+DIRECTION_P = 0.01
+
+
+@dataclass(frozen=True)
+class TailWeight:
+    """One tail of a response beside that of a normal distribution with its mean and sigma.
+
+    Attributes
+    ----------
+    side : str
+        "below" or "above" the mean.
+    weight : float
+        Relative to a normal tail: 1 for a normal one, 2 for that of Student's t with 6 degrees of freedom, 0.6 for a
+        uniform distribution's.
+    p : float
+        Two-sided probability of a weight at least as far from 1 in a sample of normal values.
+    word : str
+        "heavier", "lighter" or "like normal".
+    """
+
+    side: str
+    weight: float
+    p: float
+    word: str
+
+
+def tail_weights(sample: Condensed) -> tuple[TailWeight, ...]:
+    """Return the weights of the lower and the upper tail; none below 50 values.
+
+    In samples of normal values ``weight^(-1/2)`` is close to normal: simulated with 3,000 to 60,000 samples of 50 to
+    20,000 values, its mean and sigma follow the formulas below, and p-values of 1 in 100 hold to a third.
+
+    Parameters
+    ----------
+    sample : Condensed
+        Values less their mean, in standard deviations (divisor n - 1).
+    """
+    if sample.n < FEWEST:
+        return ()
+    return tuple(_tail(sample, side, sign) for side, sign in (("below", -1.0), ("above", 1.0)))
+
+
+def _tail(sample: Condensed, side: str, sign: float) -> TailWeight:
+    """Return the weight of the tail on one side."""
+    z, n = sign * sample.values, sample.n
+    moment = sample.mean(np.where(z > 0, z, 0.0) ** 4)
+    if moment == 0:
+        return TailWeight(side, 0.0, 0.0, "lighter")
+    expected = NORMAL_WEIGHT**-0.5 + 4.4 / n
+    error = 1.272 / math.sqrt(n) * (1 - 0.55 / math.sqrt(n))
+    p = 2 * float(ndtr(-abs(moment**-0.5 - expected) / error))
+    word = "like normal" if p > DIRECTION_P else "heavier" if moment**-0.5 < expected else "lighter"
+    return TailWeight(side, moment / NORMAL_WEIGHT, p, word)

@@ -1,0 +1,94 @@
+"""Whether the responses are normal, and if not, in which tail, and what that does to the printed ppm."""
+
+from reporting import format_numbers
+from reporting.capability.verdict import FEWEST_FOR_A_VERDICT
+from reporting.response import ResponseAnalysis
+from reporting.shape.holm import holm
+from reporting.shape.normality import PROVEN_P
+from reporting.trust.check import Check
+
+# Measured over six normal responses of 30 to 5,000 values, this calls one of them not normal in 4 to 5 % of campaigns.
+DEPARTURE_P = 0.04
+
+
+def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
+    """Check that the responses with limits are close enough to normal for the printed ppm."""
+    shaped = [r for r in responses if r.capability.cpk is not None and r.normality.p is not None]
+    if not shaped:
+        return Check("Shape", "info", "No response with limits has values enough to judge its shape.")
+    adjusted = holm([r.normality.p or 0.0 for r in shaped])
+    departing = [r for r, p in zip(shaped, adjusted, strict=True) if p < DEPARTURE_P or _proven(r)]
+    rest = [r for r in shaped if r not in departing]
+    close = [r for r in rest if r.normality.verdict in ("normal", "close to normal")]
+    open_ = [r for r in rest if r not in close]
+    sentences = [_departure(r) for r in departing]
+    if close:
+        names = _named(close, len(shaped))
+        sentences.append(f"{names}: close to normal, no share below a value is off by more than {_farthest(close)}.")
+    if open_:
+        sentences.append(
+            f"{_named(open_, len(shaped))}: no departure found (smallest p of Anderson-Darling {_smallest_p(open_)}), "
+            f"but so few values do not exclude that shares are off by up to {_farthest(open_)}."
+        )
+    misleading = [r for r in departing if _effects(r) or r.normality.verdict == "not normal"]
+    level = "attention" if misleading else "info" if open_ or departing else "good"
+    return Check("Shape", level, " ".join(sentences), float(len(departing)))
+
+
+def _proven(response: ResponseAnalysis) -> bool:
+    """Return whether the departure of a response would be beyond chance even among many responses."""
+    p = response.normality.anderson_darling_p
+    return p is not None and p < PROVEN_P
+
+
+def _departure(response: ResponseAnalysis) -> str:
+    """Return how a response departs from normal, and what that does to the printed ppm."""
+    shape = response.normality
+    tails = [
+        f"{'lower' if tail.side == 'below' else 'upper'} tail {tail.word}"
+        for tail in shape.tails
+        if tail.word != "like normal"
+    ]
+    where = " and ".join(tails) + " than normal" if tails else "no tail clearly heavier or lighter"
+    p = format_numbers.probability(shape.anderson_darling_p)
+    effects = "; ".join(_effects(response))
+    return (
+        f"{response.spec.name} is not normal (Anderson-Darling p {p if p.startswith('<') else '= ' + p}, shares off by "
+        f"{format_numbers.percent(shape.distance)}): {where}{f'; {effects}' if effects else ''}."
+    )
+
+
+def _effects(response: ResponseAnalysis) -> list[str]:
+    """Return what the tails and the count say of the expected ppm, on the sides that have a limit."""
+    spec, counted, expected = response.spec, response.nonconforming, response.capability.ppm_expected
+    limits = {"below": spec.lsl, "above": spec.usl}
+    effects = [
+        f"the ppm that a normal distribution expects {tail.side} the limit is too "
+        f"{'small' if tail.word == 'heavier' else 'large'}"
+        for tail in response.normality.tails
+        if tail.word != "like normal" and limits[tail.side] is not None
+    ]
+    if counted is not None and expected is not None and counted.total.n >= FEWEST_FOR_A_VERDICT:
+        low, high = counted.total.interval
+        if not low <= expected <= high:
+            effects.append(
+                f"{format_numbers.ppm(counted.total.ppm)} ppm counted ({format_numbers.ppm(low)} to "
+                f"{format_numbers.ppm(high)}) against {format_numbers.ppm(expected)} expected"
+            )
+    return effects
+
+
+def _named(some: list[ResponseAnalysis], total: int) -> str:
+    """Return the names of some of the responses with limits, or that they are all."""
+    return "Every response with limits" if len(some) == total else ", ".join(r.spec.name for r in some)
+
+
+def _farthest(some: list[ResponseAnalysis]) -> str:
+    """Return the largest upper end of the distances from a normal distribution."""
+    return format_numbers.percent(max((r.normality.distance_interval or (0.0, 1.0))[1] for r in some))
+
+
+def _smallest_p(some: list[ResponseAnalysis]) -> str:
+    """Return the smallest p of Anderson-Darling."""
+    p = [r.normality.anderson_darling_p for r in some if r.normality.anderson_darling_p is not None]
+    return format_numbers.probability(min(p, default=None))
