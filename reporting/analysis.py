@@ -13,6 +13,7 @@ from reporting.designs import Design
 from reporting.failures import FailedSample, StatusCount, count_statuses, list_failures
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_correlations, analyse_variable
 from reporting.product.product_yield import ProductYield, product_yield
+from reporting.rare.rare_rejects import RareRejects, judged, rare_checks, rare_rejects
 from reporting.response import ResponseAnalysis, analyse_response
 from reporting.samples import Samples, read_samples
 from reporting.sensitivity.influence import ResponseSensitivity, Sensitivity
@@ -53,6 +54,8 @@ class Analysis:
     trust : tuple of Check
         The trust card.
     responses : tuple of ResponseAnalysis
+    rare : RareRejects or None
+        Shares of some ppm by the weighted runs of importance sampling; None for other samplers.
     product : ProductYield or None
         Share of samples that keep all limits together; None without limits, or if samples are not production.
     variables : tuple of VariableAnalysis
@@ -82,6 +85,7 @@ class Analysis:
     statuses: tuple[StatusCount, ...]
     trust: tuple[Check, ...]
     responses: tuple[ResponseAnalysis, ...]
+    rare: RareRejects | None
     product: ProductYield | None
     variables: tuple[VariableAnalysis, ...]
     correlations: tuple[CorrelationAnalysis, ...]
@@ -124,7 +128,7 @@ def analyse(
     corners = next((pair for pair in ((samples, spec), other) if pair and pair[1].corners), None)
     if other is corners:  # corners do not represent production: only their worst case is shown
         other = None
-    drawn = independent_draws(samples, spec)
+    drawn, rare = independent_draws(samples, spec), rare_rejects(samples, spec, CONFIDENCE)
     influences = _sensitivity(drawn, spec, total_order(samples, spec))
     by_response = {r.response: r for r in influences.responses} if influences else dict[str, ResponseSensitivity]()
     responses = tuple(
@@ -144,8 +148,9 @@ def analyse(
         used=int(np.count_nonzero(drawn.ok)),
         run_seconds=samples.run_seconds,
         statuses=count_statuses(samples),
-        trust=trust_checks(spec, samples, responses, variables, correlations, CONFIDENCE),
-        responses=responses,
+        trust=(*trust_checks(spec, samples, responses, variables, correlations, CONFIDENCE), *rare_checks(rare)),
+        responses=judged(responses, rare),
+        rare=rare,
         product=product_yield(drawn, spec, CONFIDENCE),
         variables=variables,
         correlations=correlations,

@@ -6,7 +6,7 @@ texts of a million rows are never in memory together.
 
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 CERTIFICATE = ("sample", "status", "message", "max_residual", "max_penetration", "settled")
 OPTIONAL = "wall_s"
+IMPORTANCE = ("component", "log_weight", "aimed")
 OK = "ok"
 MESSAGES_KEPT = 20  # of each status
 
@@ -54,6 +55,8 @@ class Samples:
         Number of each sample's production batch; None without production batches.
     run_seconds : float or None
         Total time of the runs [s]; None if the rows do not state it.
+    importance : dict of str to array of float64, shape (n,)
+        Columns "component", "log_weight" and "aimed" of importance sampling; empty for other samplers.
     """
 
     sample: NDArray[np.int64]
@@ -68,12 +71,24 @@ class Samples:
     penetration_unit: str
     production_batch: NDArray[np.int64] | None
     run_seconds: float | None
+    importance: dict[str, Array] = field(default_factory=dict)
 
     def rows_of(self, status: str) -> NDArray[np.intp]:
         """Return the numbers of the rows with a status."""
         if status not in self.statuses:
             return np.zeros(0, np.intp)
         return np.flatnonzero(self.status == self.statuses.index(status))
+
+    def where(self, rows: NDArray[np.bool_]) -> "Samples":
+        """Return the samples that `rows`, shape (n,), marks."""
+        columns = ("sample", "status", "ok", "max_residual", "max_penetration", "settled")
+        return replace(
+            self,
+            **{name: getattr(self, name)[rows] for name in columns},
+            production_batch=None if self.production_batch is None else self.production_batch[rows],
+            values={name: column[rows] for name, column in self.values.items()},
+            importance={name: column[rows] for name, column in self.importance.items()},
+        )
 
 
 def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
@@ -95,6 +110,7 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
     names = [*(v.name for v in spec.variables), *(r.name for r in spec.responses)]
     needed = [*names, "sample", "max_residual", "max_penetration", "settled"]
     needed += [spec.production_batch_column] if spec.production_batch_column else []
+    needed += IMPORTANCE if spec.proposal else ()
     pieces: dict[str, list[Array]] = {name: [np.zeros(0)] for name in needed}
     codes, statuses, messages = [np.zeros(0, np.int16)], dict[str, int](), dict[int, str]()
     unit, seconds = "", None
@@ -123,6 +139,7 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
         if spec.production_batch_column
         else None,
         run_seconds=seconds,
+        importance={name: columns.pop(name) for name in IMPORTANCE} if spec.proposal else {},
         values=columns,
     )
 

@@ -79,6 +79,28 @@ class VariableSpec:
 
 
 @dataclass(frozen=True)
+class ProposalPart:
+    """A component of importance sampling: where it draws, in standard scores of the variables.
+
+    Attributes
+    ----------
+    share : float
+        Share of the samples that it draws.
+    scale : float
+        Standard deviation of all scores.
+    shift : tuple of (str, float)
+        Centre of the score of each variable, if it is not 0.
+    source : str
+        What it aims at, in words.
+    """
+
+    share: float
+    scale: float
+    shift: tuple[tuple[str, float], ...]
+    source: str = ""
+
+
+@dataclass(frozen=True)
 class ReportSpec:
     """Everything a report needs beside the table.
 
@@ -117,6 +139,10 @@ class ReportSpec:
     designed : tuple of str, or None
         The k variables of Saltelli's design, in its order; None if the samples are not such a design. Sample s belongs
         to row s // (k + 2). s % (k + 2) is the run within the row: 0 of A, 1 of B, 2 + j of A with variable j of B.
+    proposal : tuple of ProposalPart
+        Components of importance sampling; empty if samples have no weights. The rows then have the columns
+        "component" (number of a part, from 1; 0 for the distributions themselves), "log_weight" and "aimed" (beyond
+        three quarters of the way to a part's centre).
     """
 
     title: str
@@ -135,6 +161,7 @@ class ReportSpec:
     production_batch_column: str = ""
     stop: str = ""
     designed: tuple[str, ...] | None = None
+    proposal: tuple[ProposalPart, ...] = ()
 
     def __post_init__(self) -> None:
         """Raise ReportError if samples that are not independent would pass for such."""

@@ -16,13 +16,14 @@ from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
 from campaign.plan import Plan
 from campaign.reports.changed_distributions import scale_spread
-from campaign.spec.campaign_file import Response
+from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.store import Store
 from campaign.store.layout import REPORT, STOPPED
 from campaign.version import clearcap_version
 from engine.arrays import Array
 from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
+from reporting.spec import ProposalPart
 from reporting.tolerance.reweighting import Change
 from reporting.write import USUAL
 
@@ -75,6 +76,7 @@ def _scaled(plan: Plan, variable: str, columns: Mapping[str, Array], factor: flo
 def _rows(store: Store, plan: Plan) -> Iterator[pa.Table]:
     """Yield an empty table, then the columns of a campaign that a report reads, a file at a time."""
     columns = [*_CERTIFICATE, *plan.spec.variables, *plan.mechanism.responses]
+    columns += sampler_named(plan.spec.sampler).columns
     yield plan.schema.empty_table().select(columns)
     yield from store.stream(plan, columns)
 
@@ -134,6 +136,7 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         design=Design(sampler.production, sampler.report),
         corners=sampler.corners,
         designed=sampler.designed(spec),
+        proposal=_proposal(spec),
     )
 
 
@@ -191,6 +194,14 @@ def _simulate_command(plan: Plan) -> str:
     for option, value in (("--bench", plan.spec.bench), ("--step", simulation.step), ("--horizon", simulation.horizon)):
         words += [] if value is None else [option, str(value)]
     return shlex.join(words)
+
+
+def _proposal(spec: CampaignSpec) -> tuple[ProposalPart, ...]:
+    """Return the components of importance sampling; empty for other samplers."""
+    components = spec.importance.components if spec.importance else ()
+    return tuple(
+        ProposalPart(c.share, c.scale, tuple((v, z) for v, z in c.shift.items() if z), c.source) for c in components
+    )
 
 
 def _response(plan: Plan, name: str) -> ResponseSpec:

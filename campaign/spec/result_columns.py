@@ -21,7 +21,7 @@ CERTIFICATE_COLUMNS = (
 )
 
 
-OF_SAMPLERS = {"component": pa.int64(), "log_weight": pa.float64()}
+OF_SAMPLERS = {"component": pa.int64(), "log_weight": pa.float64(), "aimed": pa.bool_()}
 
 
 def results_schema(
@@ -54,7 +54,7 @@ def results_schema(
         pa.field("settled", pa.bool_(), nullable=False),
         pa.field("attempts", pa.int64(), nullable=False),
         pa.field("earlier_attempts", pa.string(), nullable=False),
-        *(pa.field(name, OF_SAMPLERS[name], nullable=False, metadata={"unit": "1"}) for name in of_sampler),
+        *(pa.field(name, OF_SAMPLERS[name], nullable=False) for name in of_sampler),
     ]
     return pa.schema(fields, metadata={"format": "1", "campaign": campaign_id})
 

@@ -10,7 +10,7 @@ other statistics.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,13 +53,15 @@ class TotalOrder:
 
 
 def independent_draws(samples: Samples, spec: ReportSpec) -> Samples:
-    """Return the independent draws: the samples A and B of a design, otherwise all samples.
+    """Return the independent draws: A and B of a design, what importance sampling draws from the distributions, or all.
 
     Raises
     ------
     ReportError
         The samples are a design without variables, or of a variable that the campaign does not have.
     """
+    if spec.proposal:
+        return samples.where(samples.importance["component"] == 0)
     if spec.designed is None:
         return samples
     unknown = set(spec.designed) - {variable.name for variable in spec.variables}
@@ -68,14 +70,7 @@ def independent_draws(samples: Samples, spec: ReportSpec) -> Samples:
             f"designed = {spec.designed}: a design has one variable or more, each of the campaign's; give the variables"
             " of the design, or None if the samples form no design"
         )
-    drawn = samples.sample % (len(spec.designed) + 2) < 2
-    columns = ("sample", "status", "ok", "max_residual", "max_penetration", "settled")
-    return replace(
-        samples,
-        **{name: getattr(samples, name)[drawn] for name in columns},
-        production_batch=None if samples.production_batch is None else samples.production_batch[drawn],
-        values={name: column[drawn] for name, column in samples.values.items()},
-    )
+    return samples.where(samples.sample % (len(spec.designed) + 2) < 2)
 
 
 def total_order(samples: Samples, spec: ReportSpec) -> "dict[str, TotalOrder | str]":

@@ -10,7 +10,7 @@ from scipy.special import ndtr, ndtri
 from campaign.inputs.distributions.base import DRAWN
 from campaign.inputs.sampling.inverse_transform import InverseTransformSampler
 from campaign.inputs.sampling.production_batches import production_batch
-from campaign.inputs.sampling.proposal import Proposal, drawn_from, log_weights, moved
+from campaign.inputs.sampling.proposal import Proposal, aimed, drawn_from, log_weights, moved
 from campaign.inputs.sampling.sampler import SampledInputs, varied
 from campaign.inputs.sampling.streams import COMPONENT, uniforms
 from engine.arrays import Array
@@ -30,7 +30,7 @@ class ImportanceSampler(InverseTransformSampler):
         " they serve the section Rare rejects."
     )
     own_key = "importance"
-    columns = ("component", "log_weight")
+    columns = ("component", "log_weight", "aimed")
 
     def check(self, inputs: SampledInputs) -> None:
         """Raise ValueError unless there is a proposal of variables that vary, and every sample has its own weight."""
@@ -72,11 +72,12 @@ class ImportanceSampler(InverseTransformSampler):
         return np.asarray(self.own_columns(inputs, sample)["component"] == 0)
 
     def own_columns(self, inputs: SampledInputs, sample: NDArray[np.int64]) -> dict[str, NDArray[np.generic]]:
-        """Return the component that draws each sample, 0 for the distributions, and the logarithm of its weight."""
+        """Return what has drawn each sample, the logarithm of its weight, and whether a component aims there."""
         first = int(sample.min()) if sample.size else 0
         count = int(sample.max()) + 1 - first if sample.size else 0
-        weights = log_weights(_proposal(inputs), _scores(inputs, varied(inputs), first, count))
-        return {"component": _component(inputs, first, count)[sample - first], "log_weight": weights[sample - first]}
+        proposal, scores = _proposal(inputs), _scores(inputs, varied(inputs), first, count)
+        columns = (_component(inputs, first, count), log_weights(proposal, scores), aimed(proposal, scores))
+        return {name: x[sample - first] for name, x in zip(self.columns, columns, strict=True)}
 
 
 def _proposal(inputs: SampledInputs) -> Proposal:

@@ -29,6 +29,7 @@ from engine.mechanism.base import TableModel
 LEAST_NOMINAL = 0.05  # share of samples drawn from the distributions themselves: weights are at most 20
 LARGEST_SHIFT = 8.0  # standard scores: double precision ends a little beyond
 MOST_COMPONENTS = 100
+AIM = 0.75  # of the way to a centre: beyond, a component would have drawn many
 
 Shift = Annotated[float, Field(ge=-LARGEST_SHIFT, le=LARGEST_SHIFT, allow_inf_nan=False)]
 
@@ -94,6 +95,17 @@ def moved(proposal: Proposal, component: NDArray[np.int64], scores: Mapping[str,
         name: np.array([0.0, *(c.shift.get(name, 0.0) for c in proposal.components)])[component] + scale * z
         for name, z in scores.items()
     }
+
+
+def aimed(proposal: Proposal, scores: Mapping[str, Array]) -> NDArray[np.bool_]:
+    """Return whether the moved scores of each sample lie beyond three quarters of the way to a component's centre."""
+    result = np.zeros(next(iter(scores.values())).shape, np.bool_)
+    for c in proposal.components:
+        beyond = np.zeros(result.shape)
+        for name, shift in c.shift.items():
+            beyond = beyond + shift * (scores[name] - AIM * shift)
+        result |= beyond > 0.0
+    return result
 
 
 def log_weights(proposal: Proposal, scores: Mapping[str, Array]) -> Array:

@@ -145,6 +145,17 @@ def test_the_rest_is_production():
     assert w[component == 0].max() > 4.5
 
 
+def test_aimed_is_beyond_three_quarters_of_the_way():
+    """A sample is aimed at if it lies that far in the direction of a component's centre; widening aims at nothing."""
+    components = [{"share": 0.5, "shift": {"a": 3.0, "b": -4.0}}, {"share": 0.4, "scale": 3.0}]
+    keys = {"sampler": "importance", "importance": {"components": components}}
+    campaign = spec({"a": NORMAL, "b": NORMAL}, 2000, **keys)
+    x, own = draw(campaign, 0, 2000), SAMPLER.own_columns(campaign, np.arange(2000))
+    beyond = 0.6 * x["a"] - 0.8 * x["b"] > 0.75 * 5.0
+    assert own["aimed"].tolist() == beyond.tolist()
+    assert 0 < beyond.sum() < 2000
+
+
 def test_far_out_values_stay_drawable():
     """Where a component reaches beyond double precision, values end at the outermost ones and nothing is infinite."""
     components = [{"share": 0.9, "shift": {"a": 8.0, "b": -8.0}, "scale": 5.0}]

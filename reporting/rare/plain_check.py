@@ -1,0 +1,77 @@
+"""Weights checked against plain Monte Carlo, at a share that both can see.
+
+Some runs of the campaign are drawn from the distributions themselves. A limit moved inward until a few percent of
+those lie beyond it has a share that they can count; the weighted share of all runs must agree. The difference of the
+two is the mean of I (w - c / a0) over the runs: I whether a run lies beyond, w its weight, c whether it was drawn from
+the distributions, a0 their share. Its expectation is 0 for every limit, and its standard error is known.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reporting.arrays import Array
+
+SEEN = 0.02  # share of plain runs beyond the moved limit, at least FEWEST_SEEN of them
+FEWEST_SEEN = 20
+CHECK_BAR = 4.0  # standard errors that chance does not reach
+
+
+@dataclass(frozen=True)
+class PlainCheck:
+    """A share that plain and weighted runs both know.
+
+    Attributes
+    ----------
+    response : str
+    side : str
+        "below" or "above".
+    at : float
+        The moved limit, in the response's unit.
+    plain, weighted : float
+        Share beyond it: counted among the plain runs, and weighted over all.
+    errors : float
+        Their difference in standard errors.
+    """
+
+    response: str
+    side: str
+    at: float
+    plain: float
+    weighted: float
+    errors: float
+
+
+def plain_check(
+    response: str, side: str, y: Array, weights: Array, is_plain: NDArray[np.bool_], plain_share: float
+) -> PlainCheck | None:
+    """Compare a weighted with a counted share of one response.
+
+    Parameters
+    ----------
+    response, side : str
+        Which response, and whether beyond is "below" or "above".
+    y, weights : array, shape (n,)
+        The response, NaN where a run has none, and the weight of each run.
+    is_plain : array of bool, shape (n,)
+        The run was drawn from the distributions themselves.
+    plain_share : float
+        Planned share of such runs.
+
+    Returns
+    -------
+    PlainCheck or None
+        None with too few plain runs.
+    """
+    seen = np.sort(y[is_plain & np.isfinite(y)] * (1.0 if side == "below" else -1.0))
+    beyond = max(FEWEST_SEEN, round(SEEN * seen.size))
+    if seen.size < 2 * beyond:
+        return None
+    at = 0.5 * (seen[beyond - 1] + seen[beyond]) * (1.0 if side == "below" else -1.0)
+    rejects = (y < at if side == "below" else y > at).astype(np.float64)
+    counted = rejects * is_plain / plain_share
+    difference = rejects * weights - counted
+    error = float(np.std(difference, ddof=1)) / np.sqrt(y.size)
+    errors = float(difference.mean() / error) if error > 0.0 else 0.0
+    return PlainCheck(response, side, float(at), float(counted.mean()), float((rejects * weights).mean()), errors)

@@ -1,0 +1,191 @@
+"""A share of rejects from weighted runs, and how far it can be trusted.
+
+The estimate is the sum of the rejects' weights over the number of all runs: without bias, because every weight is the
+known ratio of the density in production to that in the campaign. Its interval has three parts:
+
+- the gamma limits of Fay and Feuer (1997) for the weights that were met,
+- the rejects where no component aims: they were found by chance, and their few weights tell little of their sum. Their
+  number tells more. Beyond a flat limit b standard scores from the middle lies the share Phi(-b) of production, and
+  Phi(-b / s) of a component that spreads all scores s times as far. The upper end of the interval has the Phi(-b) at
+  which so few would just be believed. A share found nowhere is bounded in the same way,
+- where the weights themselves say that they were met too seldom (few in effect, one that is large beside the sum, or a
+  heavy tail), only this last bound is left.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import gammaincinv, ndtr
+
+from reporting.arrays import Array
+from reporting.capability.intervals import Interval
+from reporting.capability.shares import PPM
+from reporting.product.loss import weighted_share_interval
+from reporting.shape.pareto import posterior_mean_fit
+
+FEWEST = 20  # rejects in effect: with fewer the gamma limits cover too seldom
+LARGEST_PART = 0.1  # of one weight in the sum
+HEAVIEST = 0.7  # Pareto shape of weights above which their mean is not known (Vehtari et al. 2024)
+FARTHEST = 37.0  # standard scores: beyond, shares are 0 in double precision
+_TAIL = 5  # fewest weights to fit a tail to
+
+
+@dataclass(frozen=True)
+class Draws:
+    """How the runs of an importance campaign were drawn.
+
+    Attributes
+    ----------
+    weights : array, shape (n,)
+        Of all finished runs, ok or not.
+    by_chance : array of bool, shape (n,)
+        The run was drawn by a component without shift, where no other component aims.
+    unshifted : array of bool, shape (n,)
+        The run was drawn by a component without shift.
+    spreads : tuple of (float, float)
+        Of each component without shift, the distributions themselves among them: the share of all runs that it draws
+        where no other component aims, and its scale.
+    confidence : float
+        Of the two-sided intervals.
+    """
+
+    weights: Array
+    by_chance: NDArray[np.bool_]
+    unshifted: NDArray[np.bool_]
+    spreads: tuple[tuple[float, float], ...]
+    confidence: float
+
+
+@dataclass(frozen=True)
+class RareShare:
+    """A weighted share of production.
+
+    Attributes
+    ----------
+    ppm : float
+        Estimate without bias [ppm].
+    interval : (float, float)
+        Two-sided interval [ppm]; from 0 if the weights do not support a lower end.
+    standard_error : float or None
+        Relative to the estimate; None without a reject.
+    rejects : int
+        Number of runs that are counted.
+    effective : float
+        How many rejects of equal weight they are worth (Kish).
+    largest : float
+        Part of the largest weight in the sum; 0 without a reject.
+    tail_shape : float or None
+        Pareto shape of the largest weights; None with too few of them.
+    by_chance : int
+        Rejects that lie where no component aims, found by a component without shift.
+    by_chance_ppm : float
+        What the upper end of the interval has for such regions, found or not [ppm].
+    plain_runs : float or None
+        Number of independent runs that would know the share as well; None without a reject.
+    doubt : str
+        Why the weights do not support a lower end, and what to do; empty if they do.
+    """
+
+    ppm: float
+    interval: Interval
+    standard_error: float | None
+    rejects: int
+    effective: float
+    largest: float
+    tail_shape: float | None
+    by_chance: int
+    by_chance_ppm: float
+    plain_runs: float | None
+    doubt: str
+
+
+def rare_share(rejects: NDArray[np.bool_], draws: Draws) -> RareShare:
+    """Return the weighted share of the runs marked in ``rejects``, shape (n,), n above 0."""
+    n, w = rejects.size, draws.weights[rejects]
+    share, square = float(np.sum(w)) / n, float(np.sum(w * w)) / n
+    variance = max(square - share * share, 0.0) / n
+    by_chance = rejects & draws.by_chance
+    sought = draws.weights[rejects & ~by_chance]
+    doubt = _doubt(sought)
+    counted = by_chance if not doubt else rejects & draws.unshifted
+    bound = flat_bound(int(np.count_nonzero(counted)), n, draws)
+    low, high = 0.0, bound
+    if not doubt:
+        low = _gamma_limits(w, n, draws.confidence)[0]
+        high = min(_gamma_limits(sought, n, draws.confidence)[1] + bound, 1.0)
+    return RareShare(
+        ppm=PPM * share,
+        interval=(PPM * low, PPM * max(high, share)),
+        standard_error=float(np.sqrt(variance)) / share if share > 0 else None,
+        rejects=w.size,
+        effective=_kish(w),
+        largest=float(w.max() / w.sum()) if w.size else 0.0,
+        tail_shape=tail_shape(w),
+        by_chance=int(np.count_nonzero(by_chance)),
+        by_chance_ppm=PPM * bound,
+        plain_runs=share * (1 - share) / variance if variance > 0 else None,
+        doubt=doubt,
+    )
+
+
+def flat_bound(count: int, n: int, draws: Draws) -> float:
+    """Return the largest share beyond a flat limit of which ``count`` rejects among ``n`` runs would be believed.
+
+    Parameters
+    ----------
+    count : int
+        Rejects that components without shift have drawn.
+    n : int
+        Runs of the campaign.
+    draws : Draws
+        Which components without shift it has.
+    """
+    most = float(gammaincinv(count + 1, 0.5 + draws.confidence / 2))
+
+    def excess(b: float) -> float:
+        return n * sum(share * float(ndtr(-b / scale)) for share, scale in draws.spreads) - most
+
+    if excess(0.0) <= 0.0:
+        return 1.0
+    return float(ndtr(-brentq(excess, 0.0, 8 * FARTHEST)))
+
+
+def tail_shape(weights: Array) -> float | None:
+    """Return the Pareto shape of the largest weights; None if there are too few, or no different ones."""
+    tail = int(min(0.2 * weights.size, 3.0 * np.sqrt(weights.size)))
+    if tail < _TAIL:
+        return None
+    ordered = np.sort(weights)
+    excesses = ordered[-tail:] - ordered[-tail - 1]
+    if not excesses[0] > 0.0:
+        return None
+    return posterior_mean_fit(excesses)[0]
+
+
+def _kish(w: Array) -> float:
+    """Return how many equal weights these are worth."""
+    return float(np.sum(w) ** 2 / np.sum(w * w)) if w.size else 0.0
+
+
+def _gamma_limits(w: Array, n: int, confidence: float) -> Interval:
+    """Return the interval of a share in which each counted run has its weight."""
+    if not w.size:
+        return 0.0, 0.0
+    low, high = weighted_share_interval(w / w.max(), n, confidence)
+    return low * float(w.max()), high * float(w.max())
+
+
+def _doubt(w: Array) -> str:
+    """Return why the weights of rejects that were looked for do not tell their sum; empty if they do, or are none."""
+    if not w.size:
+        return ""
+    effective, largest, shape = _kish(w), float(w.max() / w.sum()), tail_shape(w)
+    if effective < FEWEST:
+        return f"its {w.size} rejects are worth {effective:.2g} of equal weight, and {FEWEST} are needed"
+    if largest > LARGEST_PART:
+        return f"one reject has {100 * largest:.0f} % of the weight of all"
+    if shape is not None and shape > HEAVIEST:
+        return f"the weights have a heavy tail (Pareto shape {shape:.2f}, at most {HEAVIEST:g} is sound)"
+    return ""
