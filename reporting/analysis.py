@@ -13,7 +13,7 @@ from reporting.designs import Design
 from reporting.failures import FailedSample, StatusCount, count_statuses, list_failures
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_correlations, analyse_variable
 from reporting.product.product_yield import ProductYield, product_yield
-from reporting.rare.rare_rejects import RareRejects, judged, rare_checks, rare_rejects
+from reporting.rare.rare_rejects import RareRejects, rare_estimates, rare_rejects
 from reporting.response import ResponseAnalysis, analyse_response
 from reporting.samples import Samples, read_samples
 from reporting.sensitivity.influence import ResponseSensitivity, Sensitivity
@@ -24,6 +24,7 @@ from reporting.tolerance.advice import Advice, advise
 from reporting.tolerance.reweighting import Change
 from reporting.trust.card import trust_checks
 from reporting.trust.check import Check
+from reporting.trust.rare_shares import rare_checks
 
 if TYPE_CHECKING:
     from reporting.samples import Rows
@@ -132,8 +133,10 @@ def analyse(
     influences = _sensitivity(drawn, spec, total_order(samples, spec))
     by_response = {r.response: r for r in influences.responses} if influences else dict[str, ResponseSensitivity]()
     responses = tuple(
-        analyse_response(response, drawn, spec, by_response.get(response.name), corners, CONFIDENCE)
-        for response in spec.responses
+        analyse_response(
+            r, drawn, spec, by_response.get(r.name), corners, CONFIDENCE, rare_estimates(rare).get(r.name, ())
+        )
+        for r in spec.responses
     )
     variables = tuple(analyse_variable(v, drawn.values[v.name], drawn.sample) for v in spec.variables)
     correlations = analyse_correlations(spec, drawn)
@@ -149,7 +152,7 @@ def analyse(
         run_seconds=samples.run_seconds,
         statuses=count_statuses(samples),
         trust=(*trust_checks(spec, samples, responses, variables, correlations, CONFIDENCE), *rare_checks(rare)),
-        responses=judged(responses, rare),
+        responses=responses,
         rare=rare,
         product=product_yield(drawn, spec, CONFIDENCE),
         variables=variables,

@@ -99,8 +99,11 @@ def analyse_response(
     sensitivity: ResponseSensitivity | None,
     corners: tuple[Samples, ReportSpec] | None,
     confidence: float,
+    further: tuple[IndexEstimate, ...] = (),
 ) -> ResponseAnalysis:
     """Analyse one response over the ok samples, and its worst case over the corners if there are any.
+
+    The verdict also goes by `further` estimates, which do not come from these samples alone.
 
     Raises
     ------
@@ -122,7 +125,7 @@ def analyse_response(
     methods = _methods(x, fits, spec, confidence) if limited else ()
     tails = pareto_tails(x, spec.lsl, spec.usl, confidence) if limited else ()
     with_failures = yield_with_failures(numbers, samples.sample.size, confidence)
-    others = (*_by_failures(with_failures, numbers.n), *index_estimates(fits, methods, tails))
+    others = (*_by_failures(with_failures, numbers.n), *index_estimates(fits, methods, tails), *further)
     return ResponseAnalysis(
         spec=spec,
         assumed=spec.source.lower().startswith("assumption"),

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from numbers import Integral
 
 import numpy as np
-from scipy.special import log_ndtr, ndtr
+from scipy.special import gammaincinv, log_ndtr, ndtr
 
 from reporting.arrays import Array
 from reporting.capability.arguments import real_number
@@ -98,6 +98,27 @@ def counted(count: int, n: int, confidence: float) -> Share:
     low, high = share_interval(count, n, confidence)
     upper = PPM * share_upper_bound(count, n, confidence)
     return Share(count, n, PPM * count / n, (PPM * low, PPM * high), upper)
+
+
+def weighted_share_interval(weights: Array, n: int, confidence: float) -> Interval:
+    """Return the two-sided interval of a share in which each counted sample has a weight of at most 1.
+
+    Fay and Feuer (1997, Statistics in Medicine 16, 791-801): gamma limits of a weighted sum of Poisson counts. With
+    all weights 1 it is the exact interval of a Poisson count, which contains that of Clopper and Pearson.
+
+    Parameters
+    ----------
+    weights : array, shape (m,)
+        Weight of each counted sample, above 0 and at most 1; may be empty.
+    n : int
+        Number of samples.
+    confidence : float
+    """
+    total, square = float(np.sum(weights)), float(np.sum(weights**2))
+    low_p, high_p = 0.5 - confidence / 2, 0.5 + confidence / 2
+    low = square / total * float(gammaincinv(total**2 / square, low_p)) if total > 0 else 0.0
+    high = (square + 1) / (total + 1) * float(gammaincinv((total + 1) ** 2 / (square + 1), high_p))
+    return low / n, min(high / n, 1.0)
 
 
 def runs_to_claim(ppm: float, confidence: float, rejects: int = 0) -> int:

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincinv
 
-from reporting.arrays import Array
 from reporting.capability.intervals import Interval
+from reporting.capability.shares import weighted_share_interval
 
 
 @dataclass(frozen=True)
@@ -77,24 +76,3 @@ def response_losses(failed: dict[str, NDArray[np.bool_]], confidence: float) -> 
             )
         )
     return tuple(sorted(losses, key=lambda loss: -loss.share))
-
-
-def weighted_share_interval(weights: Array, n: int, confidence: float) -> Interval:
-    """Return the two-sided interval of a share in which each counted sample has a weight of at most 1.
-
-    Fay and Feuer (1997, Statistics in Medicine 16, 791-801): gamma limits of a weighted sum of Poisson counts. With
-    all weights 1 it is the exact interval of a Poisson count, which contains that of Clopper and Pearson.
-
-    Parameters
-    ----------
-    weights : array, shape (m,)
-        Weight of each counted sample, above 0 and at most 1; may be empty.
-    n : int
-        Number of samples.
-    confidence : float
-    """
-    total, square = float(np.sum(weights)), float(np.sum(weights**2))
-    low_p, high_p = 0.5 - confidence / 2, 0.5 + confidence / 2
-    low = square / total * float(gammaincinv(total**2 / square, low_p)) if total > 0 else 0.0
-    high = (square + 1) / (total + 1) * float(gammaincinv((total + 1) ** 2 / (square + 1), high_p))
-    return low / n, min(high / n, 1.0)

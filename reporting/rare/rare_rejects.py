@@ -1,22 +1,17 @@
-"""The section Rare rejects: shares of some ppm of every response and of the product, and verdicts that follow."""
+"""The section Rare rejects: shares of some ppm of every response, and of the whole product."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
-from reporting import format_numbers
 from reporting.capability.shares import PPM
-from reporting.capability.verdict import class_of
-from reporting.rare.plain_check import CHECK_BAR, PlainCheck, plain_check
+from reporting.capability.verdict import IndexEstimate, index_of_share
+from reporting.format_numbers import ppm
+from reporting.rare.plain_check import PlainCheck, plain_check
 from reporting.rare.weighted import Draws, RareShare, flat_bound, rare_share
-from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
 from reporting.spec import ReportSpec, ResponseSpec
-from reporting.trust.check import Check
-
-_WORST_FIRST = ("not capable", "marginal", "capable")
 
 
 @dataclass(frozen=True)
@@ -34,10 +29,6 @@ class RareResponse:
         Index with the share of the worse side, -Phi^-1(share) / 3: 1.33 at 33 ppm; None without a reject.
     index_interval : (float, float or None)
         Its interval; None for an end that no share bounds.
-    verdict : str
-        The word of this index; that of its lower end without a reject.
-    certain : bool
-        Both ends have the same word.
     """
 
     response: str
@@ -46,8 +37,6 @@ class RareResponse:
     total: RareShare
     index: float | None
     index_interval: tuple[float, float | None]
-    verdict: str
-    certain: bool
 
 
 @dataclass(frozen=True)
@@ -123,17 +112,11 @@ def rare_rejects(samples: Samples, spec: ReportSpec, confidence: float) -> RareR
     )
 
 
-def judged(responses: tuple[ResponseAnalysis, ...], rare: RareRejects | None) -> tuple[ResponseAnalysis, ...]:
-    """Return the responses with the worse of two verdicts: that of the plain runs' Cpk, and that of the rare share."""
-    shares = {r.response: r for r in rare.responses} if rare else {}
-    return tuple(_worse(r, shares[r.spec.name]) if r.spec.name in shares else r for r in responses)
-
-
-def rare_checks(rare: RareRejects | None) -> tuple[Check, ...]:
-    """Return the lines of the trust card on rare rejects: whether they are known, and whether the weights are right."""
+def rare_estimates(rare: RareRejects | None) -> dict[str, tuple[IndexEstimate, ...]]:
+    """Return what the weighted shares say in the scale of Cpk, by response."""
     if rare is None:
-        return ()
-    return (_known(rare), _agrees(rare))
+        return {}
+    return {r.response: (IndexEstimate("rare rejects", *_ends(r), _words(r.total)),) for r in rare.responses}
 
 
 def _draws(samples: Samples, spec: ReportSpec, confidence: float) -> Draws:
@@ -159,62 +142,26 @@ def _response(name: str, beyond: dict[str, NDArray[np.bool_]], draws: Draws) -> 
     """Return the rare rejects of one response."""
     sides = {side: rare_share(rejects, draws) for side, rejects in beyond.items()}
     share = max(side.ppm for side in sides.values())
-    ends = [max(side.interval[end] for side in sides.values()) for end in (0, 1)]
-    high, low = (_index(end) for end in ends)
-    index = _index(share)
-    lowest = -np.inf if low is None else low
-    word = class_of(lowest if index is None else index)
-    certain = class_of(lowest) == word and (word == "capable" or (high is not None and class_of(high) == word))
+    high, low = (_index(max(side.interval[end] for side in sides.values())) for end in (0, 1))
     total = rare_share(np.any(list(beyond.values()), axis=0), draws)
-    return RareResponse(name, sides.get("below"), sides.get("above"), total, index, (lowest, high), word, certain)
+    interval = (-np.inf if low is None else low, high)
+    return RareResponse(name, sides.get("below"), sides.get("above"), total, _index(share), interval)
 
 
-def _index(ppm: float) -> float | None:
-    """Return the index of a share beyond one limit; None for none."""
-    return None if ppm <= 0.0 else float(-ndtri(min(ppm / PPM, 1.0 - 1e-16))) / 3.0
+def _index(share: float) -> float | None:
+    """Return the index of so many ppm beyond one limit; None for none."""
+    return index_of_share(share) if share > 0.0 else None
 
 
-def _worse(response: ResponseAnalysis, rare: RareResponse) -> ResponseAnalysis:
-    """Return the response with the worse word; it is certain if every verdict that gives this word is."""
-    if response.verdict not in _WORST_FIRST:
-        return replace(response, verdict=rare.verdict, certain=rare.certain)
-    word = min(response.verdict, rare.verdict, key=_WORST_FIRST.index)
-    given = ((response.verdict, response.certain), (rare.verdict, rare.certain))
-    return replace(response, verdict=word, certain=all(certain for verdict, certain in given if verdict == word))
+def _ends(rare: RareResponse) -> tuple[float, float, float]:
+    """Return low end, value and high end of the index; where only a bound is known, nothing speaks for the value."""
+    low, high = rare.index_interval
+    best = np.inf if high is None else high
+    return low, best if rare.total.doubt or rare.index is None else rare.index, best
 
 
-def _known(rare: RareRejects) -> Check:
-    """Check that the share of every response is supported by its weights."""
-    name, shares = "Rare rejects", {r.response: r.total for r in rare.responses}
-    if not shares:
-        return Check(name, "info", "No response has limits.")
-    doubts = [f"{response}: {share.doubt}" for response, share in shares.items() if share.doubt]
-    if doubts:
-        text = f"Only upper bounds are known of {'; '.join(doubts)}. clearcap design aims better, with these runs."
-        return Check(name, "attention", text, float(len(doubts)))
-    found = {response: share for response, share in shares.items() if share.rejects}
-    none = [response for response in shares if response not in found]
-    text = f"Weighted over {format_numbers.grouped(rare.runs)} runs."
-    if found:
-        widest = max(found, key=lambda response: found[response].standard_error or 0.0)
-        error = format_numbers.percent(found[widest].standard_error or 0.0)
-        text += f" Shares are known to a standard error of {error} or better (widest: {widest})."
-    if none:
-        text += f" No reject of {', '.join(none)} was met: below {format_numbers.ppm(rare.unseen_ppm)} ppm."
-    return Check(name, "good", text)
-
-
-def _agrees(rare: RareRejects) -> Check:
-    """Check weighted shares against counted ones, and the mean weight against 1."""
-    name = "Weights"
-    errors = {f"{check.response} {check.side} {check.at:.6g}": abs(check.errors) for check in rare.checks}
-    errors["the mean weight and 1"] = abs(rare.mean_weight_errors)
-    worst = max(errors, key=errors.__getitem__)
-    distance = format_numbers.fixed(errors[worst], 1, (CHECK_BAR,))
-    text = (
-        f"Weighted shares and those that the {format_numbers.grouped(rare.plain)} plain runs count differ by at most"
-        f" {distance} standard errors, at {len(rare.checks)} limits moved to where both see rejects (largest: {worst})"
-    )
-    if errors[worst] <= CHECK_BAR:
-        return Check(name, "good", f"{text}.", errors[worst])
-    return Check(name, "bad", f"{text}: the weights do not fit the runs.", errors[worst])
+def _words(share: RareShare) -> str:
+    """Return a share in words."""
+    low, high = (ppm(end) for end in share.interval)
+    known = f"at most {high} ppm" if share.doubt or not share.rejects else f"{ppm(share.ppm)} ppm ({low} to {high})"
+    return f"{known} out of limits by weighted runs"

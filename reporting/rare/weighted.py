@@ -21,8 +21,7 @@ from scipy.special import gammaincinv, ndtr
 
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval
-from reporting.capability.shares import PPM
-from reporting.product.loss import weighted_share_interval
+from reporting.capability.shares import PPM, weighted_share_interval
 from reporting.shape.pareto import posterior_mean_fit
 
 FEWEST = 20  # rejects in effect: with fewer the gamma limits cover too seldom

@@ -1,14 +1,20 @@
 """An importance campaign, end to end: from its file through store, resumption and rerun to its columns."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
+from jsonschema import validate
 
 from campaign.coordinator.rerun import rerun_batch
 from campaign.errors import SpecError
 from campaign.inputs.sampling import draw, sampler_named
+from campaign.reports.report import report
 from campaign.reports.samples import independent_samples
 from campaign.spec.load import load_campaign
 from campaign.worker.messages import CampaignAddress
+from reporting.render.json import report_schema
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed, rows, start
@@ -74,7 +80,9 @@ def test_questions_go_to_production_alone(tmp_path):
     table = store.table()
     nominal = table["component"].to_numpy() == 0
     assert 20 < nominal.sum() < 60
-    assert independent_samples(store, plan)["J1"].tolist() == table["J1"].to_numpy()[nominal].tolist()
+    samples, lots = independent_samples(store, plan)
+    assert lots is None
+    assert samples["J1"].tolist() == table["J1"].to_numpy()[nominal].tolist()
 
 
 def test_columns_keep_their_names(tmp_path):
@@ -85,3 +93,18 @@ def test_columns_keep_their_names(tmp_path):
     path = tmp_path / "plain.toml"
     path.write_text(text)
     assert "component" in load_campaign(str(path)).spec.variables
+
+
+def test_its_report_has_the_rare_rejects(tmp_path):
+    """From the file to capability.json, which fits its schema: weighted shares, and all else over the plain runs."""
+    text = SPEC.replace("usl = 16.0", "usl = 12.08")
+    store, plan = computed(tmp_path / "runs", written(tmp_path, text, samples=400), 100)
+    content = json.loads(Path(report(store, plan)["json"]).read_text())
+    validate(content, report_schema())
+    table = store.table()
+    nominal = table["component"].to_numpy() == 0
+    assert content["used"] == content["rare"]["plain"] == nominal.sum()
+    [rare] = content["rare"]["responses"]
+    rejects = table["FC-1"].to_numpy() > 12.08
+    assert rare["total"]["ppm"] == pytest.approx(1e6 * np.mean(rejects * np.exp(table["log_weight"].to_numpy())))
+    assert rare["total"]["rejects"] == rejects.sum() > nominal[rejects].sum()

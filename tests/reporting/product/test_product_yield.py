@@ -8,7 +8,8 @@ import pyarrow as pa
 import pytest
 
 from reporting import ResponseSpec
-from reporting.product.loss import response_losses, weighted_share_interval
+from reporting.capability.shares import weighted_share_interval
+from reporting.product.loss import response_losses
 from reporting.product.product_yield import dependence, product_yield
 from reporting.render.html import render_html
 from reporting.samples import read_samples
