@@ -232,7 +232,7 @@ def _verdict(measures: Normality) -> tuple[str, str]:
     shape = f"skewness {measures.skewness:.2f}, excess kurtosis {kurtosis:.2f}{_tails_in_words(measures)}"
     if measures.n < FEWEST_FOR_WORDS:
         return "too few values", f"Too few values for a verdict on the shape: {distance}; {shape}."
-    proven = measures.p is not None and measures.p < PROVEN_P
+    proven = any(p is not None and p < PROVEN_P for p in (measures.p, measures.anderson_darling_p))
     if low > FAR or (low > CLOSE and heavy):
         return "not normal", f"Not normal: {distance}; {shape}."
     if heavy:
