@@ -94,7 +94,7 @@ def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
     with _advice_errors(plan):
         shares = _shares(plan, samples, limits)
         requirements = [
-            Requirement(name, float(x.mean()), float(x.std(ddof=1)), *limits[name], costs.target, shares[name])
+            Requirement(name, float(x.mean()), float(x.std(ddof=1)), *limits[name], costs.target, _parts(shares[name]))
             for name, x in values.items()
             if x.size > 1
         ]
@@ -131,6 +131,13 @@ def _shares(plan: Plan, samples: Mapping[str, Array], limits: Limits) -> dict[st
     return {r.response: {i.variable: i.first_order or 0.0 for i in r.influences} for r in summary.responses}
 
 
+def _parts(shares: Mapping[str, float]) -> dict[str, float]:
+    """Return estimated shares as parts of one variance: none below 0, and a sum of at most 1."""
+    positive = {name: max(share, 0.0) for name, share in shares.items()}
+    total = max(sum(positive.values()), 1.0)
+    return {name: share / total for name, share in positive.items()}
+
+
 def _varied(plan: Plan) -> list[str]:
     """Return the variables that vary."""
     return [name for name, variable in plan.spec.variables.items() if variable.moments()[1] > 0]
@@ -139,4 +146,4 @@ def _varied(plan: Plan) -> list[str]:
 def _costed(name: str, std: float, cost: Cost) -> CostedVariable:
     """Return between which standard deviations a variable may be made, and at what cost."""
     lower, upper = cost.lower or 0.1 * std, cost.upper or 10 * std
-    return CostedVariable(name, std, cost.fixed, cost.cost, lower, upper, cost.locked)
+    return CostedVariable(name, std, cost.law(), lower, upper, cost.locked)

@@ -1,17 +1,17 @@
 """Cheapest tolerances with which every response keeps its target Cpk.
 
-Making variable i to a tolerance t_i costs ``a_i + b_i / t_i``. The variance of a response is the sum of what the
-variables contribute, ``sigma_y^2 = rest + sum c_i t_i^2``; it must not exceed
-``(distance from the mean to the nearer limit / (3 target))^2``. `reporting.tolerance.cost_optimum` finds the optimum
-and the price of each target.
+Making variable i to a tolerance t_i costs what its law or its table says (`reporting.tolerance.cost_laws`). The
+variance of a response is the sum of what the variables contribute, ``sigma_y^2 = rest + sum c_i t_i^2``; it must not
+exceed ``(distance from the mean to the nearer limit / (3 target))^2``. `reporting.tolerance.cost_optimum` finds the
+optimum and the price of each target, `reporting.tolerance.process_choice` the cheapest processes.
 
 If the campaign's samples can be reweighted to the proposed tolerances, the reweighted mean and sigma correct the
 linear model, and the optimum is computed again until it no longer changes.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,9 @@ from numpy.typing import ArrayLike
 from reporting.arrays import Array, random_rows
 from reporting.tolerance.advice import CONTRIBUTIONS, REWEIGHTING, Rows
 from reporting.tolerance.allocation_problem import CostedVariable, Requirement, check, infeasible
-from reporting.tolerance.cost_optimum import Optimum, cheapest
+from reporting.tolerance.cost_laws import Process, ProcessTable
+from reporting.tolerance.cost_optimum import Optimum
+from reporting.tolerance.process_choice import Programme, cheapest_choice
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.whatif import runs_for, what_if_all
 
@@ -39,8 +41,8 @@ class AllocatedResponse:
     mean, std, cpk, target : float
     binding : bool
         The target of this response limits the tolerances.
-    price : float
-        Additional cost of a target Cpk higher by 0.01.
+    price : float or None
+        Additional cost of a target Cpk higher by 0.01; None where processes are chosen, whose cost has steps.
     """
 
     response: str
@@ -49,7 +51,7 @@ class AllocatedResponse:
     cpk: float
     target: float
     binding: bool
-    price: float
+    price: float | None
 
 
 @dataclass(frozen=True)
@@ -61,7 +63,10 @@ class Allocation:
     tolerances, factors : dict of str to float
         Proposed tolerances, and their ratio to the present ones; empty if refused.
     cost, cost_now : float or None
-        Of the proposed and of the present tolerances.
+        Of the proposed and of the present tolerances; of a table, a present tolerance costs what the cheapest process
+        costs that is at most as wide, and nothing is known where there is none.
+    processes : dict of str to str
+        Name of the chosen process of each variable that has named ones.
     responses : tuple of AllocatedResponse
     method : str
         "reweighting" if it gave mean and sigma of the responses, else "variance contributions".
@@ -77,13 +82,14 @@ class Allocation:
     tolerances: dict[str, float]
     factors: dict[str, float]
     cost: float | None
-    cost_now: float
+    cost_now: float | None
     responses: tuple[AllocatedResponse, ...]
     method: str
     effective: float | None
     runs: int
     refusal: str = ""
     notes: tuple[str, ...] = ()
+    processes: dict[str, str] = field(default_factory=dict)
 
 
 def allocate(
@@ -148,13 +154,29 @@ def _with_reweighting(
 
 
 def _solve(variables: Sequence[CostedVariable], requirements: Sequence[Requirement]) -> Optimum | None:
-    """Return the optimum of the linear model; None if no tolerances within their bounds keep every target."""
+    """Return the optimum of the linear model; None if no tolerances within their bounds keep every target.
+
+    A locked variable is one process, whatever its law.
+    """
     now = np.array([v.tolerance for v in variables])
-    lower = np.array([v.tolerance if v.locked else v.lower for v in variables])
-    upper = np.array([v.tolerance if v.locked else v.upper for v in variables])
     rate = np.array([[r.std**2 * r.shares.get(v.variable, 0.0) for v in variables] for r in requirements]) / now**2
     room = np.array([r.allowed - r.variance(dict.fromkeys((v.variable for v in variables), 0.0)) for r in requirements])
-    return cheapest(np.array([v.cost for v in variables]), rate, room, lower, upper)
+    free = {i: v.law for i, v in enumerate(variables) if not v.locked and not isinstance(v.law, ProcessTable)}
+    tables = {i: v.processes or (Process(v.tolerance, 0.0),) for i, v in enumerate(variables) if i not in free}
+    lower, upper = (np.array([getattr(variables[i], end) for i in free]) for end in ("lower", "upper"))
+    rates = rate[:, list(free)], rate[:, list(tables)]
+    if np.any(room < 0):
+        return None
+    found = cheapest_choice(
+        Programme(tuple(free.values()), lower, upper, rates[0], tuple(tables.values()), rates[1], room)
+    )
+    if found is None:
+        return None
+    optimum, chosen = found
+    tolerance = now.copy()
+    tolerance[list(free)] = optimum.tolerance
+    tolerance[list(tables)] = [process.tolerance for process in chosen]
+    return replace(optimum, tolerance=tolerance)
 
 
 def _corrected(
@@ -182,22 +204,47 @@ def _proposal(
     notes: tuple[str, ...] = (),
 ) -> Allocation:
     """Return the allocation of an optimum, or its refusal without one."""
-    cost_now = sum(v.fixed + v.cost / v.tolerance for v in variables)
+    cost_now = _total_cost(variables, [v.tolerance for v in variables])
     runs = max(runs_for(r.target) for r in requirements)
     if optimum is None:
         refusal = infeasible(variables, requirements)
         return Allocation({}, {}, None, cost_now, (), method, effective, runs, refusal, notes)
     factors = _factors(variables, optimum.tolerance)
+    prices = optimum.price if not any(v.processes for v in variables) else [None] * len(requirements)
     responses = tuple(
-        _allocated(requirement, requirement.variance(factors), float(price))
-        for requirement, price in zip(requirements, optimum.price, strict=True)
+        _allocated(requirement, requirement.variance(factors), price)
+        for requirement, price in zip(requirements, prices, strict=True)
     )
     tolerances = {v.variable: float(t) for v, t in zip(variables, optimum.tolerance, strict=True)}
-    cost = sum(v.fixed + v.cost / tolerances[v.variable] for v in variables)
-    return Allocation(tolerances, factors, cost, cost_now, responses, method, effective, runs, "", notes)
+    names = {v.variable: _process_name(v, tolerances[v.variable]) for v in variables if v.processes}
+    if optimum.gap > 0:
+        notes = (*notes, f"Not every choice of processes was tried: a cheaper one may save up to {optimum.gap:.3g}.")
+    return Allocation(
+        tolerances=tolerances,
+        factors=factors,
+        cost=_total_cost(variables, tolerances.values()),
+        cost_now=cost_now,
+        responses=responses,
+        method=method,
+        effective=effective,
+        runs=runs,
+        notes=notes,
+        processes={name: process for name, process in names.items() if process},
+    )
 
 
-def _allocated(requirement: Requirement, variance: float, price: float) -> AllocatedResponse:
+def _total_cost(variables: Sequence[CostedVariable], tolerances: Iterable[float]) -> float | None:
+    """Return the cost of one tolerance of each variable; None if one of them is unknown."""
+    known = [v.cost_of(t) for v, t in zip(variables, tolerances, strict=True)]
+    return None if None in known else sum(cost for cost in known if cost is not None)
+
+
+def _process_name(variable: CostedVariable, tolerance: float) -> str:
+    """Return the name of the process that makes a tolerance; may be empty."""
+    return next((p.name for p in variable.processes if p.tolerance == tolerance), "")
+
+
+def _allocated(requirement: Requirement, variance: float, price: float | None) -> AllocatedResponse:
     """Return a response with its variance under the proposed tolerances; `price` is that of a unit of variance."""
     allowed, target = requirement.allowed, requirement.target
     return AllocatedResponse(
@@ -207,7 +254,7 @@ def _allocated(requirement: Requirement, variance: float, price: float) -> Alloc
         cpk=target * math.sqrt(allowed / variance) if variance > 0 else math.inf,
         target=target,
         binding=allowed - variance < 1e-6 * allowed,
-        price=0.01 * price * 2 * allowed / target,
+        price=None if price is None else float(0.01 * price * 2 * allowed / target),
     )
 
 

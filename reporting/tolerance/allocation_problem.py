@@ -4,8 +4,14 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from reporting.capability.indices import distance_to_limit
 from reporting.errors import ReportError
+from reporting.tolerance.cost_laws import CostLaw, Process, ProcessTable
+
+# Shares of a variance may add up to more by rounding only.
+_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -17,8 +23,8 @@ class CostedVariable:
     variable : str
     tolerance : float
         Present tolerance: any measure proportional to the standard deviation.
-    fixed, cost : float
-        a and b of the cost ``a + b / tolerance``; b above 0, in money times the unit of the tolerance.
+    law : PowerLaw, ExponentialLaw or ProcessTable
+        What a tolerance costs.
     lower, upper : float
         Bounds of the tolerance, 0 < lower <= upper.
     locked : bool
@@ -27,11 +33,31 @@ class CostedVariable:
 
     variable: str
     tolerance: float
-    fixed: float
-    cost: float
+    law: CostLaw
     lower: float
     upper: float
     locked: bool = False
+
+    @property
+    def processes(self) -> tuple[Process, ...]:
+        """Processes to choose from; none if the law is continuous or the tolerance is locked."""
+        if self.locked or not isinstance(self.law, ProcessTable):
+            return ()
+        return self.law.between(self.lower, self.upper)
+
+    @property
+    def tightest(self) -> float:
+        """Smallest tolerance that may be chosen."""
+        if self.locked:
+            return self.tolerance
+        return self.processes[0].tolerance if self.processes else self.lower
+
+    def cost_of(self, tolerance: float) -> float | None:
+        """Return the cost of a tolerance: in a table, of the cheapest process at most as wide, None without one."""
+        if isinstance(self.law, ProcessTable):
+            process = self.law.at(tolerance)
+            return None if process is None else process.cost
+        return float(self.law.at(np.asarray(tolerance)))
 
 
 @dataclass(frozen=True)
@@ -48,8 +74,8 @@ class Requirement:
     target : float
         Required Cpk, above 0.
     shares : mapping of str to float
-        Present share of the variance by variable (first-order index or contribution); the rest does not depend on
-        the tolerances.
+        Present share of the variance by variable (first-order index or contribution), 0 to 1, with a sum up to 1; the
+        rest does not depend on the tolerances.
     added : float
         Correction of the variance by reweighting.
     """
@@ -86,17 +112,17 @@ def check(variables: Sequence[CostedVariable], requirements: Sequence[Requiremen
         if twice is not None:
             raise ReportError(f"allocation: {kind} {twice!r} is given twice; give it once")
     for v in variables:
-        numbers = (v.tolerance, v.cost, v.lower, v.upper)
-        if (
-            not all(math.isfinite(number) and number > 0 for number in numbers)
-            or not math.isfinite(v.fixed)
-            or v.lower > v.upper
-        ):
+        numbers = (v.tolerance, v.lower, v.upper)
+        if not all(math.isfinite(number) and number > 0 for number in numbers) or v.lower > v.upper:
             raise ReportError(
-                f"allocation: {v.variable}: tolerance {v.tolerance:g}, cost {v.cost:g}, bounds {v.lower:g} to "
-                f"{v.upper:g}: all must be finite and above 0, the lower bound not above the upper"
+                f"allocation: {v.variable}: tolerance {v.tolerance:g}, bounds {v.lower:g} to {v.upper:g}: all must be "
+                "finite and above 0, the lower bound not above the upper"
             )
+        fault = v.law.fault() or _no_process(v)
+        if fault:
+            raise ReportError(f"allocation: {v.variable}: {fault}")
     for r in requirements:
+        _check_shares(r)
         if r.lsl is None and r.usl is None:
             raise ReportError(f"allocation: {r.response} has no limits, and so no Cpk to keep; leave it out")
         if not (math.isfinite(r.target) and r.target > 0 and math.isfinite(r.mean) and math.isfinite(r.std)):
@@ -106,9 +132,36 @@ def check(variables: Sequence[CostedVariable], requirements: Sequence[Requiremen
             )
 
 
+def _no_process(v: CostedVariable) -> str:
+    """Return that a table offers nothing; empty if it does, or if the law is continuous."""
+    if not isinstance(v.law, ProcessTable):
+        return ""
+    if v.locked:
+        if v.law.at(v.tolerance) is not None:
+            return ""
+        return f"locked at {v.tolerance:g}, but no process of its table is as fine; add that process, or unlock it"
+    if v.processes:
+        return ""
+    return f"no process lies within the bounds {v.lower:g} to {v.upper:g}; widen them, or add a process"
+
+
+def _check_shares(r: Requirement) -> None:
+    """Raise ReportError unless the shares can be parts of one variance."""
+    for name, share in r.shares.items():
+        if not share >= 0:
+            raise ReportError(
+                f"allocation: {r.response}: the share of {name} is {share:g}; a share of the variance is at least 0"
+            )
+    total = sum(r.shares.values())
+    if total > 1 + _ROUNDING:
+        raise ReportError(
+            f"allocation: {r.response}: the shares of the variance add up to {total:g}; they may add up to 1 at most"
+        )
+
+
 def infeasible(variables: Sequence[CostedVariable], requirements: Sequence[Requirement]) -> str:
     """Return which response cannot be kept, its best Cpk, and remedies."""
-    tightest = {v.variable: 1.0 if v.locked else v.lower / v.tolerance for v in variables}
+    tightest = {v.variable: v.tightest / v.tolerance for v in variables}
     worst = min(requirements, key=lambda r: r.allowed - r.variance(tightest))
     if worst.allowed == 0:
         return (

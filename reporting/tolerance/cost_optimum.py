@@ -1,13 +1,19 @@
-"""The convex programme behind an allocation: minimise ``sum b_i / t_i`` with ``C t^2 <= room`` and bounds on t."""
+"""The convex programme behind an allocation: minimise the cost of the tolerances with ``C t^2 <= room`` and bounds."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from reporting.arrays import Array
+from reporting.tolerance.cost_laws import ExponentialLaw, PowerLaw
 
 # Shares of a bound or of the room within which a constraint counts as active.
 _ACTIVE = 1e-7
+# Below this share of the largest saving, a saving has underflowed: it determines no price.
+_NO_SAVING = 1e-200
+
+ContinuousLaw = PowerLaw | ExponentialLaw
 
 
 @dataclass(frozen=True)
@@ -19,21 +25,24 @@ class Optimum:
     tolerance : array, shape (k,)
     price : array, shape (r,)
         Multiplier of each response: cost saved per unit of additional room.
+    gap : float
+        By how much a cheaper set might undercut this one, in money; 0 if this one is proved to be the cheapest.
     """
 
     tolerance: Array
     price: Array
+    gap: float = 0.0
 
 
-def cheapest(cost: Array, rate: Array, room: Array, lower: Array, upper: Array) -> Optimum | None:
+def cheapest(laws: Sequence[ContinuousLaw], rate: Array, room: Array, lower: Array, upper: Array) -> Optimum | None:
     """Return the cheapest tolerances; None if none within the bounds fit.
 
     In ``u = (t / upper)^2`` the cost is convex and the constraints are linear, so the optimum is the only one.
 
     Parameters
     ----------
-    cost : array, shape (k,)
-        b of each variable, above 0.
+    laws : sequence of PowerLaw or ExponentialLaw, k of them
+        What a tolerance of each variable costs.
     rate : array, shape (r, k)
         Variance of each response for a unit of squared tolerance, not negative.
     room : array, shape (r,)
@@ -50,33 +59,57 @@ def cheapest(cost: Array, rate: Array, room: Array, lower: Array, upper: Array) 
         alone = np.sqrt(np.min(np.where(rate > 0, room[:, None] / rate, np.inf), axis=0))
     most, scale = np.maximum(np.minimum(upper, alone), lower), np.where(room > 0, room, 1.0)
     low, load = (lower / most) ** 2, rate * most**2 / scale[:, None]
-    weight = cost / most / np.sum(cost / most)
+    start = np.maximum(low, 1 / low.size)
+    fixed = sum(law.fixed for law in laws)
+    unit = max(float(np.sum(_savings(laws, most * np.sqrt(start)) * most)), np.finfo(np.float64).tiny)
+
+    def cost(u: Array) -> float:
+        return (float(np.sum(costs(laws, most * np.sqrt(u)))) - fixed) / unit
+
+    def slope(u: Array) -> Array:
+        return np.asarray(-_savings(laws, most * np.sqrt(u)) * most / (2 * np.sqrt(u)) / unit)
+
     optimum = minimize(
-        lambda u: float(np.sum(weight * u**-0.5)),
-        np.maximum(low, 1 / low.size),
-        jac=lambda u: -0.5 * weight * u**-1.5,
+        cost,
+        start,
+        jac=slope,
         method="SLSQP",
         bounds=np.column_stack([low, np.ones_like(low)]),
         constraints={"type": "ineq", "fun": lambda u: room / scale - load @ u, "jac": lambda _: -load},
         options={"ftol": 1e-16, "maxiter": 500},
     )
     tolerance = np.clip(most * np.sqrt(np.clip(optimum.x, low, 1.0)), lower, upper)
-    return Optimum(tolerance, _prices(tolerance, cost, rate, room, lower, upper))
+    return Optimum(tolerance, _prices(tolerance, _savings(laws, tolerance), rate, room, (lower, upper)))
 
 
-def _prices(tolerance: Array, cost: Array, rate: Array, room: Array, lower: Array, upper: Array) -> Array:
+def costs(laws: Sequence[ContinuousLaw], tolerance: Array) -> Array:
+    """Return the cost of one tolerance of each variable."""
+    return np.array([float(law.at(t)) for law, t in zip(laws, tolerance, strict=True)])
+
+
+def _savings(laws: Sequence[ContinuousLaw], tolerance: Array) -> Array:
+    """Return the cost saved per unit of one tolerance of each variable."""
+    return np.array([float(law.saving(t)) for law, t in zip(laws, tolerance, strict=True)])
+
+
+def _prices(tolerance: Array, saving: Array, rate: Array, room: Array, bounds: tuple[Array, Array]) -> Array:
     """Return the multipliers of the responses from the conditions of Karush, Kuhn and Tucker at the optimum.
 
-    The slope of the cost is balanced by the active constraints, each with a multiplier that is not negative.
+    What a wider tolerance saves is balanced by the active constraints, each with a multiplier that is not negative.
     """
     from scipy.optimize import nnls  # see `cheapest`
 
+    lower, upper = bounds
+    told = saving > _NO_SAVING * np.max(saving, initial=0.0)
     active = room - rate @ tolerance**2 <= _ACTIVE * room
     at_upper, at_lower = tolerance > upper * (1 - _ACTIVE), tolerance < lower * (1 + _ACTIVE)
-    unit = np.sum(cost / tolerance) / np.where(room > 0, room, 1.0)
-    slopes = 2 * tolerance**3 / cost * rate[active] * unit[active, None]
-    bounds = np.eye(tolerance.size)
-    multipliers, _ = nnls(np.hstack([slopes.T, bounds[:, at_upper], -bounds[:, at_lower]]), np.ones(tolerance.size))
+    unit = np.sum(saving * tolerance) / np.where(room > 0, room, 1.0)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        slopes = 2 * tolerance / saving * rate[active] * unit[active, None]
+    sides = np.eye(tolerance.size)
+    balance = np.hstack([slopes.T, sides[:, at_upper], -sides[:, at_lower]])[told]
     price = np.zeros(room.size)
-    price[active] = multipliers[: np.count_nonzero(active)]
+    if np.any(told):
+        multipliers, _ = nnls(balance, np.ones(balance.shape[0]))
+        price[active] = multipliers[: np.count_nonzero(active)]
     return price * unit

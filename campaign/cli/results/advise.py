@@ -71,12 +71,18 @@ def _print_allocation(proposal: "Allocation") -> None:
     """Print the proposal: sigmas, cost, Cpk of each response, and the campaign that confirms it."""
     if proposal.refusal:
         return
-    rows = [(name, number(sigma, 4), f"{proposal.factors[name]:.3g}") for name, sigma in proposal.tolerances.items()]
-    title = f"cheapest standard deviations: cost {number(proposal.cost)}, now {number(proposal.cost_now)}"
-    print_table(title, ("variable", "sigma", "factor on the present sigma"), rows)
+    heads: tuple[str, ...] = ("variable", "sigma", "factor on the present sigma")
+    rows: list[tuple[str, ...]] = [
+        (name, number(sigma, 4), f"{proposal.factors[name]:.3g}") for name, sigma in proposal.tolerances.items()
+    ]
+    if proposal.processes:
+        heads, rows = (*heads, "process"), [(*row, proposal.processes.get(row[0], "-")) for row in rows]
+    now = "not known" if proposal.cost_now is None else number(proposal.cost_now)
+    print_table(f"cheapest standard deviations: cost {number(proposal.cost)}, now {now}", heads, rows)
     for r in proposal.responses:
-        bound = f", which limits the tolerances; 0.01 more Cpk costs {number(r.price, 3)}" if r.binding else ""
-        print_text(f"{r.response}: Cpk {r.cpk:.4g} (target {r.target:g}){bound}")
+        bound = ", which limits the tolerances" if r.binding else ""
+        price = f"; 0.01 more Cpk costs {number(r.price, 3)}" if r.binding and r.price is not None else ""
+        print_text(f"{r.response}: Cpk {r.cpk:.4g} (target {r.target:g}){bound}{price}")
     for note in proposal.notes:
         say(note)
     print_text(f"computed by {proposal.method}; confirm it with a campaign of {proposal.runs} samples and these sigmas")

@@ -41,6 +41,21 @@ def test_the_cheapest_set_keeps_what_is_locked(filled, tmp_path):
         assert found.cost <= found.cost_now
 
 
+def test_every_cost_law_gets_a_proposal_from_the_command(campaign_file, tmp_path):
+    """Power, exponential and processes in one file; the chosen process is named, with its standard deviation."""
+    store, plan = computed(tmp_path / "s", load_campaign(str(campaign_file), samples=400), 200)
+    path = tmp_path / "costs.toml"
+    path.write_text(
+        "[variables.J1]\n"
+        "processes = [{std = 0.03, cost = 1, name = 'drilled'}, {std = 0.001, cost = 9, name = 'honed'}]\n"
+        "[variables.preload]\ncost = 2.0\nscale = 0.1\n"
+    )
+    told = CliRunner().invoke(app, ["advise", plan.campaign_id, "--store", store.url, "--cost", str(path)])
+    assert told.exit_code == 0, told.output
+    assert "drilled" in told.stdout or "honed" in told.stdout
+    assert "process" in told.stdout
+
+
 def test_a_response_that_is_below_does_not_hide_the_others(campaign_file, tmp_path):
     """What may grow is asked of the capable responses; what must shrink, of each that is not, to lift it to 1.33."""
     path = campaign_file.parent / "narrow.toml"

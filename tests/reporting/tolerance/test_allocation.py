@@ -13,6 +13,7 @@ from scipy import optimize, stats
 from reporting import ReportError
 from reporting.tolerance.allocation import allocate
 from reporting.tolerance.allocation_problem import CostedVariable, Requirement
+from reporting.tolerance.cost_laws import PowerLaw
 from reporting.tolerance.cost_optimum import cheapest
 from reporting.tolerance.reweighting import Change
 
@@ -23,7 +24,7 @@ NOW = np.array([0.02, 0.03, 0.01, 0.02])
 
 def joints(**changes):
     """Return four joints; a change is a tuple of one value a joint."""
-    made = [CostedVariable(f"J{i + 1}", float(NOW[i]), 0.1, float(B[i]), 1e-4, 1.0) for i in range(4)]
+    made = [CostedVariable(f"J{i + 1}", float(NOW[i]), PowerLaw(0.1, float(B[i])), 1e-4, 1.0) for i in range(4)]
     for name, values in changes.items():
         made = [dataclasses.replace(j, **{name: value}) for j, value in zip(made, values, strict=True)]
     return made
@@ -64,7 +65,7 @@ def test_bounds_and_several_responses_are_optimal(seed):
     upper = lower * rng.uniform(1.0, 8, k)
     room = rate @ (lower + rng.uniform(0.1, 0.9) * (upper - lower)) ** 2 * rng.uniform(0.9, 1.5, r)
     feasible = np.all(rate @ lower**2 < room)
-    found = cheapest(cost, rate, room, lower, upper)
+    found = cheapest([PowerLaw(0.0, float(b)) for b in cost], rate, room, lower, upper)
     assert (found is not None) == (feasible or np.all(rate @ lower**2 <= room))
     if found is None:
         return
@@ -136,7 +137,7 @@ def test_what_cannot_be_kept_is_refused(wanted, why):
     ("bad", "why"),
     [
         (([], [requirement()]), "at least one variable"),
-        ((joints(cost=(1.0, 0.0, 1.0, 1.0)), [requirement()]), "J2: .* above 0"),
+        ((joints(law=[PowerLaw(0.1, b) for b in (1.0, 0.0, 1.0, 1.0)]), [requirement()]), "J2: .* above 0"),
         ((joints(lower=(1.0, 2.0, 1.0, 1.0)), [requirement()]), "J2: .* lower bound"),
         ((joints(), [requirement(target=-1.0)]), "target"),
         ((joints(), [requirement(), requirement()]), "'gap' is given twice"),
@@ -161,7 +162,10 @@ def test_reweighting_corrects_what_is_not_linear():
     y = curved(z)
     mean, std = float(y.mean()), float(y.std())
     wanted = Requirement("y", mean, std, 9.75, 10.25, 1.5, {"J1": 0.0016 / std**2, "J2": 0.0004 / std**2})
-    costs = [CostedVariable("J1", 1.0, 0.0, 1.0, 0.2, 5.0), CostedVariable("J2", 1.0, 0.0, 0.25, 0.2, 5.0)]
+    costs = [
+        CostedVariable("J1", 1.0, PowerLaw(0.0, 1.0), 0.2, 5.0),
+        CostedVariable("J2", 1.0, PowerLaw(0.0, 0.25), 0.2, 5.0),
+    ]
 
     def rescale(factors, rows):
         scale = np.array([factors["J1"], factors["J2"]])
