@@ -1,8 +1,9 @@
 """From measures to verdicts: which variable is critical for which response.
 
-A variable is *critical* for a response when it explains at least a tenth of the variance and this is not by chance
-(Bonferroni over the variables). It is *not critical* when its interval ends below a tenth, and *open* otherwise: more
-samples decide. What a variable explains is its total-order index if a design gives one, else its first-order index.
+A variable is *critical* for a response when its interval begins at a tenth of the variance or above, and chance is
+excluded (Bonferroni over the variables). It is *not critical* when its interval ends below a tenth and interactions
+that no total-order index covers hold less than that. Otherwise it is *open*. What a variable explains is its
+total-order index if a design gives one, else its first-order index.
 """
 
 from dataclasses import replace
@@ -11,14 +12,26 @@ import numpy as np
 
 from reporting.capability.intervals import Interval
 from reporting.sensitivity.first_order import jackknife_quantile
-from reporting.sensitivity.influence import CRITICAL, CRITICAL_SHARE, NEGLIGIBLE_SHARE, NOT_CRITICAL, OPEN, Influence
+from reporting.sensitivity.influence import (
+    CRITICAL,
+    CRITICAL_SHARE,
+    NEGLIGIBLE_SHARE,
+    NOT_CRITICAL,
+    OPEN,
+    POLYNOMIAL,
+    RANKS,
+    Influence,
+)
 from reporting.sensitivity.measures import Measures
 from reporting.sensitivity.polynomials import GROUPS
 from reporting.sensitivity.total_order import TotalOrder
 
 
-def influence_of(variable: str, at: int, measures: Measures, confidence: float) -> Influence:
-    """Return the influence of one variable on the response at position `at` of the measures."""
+def influence_of(variable: str, at: int, measures: Measures, interaction: float, confidence: float) -> Influence:
+    """Return the influence of one variable on the response at position `at` of the measures.
+
+    `interaction` is the largest share of the variance that interactions may hold.
+    """
     if variable not in measures.variables:
         return Influence(variable, verdict=NOT_CRITICAL)
     i, quantile = measures.variables[variable], jackknife_quantile(GROUPS, confidence)
@@ -32,7 +45,8 @@ def influence_of(variable: str, at: int, measures: Measures, confidence: float) 
     errors_needed = needed_errors(len(measures.variables), confidence)
     linear_effect = abs(coefficient) > errors_needed * error and coefficient**2 > NEGLIGIBLE_SHARE
     significant = linear_effect or share > max(errors_needed * share_error, NEGLIGIBLE_SHARE)
-    interval = share_interval(share, quantile * share_error)
+    low, high = share_interval(share, quantile * share_error)
+    interval = low, as_share(high + float(alone.missed[at, i]))
     return Influence(
         variable=variable,
         coefficient=coefficient,
@@ -47,12 +61,14 @@ def influence_of(variable: str, at: int, measures: Measures, confidence: float) 
         rank_coefficient=float(ranks.coefficient[at, i]),
         first_order=as_share(share),
         first_order_interval=interval,
+        estimator=RANKS if alone.by_ranks[at, i] else POLYNOMIAL,
+        carriers=float(alone.carriers[at, i]),
         low=float(curve.min()),
         high=float(curve.max()),
         swing_interval=(max(swing - swing_half, 0.0), swing + swing_half),
         curve=tuple(zip(alone.curve_x[i].tolist(), curve.tolist(), strict=True)),
         significant=bool(significant),
-        verdict=_word(share, interval, significant=bool(significant)),
+        verdict=_word(interval, interaction, significant=bool(significant)),
     )
 
 
@@ -73,7 +89,7 @@ def with_total_order(influence: Influence, totals: TotalOrder, confidence: float
         interactions=as_share(interactions),
         interactions_interval=share_interval(interactions, half),
         significant=significant,
-        verdict=_word(total, interval, significant=significant),
+        verdict=_word(interval, 0.0, significant=significant),
     )
 
 
@@ -83,11 +99,11 @@ def needed_errors(variables: int, confidence: float) -> float:
     return jackknife_quantile(GROUPS, 1 - (1 - confidence) / (2 * variables))
 
 
-def _word(share: float, interval: Interval, *, significant: bool) -> str:
-    """Return the verdict on a variable that explains a share of the variance."""
-    if significant and share >= CRITICAL_SHARE:
+def _word(interval: Interval, interaction: float, *, significant: bool) -> str:
+    """Return the verdict on a variable by the interval of its share, and the most that interactions may hold."""
+    if significant and interval[0] >= CRITICAL_SHARE:
         return CRITICAL
-    return OPEN if interval[1] >= CRITICAL_SHARE else NOT_CRITICAL
+    return OPEN if max(interval[1], interaction) >= CRITICAL_SHARE else NOT_CRITICAL
 
 
 def response_verdict(influences: tuple[Influence, ...], interaction: float) -> str:

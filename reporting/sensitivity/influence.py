@@ -7,7 +7,9 @@ from reporting.sensitivity.rejects import RejectCauses, WorstSample
 
 CRITICAL_SHARE = 0.10
 NEGLIGIBLE_SHARE = 0.001
+FEWEST_CARRIERS = 12
 CRITICAL, NOT_CRITICAL, OPEN = "critical", "not critical", "open"
+POLYNOMIAL, RANKS = "polynomial", "ranks"
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,11 @@ class Influence:
     rank_coefficient : float
         Standardised coefficient of the regression of ranks.
     first_order, first_order_interval : float, (float, float)
-        First-order Sobol' index.
+        First-order Sobol' index; the interval includes what its estimator may have missed.
+    estimator : str
+        "polynomial", or "ranks" where the polynomial misses a structure, such as a jump.
+    carriers : float
+        Number of samples that carry the first-order index; few make its interval too narrow.
     total, total_interval : float, (float, float)
         Total-order Sobol' index, which includes all interactions; None without a design.
     interactions, interactions_interval : float, (float, float)
@@ -57,6 +63,8 @@ class Influence:
     rank_coefficient: float | None = None
     first_order: float | None = None
     first_order_interval: Interval | None = None
+    estimator: str | None = None
+    carriers: float | None = None
     total: float | None = None
     total_interval: Interval | None = None
     interactions: float | None = None

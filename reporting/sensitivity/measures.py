@@ -71,7 +71,7 @@ def measure(columns: dict[str, Array], values: dict[str, Array], confidence: flo
         std=y.std(axis=0),
         linear=regression,
         rank=rank(x, y, confidence),
-        effects=effects(sums, (ends[0], ends[1]), independent=independent),
+        effects=effects(sums, x, y, (ends[0], ends[1]), independent=independent),
         independent=independent,
     )
 

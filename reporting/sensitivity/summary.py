@@ -21,7 +21,15 @@ from reporting.sensitivity.criticality import (
     with_total_order,
 )
 from reporting.sensitivity.first_order import jackknife_quantile
-from reporting.sensitivity.influence import CRITICAL_SHARE, OPEN, Influence, ResponseSensitivity, Sensitivity
+from reporting.sensitivity.influence import (
+    CRITICAL_SHARE,
+    FEWEST_CARRIERS,
+    OPEN,
+    RANKS,
+    Influence,
+    ResponseSensitivity,
+    Sensitivity,
+)
 from reporting.sensitivity.measures import Measures, fewest_rows, measure, varies
 from reporting.sensitivity.polynomials import GROUPS
 from reporting.sensitivity.rejects import reject_causes, worst_samples
@@ -102,7 +110,7 @@ def _response(
     unexplained = float(shares.unexplained[at])
     interaction_interval = share_interval(unexplained, quantile * float(shares.unexplained_error[at]))
     totals = designed if isinstance(designed, TotalOrder) else None
-    influences = tuple(influence_of(v, at, measures, confidence) for v in columns)
+    influences = tuple(influence_of(v, at, measures, interaction_interval[1], confidence) for v in columns)
     if totals is not None:
         influences = tuple(with_total_order(i, totals, confidence) for i in influences)
     return ResponseSensitivity(
@@ -118,7 +126,12 @@ def _response(
         verdict=response_verdict(influences, interaction_interval[1] if totals is None else 0.0),
         rejects=reject_causes(y, varying, *limits, confidence),
         worst=worst,
-        notes=(*notes, *_notes(measures, unexplained, designed), *_interacting(influences, totals, confidence)),
+        notes=(
+            *notes,
+            *_notes(measures, unexplained, designed),
+            *_interacting(influences, totals, confidence),
+            *_carried(influences),
+        ),
     )
 
 
@@ -161,6 +174,18 @@ def _interacting(influences: tuple[Influence, ...], totals: TotalOrder | None, c
         if i.total is not None and (i.interactions or 0.0) >= CRITICAL_SHARE and significant[i.variable]
     ]
     return (f"Variables that act together with others: {', '.join(shares)}.",) if shares else ()
+
+
+def _carried(influences: tuple[Influence, ...]) -> tuple[str, ...]:
+    """Return which shares are rank-based, and which ones a few samples carry."""
+    ranks = [i.variable for i in influences if i.estimator == RANKS and (i.first_order or 0.0) >= CRITICAL_SHARE]
+    jumps = f"{', '.join(ranks)}: the response jumps or bends too sharply for a polynomial, so ranks give the share."
+    few = [
+        f"{i.variable}: about {max(round(i.carriers), 1)} samples carry its share, so its interval is too narrow."
+        for i in influences
+        if i.carriers is not None and i.carriers < FEWEST_CARRIERS and (i.first_order or 0.0) >= CRITICAL_SHARE / 2
+    ]
+    return (*((jumps,) if ranks else ()), *few)
 
 
 def _why_nothing(y: Array, variables: int) -> str:

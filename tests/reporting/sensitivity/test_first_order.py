@@ -12,7 +12,8 @@ from tests.reporting.models import ISHIGAMI_FIRST, LINEAR_FIRST, ishigami, linea
 def of_sample(x, y, independent=True):
     """Return the effects on one response."""
     ends = tuple(np.quantile(x, [0.05, 0.95], axis=0))
-    return effects(group_sums(x, y[:, None], most_degree(*x.shape)), ends, independent=independent)
+    sums = group_sums(x, y[:, None], most_degree(*x.shape))
+    return effects(sums, x, y[:, None], ends, independent=independent)
 
 
 def classes(x, y):
