@@ -8,7 +8,9 @@ import numpy as np
 from reporting.arrays import Array
 from reporting.capability.convergence import Convergence, convergence
 from reporting.capability.shares import Nonconforming, nonconforming, runs_to_claim
+from reporting.capability.subgroup_sigma import SubgroupSigma, subgroup_sigmas
 from reporting.capability.summary import Capability, capability
+from reporting.capability.target_indices import TargetIndices, target_indices
 from reporting.capability.verdict import CapabilityVerdict, IndexEstimate, verdict
 from reporting.capability.yields import Yield, yield_with_failures
 from reporting.content.tolerance_intervals import ToleranceIntervals, tolerance_intervals
@@ -44,6 +46,10 @@ class ResponseAnalysis:
         The word, whether it is certain, and why.
     capability : Capability
         Over the ok samples.
+    target_indices : TargetIndices or None
+        Cpm* and Cpmk; None without a target between the limits.
+    subgroups : tuple of SubgroupSigma
+        Sigma within production batches from ranges and from sigmas; empty without batches.
     missing : int
         Number of ok samples whose value is not finite.
     yield_ : Yield or None
@@ -76,6 +82,8 @@ class ResponseAnalysis:
     assumed: bool
     verdict: CapabilityVerdict
     capability: Capability
+    target_indices: TargetIndices | None
+    subgroups: tuple[SubgroupSigma, ...]
     missing: int
     yield_: Yield | None
     histogram: Histogram | None
@@ -131,6 +139,8 @@ def analyse_response(
         assumed=spec.source.lower().startswith("assumption"),
         verdict=verdict(numbers, counted, others, production=request.design.production),
         capability=numbers,
+        target_indices=target_indices(x, spec.lsl, spec.usl, spec.target, confidence, independent=lots is None),
+        subgroups=() if batches is None else subgroup_sigmas(x, batches[np.isfinite(values)], spec.lsl, spec.usl),
         missing=numbers.dropped,
         yield_=with_failures,
         histogram=histogram(x, spec.lsl, spec.usl),

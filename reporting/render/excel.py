@@ -112,6 +112,13 @@ def _indices(responses: tuple[ResponseAnalysis, ...]) -> Table:
         for key, name in NAMES.items():
             interval = getattr(r.capability, f"{key}_interval", None) or (None, None)
             rows.append((r.spec.name, name.paper, name.overall, getattr(r.capability, key), *interval, name.formula))
+        if r.target_indices:
+            t = r.target_indices
+            rows.append((r.spec.name, "Cpm*", "", t.cpm_star, *(t.cpm_star_interval or (None, None)),
+                         "min(USL − T, T − LSL) / 3τ"))  # fmt: skip
+            rows.append((r.spec.name, "Cpmk", "", t.cpmk, *(t.cpmk_interval or (None, None)),
+                         "min(USL − m, m − LSL) / 3τ"))  # fmt: skip
+        rows += [(r.spec.name, f"Cpk, {s.method}", "", s.cpk, None, None, "sigma within batches") for s in r.subgroups]
         for m in r.methods:
             interval = m.ppk_interval or (None, None)
             rows.append((r.spec.name, f"Ppk by {m.method}", m.family or "", m.ppk, *interval, m.assumed))

@@ -1,0 +1,123 @@
+"""Sigma within production batches as control charts have it: from the ranges and from the sigmas of the batches.
+
+The pooled sigma (`reporting.capability.within`) is the best of the three; R-bar / d2 and S-bar / c4 are what a shop
+computes by hand, and what older drawings mean by the sigma within. Batches of unequal size are weighted by what each
+tells, as Minitab does: a range by ``d2^2 / d3^2``, a sigma by ``c4^2 / (1 - c4^2)``.
+
+The constants belong to n independent normal values of sigma 1: d2 and d3 are mean and standard deviation of their range
+(Tippett 1925; Harter 1960), c4 is the mean of their sample standard deviation.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln, ndtr
+
+from reporting.arrays import Array
+from reporting.capability.indices import point_indices
+from reporting.capability.moments import ROUNDING
+
+# A range is the difference of two values: in larger batches it leaves out nearly all, and tables end there.
+LARGEST_FOR_RANGES = 25
+_REACH, _STEPS, _POINTS = 9.0, 361, 80
+
+
+@dataclass(frozen=True)
+class SubgroupSigma:
+    """Sigma within production batches by one method, and the indices with it.
+
+    Attributes
+    ----------
+    method : str
+        "R-bar / d2" or "S-bar / c4".
+    batches : int
+        Batches with at least two values.
+    std : float
+        In the unit of the values.
+    cp, cpk : float or None
+        Around the overall mean; None where a limit is missing.
+    """
+
+    method: str
+    batches: int
+    std: float
+    cp: float | None
+    cpk: float | None
+
+
+def subgroup_sigmas(
+    x: Array, batches: NDArray[np.generic], lsl: float | None, usl: float | None
+) -> tuple[SubgroupSigma, ...]:
+    """Return sigma within batches from ranges (batches of up to 25 values) and from sigmas; none without spread.
+
+    Parameters
+    ----------
+    x : array, shape (n,)
+        Finite values.
+    batches : array, shape (n,)
+        Production batch of each value, as numbers or names.
+    lsl, usl : float or None
+        Limits.
+    """
+    order = np.argsort(batches, kind="stable")
+    _, starts = np.unique(batches[order], return_index=True)
+    groups = [group for group in np.split(x[order], starts[1:]) if group.size > 1]
+    if not groups:
+        return ()
+    sizes = np.array([group.size for group in groups])
+    found = [("S-bar / c4", [float(np.std(group, ddof=1)) for group in groups], c4, _spread_of_sigma)]
+    if sizes.max() <= LARGEST_FOR_RANGES:
+        found.insert(0, ("R-bar / d2", [float(np.ptp(group)) for group in groups], d2, d3))
+    mean, least = float(np.mean(x)), ROUNDING * float(np.max(np.abs(x)))
+    sigmas = []
+    for method, measured, centre, spread in found:
+        std = _weighted(np.array(measured), sizes, centre, spread)
+        if std > least:
+            index = point_indices(mean, std, lsl, usl)
+            sigmas.append(SubgroupSigma(method, len(groups), std, index["cp"], index["cpk"]))
+    return tuple(sigmas)
+
+
+def _weighted(
+    measured: Array, sizes: NDArray[np.int64], centre: Callable[[int], float], spread: Callable[[int], float]
+) -> float:
+    """Return the mean of ``measured / centre(n)``, weighted by its precision ``(centre(n) / spread(n))^2``."""
+    centres, spreads = (np.array([constant(int(n)) for n in sizes]) for constant in (centre, spread))
+    weights = (centres / spreads) ** 2
+    return float(np.sum(weights * measured / centres) / np.sum(weights))
+
+
+@lru_cache(maxsize=1024)
+def c4(n: int) -> float:
+    """Return the mean of the sample standard deviation of n normal values of sigma 1, ``n >= 2``."""
+    return math.sqrt(2 / (n - 1)) * math.exp(float(gammaln(n / 2) - gammaln((n - 1) / 2)))
+
+
+def _spread_of_sigma(n: int) -> float:
+    """Return the standard deviation of the sample standard deviation of n normal values of sigma 1."""
+    return math.sqrt(1 - c4(n) ** 2)
+
+
+@lru_cache(maxsize=64)
+def d2(n: int) -> float:
+    """Return the mean of the range of n normal values of sigma 1: ``E W = integral of 1 - F^n - (1 - F)^n``."""
+    y = np.linspace(-_REACH, _REACH, _STEPS)
+    return float(np.sum(1 - ndtr(y) ** n - ndtr(-y) ** n) * (y[1] - y[0]))
+
+
+@lru_cache(maxsize=64)
+def d3(n: int) -> float:
+    """Return the standard deviation of the range of n normal values of sigma 1.
+
+    ``E W^2`` is twice the integral over x < y of ``1 - F(y)^n - (1 - F(x))^n + (F(y) - F(x))^n``.
+    """
+    y = np.linspace(-_REACH, _REACH, _STEPS)[:, None]
+    points, weights = np.polynomial.legendre.leggauss(_POINTS)
+    below = _REACH * (points + 1)  # x = y - below
+    inside = 1 - ndtr(y) ** n - ndtr(below - y) ** n + (ndtr(y) - ndtr(y - below)) ** n
+    square = 2 * _REACH * float(np.sum(inside @ weights)) * float(y[1, 0] - y[0, 0])
+    return math.sqrt(square - d2(n) ** 2)
