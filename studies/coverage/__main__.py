@@ -13,6 +13,7 @@ from campaign.version import clearcap_version
 from studies.coverage.families import Case, Key, all_tallies, cases
 from studies.coverage.outcomes import Tally
 from studies.coverage.productions import JUMPS, LOTS, LOTS_IN_TURN, SHAPES, SIZES
+from studies.coverage.rarities import AIMED
 from studies.coverage.tables import details, faults, table
 
 
@@ -22,7 +23,7 @@ def lines(
     """Yield the lines of the tables of some cases; ``mapped`` computes cases as `map` would."""
     began = time.monotonic()
     tallies = all_tallies(chosen, mapped)
-    for productions in (SHAPES, LOTS, JUMPS, LOTS_IN_TURN):
+    for productions in (SHAPES, LOTS, JUMPS, LOTS_IN_TURN, AIMED):
         if any(key[1] == production.name for key in tallies for production in productions):
             yield from (*table(tallies, productions), "")
     if detailed:

@@ -11,6 +11,7 @@ from studies.coverage.outcomes import Statement, Tally, tallied
 from studies.coverage.productions import JUMPS, LOTS, LOTS_IN_TURN, SHAPES, SIZES, Production
 from studies.coverage.products import contents, products
 from studies.coverage.questions import causes, changes, differences
+from studies.coverage.rarities import AIMED, rare_shares
 from studies.coverage.rejects import attributions
 from studies.coverage.stops import stops
 
@@ -59,7 +60,7 @@ REPLICATIONS: dict[Estimate, int] = {
     contents: 500,
 }
 # Of some productions only.
-OF_JUMPS, OF_REJECTS, OF_STOPS = 100, 100, 200
+OF_JUMPS, OF_REJECTS, OF_RARE, OF_STOPS = 100, 100, 500, 200
 
 
 def cases(share: float = 1.0) -> list[Case]:
@@ -72,6 +73,7 @@ def cases(share: float = 1.0) -> list[Case]:
     ]
     found += [Case(causes, p, n, round(share * OF_JUMPS)) for p in JUMPS for n in SIZES[1:]]
     found += [Case(attributions, p, n, round(share * OF_REJECTS)) for p in (SHAPES[0], *LOTS) for n in SIZES[1:]]
+    found += [Case(rare_shares, p, n, round(share * OF_RARE)) for p in AIMED for n in SIZES[1:]]
     found += [Case(stops, production, max(SIZES), round(share * OF_STOPS)) for production in LOTS_IN_TURN]
     return sorted(found, key=lambda case: -case.n * case.replications)
 
