@@ -11,6 +11,8 @@ COVERED, LOW, HIGH, WARNED, WITHHELD = "covered", "missed low", "missed high", "
 # What 95 % intervals may cover, and how sure the study must be that one does not.
 LEAST, MOST = 0.92, 0.98
 SURE = 0.99
+# A truth that misses an interval by no more is covered: the index of a variable without effect is 0 but for rounding.
+ROUNDING = 1e-9
 # On normal values in no lots a warning is a false alarm; more of them fail.
 FALSE_ALARMS = 0.10
 # Intervals that cover at least as often as they say, by their documented construction: from whole numbers of rejects or
@@ -48,7 +50,10 @@ class Statement:
         if self.warned:
             return WARNED
         low, high = self.interval
-        return COVERED if low <= self.truth <= high else HIGH if low > self.truth else LOW
+        rounding = ROUNDING * max(1.0, abs(self.truth))
+        if low - rounding <= self.truth <= high + rounding:
+            return COVERED
+        return HIGH if low > self.truth else LOW
 
 
 @dataclass

@@ -13,6 +13,7 @@ from studies.coverage.outcomes import COVERED, HIGH, LOW, WARNED, WITHHELD, Stat
         ((0.9, 1.1), False, COVERED),
         ((0.5, 0.9), False, LOW),
         ((1.1, 1.5), False, HIGH),
+        ((1 + 1e-15, 1.5), False, COVERED),
         ((0.5, 0.9), True, WARNED),
         (None, True, WITHHELD),
         ((float("nan"), float("nan")), False, LOW),
