@@ -45,12 +45,16 @@ def exit_at_interrupt() -> Iterator[None]:
             signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def send_again(number: int) -> None:
+    """Send a signal to the main thread once more, after the code that swallowed what it raised."""
+    again = threading.Timer(AGAIN_AFTER, signal.pthread_kill, [threading.main_thread().ident, number])
+    again.daemon = True
+    again.start()
+
+
 def _raise_again(swallowed: "sys.UnraisableHookArgs") -> None:
     """Interrupt the main thread once more where an interrupt was swallowed; report other errors as usual."""
     if issubclass(swallowed.exc_type, KeyboardInterrupt):
-        main_thread = threading.main_thread().ident
-        again = threading.Timer(AGAIN_AFTER, signal.pthread_kill, [main_thread, signal.SIGINT])
-        again.daemon = True
-        again.start()
+        send_again(signal.SIGINT)
     else:
         sys.__unraisablehook__(swallowed)

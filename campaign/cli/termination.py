@@ -1,9 +1,12 @@
 """End in order on SIGTERM and on the hangup of a terminal: lease, workers and temporary files are given back."""
 
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+from campaign.interrupts import send_again
 
 ENDING = (signal.SIGTERM, signal.SIGHUP)
 
@@ -12,21 +15,37 @@ ENDING = (signal.SIGTERM, signal.SIGHUP)
 def terminated_in_order() -> Iterator[None]:
     """Raise SystemExit with status 128 + N where the block is, when signal N asks this process to end.
 
-    A signal that is ignored stays ignored, as ``nohup`` wants it. Further signals do not disturb the end.
+    A signal that is ignored stays ignored, as ``nohup`` wants it. Further signals do not disturb the end. Compiled code
+    that calls Python may swallow the exception, then it is raised again; or turn it into an error of its own, which
+    ends the block with the status of the signal all the same.
     """
     before = {number: signal.getsignal(number) for number in ENDING}
     handled = [number for number, handler in before.items() if handler == signal.SIG_DFL]
+    came: list[int] = []
+
+    def terminate(number: int, _: FrameType | None) -> None:
+        came.append(number)
+        for other in handled:
+            signal.signal(other, signal.SIG_IGN)
+        raise SystemExit(128 + number)
+
+    def unraisable(swallowed: "sys.UnraisableHookArgs") -> None:
+        if came and issubclass(swallowed.exc_type, SystemExit):
+            signal.signal(came[-1], terminate)
+            send_again(came[-1])
+        else:
+            hook(swallowed)
+
     for number in handled:
-        signal.signal(number, _terminate)
+        signal.signal(number, terminate)
+    hook, sys.unraisablehook = sys.unraisablehook, unraisable
     try:
         yield
+    except Exception:
+        if came:
+            raise SystemExit(128 + came[-1]) from None
+        raise
     finally:
+        sys.unraisablehook = hook
         for number in handled:
             signal.signal(number, before[number])
-
-
-def _terminate(number: int, _: FrameType | None) -> None:
-    """Unwind this process."""
-    for other in ENDING:
-        signal.signal(other, signal.SIG_IGN)
-    raise SystemExit(128 + number)

@@ -38,6 +38,65 @@ def test_unwinds_with_the_status_of_the_signal(number, status):
     assert [signal.getsignal(n) for n in (signal.SIGTERM, signal.SIGHUP)] == before
 
 
+class Swallowing:
+    """What meets a signal where no exception can pass, as in a callback of compiled code."""
+
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0.01)
+
+
+def test_swallowed_signal_is_raised_again():
+    """It ended nothing, and the signals after it were ignored: only SIGKILL could end the process."""
+
+    def work():
+        thing = Swallowing()
+        del thing
+        time.sleep(20.0)
+        pytest.fail("it goes on as if nothing had come")
+
+    with pytest.raises(SystemExit) as ending, terminated_in_order():
+        work()
+    assert ending.value.code == 143
+
+
+def test_signal_that_becomes_an_error_of_others():
+    """A module whose initialisation is interrupted says AttributeError: the status is still that of the signal."""
+
+    def work():
+        try:
+            os.kill(os.getpid(), signal.SIGHUP)
+            time.sleep(5.0)
+        except SystemExit as swallowed:
+            raise AttributeError("partially initialized module") from swallowed
+
+    with pytest.raises(SystemExit) as ending, terminated_in_order():
+        work()
+    assert ending.value.code == 129
+
+
+def test_other_errors_pass():
+    """Without a signal an error is an error, and an unraisable one is reported as usual."""
+
+    class Fails:
+        def __del__(self):
+            raise ValueError("in a destructor")
+
+    def work():
+        thing = Fails()
+        del thing
+        raise ZeroDivisionError
+
+    reported = []
+    hook, sys.unraisablehook = sys.unraisablehook, lambda swallowed: reported.append(swallowed.exc_type)
+    try:
+        with pytest.raises(ZeroDivisionError), terminated_in_order():
+            work()
+    finally:
+        sys.unraisablehook = hook
+    assert reported == [ValueError]
+
+
 def test_an_ignored_hangup_stays_ignored():
     """So that ``nohup clearcap run`` outlives its terminal."""
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
