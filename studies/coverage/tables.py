@@ -1,11 +1,33 @@
-"""The tables of the study in Markdown."""
+"""The tables of the study in Markdown: a short one of groups of numbers, and the counts of every case."""
 
+import re
 from collections.abc import Iterator, Sequence
 
 from studies.coverage.families import Key
 from studies.coverage.outcomes import COVERED, HIGH, LOW, WARNED, WITHHELD, Tally
 from studies.coverage.productions import Production
 
+# Rows of the short table, each of the numbers whose whole name matches.
+GROUPS = {
+    "mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm": "mean|sigma|Cp|Cpk|Cpl|Cpu|Cc|Cpm",
+    "joint Cpk": "Cpk, joint",
+    "Z.bench, ppm expected": "Z.bench|ppm expected, normal",
+    "Cp within lots": "Cp within lots",
+    "counted shares, yields": "counted, .*|yield.*|loss by a response",
+    "Pp, Ppk of the fitted family": "Ppk?, .*, fitted",
+    "Pp, Ppk of the values' percentiles": "Ppk?, empirical",
+    "Pareto tails": "tail, .*",
+    "distance from normal": "distance from normal",
+    "tolerance intervals, normal": "contains .*, normal, .*",
+    "tolerance intervals, any distribution": "contains .*, any, .*",
+    "first-order indices": "first order, .*",
+    "parts of the rejects": "part of the rejects, .*",
+    "what if: mean, sigma, Cpk": "what if .*: (mean|sigma|Cpk)",
+    "what if: ppm": "what if .*: ppm",
+    "differences of two campaigns": "difference .*|ratio .*",
+    "at the stop: Cpk, mean, sigma": "at the stop: .*",
+    "rare rejects": "rare, .*",
+}
 # Production and least number of values of which the report should warn nobody.
 TEXTBOOK = ("normal", 500)
 # From this share on the table says how many intervals are warned of or withheld; and only that, above the other.
@@ -13,33 +35,39 @@ SOME, NEARLY_ALL = 0.05, 0.92
 
 
 def table(tallies: dict[Key, Tally], productions: Sequence[Production]) -> Iterator[str]:
-    """Yield a table with a row for each number and a column for each production: its sizes, parted by strokes."""
+    """Yield a table with a row for each group of numbers and a column for each production, its sizes side by side."""
     names = [production.name for production in productions]
     sizes = sorted({n for _, production, n in tallies if production in names})
-    yield f"| interval of | {' | '.join(names)} |"
+    yield f"| intervals of | {' | '.join(names)} |"
     yield f"| --- |{' --- |' * len(names)}"
-    for number in dict.fromkeys(number for number, production, _ in tallies if production in names):
+    for group, pattern in GROUPS.items():
+        numbers = [number for number in dict.fromkeys(key[0] for key in tallies) if re.fullmatch(pattern, number)]
         cells = []
         for name in names:
-            keys = [(number, name, n) for n in sizes if (number, name, n) in tallies]
-            cells.append(" / ".join(cell(tallies[key], bold=bool(fault(key, tallies[key]))) for key in keys))
-        yield f"| {number} | {' | '.join(cells)} |"
+            of_sizes = [
+                {key: tallies[key] for number in numbers if (key := (number, name, n)) in tallies} for n in sizes
+            ]
+            cells.append(" / ".join(cell(found) for found in of_sizes if found))
+        if any(cells):
+            yield f"| {group} | {' | '.join(cells)} |"
 
 
-def cell(tally: Tally, *, bold: bool) -> str:
-    """Return the coverage in percent, with the share that is warned of or withheld."""
-    without = 1 - tally.answered / tally.total
-    if tally.coverage is None or without >= NEARLY_ALL:
-        text = "w" if tally.counts[WARNED] >= tally.counts[WITHHELD] else "–"
+def cell(found: dict[Key, Tally]) -> str:
+    """Return the least and the largest coverage of some numbers in percent; bold where one of them is at fault.
+
+    Of a number that is nearly always warned of or withheld no coverage is counted; ``w`` is the largest share of the
+    others that is.
+    """
+    stated = [tally for tally in found.values() if tally.answered >= (1 - NEARLY_ALL) * tally.total]
+    if not stated:
+        warned = sum(tally.counts[WARNED] for tally in found.values())
+        text = "w" if warned >= sum(tally.counts[WITHHELD] for tally in found.values()) else "–"
     else:
-        text = f"{100 * tally.coverage:.0f}" + (f" w{100 * without:.0f}" if without >= SOME else "")
-    return f"**{text}**" if bold else text
-
-
-def fault(key: Key, tally: Tally) -> str:
-    """Return what is wrong with the intervals of a number, of a production and a size; empty if nothing is."""
-    number, production, n = key
-    return tally.fault(number, textbook=production == TEXTBOOK[0] and n >= TEXTBOOK[1])
+        coverages = [f"{100 * (tally.coverage or 0.0):.0f}" for tally in stated]
+        low, high = min(coverages, key=int), max(coverages, key=int)
+        without = max(1 - tally.answered / tally.total for tally in stated)
+        text = (low if low == high else f"{low}–{high}") + (f" w{100 * without:.0f}" if without >= SOME else "")
+    return f"**{text}**" if faults(found) else text
 
 
 def details(tallies: dict[Key, Tally]) -> Iterator[str]:
@@ -49,10 +77,16 @@ def details(tallies: dict[Key, Tally]) -> Iterator[str]:
     yield f"| --- | --- | --- |{' --- |' * (len(outcomes) + 1)}"
     for key, tally in tallies.items():
         counts = " | ".join(str(tally.counts[outcome]) for outcome in outcomes)
-        yield f"| {' | '.join(map(str, key))} | {counts} | {fault(key, tally)} |"
+        yield f"| {' | '.join(map(str, key))} | {counts} | {_fault(key, tally)} |"
 
 
 def faults(tallies: dict[Key, Tally]) -> dict[Key, str]:
     """Return what is at fault, by number, production and size."""
-    found = {key: fault(key, tally) for key, tally in tallies.items()}
+    found = {key: _fault(key, tally) for key, tally in tallies.items()}
     return {key: text for key, text in found.items() if text}
+
+
+def _fault(key: Key, tally: Tally) -> str:
+    """Return what is wrong with the intervals of a number, of a production and a size; empty if nothing is."""
+    number, production, n = key
+    return tally.fault(number, textbook=production == TEXTBOOK[0] and n >= TEXTBOOK[1])

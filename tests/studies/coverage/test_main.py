@@ -8,14 +8,15 @@ from studies.coverage import families
 from studies.coverage.__main__ import lines
 from studies.coverage.families import Case, all_tallies, cases
 from studies.coverage.outcomes import Statement
-from studies.coverage.productions import SHAPES, SIZES
-from studies.coverage.tables import faults
+from studies.coverage.productions import LOTS, LOTS_IN_TURN, SHAPES, SIZES
+from studies.coverage.rarities import AIMED
+from studies.coverage.tables import GROUPS, faults
 
 
 def test_a_few_replications():
     """One table for a case, the counts behind it, and the words that say what was computed."""
     text = list(lines([Case(families.indices, SHAPES[0], 50, 20)], detailed=True))
-    assert text[0] == "| interval of | normal | lognormal | gamma | t5 | uniform | bimodal |"
+    assert text[0] == "| intervals of | normal | lognormal | gamma | t5 | uniform | bimodal |"
     (row,) = (line for line in text if line.startswith("| Cpk | normal | 50 | "))
     assert sum(int(cell) for cell in row.split(" | ")[3:8]) == 20
     assert re.search(r"20 campaigns of 50, 500, 5,000 samples", text[-1])
@@ -58,3 +59,15 @@ def _halved(production, n, rng):
     y = production.draw(n, rng)
     half = 0.5 * 1.96 * y.std() / np.sqrt(n)
     yield Statement("mean", (y.mean() - half, y.mean() + half), 0.0)
+
+
+def test_every_number_has_a_row():
+    """No estimate is left out of the short table, and no row is without a number."""
+    numbers = set()
+    for estimate in (*families.REPLICATIONS, families.attributions):
+        numbers |= {key[0] for key in Case(estimate, LOTS[0], 50, 1).tallies()}
+    numbers |= {key[0] for key in Case(families.rare_shares, AIMED[0], 50, 1).tallies()}
+    numbers |= {key[0] for key in Case(families.stops, LOTS_IN_TURN[0], 100, 1).tallies()}
+    rows = {number: [group for group, pattern in GROUPS.items() if re.fullmatch(pattern, number)] for number in numbers}
+    assert {number: found for number, found in rows.items() if len(found) != 1} == {}
+    assert {group for found in rows.values() for group in found} == set(GROUPS)

@@ -1,0 +1,33 @@
+"""Tables of the coverage study: what a cell says, and that the document's are those of the study."""
+
+from collections import Counter
+
+from studies.coverage.outcomes import COVERED, LOW, WARNED, WITHHELD, Tally
+from studies.coverage.productions import SHAPES
+from studies.coverage.tables import cell, details, table
+
+HOLDS, SHORT = Tally(Counter({COVERED: 950, LOW: 50})), Tally(Counter({COVERED: 700, LOW: 300}))
+HALF = Tally(Counter({COVERED: 470, LOW: 30, WARNED: 500}))
+SILENT, ALARMED = Tally(Counter({WITHHELD: 1000})), Tally(Counter({WARNED: 990, LOW: 10}))
+
+
+def test_a_cell_has_the_range_of_its_numbers():
+    """And how many are warned of; bold where an interval is at fault."""
+    assert cell({("Cp", "t5", 50): HOLDS, ("Cpk", "t5", 50): HOLDS}) == "95"
+    assert cell({("Cp", "t5", 50): HOLDS, ("Cpk", "t5", 50): SHORT}) == "**70–95**"
+    assert cell({("Cp", "t5", 50): HOLDS, ("Cpk", "t5", 50): HALF}) == "94–95 w50"
+    assert cell({("Cp", "t5", 50): HOLDS, ("Cpk", "t5", 50): ALARMED}) == "95"
+    assert (cell({("Cp", "t5", 50): SILENT}), cell({("Cp", "t5", 50): ALARMED})) == ("–", "w")
+    assert cell({("Cp", "normal", 500): HALF}) == "**94 w50**"
+
+
+def test_a_column_has_its_sizes_side_by_side():
+    tallies = {("Cpk", "t5", 50): HOLDS, ("Cpk", "t5", 500): SHORT, ("tail, above", "t5", 50): SILENT}
+    text = list(table(tallies, SHAPES))
+    assert text[2] == "| mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm |  |  |  | 95 / **70** |  |  |"
+    assert text[3].startswith("| Pareto tails |  |  |  | – |")
+
+
+def test_details_have_every_count():
+    (*_, line) = details({("Cpk", "t5", 500): SHORT})
+    assert line == "| Cpk | t5 | 500 | 700 | 300 | 0 | 0 | 0 | too narrow |"
