@@ -208,13 +208,8 @@ def _advice(
         {name: samples.values[name][rows] for name in judged},
         {name: (r.spec.lsl, r.spec.usl) for name, r in judged.items()},
         dict.fromkeys(judged, CAPABLE),
-        {name: _shares(r.sensitivity) for name, r in judged.items()},
+        columns,
         varied,
         lambda variable, factor, at: widen(variable, {name: x[at] for name, x in columns.items()}, factor),
     )
     return advice, note
-
-
-def _shares(influences: ResponseSensitivity | None) -> dict[str, float | None]:
-    """Return the first-order indices of a response by variable."""
-    return {i.variable: i.first_order for i in influences.influences} if influences else {}

@@ -1,16 +1,15 @@
 """Changed distributions of a campaign, and what they make of its samples: a ratio of densities at each."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
-from math import isfinite, log
+from math import exp, inf, isfinite, log
 from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
 
 from campaign.errors import SpecError
-from campaign.inputs.distributions import Distribution
+from campaign.inputs.distributions import Continuous, Distribution
 from campaign.inputs.sampling import SAMPLERS, sampler_named
 from campaign.inputs.sampling.correlation import matrix
 from campaign.plan import dump_spec
@@ -22,6 +21,8 @@ from engine.toml_file import UnfitToml, parse_toml
 from reporting.tolerance.reweighting import Change
 
 _NEAREST = 1e-16  # distance from 0 and 1 of a probability that becomes a normal score
+_SAME_SPREAD = 1e-6  # relative difference of two standard deviations that are the same
+_MOST_STEPS = 24  # of the search for a standard deviation; the bounds allow none that is not found by then
 
 
 def changed_variables(spec: CampaignSpec, settings: Sequence[str]) -> dict[str, Distribution]:
@@ -131,8 +132,9 @@ def change_distributions(
 def scale_spread(spec: CampaignSpec, factors: Mapping[str, float], columns: Mapping[str, Array]) -> Change:
     """Return what the standard deviations of some variables, each times a factor, make of samples.
 
-    A distribution with the key ``std`` gets another ``std`` and keeps its bounds. Any other is stretched around its
-    mean.
+    A factor is of the standard deviation that the variable has, cut at its bounds. A distribution with the key ``std``
+    gets another ``std`` and keeps its bounds; where they do not allow such a spread, it gets the largest that they do.
+    Any other is stretched around its mean.
 
     Parameters
     ----------
@@ -146,15 +148,27 @@ def scale_spread(spec: CampaignSpec, factors: Mapping[str, float], columns: Mapp
     Returns
     -------
     Change
-        As of `change_distributions`; for one variable with the factor that its bounds leave of the one asked for.
+        As of `change_distributions`; for one variable with the factor that it reaches, and its values at the same
+        ranks.
     """
-    new = {name: _scaled(spec.variables[name], factor) for name, factor in factors.items()}
+    new = {name: with_spread(spec.variables[name], factor) for name, factor in factors.items()}
     change = change_distributions(spec, new, columns)
     if len(new) > 1:
         return change
     (name, scaled), *_ = new.items()
-    spread = scaled.moments()[1] / spec.variables[name].moments()[1]
-    return Change(change.log_ratio, change.outside, spread)
+    old, x = spec.variables[name], columns[name]
+    reached = scaled.moments()[1] / old.moments()[1]
+    same = abs(reached / factors[name] - 1) < _SAME_SPREAD
+    moved = _moved(old, scaled, x) if isinstance(old, Continuous) else None
+    return Change(change.log_ratio, change.outside, factors[name] if same else reached, moved)
+
+
+def _moved(old: Continuous, new: "Distribution | _Stretched", x: Array) -> Array:
+    """Return the values of a new distribution at the ranks that values of the old one have."""
+    if isinstance(new, _Stretched):
+        mean = old.moments()[0]
+        return mean + (x - mean) * new.factor
+    return new.ppf(np.clip(old.cdf(x), _NEAREST, 1 - _NEAREST))
 
 
 @dataclass(frozen=True)
@@ -179,16 +193,40 @@ class _Stretched:
         return np.asarray(mean + (x - mean) / self.factor, dtype=np.float64)
 
 
-def _scaled(old: Distribution, factor: float) -> "Distribution | _Stretched":
-    """Return a distribution whose standard deviation is about ``factor`` times that of ``old``."""
+def with_spread(old: Distribution, factor: float) -> "Distribution | _Stretched":
+    """Return a distribution with a factor times the standard deviation of another, or the largest its bounds allow."""
+    if getattr(old, "std", None) is None:
+        return _Stretched(old, factor)
+    from scipy.optimize import brentq  # takes 0.4 s to import
+
+    def excess(scale: float) -> float | None:
+        scaled = _with_std(old, exp(scale))
+        return None if scaled is None else scaled.moments()[1] / old.moments()[1] / factor - 1.0
+
+    near, far, wall = 0.0, log(factor), inf
+    for _ in range(_MOST_STEPS):
+        found = excess(far)
+        if found is not None and (abs(found) < _SAME_SPREAD or (found > 0) == (factor > 1)):
+            break
+        near, wall = (near, far) if found is None else (far, wall)
+        far = 0.5 * (near + wall) if isfinite(wall) else near + (1.0 if factor > 1 else -1.0)
+    else:
+        return _with_std(old, exp(near)) or old
+    if abs(found) >= _SAME_SPREAD:
+        far = float(brentq(lambda scale: excess(scale) or 0.0, near, far, xtol=1e-7))
+    return _with_std(old, exp(far)) or old
+
+
+def _with_std(old: Distribution, scale: float) -> Distribution | None:
+    """Return a distribution with its key ``std``, and that of its production batches, scaled; None if none exists."""
     table = old.model_dump(exclude_none=True)
-    if "std" in table:
-        table["std"] *= factor
-        if table.get("batch"):
-            table["batch"] = {**table["batch"], "std": table["batch"]["std"] * factor}
-        with suppress(ValidationError):  # the bounds may not allow it
-            return type(old).model_validate(table)
-    return _Stretched(old, factor)
+    table["std"] *= scale
+    if table.get("batch"):
+        table["batch"] = {**table["batch"], "std": table["batch"]["std"] * scale}
+    try:
+        return type(old).model_validate(table)
+    except ValidationError:
+        return None
 
 
 def _outside(new: "Distribution | _Stretched", low: float, high: float) -> float:

@@ -46,17 +46,18 @@ def tolerance_advice(store: Store, plan: Plan) -> tuple[tuple[Advice, ...], dict
     CampaignError
         If no response has limits and values.
     """
-    samples, limits = _samples_and_limits(store, plan)
+    samples, limits, lots = _samples_and_limits(store, plan)
+    columns = {name: samples[name] for name in plan.spec.variables}
 
     def scale_one(variable: str, factor: float, rows: NDArray[np.intp]) -> Change:
         return scale_spread(plan.spec, {variable: factor}, _variables(plan, samples, rows))
 
     def advice(names: list[str]) -> tuple[Advice, ...]:
         responses = {name: samples[name] for name in names}
-        return advise(responses, limits, dict.fromkeys(names, CAPABLE), shares, _varied(plan), scale_one)
+        targets = dict.fromkeys(names, CAPABLE)
+        return advise(responses, limits, targets, columns, _varied(plan), scale_one, lots=lots)
 
     with _advice_errors(plan):
-        shares = _shares(plan, samples, limits)
         cpks = {name: capability(samples[name], lsl=pair[0], usl=pair[1]).cpk for name, pair in limits.items()}
         capable = [name for name, cpk in cpks.items() if cpk is not None and cpk >= CAPABLE]
         below = [name for name, cpk in cpks.items() if cpk is not None and cpk < CAPABLE]
@@ -84,7 +85,7 @@ def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
     CampaignError
         If no response has limits and values, or the costs are impossible.
     """
-    samples, limits = _samples_and_limits(store, plan)
+    samples, limits, _ = _samples_and_limits(store, plan)
     values = {name: samples[name][np.isfinite(samples[name])] for name in limits}
     variables = [_costed(name, plan.spec.variables[name].moments()[1], cost) for name, cost in costs.variables.items()]
 
@@ -111,11 +112,12 @@ def _advice_errors(plan: Plan) -> Iterator[None]:
         raise CampaignError(f"advice of {plan.campaign_id}: {error}") from error
 
 
-def _samples_and_limits(store: Store, plan: Plan) -> tuple[dict[str, Array], Limits]:
-    """Return the samples, and the limits of the responses that have any."""
+def _samples_and_limits(store: Store, plan: Plan) -> tuple[dict[str, Array], Limits, NDArray[np.int64] | None]:
+    """Return the samples, the limits of the responses that have any, and the samples' production lots."""
     check_drawn(plan.spec)
     limits = {name: pair for name, pair in limits_of(plan).items() if pair != (None, None)}
-    return independent_samples(store, plan)[0], limits
+    samples, lots = independent_samples(store, plan)
+    return samples, limits, lots
 
 
 def _variables(plan: Plan, samples: Mapping[str, Array], rows: NDArray[np.intp]) -> dict[str, Array]:

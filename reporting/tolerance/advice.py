@@ -1,26 +1,30 @@
 """How far the spread of one variable may grow while every response keeps its target index.
 
-The index at another spread follows from reweighting the campaign's samples as long as the weights are reliable; beyond
-that from the variable's share S_i of the variance, ``sigma_y^2 (1 + S_i (f^2 - 1))``, with an unchanged mean.
+The index at another spread follows from reweighting the campaign's samples, as long as the weights are reliable. Beyond
+that it follows from a polynomial of the variables, where one explains the responses; otherwise the advice ends there.
+Either way the joint distribution changes: the copula of correlated variables stays as it is.
+
+The interval of a factor holds every factor at which the interval of the index holds the target.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from reporting.arrays import Array, random_rows
-from reporting.capability.indices import cpk
+from reporting.arrays import random_rows
 from reporting.errors import ReportError
+from reporting.tolerance.index_curve import IndexCurve, Question
 from reporting.tolerance.reweighting import Change
-from reporting.tolerance.whatif import what_if_all
+from reporting.tolerance.weighted_intervals import LotLabels
 
-REWEIGHTING, CONTRIBUTIONS = "reweighting", "variance contributions"
+REWEIGHTING, REGRESSION = "reweighting", "regression"
 MOST_FACTOR, LEAST_FACTOR = 4.0, 0.05
-_PRECISION = 5e-4  # of the factor
-_ROWS = 50_000  # determine a Cpk of 1.33 to 0.3 %
+BY_SAMPLES, BY_BOUNDS, BY_SEARCH = "samples", "bounds", "search"
+_PRECISION = 5e-4  # of a factor
+_ROWS = 20_000  # determine a Cpk of 1.33 to 0.6 %
 
 Rows = NDArray[np.intp]
 Widen = Callable[[str, float, Rows], Change]
@@ -34,64 +38,52 @@ class Advice:
     ----------
     variable : str
     factor : float or None
-        Largest factor on the spread. Below 1 the spread must shrink for the responses to reach their targets; None: no
-        spread of this variable makes them reach their targets.
+        Largest factor on the standard deviation that the variable has, its bounds included. Below 1 the spread must
+        shrink for the responses to reach their targets; None: no factor down to `reach` makes them reach their targets.
+    interval : (float or None, float or None)
+        Of the factor; an end is None where the samples do not show it.
     bounded : bool
-        False if every response still keeps its target at this factor, the largest tried.
+        False if no response is seen to fall below its target up to `reach`: the factor is at least the lower end of its
+        interval.
+    ended_by : str
+        Why an advice that is not bounded ends at `reach`: "samples" (they say nothing of a larger factor), "bounds" (of
+        the variable allow none), "search" (the largest that is tried); otherwise empty.
+    reach : float
+        Outermost factor, above or below 1, that could be answered.
     binding : str or None
         The response that limits the factor, or that misses its target.
     cpk : float or None
         Cpk of that response, at the factor.
     method : str
-        How the index at the factor was found: "reweighting" or "variance contributions".
+        How the index at the factor was found: "reweighting" or "regression".
     effective : float or None
         Effective sample size at the factor; None without reweighting.
+    refusal : str
+        Why there is no advice; empty if there is.
     """
 
     variable: str
     factor: float | None
+    interval: tuple[float | None, float | None]
     bounded: bool
+    ended_by: str
+    reach: float
     binding: str | None
     cpk: float | None
     method: str
     effective: float | None
-
-
-@dataclass(frozen=True)
-class _Margin:
-    """The response with the smallest margin of Cpk over its target, at a factor."""
-
-    margin: float
-    response: str
-    cpk: float
-    method: str
-    effective: float | None
-
-
-@dataclass(frozen=True)
-class _Target:
-    """A response with limits and a target: its values, and the shares of its variance."""
-
-    y: Array
-    lsl: float | None
-    usl: float | None
-    target: float
-    shares: Mapping[str, float | None]
-
-    def cpk(self, growth: float) -> float | None:
-        """Return Cpk with the variance multiplied by `growth`; None without a variance."""
-        y = self.y[np.isfinite(self.y)]
-        std = float(np.std(y, ddof=1)) * math.sqrt(max(growth, 0.0))
-        return cpk(float(np.mean(y)), std, self.lsl, self.usl) if std > 0 else None
+    refusal: str = ""
 
 
 def advise(
     responses: Mapping[str, ArrayLike],
     limits: Mapping[str, tuple[float | None, float | None]],
     targets: Mapping[str, float],
-    contributions: Mapping[str, Mapping[str, float | None]],
+    columns: Mapping[str, ArrayLike],
     variables: Sequence[str],
     widen: Widen,
+    confidence: float = 0.95,
+    lots: LotLabels | None = None,
 ) -> tuple[Advice, ...]:
     """Return how far the spread of each variable may grow.
 
@@ -103,68 +95,99 @@ def advise(
         Responses without limits are ignored.
     targets : mapping of str to float
         Required Cpk of each response with limits.
-    contributions : mapping of str to mapping of str to float
-        Share of the variance of each response by variable (first-order index); missing shares count as 0.
+    columns : mapping of str to array_like, each of shape (n,)
+        All variables at each sample.
     variables : sequence of str
         Variables that the advice is for.
     widen : callable (variable, factor, rows) -> Change
         Change of the density at these rows when the standard deviation of the variable is multiplied by the factor.
-        Where a distribution cannot follow exactly (a truncated one), `Change.spread` is the factor that it reaches.
+        Where the variable's bounds allow no such factor, `Change.spread` is the largest that they do.
+    confidence : float
+        Of the intervals, two-sided.
+    lots : array, shape (n,), or None
+        Production lot of each sample.
 
     Raises
     ------
     ReportError
         No response has both limits and a target.
     """
-    first = next(iter(responses.values()), np.zeros(0))
-    rows = random_rows(np.size(first))[:_ROWS]
+    rows = random_rows(np.size(next(iter(responses.values()), np.zeros(0))))[:_ROWS]
     limited = {
-        name: _Target(np.asarray(y, np.float64)[rows], *limits[name], targets[name], contributions.get(name, {}))
+        name: np.asarray(y, np.float64)[rows]
         for name, y in responses.items()
         if name in targets and limits.get(name, (None, None)) != (None, None)
     }
-    varying = {name: r for name, r in limited.items() if np.unique(r.y[np.isfinite(r.y)]).size > 1}
+    varying = {name: y for name, y in limited.items() if np.unique(y[np.isfinite(y)]).size > 1}
     if not varying:
         raise ReportError(
             "advice: no response has limits, a target Cpk and values that vary; give limits to at least one"
         )
-    return tuple(_advice(variable, varying, lambda f, v=variable: widen(v, f, rows)) for variable in variables)  # type: ignore[misc]
+    inputs = {name: np.asarray(x, np.float64)[rows] for name, x in columns.items()}
+    question = Question(
+        responses=varying,
+        limits=limits,
+        targets=targets,
+        columns={name: x for name, x in inputs.items() if np.ptp(x) > 0},
+        confidence=confidence,
+        lots=None if lots is None else lots[rows],
+    )
+    return tuple(_advice(variable, question, lambda f, v=variable: widen(v, f, rows)) for variable in variables)  # type: ignore[misc]
 
 
-def _advice(variable: str, targets: Mapping[str, _Target], widen: Callable[[float], Change]) -> Advice:
-    """Return the largest factor at which no response misses its target."""
-    from scipy.optimize import brentq
-
-    def at(factor: float) -> _Margin:
-        return _least_margin(variable, factor, targets, widen(factor))
-
-    now = at(1.0)
-    low, high = (1.0, MOST_FACTOR) if now.margin >= 0 else (LEAST_FACTOR, 1.0)
-    at_low, at_high = (now, at(high)) if now.margin >= 0 else (at(low), now)
-    if at_low.margin < 0:
-        return Advice(variable, None, True, at_low.response, at_low.cpk, at_low.method, at_low.effective)
-    if at_high.margin >= 0:
-        return Advice(variable, high, False, at_high.response, at_high.cpk, at_high.method, at_high.effective)
-    root = float(brentq(lambda f: at(f).margin, low, high, rtol=_PRECISION)) if at_low.margin > 0 else low
-    factor = max(root * (1 - _PRECISION), low)  # on the safe side of the root
-    binding = at(factor)
-    return Advice(variable, factor, True, binding.response, binding.cpk, binding.method, binding.effective)
+def _advice(variable: str, question: Question, widen: Callable[[float], Change]) -> Advice:
+    """Return the factor by reweighting, or by regression where the samples cannot be reweighted so far."""
+    changed = cache(widen)
+    allowed = changed(MOST_FACTOR).spread or MOST_FACTOR
+    most = max(min(allowed, MOST_FACTOR), 1.0)
+    ended = BY_BOUNDS if most < MOST_FACTOR else BY_SEARCH
+    curve = IndexCurve(cache(lambda f: question.reweighted(changed(f))), LEAST_FACTOR, most)
+    weighted = _read(variable, curve, REWEIGHTING, most, ended)
+    if weighted.factor is not None and (weighted.bounded or weighted.ended_by != BY_SAMPLES):
+        return weighted
+    curve = IndexCurve(cache(lambda f: question.modelled(variable, changed(f), f)), LEAST_FACTOR, most)
+    modelled = _read(variable, curve, REGRESSION, most, ended)
+    if modelled.refusal or (not weighted.refusal and not _farther(modelled, weighted)):
+        return weighted
+    return modelled
 
 
-def _least_margin(variable: str, factor: float, targets: Mapping[str, _Target], change: Change) -> _Margin:
-    """Return the response with the smallest margin of Cpk over its target."""
-    spread = factor if change.spread is None else change.spread
-    limits = {name: (response.lsl, response.usl) for name, response in targets.items()}
-    answers = what_if_all({name: response.y for name, response in targets.items()}, change, limits)
-    margins = []
-    for name, response in targets.items():
-        reweighted = answers[name].cpk
-        modelled = response.cpk(1 + (response.shares.get(variable) or 0.0) * (spread**2 - 1))
-        if reweighted is not None:
-            index, method, effective = reweighted.value, REWEIGHTING, answers[name].effective
-        elif modelled is not None:
-            index, method, effective = modelled, CONTRIBUTIONS, None
-        else:  # a response without variance keeps its target at any spread
-            continue
-        margins.append(_Margin(index - response.target, name, index, method, effective))
-    return min(margins, key=lambda m: m.margin) if margins else _Margin(np.inf, "", np.inf, CONTRIBUTIONS, None)
+def _farther(modelled: Advice, weighted: Advice) -> bool:
+    """Return whether regression answers beyond the reach of the weights, and does not contradict them within it."""
+    if weighted.factor is None:
+        return modelled.reach < weighted.reach and (modelled.factor is None or modelled.factor <= weighted.reach)
+    if modelled.factor is None:
+        return False
+    if not modelled.bounded:
+        return modelled.factor > weighted.factor
+    high = modelled.interval[1]
+    return high is None or high > weighted.reach
+
+
+def _read(variable: str, curve: IndexCurve, method: str, most: float, ended: str) -> Advice:
+    """Return the advice that a curve gives."""
+    if curve.refusal:
+        return Advice(variable, None, (None, None), True, "", 1.0, None, None, method, None, curve.refusal)
+    keeps = curve.now.value >= 0
+    reach = curve.ends[1] if keeps else curve.ends[0]
+    low, value, high = (curve.crossing(level) for level in ("low", "value", "high"))
+    if low is None:
+        low = reach if curve.now.low >= 0 else curve.ends[0]
+    bounded = value is not None or not keeps
+    if value is not None:
+        value *= 1 - _PRECISION  # on the safe side of the crossing
+    elif keeps:
+        value = low
+    margin = curve.at(reach if value is None else value)
+    return Advice(
+        variable=variable,
+        factor=value,
+        interval=(None if value is None else low, high),
+        bounded=bounded,
+        ended_by="" if bounded else ended if reach >= most else BY_SAMPLES,
+        reach=reach,
+        binding=margin.response,
+        cpk=margin.cpk,
+        method=method,
+        effective=margin.effective,
+    )

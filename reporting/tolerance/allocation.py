@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reporting.arrays import Array, random_rows
-from reporting.tolerance.advice import CONTRIBUTIONS, REWEIGHTING, Rows
+from reporting.tolerance.advice import REWEIGHTING, Rows
 from reporting.tolerance.allocation_problem import CostedVariable, Requirement, check, infeasible
 from reporting.tolerance.cost_laws import Process, ProcessTable
 from reporting.tolerance.cost_optimum import Optimum
@@ -25,6 +25,7 @@ from reporting.tolerance.process_choice import Programme, cheapest_choice
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.whatif import runs_for, what_if_all
 
+CONTRIBUTIONS = "variance contributions"
 _CORRECTIONS = 12
 _SAME_FACTOR = 1e-3  # the corrections end when no tolerance changes by a larger share
 

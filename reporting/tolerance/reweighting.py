@@ -45,12 +45,15 @@ class Change:
         Probability of new values outside the range of the old distribution.
     spread : float or None
         Ratio of the new to the old standard deviation of the changed variable; only `reporting.tolerance.advice` uses
-        it.
+        it and `moved`.
+    moved : array, shape (n,), or None
+        The changed variable's values at the same ranks under the new distribution, if it has a density.
     """
 
     log_ratio: ArrayLike
     outside: float = 0.0
     spread: float | None = None
+    moved: ArrayLike | None = None
 
 
 @dataclass(frozen=True)

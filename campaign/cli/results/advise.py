@@ -12,6 +12,12 @@ if TYPE_CHECKING:
     from reporting.tolerance.advice import Advice
     from reporting.tolerance.allocation import Allocation
 
+_ENDS = {
+    "samples": "the samples, which say nothing of more",
+    "bounds": "its bounds, which allow no more",
+    "search": "nothing that was tried",
+}
+
 
 def advise(
     campaign: Id = None,
@@ -52,19 +58,27 @@ def advise(
 
 def _print_advice(advice: "tuple[Advice, ...]", below: "dict[str, tuple[Advice, ...]]") -> None:
     """Print one row a variable: how far it may grow, and how far it must shrink for each response below Cpk 1.33."""
+    heads = ("variable", "factor", "95 % interval", "limited by", "Cpk at the factor", "method")
     if advice:
-        rows = []
-        for each in advice:
-            factor = "none" if each.factor is None else f"{'' if each.bounded else 'at least '}{each.factor:.3g}"
-            binding = (each.binding or "-") if each.bounded else "nothing"
-            rows.append((each.variable, factor, binding, number(each.cpk, 4), each.method))
-        title = "factor by which sigma of each variable alone may grow until a response falls below Cpk 1.33"
-        print_table(title, ("variable", "factor", "limited by", "Cpk at the factor", "method"), rows)
+        title = "factor on the present sigma of each variable alone with which no response falls below Cpk 1.33"
+        print_table(title, heads, [_row(each) for each in advice])
     for response, needed in below.items():
-        factors = ["no factor" if each.factor is None else f"{each.factor:.3g}" for each in needed]
-        shrunk = [(e.variable, factor, number(e.cpk, 4), e.method) for e, factor in zip(needed, factors, strict=True)]
-        title = f"{response} is below Cpk 1.33: factor on sigma of each variable alone that reaches 1.33"
-        print_table(title, ("variable", "factor", f"Cpk of {response} at the factor", "method"), shrunk)
+        title = f"{response} is below Cpk 1.33: factor on the present sigma of each variable alone that reaches 1.33"
+        print_table(title, heads, [_row(each) for each in needed])
+
+
+def _row(advice: "Advice") -> tuple[str, ...]:
+    """Return the cells of one variable."""
+    if advice.refusal:
+        return advice.variable, "no answer", "-", advice.refusal, "-", "-"
+    numbers = number(advice.cpk, 4), advice.method
+    if advice.factor is None:
+        return advice.variable, "no factor", "-", f"{advice.binding}, down to {advice.reach:.3g}", *numbers
+    low, high = advice.interval
+    if not advice.bounded:
+        return advice.variable, f"at least {advice.factor:.3g}", "-", f"{_ENDS[advice.ended_by]}", *numbers
+    interval = f"{number(low, 3)} {'or more' if high is None else f'to {high:.3g}'}"
+    return advice.variable, f"{advice.factor:.3g}", interval, advice.binding or "-", *numbers
 
 
 def _print_allocation(proposal: "Allocation") -> None:

@@ -4,11 +4,13 @@ from math import inf
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 from scipy import stats
 
 from campaign.errors import SpecError
+from campaign.inputs.distributions import Variable
 from campaign.inputs.sampling import draw
-from campaign.reports.changed_distributions import change_distributions, changed_variables, scale_spread
+from campaign.reports.changed_distributions import change_distributions, changed_variables, scale_spread, with_spread
 
 
 def cut(mean: float, std: float) -> stats.rv_continuous:
@@ -31,17 +33,44 @@ def test_the_ratio_is_that_of_the_densities(campaign):
 
 
 def test_widening_follows_the_law_and_says_how_far_it_came(campaign):
-    """A truncated normal keeps its bounds, so twice its std is less than twice its spread; a uniform one stretches."""
+    """A factor is of the spread inside the bounds, which allow no more than that of a uniform law on them."""
     columns = draw(campaign.spec, 0, 25)
-    found = scale_spread(campaign.spec, {"J1": 2.0}, columns)
-    assert found.spread == pytest.approx(cut(0.07, 0.035).std() / cut(0.07, 0.0175).std(), rel=1e-6)
+    now = cut(0.07, 0.0175).std()
+    for factor in (0.6, 1.5, 1.9):
+        found = scale_spread(campaign.spec, {"J1": factor}, columns)
+        assert found.spread == factor
+        law = with_spread(campaign.spec.variables["J1"], factor)
+        assert cut(0.07, law.std).std() == pytest.approx(factor * now, rel=1e-5)
+        ranks = cut(0.07, 0.0175).cdf(columns["J1"])
+        np.testing.assert_allclose(found.moved, cut(0.07, law.std).ppf(ranks), rtol=1e-6)
+    most = scale_spread(campaign.spec, {"J1": 4.0}, columns)
+    assert most.spread == pytest.approx(0.12 / np.sqrt(12) / now, rel=1e-5)
+    assert np.ptp(most.log_ratio - cut(0.07, 0.0175).logpdf(columns["J1"]) * -1) < 1e-5
     stretched = scale_spread(campaign.spec, {"preload": 1.25}, columns)
     np.testing.assert_allclose(stretched.log_ratio, np.log(0.8), rtol=1e-9)
+    np.testing.assert_allclose(stretched.moved, 0.95 + 1.25 * (columns["preload"] - 0.95), rtol=1e-12)
     assert stretched.outside == pytest.approx(0.2)
-    both = scale_spread(campaign.spec, {"J1": 2.0, "preload": 0.5}, columns)
+    both = scale_spread(campaign.spec, {"J1": 1.5, "preload": 0.5}, columns)
     inside = np.abs(columns["preload"] - 0.95) <= 0.025
-    np.testing.assert_allclose(both.log_ratio[inside], found.log_ratio[inside] + np.log(2), rtol=1e-9)
+    alone = scale_spread(campaign.spec, {"J1": 1.5}, columns)
+    np.testing.assert_allclose(both.log_ratio[inside], alone.log_ratio[inside] + np.log(2), rtol=1e-9)
     assert np.all(both.log_ratio[~inside] == -inf)
+
+
+def test_a_spread_may_be_limited_by_parameters_and_follows_production_batches(campaign):
+    """A beta distribution has no more than sqrt((mean - lower)(upper - mean)); shifts of batches grow with the rest."""
+    table = {"distribution": "beta", "lower": 0.0, "upper": 1.0, "mean": 0.5, "std": 0.2}
+    beta = campaign.spec.model_copy(update={"variables": {"b": _variable(table)}})
+    columns = {"b": np.linspace(0.05, 0.95, 25)}
+    assert scale_spread(beta, {"b": 1.5}, columns).spread == 1.5
+    assert scale_spread(beta, {"b": 4.0}, columns).spread == pytest.approx(2.5, rel=1e-3)
+    shifting = _variable({"distribution": "normal", "mean": 1.0, "std": 0.1, "batch": {"size": 5, "std": 0.1}})
+    law = with_spread(shifting, 1.7)
+    assert (law.std, law.batch.std) == (pytest.approx(0.17), pytest.approx(0.17))
+
+
+def _variable(table):
+    return TypeAdapter(Variable).validate_python(table)
 
 
 def test_correlated_variables_keep_their_copula(campaign):

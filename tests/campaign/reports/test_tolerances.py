@@ -65,7 +65,9 @@ def test_a_response_that_is_below_does_not_hide_the_others(campaign_file, tmp_pa
     cpk = capability(table["FC-2"].to_numpy(), lsl=16.99, usl=18.79).cpk
     assert 1.0 < cpk < 1.33
     grow, below = tolerance_advice(store, plan)
-    assert all(each.factor > 1.0 for each in grow)
+    (j1, preload) = grow
+    assert 1.0 < j1.interval[0] == j1.factor
+    assert (preload.factor, preload.ended_by) == (1.0, "samples")  # a uniform variable has no sample beyond its ends
     assert list(below) == ["FC-2"]
     helping = [each for each in below["FC-2"] if each.factor is not None]
     assert helping

@@ -1,0 +1,210 @@
+"""The least margin of the responses' Cpk over their targets, as a function of the factor on one spread."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from reporting.arrays import Array
+from reporting.tolerance.response_surface import MOST_BEYOND, Surface, beyond, fit_surface, moved_cpk
+from reporting.tolerance.reweighting import Change
+from reporting.tolerance.weighted_intervals import LotLabels
+from reporting.tolerance.whatif import what_if_all
+
+_UP, _DOWN = 1.1, 0.85  # steps of the factor
+_REFINEMENTS = 3  # of a crossing, and of the end of what can be answered
+
+Limits = Mapping[str, tuple[float | None, float | None]]
+
+
+@dataclass(frozen=True)
+class Margin:
+    """The least margin over the targets: of Cpk, and of the ends of its interval.
+
+    Attributes
+    ----------
+    low, value, high : float
+        Each the least of all responses.
+    response : str
+        The response with the least margin.
+    cpk : float
+        Its Cpk.
+    effective : float or None
+        Effective sample size; None without reweighting.
+    """
+
+    low: float
+    value: float
+    high: float
+    response: str
+    cpk: float
+    effective: float | None
+
+
+@dataclass(frozen=True)
+class Question:
+    """Responses with limits and targets, and the variables, at the same samples.
+
+    Attributes
+    ----------
+    responses : mapping of str to array, each of shape (n,)
+    limits : mapping of str to (lsl, usl)
+    targets : mapping of str to float
+    columns : mapping of str to array, each of shape (n,)
+        The variables that vary.
+    confidence : float
+        Of the intervals, two-sided.
+    lots : array, shape (n,), or None
+    """
+
+    responses: Mapping[str, Array]
+    limits: Limits
+    targets: Mapping[str, float]
+    columns: Mapping[str, Array]
+    confidence: float
+    lots: LotLabels | None
+
+    def reweighted(self, change: Change) -> Margin | str:
+        """Return the margin by reweighting, or why there is none."""
+        answers = what_if_all(self.responses, change, self.limits, self.confidence, self.lots)
+        indices = {}
+        for name, answer in answers.items():
+            if answer.refusal:
+                return answer.refusal
+            if answer.cpk is not None:  # a response without spread keeps its target
+                indices[name] = (answer.cpk.interval[0], answer.cpk.value, answer.cpk.interval[1])
+        return self._least(indices, next(iter(answers.values())).effective)
+
+    def modelled(self, variable: str, change: Change, factor: float) -> Margin | str:
+        """Return the margin by moving the samples with the responses' polynomials, or why there is none."""
+        if change.moved is None or variable not in self.columns:
+            return f"{variable} has no density"
+        if isinstance(self._surfaces, str):
+            return self._surfaces
+        x, to = self.columns[variable], np.asarray(change.moved, np.float64)
+        if beyond(x, to) > MOST_BEYOND:
+            return (
+                f"more than {100 * MOST_BEYOND:g} % of the values of {variable} would lie beyond those of the campaign"
+            )
+        at, indices = list(self.columns).index(variable), {}
+        for name, surface in self._surfaces.items():
+            has = np.isfinite(self.responses[name])
+            standard = (to[has] - x[has].mean()) / x[has].std()
+            lots = None if self.lots is None else self.lots[has]
+            found = moved_cpk(surface, (at, standard, factor), self.limits[name], self.confidence, lots)
+            if found is not None:
+                indices[name] = (found[1][0], found[0], found[1][1])
+        return self._least(indices, None)
+
+    @cached_property
+    def _surfaces(self) -> dict[str, Surface] | str:
+        """A polynomial of each response, or the name of one that no polynomial explains."""
+        surfaces = {}
+        for name, y in self.responses.items():
+            has = np.isfinite(y)
+            surface = fit_surface(y[has], {v: x[has] for v, x in self.columns.items()})
+            if surface is None:
+                return f"no polynomial of the variables explains {name}"
+            surfaces[name] = surface
+        return surfaces
+
+    def _least(self, indices: Mapping[str, tuple[float, float, float]], effective: float | None) -> Margin | str:
+        """Return the least margins of responses with the low end, value and high end of Cpk."""
+        if not indices:
+            return "no response has a spread"
+        low, value, high = (
+            min(ends[level] - self.targets[name] for name, ends in indices.items()) for level in range(3)
+        )
+        response = min(indices, key=lambda name: indices[name][1] - self.targets[name])
+        return Margin(low, value, high, response, indices[response][1], effective)
+
+
+class IndexCurve:
+    """The margin at factors outwards from 1, as far as it can be answered and the targets are not yet crossed.
+
+    Parameters
+    ----------
+    ask : callable (factor) -> Margin or str
+        The margin, or why it cannot be answered.
+    least, most : float
+        Between these factors.
+    """
+
+    def __init__(self, ask: Callable[[float], Margin | str], least: float, most: float) -> None:
+        self._ask = ask
+        now = ask(1.0)
+        self.refusal = now if isinstance(now, str) else ""
+        self._points: dict[float, Margin] = {} if isinstance(now, str) else {1.0: now}
+        if not isinstance(now, str):
+            if now.high >= 0:
+                self._walk(_UP, most, lambda margin: margin.high < 0)
+            if now.low < 0:
+                self._walk(_DOWN, least, lambda margin: margin.low >= 0)
+
+    @property
+    def now(self) -> Margin:
+        """The margin at the present spread."""
+        return self._points[1.0]
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The smallest and the largest factor that were answered."""
+        return min(self._points), max(self._points)
+
+    def at(self, factor: float) -> Margin:
+        """Return the margin at a factor, or at the next one nearer to 1 that was answered."""
+        margin = self._ask(factor)
+        if not isinstance(margin, str):
+            return margin
+        inward = [f for f in self._points if min(1.0, factor) <= f <= max(1.0, factor)]
+        return self._points[min(inward, key=lambda f: abs(f - factor))]
+
+    def crossing(self, level: str) -> float | None:
+        """Return the factor nearest to 1 at which a level crosses zero; None if it does not."""
+        above = getattr(self.now, level) >= 0
+        outward = sorted((f for f in self._points if (f >= 1 if above else f <= 1)), reverse=not above)
+        crossed = next((i for i, f in enumerate(outward) if (getattr(self._points[f], level) >= 0) != above), None)
+        if crossed is None:
+            return None
+        near, far = ((f, float(getattr(self._points[f], level))) for f in outward[crossed - 1 : crossed + 1])
+        for _ in range(_REFINEMENTS):
+            between = _zero(near, far)
+            margin = self._ask(between)
+            if isinstance(margin, str):
+                break
+            value = float(getattr(margin, level))
+            near, far = ((between, value), far) if (value >= 0) == above else (near, (between, value))
+        return _zero(near, far)
+
+    def _walk(self, step: float, limit: float, crossed: Callable[[Margin], bool]) -> None:
+        """Add points outwards from 1, until the limit, a refusal or a crossing."""
+        inner = 1.0
+        while inner != limit:
+            outer = min(inner * step, limit) if step > 1 else max(inner * step, limit)
+            margin = self._ask(outer)
+            if isinstance(margin, str):
+                self._approach(inner, outer)
+                return
+            self._points[outer] = margin
+            if crossed(margin):
+                return
+            inner = outer
+
+    def _approach(self, inner: float, outer: float) -> None:
+        """Add the last points before a refusal."""
+        for _ in range(_REFINEMENTS):
+            middle = math.sqrt(inner * outer)
+            margin = self._ask(middle)
+            if isinstance(margin, str):
+                outer = middle
+            else:
+                self._points[middle] = margin
+                inner = middle
+
+
+def _zero(near: tuple[float, float], far: tuple[float, float]) -> float:
+    """Return where the line through two points (factor, level) is zero, kept off the ends of a lopsided pair."""
+    share = near[1] / (near[1] - far[1]) if near[1] != far[1] else 0.5
+    return near[0] + min(max(share, 0.0), 1.0) * (far[0] - near[0])

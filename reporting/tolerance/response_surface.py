@@ -1,0 +1,148 @@
+"""A response as a polynomial of the variables, for changes that reach beyond the weights of the samples.
+
+The model moves the samples: where the variables x of a sample become x', its response becomes ``y + g(x') - g(x)``,
+with g the least-squares polynomial. A change of one marginal distribution that keeps the ranks keeps the copula, so
+correlated variables stay correlated as they are. What g leaves unexplained stays with its sample.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from reporting.arrays import Array
+from reporting.capability.intervals import Interval
+from reporting.tolerance.weighted_intervals import LotLabels, by_lot, mean_interval
+
+# A model that leaves more of the variance unexplained is no model of the response.
+MOST_UNEXPLAINED = 0.03
+# A larger share of samples moved beyond the range of the campaign would rest on extrapolation.
+MOST_BEYOND = 0.01
+_ROWS_PER_TERM = 10
+_MOST_TERMS = 300
+_LEAST_VALUES = 50
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A polynomial of the standardised variables, fitted to one response.
+
+    Attributes
+    ----------
+    y : array, shape (n,)
+        Values at the samples that it was fitted to.
+    x : array, shape (n, k)
+        Standardised variables there.
+    coefficients : array, shape (terms,)
+    inverse : array, shape (terms, terms)
+        Inverse of the normal matrix.
+    residual : array, shape (n,)
+        ``y - g(x)``.
+    quadratic : bool
+        With squares and products; else linear.
+    unexplained : float
+        Share of the variance that it does not explain, adjusted for the number of terms.
+    """
+
+    y: Array
+    x: Array
+    coefficients: Array
+    inverse: Array
+    residual: Array
+    quadratic: bool
+    unexplained: float
+
+    def moved(self, variable: int, to: Array) -> Array:
+        """Return how each term changes where one standardised variable has other values, shape (n, terms)."""
+        changed = self.x.copy()
+        changed[:, variable] = to
+        return _terms(changed, self.quadratic) - _terms(self.x, self.quadratic)
+
+
+def fit_surface(y: Array, variables: Mapping[str, Array]) -> Surface | None:
+    """Return the polynomial of one response; None if there are too few values or it leaves too much unexplained.
+
+    Parameters
+    ----------
+    y : array, shape (n,)
+        Finite values that vary.
+    variables : mapping of str to array, each of shape (n,)
+        Variables that vary, at the same samples.
+    """
+    x = np.column_stack([(column - column.mean()) / column.std() for column in variables.values()])
+    n, k = x.shape
+    full = (k + 1) * (k + 2) // 2
+    quadratic = full <= min(_MOST_TERMS, n // _ROWS_PER_TERM)
+    count = full if quadratic else k + 1
+    if n < max(_LEAST_VALUES, _ROWS_PER_TERM * count):
+        return None
+    terms = _terms(x, quadratic)
+    inverse = np.asarray(np.linalg.pinv(terms.T @ terms, hermitian=True), np.float64)
+    coefficients = inverse @ (terms.T @ (y - y.mean()))
+    residual = y - y.mean() - terms @ coefficients
+    unexplained = float(np.sum(residual**2)) / (n - count) / float(np.var(y, ddof=1))
+    if unexplained > MOST_UNEXPLAINED:
+        return None
+    return Surface(y, x, coefficients, inverse, residual, quadratic, unexplained)
+
+
+def moved_cpk(
+    surface: Surface,
+    change: tuple[int, Array, float],
+    limits: tuple[float | None, float | None],
+    confidence: float,
+    lots: LotLabels | None,
+) -> tuple[float, Interval] | None:
+    """Return Cpk with one variable moved, and its interval; None if there is no spread.
+
+    The interval allows for the error of the samples and of the coefficients, and its lower end for an unexplained part
+    that grows with the variable.
+
+    Parameters
+    ----------
+    surface : Surface
+    change : (int, array of shape (n,), float)
+        Number of the variable, its new standardised values, and the factor on its standard deviation.
+    limits : (lsl, usl)
+        At least one.
+    confidence : float
+        Two-sided.
+    lots : array, shape (n,), or None
+        Production lot of each sample.
+    """
+    variable, to, factor = change
+    difference = surface.moved(variable, to)
+    y = surface.y + difference @ surface.coefficients
+    n, mean, std = y.size, float(y.mean()), float(y.std(ddof=1))
+    if not std > 0:
+        return None
+    deviation = y - mean
+    sides = [
+        (sign * (mean - limit) / (3 * std), sign)
+        for limit, sign in zip(limits, (1, -1), strict=True)
+        if limit is not None
+    ]
+    index, sign = min(sides)
+    slope = (sign / (3 * std) - index * deviation / std**2) / n  # of the index, with each value
+    own = (sign * deviation / 3 - index * (deviation**2 - std**2) / (2 * std)) / std / n
+    of_coefficients = (
+        _terms(surface.x, surface.quadratic) @ (surface.inverse @ (difference.T @ slope)) * surface.residual
+    )
+    low, high = mean_interval(index, by_lot(own + of_coefficients, lots), confidence)
+    grown = max(factor**2 - 1, 0.0) * surface.unexplained * float(np.var(surface.y, ddof=1))
+    return float(index), (low / math.sqrt(1 + grown / std**2) if low > 0 else low, high)
+
+
+def beyond(x: Array, to: Array) -> float:
+    """Return the share of values that were moved beyond the range of the samples."""
+    return float(np.mean((to < x.min()) | (to > x.max())))
+
+
+def _terms(x: Array, quadratic: bool) -> Array:
+    """Return the terms of the polynomial at standardised variables, shape (n, terms)."""
+    first = np.column_stack([np.ones(x.shape[0]), x])
+    if not quadratic:
+        return first
+    i, j = np.triu_indices(x.shape[1])
+    return np.column_stack([first, x[:, i] * x[:, j]])
