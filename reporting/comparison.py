@@ -12,8 +12,9 @@ import numpy as np
 from scipy.special import betainc, ndtri
 
 from reporting.arrays import Array
-from reporting.capability.indices import cpk_standard_error
+from reporting.capability.indices import cpk_influence
 from reporting.capability.intervals import Interval, welch
+from reporting.capability.lots import lot_error
 from reporting.capability.moments import ROUNDING
 from reporting.capability.summary import Capability, capability
 from reporting.errors import ReportError
@@ -221,7 +222,11 @@ def _indices(a: Array, b: Array, base: ResponseComparison, confidence: float) ->
     if cpk is None or cpk_other is None:
         return {}
     errors = [
-        cpk_standard_error(x, c.cpk or 0.0, lower=c.cpu is None or (c.cpl is not None and c.cpl <= c.cpu))
+        lot_error(
+            cpk_influence(x, c.cpk or 0.0, lower=c.cpu is None or (c.cpl is not None and c.cpl <= c.cpu)),
+            np.full(x.size, 1 / x.size),
+            None,
+        )[0]
         for x, c in ((a, base.capability), (b, base.capability_other))
     ]
     half = float(ndtri(0.5 + confidence / 2)) * math.hypot(*errors)

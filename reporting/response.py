@@ -7,7 +7,7 @@ import numpy as np
 
 from reporting.arrays import Array
 from reporting.capability.convergence import Convergence, convergence
-from reporting.capability.shares import Nonconforming, nonconforming, runs_to_claim
+from reporting.capability.shares import Nonconforming, Share, nonconforming, runs_to_claim
 from reporting.capability.subgroup_sigma import SubgroupSigma, subgroup_sigmas
 from reporting.capability.summary import Capability, capability
 from reporting.capability.target_indices import TargetIndices, target_indices
@@ -23,6 +23,7 @@ from reporting.shape.index_estimates import index_estimates
 from reporting.shape.nonnormal import NonnormalIndices, empirical_indices, fitted_indices
 from reporting.shape.normality import Normality, ProbabilityPlot, normality, probability_plot
 from reporting.shape.tails import TailShare, pareto_tails
+from reporting.shape.withheld import without_intervals
 from reporting.spec import ReportSpec, ResponseSpec
 from reporting.tolerance.worst_case import WorstCase, worst_case
 
@@ -120,19 +121,21 @@ def analyse_response(
     """
     values = samples.values[spec.name][samples.ok]
     batches = None if samples.production_batch is None else samples.production_batch[samples.ok]
+    lots = None if samples.lots is None else samples.lots[samples.ok]
     try:
-        numbers = capability(values, spec.lsl, spec.usl, spec.target, confidence, batches)
+        numbers = capability(values, spec.lsl, spec.usl, spec.target, confidence, batches, lots)
     except ReportError as error:
         raise ReportError(f"response {spec.name}: {error}") from error
-    x = values[np.isfinite(values)]
-    lots = None if batches is None else batches[np.isfinite(values)]
-    counted = nonconforming(x, spec.lsl, spec.usl, confidence, samples.sample.size - x.size)
+    x, lots = values[np.isfinite(values)], None if lots is None else lots[np.isfinite(values)]
+    counted = nonconforming(x, spec.lsl, spec.usl, confidence, samples.sample.size - x.size, lots)
     shape = normality(x, confidence)
     limited = spec.lsl is not None or spec.usl is not None
     fits = _fits(x, spec)
     methods = _methods(x, fits, spec, confidence) if limited else ()
     tails = pareto_tails(x, spec.lsl, spec.usl, confidence) if limited else ()
-    with_failures = yield_with_failures(numbers, samples.sample.size, confidence)
+    if numbers.lots is not None:
+        methods, tails = without_intervals(methods, tails)
+    with_failures = yield_with_failures(numbers, counted, samples.sample.size, confidence)
     others = (*_by_failures(with_failures, numbers.n), *index_estimates(fits, methods, tails), *further)
     return ResponseAnalysis(
         spec=spec,
@@ -146,14 +149,14 @@ def analyse_response(
         histogram=histogram(x, spec.lsl, spec.usl),
         worst=None if corners is None else _corners(spec, *corners),
         nonconforming=counted,
-        claim_runs=None if counted is None else runs_to_claim(CLAIM_PPM, confidence, counted.total.count),
+        claim_runs=None if counted is None else _runs_to_claim(counted.total, confidence),
         tails=tails,
         normality=shape,
         plot=probability_plot(x, confidence=confidence),
         fits=fits,
         methods=methods,
         tolerance_intervals=tolerance_intervals(x, shape, confidence, lots) if request.design.production else None,
-        running=convergence(x, spec.lsl, spec.usl, confidence),
+        running=convergence(x, spec.lsl, spec.usl, confidence, lots),
         sensitivity=sensitivity,
     )
 
@@ -182,6 +185,11 @@ def _methods(x: Array, fits: Fits, spec: ResponseSpec, confidence: float) -> tup
         return (empirical,)
     fitted = [fitted_indices(method, best, spec.lsl, spec.usl, confidence) for method in ("percentile", "z_score")]
     return (*fitted, empirical)
+
+
+def _runs_to_claim(total: Share, confidence: float) -> int:
+    """Return the number of runs that prove the usual share; with production lots a run proves less."""
+    return math.ceil(runs_to_claim(CLAIM_PPM, confidence, total.count) * total.n / total.worth)
 
 
 def _by_failures(with_failures: Yield | None, n: int) -> tuple[IndexEstimate, ...]:

@@ -4,6 +4,7 @@ Rows come as one table or as a stream of tables. Of the messages only the first 
 texts of a million rows are never in memory together.
 """
 
+import math
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -53,6 +54,9 @@ class Samples:
         Unit in the metadata of the column; empty without one.
     production_batch : array of int64, shape (n,), or None
         Number of each sample's production batch; None without production batches.
+    lot : array of int64, shape (n,), or None
+        Groups of production batches, such that samples of different groups share no shift, where variables have batches
+        of different sizes; None where each production batch is such a group.
     run_seconds : float or None
         Total time of the runs [s]; None if the rows do not state it.
     importance : dict of str to array of float64, shape (n,)
@@ -72,6 +76,12 @@ class Samples:
     production_batch: NDArray[np.int64] | None
     run_seconds: float | None
     importance: dict[str, Array] = field(default_factory=dict)
+    lot: NDArray[np.int64] | None = None
+
+    @property
+    def lots(self) -> NDArray[np.int64] | None:
+        """The group of each sample that shares no shift with other groups; None without production batches."""
+        return self.production_batch if self.lot is None else self.lot
 
     def rows_of(self, status: str) -> NDArray[np.intp]:
         """Return the numbers of the rows with a status."""
@@ -86,6 +96,7 @@ class Samples:
             self,
             **{name: getattr(self, name)[rows] for name in columns},
             production_batch=None if self.production_batch is None else self.production_batch[rows],
+            lot=None if self.lot is None else self.lot[rows],
             values={name: column[rows] for name, column in self.values.items()},
             importance={name: column[rows] for name, column in self.importance.items()},
         )
@@ -125,6 +136,8 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
     columns = {name: np.concatenate(pieces.pop(name)) for name in needed}
     sample, status = columns.pop("sample").astype(np.int64), np.concatenate(codes)
     _check_rows(sample, spec.requested)
+    sizes = [variable.batch for variable in spec.variables]
+    batch = columns.pop(spec.production_batch_column).astype(np.int64) if spec.production_batch_column else None
     return Samples(
         sample=sample,
         status=status,
@@ -135,13 +148,31 @@ def read_samples(rows: "Rows", spec: ReportSpec) -> Samples:
         max_penetration=columns.pop("max_penetration"),
         settled=columns.pop("settled") == 1.0,
         penetration_unit=unit,
-        production_batch=columns.pop(spec.production_batch_column).astype(np.int64)
-        if spec.production_batch_column
-        else None,
+        production_batch=batch,
+        lot=whole_lots(sample, sizes),
         run_seconds=seconds,
         importance={name: columns.pop(name) for name in IMPORTANCE} if spec.proposal else {},
         values=columns,
     )
+
+
+def whole_lots(sample: NDArray[np.int64], sizes: Iterable[int]) -> NDArray[np.int64] | None:
+    """Return the lot of each sample, such that samples of different lots share no shift; None without lots.
+
+    Where variables change their lot after different numbers of samples, a lot ends where all of them do: at the
+    multiples of the least common multiple of their sizes.
+
+    Parameters
+    ----------
+    sample : array of int64, shape (n,)
+        Sample numbers from 0.
+    sizes : iterable of int
+        Samples in one lot of each variable; 0 for a variable without lots.
+    """
+    given = [size for size in sizes if size > 0]
+    if not given:
+        return None
+    return np.asarray(sample, np.int64) // min(math.lcm(*given), np.iinfo(np.int64).max)
 
 
 def _tables(rows: "Rows") -> "Iterable[pyarrow.Table]":

@@ -1,7 +1,5 @@
 """Samples of a campaign as columns, for questions that need no new runs."""
 
-from math import lcm
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +10,7 @@ from campaign.plan import Plan
 from campaign.spec.campaign_file import Response
 from campaign.store import Store
 from engine.arrays import Array
+from reporting.samples import whole_lots
 
 Limits = dict[str, tuple[float | None, float | None]]
 
@@ -54,7 +53,7 @@ def independent_samples(store: Store, plan: Plan) -> tuple[dict[str, Array], NDA
 def _lots(plan: Plan, sample: NDArray[np.int64]) -> NDArray[np.int64] | None:
     """Return the lot of each sample, such that different lots share no shift of any variable; None without lots."""
     sizes = [v.batch.size for v in plan.spec.variables.values() if isinstance(v, Continuous) and v.batch]
-    return sample // min(lcm(*sizes), int(np.iinfo(np.int64).max)) if sizes else None
+    return whole_lots(sample, sizes)
 
 
 def limits_of(plan: Plan) -> Limits:

@@ -4,11 +4,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtri, stdtr
 
 from reporting.arrays import Array
-from reporting.capability.indices import cpk, cpk_standard_error
+from reporting.capability.indices import cpk, cpk_influence
+from reporting.capability.interval_choice import NORMAL, Fence, choose_method, precision_by
 from reporting.capability.intervals import cpk_half_width, mean_interval
-from reporting.capability.moments import ROUNDING
+from reporting.capability.lots import describe_lots, independent, lot_error
+from reporting.capability.moments import ROUNDING, location_and_shape
+from reporting.capability.robust_intervals import robust_intervals
 
 _POINTS, _FIRST = 60, 10
 # Halves of a campaign that differ by more standard errors do not come from one distribution.
@@ -26,10 +31,12 @@ class Convergence:
     n : tuple of int
         Numbers of samples.
     value, low, high : tuple of float
-        The index over the first n samples and its interval (Bissell; Student for a mean, in the response's unit).
+        The index over the first n samples and its interval, by the method that holds for these samples; a mean is in
+        the response's unit.
     drift : float or None
         Index of the second half of the samples less that of the first, in standard errors (delta method, any
-        distribution); None below 40 samples.
+        distribution; with few lots, the normal quantile of the same probability); None below 40 samples, or where a
+        half has fewer than two lots.
     """
 
     index: str
@@ -40,8 +47,10 @@ class Convergence:
     drift: float | None
 
 
-def convergence(x: Array, lsl: float | None, usl: float | None, confidence: float) -> Convergence | None:
-    """Return how the index of a response converges; None below 10 values or without spread.
+def convergence(
+    x: Array, lsl: float | None, usl: float | None, confidence: float, lots: NDArray[np.generic] | None = None
+) -> Convergence | None:
+    """Return how the index of a response converges; None below 10 values, without spread or with too few lots.
 
     Parameters
     ----------
@@ -51,45 +60,82 @@ def convergence(x: Array, lsl: float | None, usl: float | None, confidence: floa
         Limits.
     confidence : float
         Of the band, two-sided.
+    lots : array, shape (n,), optional
+        Production lot of each value: the band begins where there are lots enough for an interval.
     """
     n = x.size
     if n < _FIRST or float(np.std(x)) <= ROUNDING * float(np.max(np.abs(x))):
         return None
-    counts = np.unique(np.geomspace(_FIRST, n, _POINTS).astype(np.int64))
-    origin = float(np.mean(x))  # sums of squares of a large offset would lose the digits of the spread
-    mean = np.cumsum(x - origin)[counts - 1] / counts
-    square = np.cumsum((x - origin) ** 2)[counts - 1] / counts - mean**2
-    std = np.sqrt(np.maximum(square, 0.0) * counts / (counts - 1))
-    limited = lsl is not None or usl is not None
+    lots = None if independent(lots) else lots
+    name = "mean" if lsl is None and usl is None else "cpk"
     points = []
-    for count, m, s in zip(counts.tolist(), (mean + origin).tolist(), std.tolist(), strict=True):
-        if not limited:
-            points.append((count, m, *mean_interval(m, s, count, confidence)))
-        elif s > 0:
-            index = cpk(m, s, lsl, usl)
-            half = cpk_half_width(index, count, confidence)
-            points.append((count, index, index - half, index + half))
+    for count in np.unique(np.geomspace(_FIRST, n, _POINTS).astype(np.int64)).tolist():
+        found = _point(x[:count], Fence(lsl, usl, None, confidence), None if lots is None else lots[:count], name)
+        if found is not None:
+            points.append((count, *found))
     if not points:
         return None
     n_first, value, low, high = zip(*points, strict=True)
-    return Convergence("Cpk" if limited else "mean", n_first, value, low, high, _drift(x, lsl, usl))
+    return Convergence("mean" if name == "mean" else "Cpk", n_first, value, low, high, drift(x, lsl, usl, lots))
 
 
-def _drift(x: Array, lsl: float | None, usl: float | None) -> float | None:
-    """Return the difference of the index between the halves, in standard errors."""
-    half = x.size // 2
-    if half < 2 * _FIRST:
+def _point(x: Array, fence: Fence, lots: NDArray[np.generic] | None, name: str) -> tuple[float, float, float] | None:
+    """Return an index of values and its interval; None without a spread or with too few lots."""
+    numbers = location_and_shape(x)
+    if numbers["std"] == 0:
         return None
-    (first, error), (second, other) = _with_error(x[:half], lsl, usl), _with_error(x[half:], lsl, usl)
+    mean, std, kurtosis = numbers["mean"], numbers["std"], numbers.get("kurtosis")
+    value = mean if name == "mean" else cpk(mean, std, fence.lsl, fence.usl)
+    method = choose_method(x, kurtosis, None if lots is None else describe_lots(x, lots))
+    if method.name == NORMAL:
+        half = cpk_half_width(value, x.size, fence.confidence)
+        return value, *(
+            mean_interval(mean, std, x.size, fence.confidence) if name == "mean" else (value - half, value + half)
+        )
+    precision = precision_by(method, x, kurtosis, lots, fence.confidence)
+    interval = (
+        None if precision is None else robust_intervals(precision, fence.lsl, fence.usl, None)[f"{name}_interval"]
+    )
+    return None if interval is None else (value, *interval)
+
+
+def drift(x: Array, lsl: float | None, usl: float | None, lots: NDArray[np.generic] | None) -> float | None:
+    """Return the difference of the index between the halves, in standard errors, as `Convergence` has it."""
+    half = x.size // 2
+    if lots is not None:  # a lot in both halves would hide a difference between them
+        half = _between_lots(lots, half)
+    if half < 2 * _FIRST or x.size - half < 2 * _FIRST:
+        return None
+    halves = [
+        _with_error(x[part], lsl, usl, None if lots is None else lots[part])
+        for part in (slice(half), slice(half, None))
+    ]
+    (first, error, freedom), (second, other, of_other) = halves
     both = math.hypot(error, other)
-    return (second - first) / both if both > 0 else None
+    if not 0 < both < math.inf:
+        return None
+    errors = (second - first) / both
+    if math.isinf(freedom) and math.isinf(of_other):
+        return errors
+    welch = both**4 / (error**4 / freedom + other**4 / of_other)
+    tail = max(float(stdtr(welch, -abs(errors))), math.ulp(0.0))
+    return math.copysign(float(ndtri(tail)), errors)
 
 
-def _with_error(x: Array, lsl: float | None, usl: float | None) -> tuple[float, float]:
-    """Return the index of values and its standard error."""
+def _between_lots(lots: NDArray[np.generic], at: int) -> int:
+    """Return the place nearest to `at` where one lot ends and the next begins; 0 if there is none."""
+    begins = np.flatnonzero(lots[1:] != lots[:-1]) + 1
+    return int(begins[np.argmin(np.abs(begins - at))]) if begins.size else 0
+
+
+def _with_error(
+    x: Array, lsl: float | None, usl: float | None, lots: NDArray[np.generic] | None
+) -> tuple[float, float, float]:
+    """Return the index of values, its standard error and the degrees of freedom of the error."""
     mean, std = float(np.mean(x)), float(np.std(x))
+    weight = np.full(x.size, 1 / x.size)
     if std == 0 or (lsl is None and usl is None):
-        return mean, std / math.sqrt(x.size)
+        return mean, *lot_error(x - mean, weight, lots)
     index = cpk(mean, std, lsl, usl)
     lower = usl is None or (lsl is not None and mean - lsl < usl - mean)
-    return index, cpk_standard_error(x, index, lower=lower)
+    return index, *lot_error(cpk_influence(x, index, lower=lower), weight, lots)

@@ -81,11 +81,10 @@ def cpk(mean: float, std: float, lsl: float | None, usl: float | None) -> float:
     return distance_to_limit(mean, lsl, usl) / (3 * std)
 
 
-def cpk_standard_error(x: Array, index: float, *, lower: bool) -> float:
-    """Return the standard error of a Cpk for any distribution of the values (delta method).
+def cpk_influence(x: Array, index: float, *, lower: bool) -> Array:
+    """Return the influence of each value on Cpk, for any distribution of the values.
 
-    It is the root mean square of the influence function, over the square root of n (Huber, Ronchetti, Robust
-    Statistics, section 1.3).
+    The root of its mean square over n is the standard error of Cpk (Huber, Ronchetti, Robust Statistics, section 1.3).
 
     Parameters
     ----------
@@ -97,8 +96,8 @@ def cpk_standard_error(x: Array, index: float, *, lower: bool) -> float:
         The lower limit is the nearer one.
     """
     deviation, std = x - x.mean(), float(np.std(x))
-    influence = ((1 if lower else -1) * deviation / 3 - index * (deviation**2 - std**2) / (2 * std)) / std
-    return math.sqrt(float(np.mean(influence**2)) / x.size)
+    influence: Array = ((1 if lower else -1) * deviation / 3 - index * (deviation**2 - std**2) / (2 * std)) / std
+    return influence
 
 
 def point_indices(mean: float, std: float, lsl: float | None, usl: float | None) -> dict[str, float | None]:

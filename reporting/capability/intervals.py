@@ -1,7 +1,9 @@
 """Confidence limits of capability indices and of shares.
 
-Functions for indices take the two-sided confidence, functions for bounds of shares the one-sided one. `nu` is the
-number of degrees of freedom of sigma: ``n - 1`` for the overall sigma, values less batches for the sigma within.
+The intervals of indices here are the normal-theory ones; `reporting.capability.robust_intervals` has those of any
+distribution. Functions for indices take the two-sided confidence, functions for bounds of shares the one-sided one.
+`nu` is the number of degrees of freedom of sigma: ``n - 1`` for the overall sigma, values less batches for the sigma
+within.
 
 - Cp: chi-square distribution of the variance (Chou, Owen, Borrego 1990).
 - Cpk: normal approximation of Bissell (1990), the report's default. Minitab, JMP and qcc print it, and its coverage is
@@ -113,17 +115,27 @@ def bench_interval(z_lsl: float | None, z_usl: float | None, n: int, confidence:
     The variance of Z.lsl and of Z.usl is ``1/n + z^2 / (2 (n - 1))``, their covariance
     ``-1/n + z_lsl z_usl / (2 (n - 1))``.
     """
-    z = bench(z_lsl, z_usl)
-    if z is None:
+    slopes = bench_slopes(z_lsl, z_usl)
+    if slopes is None:
         return None
+    z, slope_l, slope_u = slopes
     if z_lsl is None or z_usl is None:
         low, high = one_sided_interval(z / 3, n, confidence)
         return 3 * low, 3 * high
-    slope_l, slope_u = _bench_slope(z, z_lsl), _bench_slope(z, z_usl)
     spread = slope_l * z_lsl + slope_u * z_usl
     variance = (slope_l - slope_u) ** 2 / n + spread * spread / (2 * (n - 1))
     half = float(ndtri(0.5 + confidence / 2)) * math.sqrt(variance)
     return z - half, z + half
+
+
+def bench_slopes(z_lsl: float | None, z_usl: float | None) -> tuple[float, float, float] | None:
+    """Return Z.bench and its derivatives with respect to Z.lsl and Z.usl; None without a limit."""
+    z = bench(z_lsl, z_usl)
+    if z is None:
+        return None
+    if z_lsl is None or z_usl is None:
+        return z, float(z_usl is None), float(z_lsl is None)
+    return z, _bench_slope(z, z_lsl), _bench_slope(z, z_usl)
 
 
 def _bench_slope(z: float, side: float) -> float:

@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from numbers import Integral
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import gammaincinv, log_ndtr, ndtr
 
 from reporting.arrays import Array
 from reporting.capability.arguments import real_number
 from reporting.capability.intervals import Interval, share_interval, share_upper_bound
+from reporting.capability.lots import describe_lots, design_effect, independent
 from reporting.errors import ReportError
 
 PPM = 1e6
@@ -34,6 +36,8 @@ class Share:
         Two-sided Clopper-Pearson interval [ppm].
     upper : float
         One-sided Clopper-Pearson upper bound [ppm]. Without a reject it is ``1e6 (1 - (1 - confidence)^(1/n))``.
+    worth : float
+        Number of independent values for which interval and bound are; n without production lots.
     """
 
     count: int
@@ -41,6 +45,7 @@ class Share:
     ppm: float
     interval: Interval
     upper: float
+    worth: float
 
 
 @dataclass(frozen=True)
@@ -64,7 +69,12 @@ class Nonconforming:
 
 
 def nonconforming(
-    x: Array, lsl: float | None, usl: float | None, confidence: float, failed: int = 0
+    x: Array,
+    lsl: float | None,
+    usl: float | None,
+    confidence: float,
+    failed: int = 0,
+    lots: NDArray[np.generic] | None = None,
 ) -> Nonconforming | None:
     """Return the counted shares out of limits; None without values (failed ones included) or without a limit.
 
@@ -78,26 +88,37 @@ def nonconforming(
         Of the two-sided intervals and of the one-sided bounds.
     failed : int
         Number of runs without a value.
+    lots : array, shape (n,), optional
+        Production lot of each value: intervals are then those of the number of independent values that the lots' values
+        are worth for that count.
     """
     n = int(x.size)
     if n == 0 or (lsl is None and usl is None):
         return None
-    below = int(np.count_nonzero(x < lsl)) if lsl is not None else None
-    above = int(np.count_nonzero(x > usl)) if usl is not None else None
-    total = (below or 0) + (above or 0)
-    return Nonconforming(
-        below=None if below is None else counted(below, n, confidence),
-        above=None if above is None else counted(above, n, confidence),
-        total=counted(total, n, confidence),
-        with_failures=counted(total + failed, n + failed, confidence),
-    )
+    is_below = None if lsl is None else x < lsl
+    is_above = None if usl is None else x > usl
+    sides = [side for side in (is_below, is_above) if side is not None]
+    is_out = np.any(sides, axis=0)
+    described = None if lots is None or independent(lots) else describe_lots(x, lots)
+
+    def share(is_counted: NDArray[np.bool_] | None, more: int = 0) -> Share | None:
+        if is_counted is None:
+            return None
+        effect = 1.0 if described is None or lots is None else design_effect(is_counted, lots, described, confidence)
+        return counted(int(np.count_nonzero(is_counted)) + more, n + more, confidence, effect)
+
+    total, with_failures = share(is_out), share(is_out, failed)
+    assert total is not None
+    assert with_failures is not None
+    return Nonconforming(below=share(is_below), above=share(is_above), total=total, with_failures=with_failures)
 
 
-def counted(count: int, n: int, confidence: float) -> Share:
-    """Return the share of `count` rejects among `n` values."""
-    low, high = share_interval(count, n, confidence)
-    upper = PPM * share_upper_bound(count, n, confidence)
-    return Share(count, n, PPM * count / n, (PPM * low, PPM * high), upper)
+def counted(count: int, n: int, confidence: float, effect: float = 1.0) -> Share:
+    """Return the share of `count` rejects among `n` values, of which `effect` tell as much as an independent one."""
+    count_worth, worth = count / effect, n / effect
+    low, high = share_interval(count_worth, worth, confidence)
+    upper = PPM * share_upper_bound(count_worth, worth, confidence)
+    return Share(count, n, PPM * count / n, (PPM * low, PPM * high), upper, worth)
 
 
 def weighted_share_interval(weights: Array, n: int, confidence: float) -> Interval:

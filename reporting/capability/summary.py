@@ -6,21 +6,21 @@ production batch of each value is given, the indices with the sigma within batch
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from reporting.arrays import Array
 from reporting.capability.arguments import check_limits, finite_or_none, production_batches, real_number
-from reporting.capability.indices import SIX_SIGMA_SHIFT, centring, overall_intervals, point_indices
-from reporting.capability.intervals import Interval, cpm_interval
-from reporting.capability.moments import ROUNDING, location_and_shape, series
+from reporting.capability.indices import SIX_SIGMA_SHIFT, centring, point_indices
+from reporting.capability.interval_choice import Fence, Method, choose_method, index_intervals
+from reporting.capability.intervals import Interval
+from reporting.capability.lots import Lots, describe_lots, independent
+from reporting.capability.moments import location_and_shape, series
+from reporting.capability.notes import NO_WITHIN, NOT_NORMAL, why_missing
 from reporting.capability.shares import expected_normal, nonconforming, ppm_of_z
 from reporting.capability.within import Within, within
-
-_NO_WITHIN = "No batch has two different values, so there is no sigma and no index within batches."
 
 
 @dataclass(frozen=True)
@@ -41,17 +41,17 @@ class Capability:
         Adjusted Fisher-Pearson skewness G1 and excess kurtosis G2 (0 for a normal distribution).
     cp, cpk, cpl, cpu, cc, cpm : float or None
         Indices. `cc` is signed: positive above the middle. `cpm` has the divisor n.
-    cp_interval, cpk_interval, cpl_interval, cpu_interval : (float, float) or None
-        From the chi-square distribution, by Bissell, and (two) from the noncentral t distribution.
+    mean_interval, std_interval : (float, float) or None
+        Of mean and standard deviation.
+    cp_interval, cpk_interval, cpl_interval, cpu_interval, cc_interval, cpm_interval : (float, float) or None
+        By the method `interval_method`; that of Cpk is the one of the nearer side.
     cpk_interval_joint : (float, float) or None
-        Interval of Cpk that covers at least as often as stated; with one limit the exact interval of that side.
-    cc_interval, cpm_interval : (float, float) or None
-        By Student's t, and by Boyles.
+        Interval of Cpk that covers at least as often as stated, for normal theory only; with one limit the exact
+        interval of that side.
     z_lsl, z_usl, z_bench : float or None
         Distance to each limit in sigmas, and the normal quantile of the total share out of limits.
     z_bench_interval : (float, float) or None
-        Exact for one limit, by the delta method for two. The intervals of `z_lsl` and `z_usl` are three times those of
-        `cpl` and `cpu`.
+        By the same method. The intervals of `z_lsl` and `z_usl` are three times those of `cpl` and `cpu`.
     sigma_level : float or None
         ``z_bench + 1.5``, the customary number of Six Sigma tables, where 3.4 ppm are 6 sigma.
     below, above : int or None
@@ -59,11 +59,18 @@ class Capability:
     ppm_observed, ppm_observed_below, ppm_observed_above : float or None
         Counted share out of limits, in parts per million.
     ppm_upper, ppm_upper_below, ppm_upper_above : float or None
-        Clopper-Pearson upper bound of that share.
+        Clopper-Pearson upper bound of that share; with lots for the number of independent values they are worth.
     ppm_expected, ppm_expected_below, ppm_expected_above : float or None
         Share out of limits of a normal distribution with this mean and sigma.
     ppm_expected_interval : (float, float) or None
-        Of the total, from the interval of `z_bench`.
+        Of the total, from the interval of `z_bench`; None where skewness or kurtosis prove that the values are not
+        normal.
+    interval_method : str
+        "normal theory", "own moments" (of the values) or "production lots"; empty where there are no intervals.
+    interval_reason : str
+        Why that method, or why there is none; what limits it.
+    lots : Lots or None
+        The production lots of the values; None where values are independent.
     within : Within or None
         Indices with the sigma within production batches; None without batches.
     notes : tuple of str
@@ -89,6 +96,8 @@ class Capability:
     cpu: float | None = None
     cc: float | None = None
     cpm: float | None = None
+    mean_interval: Interval | None = None
+    std_interval: Interval | None = None
     cp_interval: Interval | None = None
     cpk_interval: Interval | None = None
     cpl_interval: Interval | None = None
@@ -113,6 +122,9 @@ class Capability:
     ppm_expected_below: float | None = None
     ppm_expected_above: float | None = None
     ppm_expected_interval: Interval | None = None
+    interval_method: str = ""
+    interval_reason: str = ""
+    lots: Lots | None = None
     within: Within | None = None
     notes: tuple[str, ...] = ()
 
@@ -124,6 +136,7 @@ def capability(
     target: float | None = None,
     confidence: float = 0.95,
     batches: ArrayLike | None = None,
+    lots: ArrayLike | None = None,
 ) -> Capability:
     """Return the capability of the values `x` against their limits.
 
@@ -138,7 +151,10 @@ def capability(
     confidence : float
         Confidence of the intervals and bounds, between 0 and 1.
     batches : array_like, shape (n,), optional
-        Production batch of each value, as numbers or names, for the sigma within.
+        Production batch (lot) of each value, as numbers or names, for the sigma within. Values of a batch share a
+        shift, so the intervals rest on the differences between batches.
+    lots : array_like, shape (n,), optional
+        Where values of different batches may share a shift too: groups of batches that share none. Default: `batches`.
 
     Returns
     -------
@@ -149,28 +165,38 @@ def capability(
     ReportError
         A limit or the target is not a finite number; the limits are crossed or equal, or nearer to or farther from each
         other than doubles can tell; the confidence is not between 0 and 1; the values are not a series of numbers;
-        there are not as many batches as values.
+        there are not as many batches or lots as values.
     """
     lsl, usl, target = (finite_or_none(*given) for given in (("lsl", lsl), ("usl", usl), ("target", target)))
     confidence = real_number("confidence", confidence)
     check_limits(lsl, usl, confidence)
     values = series(x)
     groups = production_batches(batches, values.size)
+    lot_of = groups if lots is None else production_batches(lots, values.size)
     is_finite = np.isfinite(values)
     finite = values[is_finite]
+    lot_of = None if lot_of is None or independent(lot_of[is_finite]) else lot_of[is_finite]
     with np.errstate(over="ignore", invalid="ignore"):  # squares of values near the largest double: results are None
         location = location_and_shape(finite)
         mean, std = location.get("mean"), location.get("std")
         spread = std if std is not None and math.isfinite(std) and std > 0 else None
+        described = None if lot_of is None else describe_lots(finite, lot_of)
+        method, intervals = Method("", "", normal=True), dict[str, Interval | None]()
+        if spread is not None:
+            method = choose_method(finite, location.get("kurtosis"), described)
+            fence = Fence(lsl, usl, target, confidence)
+            intervals = index_intervals(method, finite, location.get("kurtosis"), fence, lot_of)
         within_batches = None
         if groups is not None and spread is not None:
             within_batches = within(finite, groups[is_finite], lsl, usl, confidence)
         numbers = {
             **location,
             "cc": centring(mean, lsl, usl),
-            **_normal_indices(int(finite.size), mean, spread, lsl, usl, confidence),
-            **_cpm(finite, mean, lsl, usl, target, confidence),
-            **_observed(finite, lsl, usl, confidence),
+            **_normal_indices(mean, spread, lsl, usl),
+            **_cpm(finite, mean, lsl, usl, target),
+            **_observed(finite, lsl, usl, confidence, lot_of),
+            **intervals,
+            **_expected_interval(intervals.get("z_bench_interval") if method.normal else None),
         }
     return Capability(
         n=int(finite.size),
@@ -180,10 +206,14 @@ def capability(
         target=target,
         confidence=confidence,
         **{name: value for name, value in numbers.items() if _representable(value)},  # type: ignore[arg-type]
+        interval_method=method.name,
+        interval_reason=method.reason,
+        lots=described,
         within=within_batches,
         notes=(
-            *_notes(finite, int(values.size), std, lsl, usl, target),
-            *([_NO_WITHIN] if groups is not None and spread is not None and within_batches is None else []),
+            *why_missing(finite, int(values.size), std, (lsl, usl, target)),
+            *([] if method.normal or (lsl is None and usl is None) else [NOT_NORMAL]),
+            *([NO_WITHIN] if groups is not None and spread is not None and within_batches is None else []),
         ),
     )
 
@@ -195,50 +225,41 @@ def _representable(value: object) -> bool:
 
 
 def _normal_indices(
-    n: int, mean: float | None, std: float | None, lsl: float | None, usl: float | None, confidence: float
+    mean: float | None, std: float | None, lsl: float | None, usl: float | None
 ) -> dict[str, float | Interval | None]:
-    """Return indices, their intervals and the expected ppm of a normal distribution."""
+    """Return the indices and the expected ppm of a normal distribution."""
     if mean is None or std is None:
         return {}
     index = point_indices(mean, std, lsl, usl)
-    intervals = overall_intervals(index, centring(mean, lsl, usl), n, confidence)
     expected = expected_normal(mean, std, lsl, usl)
-    z, bench = index["z_bench"], intervals["z_bench_interval"]
+    z = index["z_bench"]
     return {
         **index,
-        **intervals,
         "sigma_level": None if z is None else z + SIX_SIGMA_SHIFT,
         "ppm_expected": expected.get("total"),
         "ppm_expected_below": expected.get("below"),
         "ppm_expected_above": expected.get("above"),
-        "ppm_expected_interval": None if bench is None else (ppm_of_z(bench[1]), ppm_of_z(bench[0])),
     }
 
 
-def _cpm(
-    x: Array,
-    mean: float | None,
-    lsl: float | None,
-    usl: float | None,
-    target: float | None,
-    confidence: float,
-) -> dict[str, float | Interval | None]:
-    """Return Cpm, with divisor n, and its interval; both limits, and values that differ from the target, are needed."""
+def _expected_interval(bench: Interval | None) -> dict[str, Interval | None]:
+    """Return the interval of the expected ppm from that of Z.bench."""
+    return {"ppm_expected_interval": None if bench is None else (ppm_of_z(bench[1]), ppm_of_z(bench[0]))}
+
+
+def _cpm(x: Array, mean: float | None, lsl: float | None, usl: float | None, target: float | None) -> dict[str, float]:
+    """Return Cpm, with divisor n; both limits, and values that differ from the target, are needed."""
     if mean is None or lsl is None or usl is None or target is None or x.size < 2:
         return {}
     around_target = math.sqrt(float(np.mean((x - target) ** 2)))
-    if not 0 < around_target < math.inf:
-        return {}
-    cpm = (usl - lsl) / (6 * around_target)
-    std = float(np.std(x))
-    if std <= ROUNDING * max(abs(mean), abs(target)):  # a constant that is not the target: no interval
-        return {"cpm": cpm}
-    return {"cpm": cpm, "cpm_interval": cpm_interval(cpm, (mean - target) / std, x.size, confidence)}
+    return {"cpm": (usl - lsl) / (6 * around_target)} if 0 < around_target < math.inf else {}
 
 
-def _observed(x: Array, lsl: float | None, usl: float | None, confidence: float) -> dict[str, float | int | None]:
+def _observed(
+    x: Array, lsl: float | None, usl: float | None, confidence: float, lots: NDArray[np.generic] | None
+) -> dict[str, float | int | None]:
     """Return counts out of limits, their ppm and upper bounds; the total is over the sides with a limit."""
-    shares = nonconforming(x, lsl, usl, confidence)
+    shares = nonconforming(x, lsl, usl, confidence, lots=lots)
     if shares is None:
         return {}
     numbers: dict[str, float | int | None] = {}
@@ -249,33 +270,3 @@ def _observed(x: Array, lsl: float | None, usl: float | None, confidence: float)
             if side:
                 numbers[side[1:]] = share.count
     return numbers
-
-
-def _notes(
-    finite: Array,
-    size: int,
-    std: float | None,
-    lsl: float | None,
-    usl: float | None,
-    target: float | None,
-) -> tuple[str, ...]:
-    """Return why numbers are missing."""
-    has_limit = lsl is not None or usl is not None
-    notes: Sequence[tuple[bool, str]] = (
-        (size > finite.size, f"{size - finite.size} of {size} values are not finite and were left out."),
-        (finite.size == 0, "No values."),
-        (finite.size == 1, "One value has no spread, so there is no index."),
-        (
-            finite.size > 1 and std == 0,
-            "All values are equal: the spread is zero, so there is no index and no expected ppm.",
-        ),
-        (
-            std is not None and not math.isfinite(std),
-            "The values are too large to be squared, so there is no spread and no index.",
-        ),
-        (not has_limit, "Without limits there is no index and no share out of limits."),
-        (has_limit and usl is None, "Lower limit only: Cp, Cc and Cpm are undefined; Cpk is Cpl."),
-        (has_limit and lsl is None, "Upper limit only: Cp, Cc and Cpm are undefined; Cpk is Cpu."),
-        (lsl is not None and usl is not None and target is None, "Without a target Cpm is undefined."),
-    )
-    return tuple(text for holds, text in notes if holds)

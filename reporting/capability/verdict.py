@@ -98,7 +98,8 @@ def verdict(
     if missing:
         return CapabilityVerdict("no verdict", reasons=(missing,))
     assert capability.cpk is not None
-    assert capability.cpk_interval is not None
+    if capability.cpk_interval is None:  # withheld, because there are too few production lots
+        return CapabilityVerdict(class_of(capability.cpk), False, "index", (capability.interval_reason,))
     low, high = capability.cpk_interval
     of_index = IndexEstimate(
         "index", low, capability.cpk, high, f"Cpk {index(capability.cpk)} ({index(low)} to {index(high)})"
@@ -134,7 +135,7 @@ def _missing(capability: Capability, *, production: bool) -> str:
     """Return why there is no verdict; empty if there is one."""
     if not production:
         return NO_PRODUCTION
-    if capability.cpk is None or capability.cpk_interval is None:
+    if capability.cpk is None or (capability.cpk_interval is None and capability.lots is None):
         return "There is no Cpk: " + ("all values are equal." if capability.n > 1 else "fewer than two values.")
     if capability.n < FEWEST_FOR_A_VERDICT:
         return (

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from reporting.arrays import Array
 from reporting.capability.indices import basic_intervals, point_indices
 from reporting.capability.intervals import Interval
+from reporting.capability.lots import variance_components
 from reporting.capability.moments import ROUNDING
 from reporting.capability.shares import ppm_of_z
 
@@ -77,16 +78,17 @@ def within(
     if n < 2:
         return None
     mean = float(np.mean(x))
-    std, between, counts = _variance_components(x - mean, batches)
-    if std is None or std <= ROUNDING * float(np.max(np.abs(x))):
+    parts = variance_components(x - mean, batches)
+    if parts.within is None or math.sqrt(parts.within) <= ROUNDING * float(np.max(np.abs(x))):
         return None
-    index, nu = point_indices(mean, std, lsl, usl), n - counts.size
+    std, between, lots = math.sqrt(parts.within), parts.variance_between, int(parts.counts.size)
+    index, nu = point_indices(mean, std, lsl, usl), n - lots
     z_bench = index["z_bench"]
     return Within(
-        batches=int(counts.size),
+        batches=lots,
         nu=nu,
         std=std,
-        std_between=between,
+        std_between=None if between is None else math.sqrt(between),
         cp=index["cp"],
         cpk=index["cpk"],
         cpl=index["cpl"],
@@ -95,21 +97,3 @@ def within(
         **basic_intervals(index, n, nu, confidence),
         ppm_expected=None if z_bench is None else ppm_of_z(z_bench),
     )
-
-
-def _variance_components(
-    x: Array, batches: NDArray[np.generic]
-) -> tuple[float | None, float | None, NDArray[np.int64]]:
-    """Return sigma within, sigma between and the batch sizes of values whose mean is zero."""
-    _, group = np.unique(batches, return_inverse=True)
-    counts = np.bincount(group)
-    means = np.bincount(group, weights=x) / counts
-    nu, k = x.size - counts.size, counts.size
-    if nu == 0:
-        return None, None, counts
-    within_square = float(np.sum((x - means[group]) ** 2)) / nu
-    if k == 1:
-        return math.sqrt(within_square), None, counts
-    between_square = float(np.sum(counts * means**2)) / (k - 1)
-    batch_size = (x.size - float(np.sum(counts.astype(np.float64) ** 2)) / x.size) / (k - 1)
-    return math.sqrt(within_square), math.sqrt(max(0.0, (between_square - within_square) / batch_size)), counts

@@ -4,6 +4,7 @@ They check that the campaign is complete, that the simulation keeps its promises
 statistics support the verdicts.
 """
 
+from reporting.designs import INDEPENDENT
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
@@ -11,7 +12,7 @@ from reporting.spec import ReportSpec
 from reporting.trust.agreement import many_statements, verdicts_hold
 from reporting.trust.certificates import PENETRATION_BAR, RESIDUAL_BAR, complete, failures, largest, settled
 from reporting.trust.check import Check
-from reporting.trust.evidence import converged, enough_samples, failures_as_rejects, missing_values
+from reporting.trust.evidence import converged, enough_samples, failures_as_rejects, missing_values, production_lots
 from reporting.trust.normal_shape import normal_shape
 from reporting.trust.requested_inputs import drawn_as_requested
 
@@ -27,7 +28,8 @@ def trust_checks(
     """Return the lines of the trust card, in reading order."""
     unit, design = samples.penetration_unit, spec.design
     return (
-        Check("Sampling", "info" if design.production else "attention", design.text),
+        Check("Sampling", "info" if design.production else "attention", _sampling(spec, samples)),
+        *production_lots(responses),
         complete(spec.requested, samples),
         enough_samples(responses, production=design.production),
         verdicts_hold(responses),
@@ -43,3 +45,10 @@ def trust_checks(
         settled(samples),
         drawn_as_requested(variables, correlations, production=design.production),
     )
+
+
+def _sampling(spec: ReportSpec, samples: Samples) -> str:
+    """Return what the samples are; in production lots they are not independent."""
+    if samples.lots is None or spec.design != INDEPENDENT:
+        return spec.design.text
+    return "Random samples in production lots; those of one lot are not independent of each other."

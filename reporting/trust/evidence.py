@@ -4,7 +4,8 @@ import math
 
 from reporting import format_numbers
 from reporting.capability.convergence import DRIFT_BAR
-from reporting.capability.intervals import cpk_half_width
+from reporting.capability.lots import FEW_LOTS
+from reporting.capability.summary import Capability
 from reporting.capability.verdict import class_of
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
@@ -22,20 +23,51 @@ def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool)
     if not indexed or not production:
         reason = _NO_PRODUCTION if indexed else "No response has a Cpk."
         return Check("Enough samples", "info", reason)
+    withheld = [r.spec.name for r, c in indexed if c.cpk_interval is None]
+    if withheld:
+        reason = next(c.interval_reason for _, c in indexed if c.cpk_interval is None)
+        return Check("Enough samples", "attention", f"No interval of Cpk of {', '.join(withheld)}: {reason}")
     # A width relative to a Cpk near 0 is meaningless: below 1 it is relative to 1.
-    widths = [cpk_half_width(c.cpk or 0.0, c.n, c.confidence) / max(abs(c.cpk or 0.0), 1.0) for _, c in indexed]
+    widths = [_width(c) / (2 * max(abs(c.cpk or 0.0), 1.0)) for _, c in indexed]
     at = widths.index(max(widths))
     response, c = indexed[at]
     text = f"Cpk is known to ±{format_numbers.percent(widths[at])} or better (widest: {response.spec.name})"
     if widths[at] > WANTED_HALF_WIDTH:
-        needed = math.ceil(c.n * (widths[at] / WANTED_HALF_WIDTH) ** 2)
-        text += f"; about {format_numbers.grouped(round(needed, 2 - len(str(needed))))} samples would give ±5 %"
+        counted, what = (c.n, "samples") if c.lots is None else (c.lots.count, "production lots")
+        needed = math.ceil(counted * (widths[at] / WANTED_HALF_WIDTH) ** 2)
+        text += f"; about {format_numbers.grouped(round(needed, 2 - len(str(needed))))} {what} would give ±5 %"
     uncertain = [
         r.spec.name for r, c in indexed if c.cpk_interval and len({class_of(end) for end in c.cpk_interval}) > 1
     ]
     if uncertain:
-        text += f". The interval of {', '.join(uncertain)} includes another verdict: more samples are needed to decide"
+        what = "samples" if all(c.lots is None for _, c in indexed) else "production lots"
+        text += f". The interval of {', '.join(uncertain)} includes another verdict: more {what} are needed to decide"
     return Check("Enough samples", "attention" if uncertain else "good", f"{text}.", widths[at])
+
+
+def _width(numbers: Capability) -> float:
+    """Return the width of the interval of Cpk."""
+    low, high = numbers.cpk_interval or (-math.inf, math.inf)
+    return high - low
+
+
+def production_lots(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...]:
+    """Say what production lots mean for the intervals; nothing without lots."""
+    described = [(r.capability.lots, r.spec.name) for r in responses if r.capability.lots is not None]
+    if not described:
+        return ()
+    lots, name = min(described, key=lambda pair: pair[0].effective)
+    text = (
+        f"Samples of a production lot share a shift. The {lots.count} lots determine the mean of {name} as "
+        f"{format_numbers.grouped(round(lots.effective))} independent samples would, that of the other responses as "
+        "more: all intervals rest on the differences between lots."
+    )
+    if not lots.enough:
+        text += f" For intervals at least {lots.least} lots are needed."
+    elif lots.worth < FEW_LOTS:
+        text += f" With fewer than {FEW_LOTS} lots intervals are too narrow if the lots' shifts are strongly skewed."
+    level = "attention" if lots.worth < FEW_LOTS else "info"
+    return (Check("Production lots", level, text, float(lots.count)),)
 
 
 def converged(responses: tuple[ResponseAnalysis, ...], *, production: bool) -> Check:

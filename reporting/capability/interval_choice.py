@@ -1,0 +1,176 @@
+"""Which intervals of the indices hold for the values at hand, and why.
+
+Three methods, in the order in which they are asked:
+
+- "production lots": values of a lot share a shift, so the intervals rest on the differences between lots.
+- "own moments": skewness or kurtosis of the values is not that of a normal distribution, or the tails are heavier than
+  its tails, be it by chance; so the intervals rest on the values' own third and fourth moments.
+- "normal theory": the exact intervals of normal values.
+
+The bar of the second is low on purpose: where normal theory would be too narrow it must not be taken by mistake, and
+where it would be right the other intervals hold as well. Measured coverage of the choice at n = 50, R = 4,000: 92 to
+97 % on normal, lognormal(0.5), gamma(16), t5, uniform and bimodal values; normal theory alone: 70 to 100 %.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reporting.arrays import Array
+from reporting.capability.indices import centring, overall_intervals, point_indices
+from reporting.capability.intervals import Interval, cpm_interval, mean_interval, std_interval
+from reporting.capability.lots import FEW_LOTS, Lots
+from reporting.capability.moment_test import FEWEST_FOR_SHAPE, normal_moments_p
+from reporting.capability.precision import Precision, precision_of_lots, precision_of_values
+from reporting.capability.robust_intervals import robust_intervals
+
+NORMAL, OWN_MOMENTS, PRODUCTION_LOTS = "normal theory", "own moments", "production lots"
+# Normal theory only if moments that far from a normal distribution's are no exception there.
+_LIKELY = 0.2
+# A smaller p-value proves that the values are not normal.
+PROVEN = 0.05
+# Own moments of fewer values cover less where a response is skewed: 87 to 91 %.
+_FEW_VALUES = 50
+
+
+@dataclass(frozen=True)
+class Method:
+    """Which intervals hold.
+
+    Attributes
+    ----------
+    name, reason : str
+        One of the three methods, or empty where intervals are withheld; and why, as a sentence.
+    normal : bool
+        Skewness and kurtosis do not refute a normal distribution.
+    """
+
+    name: str
+    reason: str
+    normal: bool
+
+
+@dataclass(frozen=True)
+class Fence:
+    """Limits and target of a response, and the confidence of its intervals; None where there is no limit or target."""
+
+    lsl: float | None
+    usl: float | None
+    target: float | None
+    confidence: float
+
+
+def choose_method(x: Array, kurtosis: float | None, lots: Lots | None) -> Method:
+    """Return which intervals hold for the values.
+
+    Parameters
+    ----------
+    x : array, shape (n,)
+        Finite values that differ, at least two.
+    kurtosis : float or None
+        Their excess kurtosis G2; None below four values.
+    lots : Lots or None
+        Their production lots; None for independent values.
+    """
+    worth = float(x.size) if lots is None else lots.effective
+    p = normal_moments_p(_centred(x), worth) if worth >= FEWEST_FOR_SHAPE else 1.0
+    normal = p >= PROVEN
+    if lots is not None:
+        return Method(PRODUCTION_LOTS, _of_lots(lots), normal) if lots.enough else Method("", _too_few(lots), normal)
+    if kurtosis is not None and x.size >= FEWEST_FOR_SHAPE and (p < _LIKELY or kurtosis > 0):
+        return Method(OWN_MOMENTS, _of_moments(x.size, p), normal)
+    return Method(NORMAL, _of_normal(x.size, p), normal)
+
+
+def precision_by(
+    method: Method, x: Array, kurtosis: float | None, lots: NDArray[np.generic] | None, confidence: float
+) -> Precision | None:
+    """Return the intervals of mean and sigma by a method; None for normal theory and where they are withheld."""
+    if method.name == PRODUCTION_LOTS and lots is not None:
+        return precision_of_lots(x, lots, confidence)
+    return precision_of_values(x, kurtosis or 0.0, confidence) if method.name == OWN_MOMENTS else None
+
+
+def index_intervals(
+    method: Method, x: Array, kurtosis: float | None, fence: Fence, lots: NDArray[np.generic] | None
+) -> dict[str, Interval | None]:
+    """Return the intervals of mean, sigma and indices by the names of their fields; empty where they are withheld.
+
+    Parameters
+    ----------
+    method : Method
+        Of `choose_method`.
+    x, kurtosis
+        As there.
+    fence : Fence
+    lots : array, shape (n,), or None
+        Lot of each value; None for independent values.
+    """
+    if method.name == NORMAL:
+        return _normal_theory(x, _centred(x), fence)
+    precision = precision_by(method, x, kurtosis, lots, fence.confidence)
+    return {} if precision is None else robust_intervals(precision, fence.lsl, fence.usl, fence.target)
+
+
+def _centred(x: Array) -> Array:
+    """Return values less their mean; a large offset is taken off first, lest its digits be lost."""
+    offset = x - x[0]
+    return np.asarray(offset - offset.mean())
+
+
+def _normal_theory(x: Array, centred: Array, fence: Fence) -> dict[str, Interval | None]:
+    """Return the intervals of normal values."""
+    n, confidence = x.size, fence.confidence
+    mean, std = float(np.mean(x)), float(np.std(centred, ddof=1))
+    index = point_indices(mean, std, fence.lsl, fence.usl)
+    found = overall_intervals(index, centring(mean, fence.lsl, fence.usl), n, confidence)
+    found |= {
+        "mean_interval": mean_interval(mean, std, n, confidence),
+        "std_interval": std_interval(std, n, confidence),
+    }
+    if fence.lsl is not None and fence.usl is not None and fence.target is not None:
+        offset = mean - fence.target
+        around = math.sqrt(float(np.mean(centred**2)) + offset**2)
+        cpm, scaled = (fence.usl - fence.lsl) / (6 * around), offset / float(np.std(centred))
+        found["cpm_interval"] = cpm_interval(cpm, scaled, n, confidence) if math.isfinite(scaled) else None
+    return found
+
+
+def _too_few(lots: Lots) -> str:
+    """Return why there is no interval."""
+    unequal = "" if lots.worth > lots.count - 0.5 else f", of unequal size, worth {lots.worth:.1f}"
+    return (
+        f"{lots.count} production lot{'s' * (lots.count != 1)}{unequal}: intervals need {lots.least}, because the "
+        "difference between lots is known only as well as there are lots; simulate more lots."
+    )
+
+
+def _of_lots(lots: Lots) -> str:
+    """Return why the intervals are those of lots."""
+    text = (
+        f"Values of a production lot share a shift: the intervals rest on the differences between {lots.count} lots, "
+        f"whose values are worth {lots.effective:.0f} independent ones."
+    )
+    few = f" Fewer than {FEW_LOTS} lots: if shifts are strongly skewed the intervals are too narrow."
+    return text + (few if lots.worth < FEW_LOTS else "")
+
+
+def _of_moments(n: int, p: float) -> str:
+    """Return why the intervals rest on the values' own moments."""
+    why = (
+        f"skewness and kurtosis are not those of a normal distribution (p = {p:.2g})"
+        if p < _LIKELY
+        else "the tails are a little heavier than normal ones, which may be chance"
+    )
+    few = f" Fewer than {_FEW_VALUES} values: on a skewed response the intervals cover less than they say."
+    return f"The intervals rest on the values' own third and fourth moments: {why}.{few if n < _FEW_VALUES else ''}"
+
+
+def _of_normal(n: int, p: float) -> str:
+    """Return why the intervals are those of normal values."""
+    if n < FEWEST_FOR_SHAPE:
+        return f"Normal theory: {n} values are too few to show another shape."
+    few = f" Fewer than {_FEW_VALUES} values show only a large departure." if n < _FEW_VALUES else ""
+    return f"Normal theory: skewness and kurtosis are those of normal values (p = {p:.2g}).{few}"

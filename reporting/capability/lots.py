@@ -1,0 +1,196 @@
+"""Production lots: values of one lot share a shift, so they are worth fewer independent values than they are.
+
+What differs between lots is known only as well as there are lots, however many values each has. Errors are therefore
+those of sums over whole lots (cluster-robust, Liang and Zeger 1986), with the degrees of freedom of the lots.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri, stdtrit
+
+from reporting.arrays import Array
+
+# Measured coverage of 95 % intervals with normal shifts, sigma between lots 0 to 1 times that within: 95 to 98 % from
+# five lots on. Where the shifts are strongly skewed it is about 90 % below twenty lots.
+LEAST_LOTS, FEW_LOTS = 5, 20
+_HERMITE_POINTS = 60
+
+
+@dataclass(frozen=True)
+class Lots:
+    """The production lots of one response's values.
+
+    Attributes
+    ----------
+    count : int
+        Lots with a value.
+    worth : float
+        Number of lots of equal size that determine a mean as well, at most `count` (Kish: ``n^2 / sum n_i^2``).
+    effective : float
+        Number of independent values that determine the mean as well, at most their number.
+    intraclass : float
+        Share of the variance that lies between lots (intraclass correlation), from 0 to 1.
+    least : int
+        Fewest lots, of equal size, from which intervals follow.
+    """
+
+    count: int
+    worth: float
+    effective: float
+    intraclass: float
+    least: int = LEAST_LOTS
+
+    @property
+    def enough(self) -> bool:
+        """Whether there are lots enough for an interval; some failed runs make lots a little unequal."""
+        return round(self.worth) >= self.least
+
+
+@dataclass(frozen=True)
+class VarianceComponents:
+    """One-way analysis of variance of values in lots.
+
+    Attributes
+    ----------
+    counts : array of int64, shape (lots,)
+        Values of each lot.
+    within, between : float or None
+        Mean square within lots (None where each lot has one value) and between lots (None with one lot).
+    size : float
+        Number of values of a lot in the expected mean square between lots; the mean size where all are equal.
+    """
+
+    counts: NDArray[np.int64]
+    within: float | None
+    between: float | None
+    size: float
+
+    @property
+    def variance_between(self) -> float | None:
+        """Variance of the lots' shifts, at least 0; None where a mean square is missing."""
+        if self.within is None or self.between is None:
+            return None
+        return max(0.0, (self.between - self.within) / self.size)
+
+
+def variance_components(x: Array, lots: NDArray[np.generic]) -> VarianceComponents:
+    """Return the analysis of variance of values whose mean is zero, by lot."""
+    _, group = np.unique(lots, return_inverse=True)
+    counts = np.bincount(group)
+    means = np.bincount(group, weights=x) / counts
+    nu, k = x.size - counts.size, counts.size
+    within = float(np.sum((x - means[group]) ** 2)) / nu if nu else None
+    if k == 1:
+        return VarianceComponents(counts, within, None, float(x.size))
+    between = float(np.sum(counts * means**2)) / (k - 1)
+    size = (x.size - float(np.sum(counts.astype(np.float64) ** 2)) / x.size) / (k - 1)
+    return VarianceComponents(counts, within, between, size)
+
+
+def independent(lots: NDArray[np.generic] | None) -> bool:
+    """Return whether no two values share a lot."""
+    return lots is None or np.unique(lots).size == lots.size
+
+
+def describe_lots(x: Array, lots: NDArray[np.generic]) -> Lots:
+    """Return how many lots there are, and what their values are worth.
+
+    Parameters
+    ----------
+    x : array, shape (n,)
+        Finite values, at least one.
+    lots : array, shape (n,)
+        Lot of each value, as numbers or names.
+    """
+    parts = variance_components(x - np.mean(x), lots)
+    worth = lots_worth(parts.counts)
+    shifts = parts.variance_between
+    total = 0.0 if shifts is None else shifts + (parts.within or 0.0)
+    share = 0.0 if shifts is None or total == 0 else shifts / total
+    return Lots(int(parts.counts.size), worth, 1 / (share / worth + (1 - share) / x.size), share)
+
+
+def lots_worth(weights: Array | NDArray[np.int64]) -> float:
+    """Return the number of lots of equal weight that determine a mean as well as lots of these weights (Kish)."""
+    share = np.asarray(weights, np.float64) / np.sum(weights)
+    return float(1 / np.sum(share**2))
+
+
+def lot_error(influence: Array, weight: Array, lots: NDArray[np.generic] | None) -> tuple[float, float]:
+    """Return the standard error of a weighted mean of influences and its degrees of freedom.
+
+    The estimate is ``sum_i w_i IF_i``. Independent values have the error ``sqrt(sum (w_i IF_i)^2)``; values of one
+    lot move together, so their terms are added before they are squared. An interval is the estimate -+ the error times
+    the quantile of Student's t with these degrees of freedom.
+
+    Parameters
+    ----------
+    influence : array, shape (n,)
+        Influence function of the estimate at each value; its weighted sum is zero.
+    weight : array, shape (n,)
+        Weights with the sum 1; ``1 / n`` each without weighting.
+    lots : array, shape (n,), or None
+        Lot of each value, as numbers or names; None for independent values.
+
+    Returns
+    -------
+    error : float
+        In the unit of the influence; infinite with one lot.
+    freedom : float
+        Lots of equal weight, less one; infinite for independent values.
+    """
+    terms = weight * influence
+    if lots is None or independent(lots):
+        return math.sqrt(float(np.sum(terms**2))), math.inf
+    _, group = np.unique(lots, return_inverse=True)
+    sums = np.bincount(group, weights=terms)
+    if sums.size == 1:
+        return math.inf, 0.0
+    error = math.sqrt(sums.size / (sums.size - 1) * float(np.sum(sums**2)))
+    return error, lots_worth(np.bincount(group, weights=weight)) - 1
+
+
+def design_effect(is_out: NDArray[np.bool_], lots: NDArray[np.generic], described: Lots, confidence: float) -> float:
+    """Return how many values with lots determine a share as well as one independent value, at least 1.
+
+    The larger of two estimates counts, as neither suffices alone. The spread of the lots' own counts tells nothing
+    while few values are out. The normal model, in which a value is out where a normal quantity with the response's
+    intraclass correlation is beyond a limit, knows no other shape. Few lots widen it, as Student's t does a mean (Korn
+    and Graubard 1998).
+
+    Parameters
+    ----------
+    is_out : array of bool, shape (n,)
+        The values that are counted.
+    lots : array, shape (n,)
+        Lot of each value.
+    described : Lots
+        Of the response.
+    confidence : float
+        Of the two-sided interval in which the effect is used.
+    """
+    n, count = is_out.size, int(np.count_nonzero(is_out))
+    if not described.enough or n < 2:  # a lot tells as much as one value
+        return n / described.worth
+    share = min(max(count, 1), n - 1) / n
+    inflation = 1 + (n / described.worth - 1) * _threshold_correlation(share, described.intraclass)
+    if 0 < count < n:
+        error, _ = lot_error(np.asarray(is_out - count / n, np.float64), np.full(n, 1 / n), lots)
+        inflation = max(inflation, error**2 * n / (share * (1 - share)))
+    p = 0.5 + confidence / 2
+    few = float(stdtrit(described.worth - 1, p) / ndtri(p)) ** 2
+    return min(1 + max(inflation - 1, 0.0) * few, float(n))
+
+
+def _threshold_correlation(share: float, correlation: float) -> float:
+    """Return the correlation of two events of probability `share`, each a normal value beyond a limit."""
+    if correlation <= 0:
+        return 0.0
+    points, weights = np.polynomial.hermite_e.hermegauss(_HERMITE_POINTS)
+    weights /= weights.sum()
+    rest = math.sqrt(max(1 - correlation, 1e-12))
+    of_lot = ndtr((ndtri(share) + math.sqrt(correlation) * points) / rest)
+    return float((weights @ of_lot**2 - (weights @ of_lot) ** 2) / (share * (1 - share)))

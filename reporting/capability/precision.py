@@ -1,0 +1,175 @@
+"""How well values determine their mean and sigma: from their own moments, or from the differences between lots.
+
+The normal-theory intervals take the fourth moment of a normal distribution for granted. Here sigma has the chi-square
+interval with the degrees of freedom ``nu = 2 sigma^4 / Var(s^2)`` (Satterthwaite 1946), which are ``n - 1`` for normal
+values and fewer for heavy tails. ``Var(s^2)`` follows from the values' own fourth moment; as that is uncertain too, nu
+is reduced by the ratio of a normal and a Student quantile. Measured coverage of 95 % intervals at n = 50, 500 and
+5,000 is 92 to 97 % for normal, lognormal(0.5), gamma(16), t5, uniform and bimodal values.
+
+Values in lots have two sources of error. The mean square between lots has as many degrees of freedom as there are lots,
+the one within has those of the values; the interval of their sum is that of Graybill and Wang (1980), who add the
+squared distances of each part. Where the shifts are not normal, or the spread of a lot depends on its shift, the errors
+of sums over whole lots are larger: the wider interval counts.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import chdtri, ndtri, stdtrit
+
+from reporting.arrays import Array
+from reporting.capability.intervals import Interval
+from reporting.capability.lots import FEW_LOTS, lots_worth, variance_components
+
+# A fourth moment at its lower bound would make sigma certain; values that few do not prove it.
+_LEAST_SPREAD_OF_SQUARES = 0.2
+_LEAST_FREEDOM = 2.0
+_LARGEST_CORRELATION = 0.99
+# A variance that its interval's lower end would put below this share of itself.
+_LEAST_VARIANCE = 0.02
+
+
+@dataclass(frozen=True)
+class Precision:
+    """Intervals of mean and sigma, from which those of all indices follow.
+
+    Attributes
+    ----------
+    mean, std : float
+        Estimates, in the unit of the values; with lots the sigma of values of all lots, of which those at hand show a
+        little less.
+    mean_half : float
+        Half the interval of the mean.
+    std_interval : (float, float)
+        Interval of sigma.
+    correlation : float
+        Of the errors of mean and sigma.
+    freedom : float
+        Degrees of freedom of the variance of s^2: few where a few values determine it.
+    """
+
+    mean: float
+    std: float
+    mean_half: float
+    std_interval: Interval
+    correlation: float
+    freedom: float
+
+
+def precision_of_values(x: Array, kurtosis: float, confidence: float) -> Precision:
+    """Return how well independent values determine mean and sigma.
+
+    Parameters
+    ----------
+    x : array, shape (n,)
+        Values that differ, at least 4.
+    kurtosis : float
+        Their excess kurtosis G2.
+    confidence : float
+        Of the two-sided intervals.
+    """
+    n = x.size
+    mean, deviation = _centred(x)
+    square = float(np.mean(deviation**2))
+    z = deviation / math.sqrt(square)
+    std = math.sqrt(square * n / (n - 1))
+    freedom = _freedom_of_spread(z**2 - 1)
+    spread = max(kurtosis + 3 - (n - 3) / (n - 1), _LEAST_SPREAD_OF_SQUARES)
+    low, high = _variance_ratios(_cautious(2 * n / spread, freedom, confidence), confidence)
+    fourth = float(np.mean(z**4))
+    correlation = float(np.mean(z**3)) / math.sqrt(fourth - 1) if fourth > 1 else 0.0
+    half = float(stdtrit(n - 1, 0.5 + confidence / 2)) * std / math.sqrt(n)
+    return Precision(mean, std, half, (std * math.sqrt(low), std * math.sqrt(high)), _correlation(correlation), freedom)
+
+
+def precision_of_lots(x: Array, lots: NDArray[np.generic], confidence: float) -> Precision:
+    """Return how well values in lots determine mean and sigma.
+
+    Parameters
+    ----------
+    x : array, shape (n,)
+        Values that differ.
+    lots : array, shape (n,)
+        Lot of each value; at least two lots, of which one has two values.
+    confidence : float
+        Of the two-sided intervals.
+    """
+    n = x.size
+    mean, deviation = _centred(x)
+    parts = variance_components(deviation, lots)
+    assert parts.between is not None
+    assert parts.within is not None
+    k, worth = parts.counts.size, lots_worth(parts.counts)
+    between, within = parts.between / parts.size, (1 - 1 / parts.size) * parts.within
+    variance = between + within
+
+    _, group = np.unique(lots, return_inverse=True)
+    sums = np.bincount(group, weights=deviation)
+    squares: Array = np.bincount(group, weights=deviation**2 - float(np.mean(deviation**2))).astype(np.float64)
+    scale = k / (k - 1) / n**2
+    of_mean = max(scale * float(np.sum(sums**2)), parts.within / n)
+    of_square = scale * float(np.sum(squares**2))
+    both = scale * float(np.sum(sums * squares))
+
+    freedom = _freedom_of_spread(squares)
+    nested = _sum_of_variances(
+        (between / variance, _variance_ratios(worth - 1, confidence)),
+        (within / variance, _variance_ratios(_freedom_within(deviation - (sums / parts.counts)[group], k), confidence)),
+    )
+    relative = (k / (k - 1)) ** 2 * of_square / variance**2
+    summed = (1.0, 1.0)
+    if relative > 0:
+        summed = _variance_ratios(_cautious(2 / relative, freedom, confidence), confidence)
+    low, high = min(nested[0], summed[0]), max(nested[1], summed[1])
+    # The correlation of two sums over few lots is hardly known, and without it the interval is the wider one.
+    known = min(1.0, worth / FEW_LOTS) * both / math.sqrt(of_mean * of_square) if of_square > 0 else 0.0
+    std = math.sqrt(variance)
+    half = float(stdtrit(worth - 1, 0.5 + confidence / 2)) * math.sqrt(of_mean)
+    return Precision(mean, std, half, (std * math.sqrt(low), std * math.sqrt(high)), _correlation(known), freedom)
+
+
+def _centred(x: Array) -> tuple[float, Array]:
+    """Return the mean and the deviations from it; a large offset is taken off first, lest its digits be lost."""
+    offset = x - x[0]
+    shift = float(np.mean(offset))
+    return float(x[0]) + shift, offset - shift
+
+
+def _freedom_of_spread(squares: Array) -> float:
+    """Return the degrees of freedom of a variance of squares, from their own second and fourth moment."""
+    second = float(np.mean(squares**2))
+    spread = float(np.mean(squares**4)) / second**2 - 1 if second > 0 else math.inf
+    return max(2 * squares.size / max(spread, _LEAST_SPREAD_OF_SQUARES), _LEAST_FREEDOM)
+
+
+def _freedom_within(residual: Array, lots: int) -> float:
+    """Return the degrees of freedom of the mean square within lots, from the fourth moment of the residuals."""
+    second = float(np.mean(residual**2))
+    spread = float(np.mean(residual**4)) / second**2 - 1 if second > 0 else 2.0
+    return 2 * (residual.size - lots) / max(spread, _LEAST_SPREAD_OF_SQUARES)
+
+
+def _cautious(nu: float, freedom: float, confidence: float) -> float:
+    """Return degrees of freedom of a variance, reduced because they are estimated with `freedom` of their own."""
+    p = 0.5 + confidence / 2
+    return max(nu * float(ndtri(p) / stdtrit(max(freedom, _LEAST_FREEDOM), p)) ** 2, 1.0)
+
+
+def _variance_ratios(nu: float, confidence: float) -> Interval:
+    """Return the ends of the chi-square interval of a variance with `nu` degrees of freedom, as shares of it."""
+    tail = 0.5 - confidence / 2
+    return nu / float(chdtri(nu, tail)), nu / float(chdtri(nu, 1 - tail))
+
+
+def _sum_of_variances(*parts: tuple[float, Interval]) -> Interval:
+    """Return the interval of a sum of independent variances, whose shares add up to 1 (Graybill and Wang)."""
+    below = math.sqrt(sum((share * (1 - low)) ** 2 for share, (low, _) in parts))
+    above = math.sqrt(sum((share * (high - 1)) ** 2 for share, (_, high) in parts))
+    return max(1 - below, _LEAST_VARIANCE), 1 + above
+
+
+def _correlation(value: float) -> float:
+    """Return a correlation, not quite -1 or 1, for which errors would cancel."""
+    return min(max(value, -_LARGEST_CORRELATION), _LARGEST_CORRELATION)

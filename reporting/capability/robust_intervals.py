@@ -1,0 +1,106 @@
+"""Intervals of capability indices that need no normal distribution: from those of mean and sigma.
+
+An index moves with the mean and with sigma. The distance to each end of its interval is the root of the sum of the
+squared distances that the intervals of mean and sigma give alone, with the covariance of their errors (Zou and Donner
+2008, "method of variance estimates recovery"). For normal values this is the normal-theory interval to a few
+thousandths of its width.
+"""
+
+import math
+
+from reporting.capability.indices import point_indices
+from reporting.capability.intervals import Interval, bench_slopes
+from reporting.capability.precision import Precision
+
+IntervalByName = dict[str, Interval | None]
+
+
+def robust_intervals(
+    precision: Precision, lsl: float | None, usl: float | None, target: float | None
+) -> IntervalByName:
+    """Return the intervals of mean, sigma and all indices; None where a limit or the target is missing.
+
+    Parameters
+    ----------
+    precision : Precision
+        Intervals of mean and sigma.
+    lsl, usl, target : float or None
+        Limits and target.
+    """
+    mean, half = precision.mean, precision.mean_half
+    index = point_indices(mean, precision.std, lsl, usl)
+    sides = {
+        "cpl": None if lsl is None else _side(precision, (mean - lsl) / (3 * precision.std), rises=True),
+        "cpu": None if usl is None else _side(precision, (usl - mean) / (3 * precision.std), rises=False),
+    }
+    nearer = min((name for name in sides if index[name] is not None), key=lambda name: index[name] or 0.0, default="")
+    intervals: IntervalByName = {
+        "mean_interval": (mean - half, mean + half),
+        "std_interval": precision.std_interval,
+        "cpl_interval": sides["cpl"],
+        "cpu_interval": sides["cpu"],
+        "cpk_interval": sides.get(nearer),
+        "z_bench_interval": _bench(precision, lsl, usl),
+    }
+    if lsl is not None and usl is not None:
+        low, high = precision.std_interval
+        centre, width = (usl + lsl) / 2, usl - lsl
+        intervals["cp_interval"] = (width / (6 * high), width / (6 * low))
+        intervals["cc_interval"] = (2 * (mean - half - centre) / width, 2 * (mean + half - centre) / width)
+        intervals["cpm_interval"] = None if target is None else _cpm(precision, width, target)
+    return intervals
+
+
+def _side(precision: Precision, index: float, *, rises: bool) -> Interval:
+    """Return the interval of Cpl, which rises with the mean, or of Cpu, which falls."""
+    of_mean = precision.mean_half / (3 * precision.std) * (1 if rises else -1)
+    return _combined(precision, index, of_mean, index)
+
+
+def _bench(precision: Precision, lsl: float | None, usl: float | None) -> Interval | None:
+    """Return the interval of Z.bench, which moves with the Z of each side by the ratio of their densities."""
+    z_lsl = None if lsl is None else (precision.mean - lsl) / precision.std
+    z_usl = None if usl is None else (usl - precision.mean) / precision.std
+    slopes = bench_slopes(z_lsl, z_usl)
+    if slopes is None:
+        return None
+    z, of_lsl, of_usl = slopes
+    of_mean = (of_lsl - of_usl) * precision.mean_half / precision.std
+    return _combined(precision, z, of_mean, of_lsl * (z_lsl or 0.0) + of_usl * (z_usl or 0.0))
+
+
+def _combined(precision: Precision, value: float, of_mean: float, over_sigma: float) -> Interval:
+    """Return the interval of an index that moves by `of_mean` with the mean and is `over_sigma` by one over sigma.
+
+    Parameters
+    ----------
+    value : float
+        The index.
+    of_mean : float
+        What it gains when the mean rises to the end of its interval.
+    over_sigma : float
+        Its part that is proportional to one over sigma: of Cpl, Cpu all of it.
+    """
+    low, high = precision.std_interval
+    moves = sorted((over_sigma * (precision.std / high - 1), over_sigma * (precision.std / low - 1)))
+    # An error that raises the mean and one that raises sigma move the index in these directions.
+    together = 2 * precision.correlation * math.copysign(1, of_mean) * -math.copysign(1, over_sigma)
+    below, above = (
+        math.sqrt(max(of_mean**2 + move**2 + together * abs(of_mean * move), 0.0)) for move in (moves[0], moves[1])
+    )
+    return value - below, value + above
+
+
+def _cpm(precision: Precision, width: float, target: float) -> Interval:
+    """Return the interval of Cpm from that of the mean square around the target, variance plus offset squared."""
+    offset, (low, high) = precision.mean - target, precision.std_interval
+    square = precision.std**2 + offset**2
+    together = 2 * precision.correlation * math.copysign(1, offset)
+
+    def distance(of_sigma: float, of_mean: float) -> float:
+        return math.sqrt(max(of_sigma**2 + of_mean**2 + together * of_sigma * of_mean, 0.0))
+
+    nearest, farthest = max(abs(offset) - precision.mean_half, 0.0), abs(offset) + precision.mean_half
+    above = square + distance(high**2 - precision.std**2, farthest**2 - offset**2)
+    below = max(square - distance(precision.std**2 - low**2, offset**2 - nearest**2), low**2)
+    return width / (6 * math.sqrt(above)), width / (6 * math.sqrt(below))

@@ -1,0 +1,32 @@
+"""Intervals that are withheld: those of fitted distributions, percentiles and tails where values come in lots.
+
+They take values for independent. Those of mean, sigma, the indices of them and counted shares allow for lots.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+from reporting.shape.nonnormal import NonnormalIndices
+from reporting.shape.tails import TailShare
+
+OF_LOTS = "No interval: it would take the values of a production lot for independent."
+
+
+def without_intervals(
+    methods: Iterable[NonnormalIndices], tails: Iterable[TailShare]
+) -> tuple[tuple[NonnormalIndices, ...], tuple[TailShare, ...]]:
+    """Return methods and tails of values in lots: the estimates without their intervals, and why."""
+    return (
+        tuple(
+            replace(
+                method,
+                pp_interval=None,
+                ppk_interval=None,
+                ppl_interval=None,
+                ppu_interval=None,
+                notes=(*method.notes, OF_LOTS),
+            )
+            for method in methods
+        ),
+        tuple(replace(tail, interval=None, note=f"{tail.note} {OF_LOTS}".strip()) for tail in tails),
+    )
