@@ -178,6 +178,8 @@ def _sensitivity(samples: Samples, spec: ReportSpec, designed: Mapping[str, Tota
         samples.sample[samples.ok],
         CONFIDENCE,
         designed,
+        spec.correlations if spec.design.production else None,
+        None if samples.production_batch is None else np.unique(samples.production_batch[samples.ok]).size,
     )
 
 

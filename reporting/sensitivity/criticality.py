@@ -3,7 +3,10 @@
 A variable is *critical* for a response when its interval begins at a tenth of the variance or above, and chance is
 excluded (Bonferroni over the variables). It is *not critical* when its interval ends below a tenth and interactions
 that no total-order index covers hold less than that. Otherwise it is *open*. What a variable explains is its
-total-order index if a design gives one, else its first-order index.
+total-order index if a design gives one, the Shapley effect if variables are correlated, else its first-order index.
+
+A correlated variable is critical only if it also acts itself: with all others fixed it moves at least 1 % of the
+variance. A variable that has a tenth, but surely moves less than that itself, is *only correlated*.
 """
 
 from dataclasses import replace
@@ -13,11 +16,13 @@ import numpy as np
 from reporting.capability.intervals import Interval
 from reporting.sensitivity.first_order import jackknife_quantile
 from reporting.sensitivity.influence import (
+    CORRELATED,
     CRITICAL,
     CRITICAL_SHARE,
     NEGLIGIBLE_SHARE,
     NOT_CRITICAL,
     OPEN,
+    OWN_EFFECT,
     POLYNOMIAL,
     RANKS,
     Influence,
@@ -91,6 +96,48 @@ def with_total_order(influence: Influence, totals: TotalOrder, confidence: float
         significant=significant,
         verdict=_word(interval, 0.0, significant=significant),
     )
+
+
+def with_shapley(influence: Influence, at: int, measures: Measures, confidence: float) -> Influence:
+    """Return the influence of a correlated variable with its Shapley effect, which then decides the verdict."""
+    if measures.independent or influence.variable not in measures.variables:
+        return influence
+    if measures.shapley is None:
+        return replace(influence, verdict=OPEN)
+    effects, i = measures.shapley, measures.variables[influence.variable]
+    quantile, errors_needed = jackknife_quantile(GROUPS, confidence), needed_errors(len(measures.variables), confidence)
+    share, half = float(effects.share[at, i]), quantile * float(effects.share_error[at, i])
+    own, own_half = float(effects.own[at, i]), quantile * float(effects.own_error[at, i])
+    left = max(float(effects.remainder[at]), 0.0)
+    most_left = left + quantile * float(effects.remainder_error[at])
+    low, high = share_interval(share, half)
+    interval = low, as_share(high + left)
+    significant = share > max(errors_needed * float(effects.share_error[at, i]), NEGLIGIBLE_SHARE)
+    word = _word(interval, most_left, significant=significant)
+    if word == CRITICAL and own - own_half < OWN_EFFECT:
+        word = CORRELATED if own + own_half < OWN_EFFECT else OPEN
+    return replace(
+        influence,
+        shapley=as_share(share),
+        shapley_interval=interval,
+        own=max(own, 0.0),
+        own_interval=(max(own - own_half, 0.0), max(own + own_half, 0.0)),
+        through=_acting(influence.variable, at, measures, quantile) if word == CORRELATED else (),
+        significant=significant,
+        verdict=word,
+    )
+
+
+def _acting(variable: str, at: int, measures: Measures, quantile: float) -> tuple[str, ...]:
+    """Return the variables that act themselves and are correlated with this one beyond chance, the closest first."""
+    effects, i = measures.shapley, measures.variables[variable]
+    if effects is None:
+        return ()
+    closeness = np.abs(measures.linear.correlation[i])
+    acting = effects.own[at] - quantile * effects.own_error[at] >= OWN_EFFECT
+    close = {v: closeness[j] for v, j in measures.variables.items() if v != variable and acting[j]}
+    largest = max(close.values(), default=0.0)
+    return tuple(v for v in sorted(close, key=lambda name: -close[name]) if close[v] >= largest / 2)
 
 
 def needed_errors(variables: int, confidence: float) -> float:

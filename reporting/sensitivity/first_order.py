@@ -24,6 +24,7 @@ n, model                   together    one at a time classes
 fit is 4 to 10 times closer than either.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -115,7 +116,7 @@ def effects(sums: Sums, x: Array, y: Array, ends: tuple[Array, Array], *, indepe
     for d in np.unique(degree):
         at = np.flatnonzero(degree == d)
         together = least_squares(parts, np.arange(1 + k * d))
-        unexplained[:, at] = _unexplained(parts, together, 1 + k * int(d))[:, at]
+        unexplained[:, at] = unexplained_share(parts, together, np.arange(1 + k * d))[:, at]
         effect = np.zeros((k, some.shape[0], at.size))
         for i in range(k):
             own = sums.basis.columns(i, int(d))
@@ -156,14 +157,19 @@ def effects(sums: Sums, x: Array, y: Array, ends: tuple[Array, Array], *, indepe
 
 def best_degree(sums: Sums) -> NDArray[np.int64]:
     """Return for each response the lowest degree with the smallest error on left-out groups, shape (m,)."""
-    k, rest, errors = sums.basis.mean.size, sums.without_each(), []
-    for degree in range(1, sums.basis.degree + 1):
-        columns = np.arange(1 + k * degree)
+    k = sums.basis.mean.size
+    return 1 + best_columns(sums, [np.arange(1 + k * degree) for degree in range(1, sums.basis.degree + 1)])
+
+
+def best_columns(sums: Sums, candidates: Sequence[NDArray[np.intp]]) -> NDArray[np.int64]:
+    """Return for each response the first candidate set of columns with the smallest error on left-out groups."""
+    rest, errors = sums.without_each(), []
+    for columns in candidates:
         b = least_squares(rest, columns)[1:]
         gram, cross = sums.bb[:, columns[:, None], columns], sums.by[:, columns]
         errors.append(np.sum(sums.yy - 2 * np.sum(b * cross, axis=1) + np.sum(b * (gram @ b), axis=1), axis=0))
     rounding = _SAME_ERROR * sums.yy.sum(axis=0)
-    return np.asarray(1 + np.argmax(np.array(errors) <= np.min(errors, axis=0) + rounding, axis=0))
+    return np.asarray(np.argmax(np.array(errors) <= np.min(errors, axis=0) + rounding, axis=0))
 
 
 def least_squares(parts: Sums, columns: NDArray[np.intp]) -> Array:
@@ -199,8 +205,8 @@ def _variance_of(parts: Sums, own: NDArray[np.intp], b: Array) -> Array:
     return np.asarray(np.sum(b * (covariance @ b), axis=1))
 
 
-def _unexplained(parts: Sums, b: Array, p: int) -> Array:
+def unexplained_share(parts: Sums, b: Array, columns: NDArray[np.intp]) -> Array:
     """Return the ratio of residual and total variance, each with its degrees of freedom, shape (g, m)."""
     n = parts.rows[:, None]
-    residual = np.maximum(parts.yy - np.sum(b * parts.by[:, :p], axis=1), 0.0)
-    return np.asarray(residual / np.maximum(n - p, 1.0) / (variance(parts) * n / (n - 1)))
+    residual = np.maximum(parts.yy - np.sum(b * parts.by[:, columns], axis=1), 0.0)
+    return np.asarray(residual / np.maximum(n - columns.size, 1.0) / (variance(parts) * n / (n - 1)))

@@ -8,7 +8,8 @@ from reporting.sensitivity.rejects import RejectCauses, WorstSample
 CRITICAL_SHARE = 0.10
 NEGLIGIBLE_SHARE = 0.001
 FEWEST_CARRIERS = 12
-CRITICAL, NOT_CRITICAL, OPEN = "critical", "not critical", "open"
+CRITICAL, NOT_CRITICAL, OPEN, CORRELATED = "critical", "not critical", "open", "only correlated"
+OWN_EFFECT = 0.01  # share of the variance from which a variable acts itself
 POLYNOMIAL, RANKS = "polynomial", "ranks"
 
 
@@ -39,6 +40,13 @@ class Influence:
         Total-order Sobol' index, which includes all interactions; None without a design.
     interactions, interactions_interval : float, (float, float)
         Total-order less first-order index, both from the design: the share of the variable's interactions.
+    shapley, shapley_interval : float, (float, float)
+        Shapley effect; None for independent variables. The interval includes what the regression leaves.
+    own, own_interval : float, (float, float)
+        What the variable moves while all others are fixed, as a share of the variance; above 1 where the others
+        compensate it; None for independent variables.
+    through : tuple of str
+        Of a variable that is "only correlated": the acting variables with which it is, the closest first.
     low, high : float
         Smallest and largest conditional expectation of the response for values of the variable from its 5th to its
         95th percentile, in the unit of the response: the bar of a tornado chart.
@@ -49,7 +57,7 @@ class Influence:
     significant : bool
         The linear coefficient or a Sobol' index differs from 0 (Bonferroni over the variables).
     verdict : str
-        "critical", "not critical" or "open".
+        "critical", "not critical", "only correlated" or "open".
     """
 
     variable: str
@@ -69,6 +77,11 @@ class Influence:
     total_interval: Interval | None = None
     interactions: float | None = None
     interactions_interval: Interval | None = None
+    shapley: float | None = None
+    shapley_interval: Interval | None = None
+    own: float | None = None
+    own_interval: Interval | None = None
+    through: tuple[str, ...] = ()
     low: float | None = None
     high: float | None = None
     swing_interval: Interval | None = None
@@ -78,8 +91,9 @@ class Influence:
 
     @property
     def share(self) -> float | None:
-        """Share of the variance: the total-order index if known, else the first-order index."""
-        return self.first_order if self.total is None else self.total
+        """Share of the variance: Shapley effect or total-order index if known, else the first-order index."""
+        known = [share for share in (self.shapley, self.total) if share is not None]
+        return known[0] if known else self.first_order
 
 
 @dataclass(frozen=True)
@@ -92,7 +106,7 @@ class ResponseSensitivity:
     n : int
         Number of samples with a value; regressions and indices use at most 200,000 of them, drawn at random.
     independent : bool or None
-        The variables show no correlation; otherwise first-order indices overlap.
+        No correlation of the variables is requested or beyond chance; otherwise first-order indices overlap.
     degree : int or None
         Of the polynomials behind the first-order indices.
     r2, r2_rank : float or None
@@ -144,6 +158,6 @@ class Sensitivity:
     responses: tuple[ResponseSensitivity, ...]
 
     def never_critical(self) -> tuple[str, ...]:
-        """Return the variables that are "not critical" for every response."""
+        """Return the variables that are critical for no response, themselves: "not critical" or "only correlated"."""
         verdicts = {v: {r.influences[i].verdict for r in self.responses} for i, v in enumerate(self.variables)}
-        return tuple(name for name, seen in verdicts.items() if seen == {NOT_CRITICAL})
+        return tuple(name for name, seen in verdicts.items() if seen and seen <= {NOT_CRITICAL, CORRELATED})

@@ -1,14 +1,19 @@
 """The measures of sensitivity of all responses that have their values in the same rows."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri
 
 from reporting.arrays import Array, random_rows
 from reporting.capability.moments import ROUNDING
 from reporting.sensitivity.first_order import Effects, effects, most_degree
 from reporting.sensitivity.polynomials import GROUPS, group_sums
 from reporting.sensitivity.regression import Linear, Rank, linear, rank
+from reporting.sensitivity.shapley_effects import ShapleyEffects, shapley_effects
+
+_CONTRADICTION = 5.0  # standard errors
 
 
 @dataclass(frozen=True)
@@ -26,7 +31,9 @@ class Measures:
     effects : Effects
         First-order indices and conditional expectations.
     independent : bool
-        The variables show no correlation.
+        No correlation of the variables is requested or beyond chance.
+    shapley : ShapleyEffects or None
+        Of correlated variables, up to 10.
     """
 
     variables: dict[str, int]
@@ -37,9 +44,16 @@ class Measures:
     rank: Rank
     effects: Effects
     independent: bool
+    shapley: ShapleyEffects | None
 
 
-def measure(columns: dict[str, Array], values: dict[str, Array], confidence: float) -> Measures | None:
+def measure(
+    columns: dict[str, Array],
+    values: dict[str, Array],
+    confidence: float,
+    correlations: Sequence[tuple[str, str, float]] | None = None,
+    lots: int | None = None,
+) -> Measures | None:
     """Return all measures; None if there are too few rows or nothing varies.
 
     Parameters
@@ -48,6 +62,10 @@ def measure(columns: dict[str, Array], values: dict[str, Array], confidence: flo
         Variables and responses, finite.
     confidence : float
         Of the intervals of rank correlations.
+    correlations : sequence of (str, str, float), optional
+        The requested correlations of the variables; without it the samples decide.
+    lots : int, optional
+        Number of production lots, whose shifts correlate variables by chance.
     """
     x_names = [name for name, column in columns.items() if varies(column)]
     y_names = [name for name, column in values.items() if varies(column)]
@@ -61,8 +79,7 @@ def measure(columns: dict[str, Array], values: dict[str, Array], confidence: flo
     y = np.column_stack([values[name][rows] for name in y_names])
     sums = group_sums(x, y, most_degree(rows.size, len(x_names)))
     regression = linear(sums)
-    largest_correlation = np.abs(regression.correlation - np.eye(len(x_names))).max()
-    independent = bool(largest_correlation <= 0.02 + 4 / np.sqrt(rows.size))  # 4 standard errors, and no less than 0.02
+    independent = _independent(regression.correlation, x_names, correlations, min(rows.size, lots or rows.size))
     ends = np.quantile(x, [0.05, 0.95], axis=0)
     return Measures(
         variables={name: i for i, name in enumerate(x_names)},
@@ -73,7 +90,25 @@ def measure(columns: dict[str, Array], values: dict[str, Array], confidence: flo
         rank=rank(x, y, confidence),
         effects=effects(sums, x, y, (ends[0], ends[1]), independent=independent),
         independent=independent,
+        shapley=None if independent else shapley_effects(x, y, regression.inflation),
     )
+
+
+def _independent(
+    found: Array, names: list[str], requested: Sequence[tuple[str, str, float]] | None, independent_rows: int
+) -> bool:
+    """Return whether the variables are independent: what is requested says so, and the samples do not contradict.
+
+    Chance alone must not make variables correlated: 5 standard errors contradict a request, and 1 % over all pairs
+    speaks where none is known.
+    """
+    if any(rank != 0 and {a, b} <= set(names) for a, b, rank in requested or ()):
+        return False
+    k = len(names)
+    largest = float(np.abs(found - np.eye(k)).max())
+    pairs = max(k * (k - 1) // 2, 1)
+    errors = float(ndtri(1 - 0.005 / pairs)) if requested is None else _CONTRADICTION
+    return bool(largest <= errors / np.sqrt(independent_rows))
 
 
 def fewest_rows(variables: int) -> int:

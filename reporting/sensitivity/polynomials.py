@@ -7,6 +7,7 @@ and the delete-a-group jackknife. Rows must come in random order: every 20th sam
 does not represent the whole.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,7 +102,9 @@ def basis_of(x: Array, degree: int) -> Basis:
     return Basis(mean, std, center, norm)
 
 
-def group_sums(x: Array, y: Array, degree: int, groups: int = GROUPS) -> Sums:
+def group_sums(
+    x: Array, y: Array, degree: int, groups: int = GROUPS, more: Callable[[Array, Array], Array] | None = None
+) -> Sums:
     """Return the sums of a sample.
 
     Parameters
@@ -114,15 +117,19 @@ def group_sums(x: Array, y: Array, degree: int, groups: int = GROUPS) -> Sums:
         Highest degree of the polynomials, at least 1.
     groups : int
         Row i belongs to group ``i % groups``.
+    more : callable (rows of x, their basis) -> array, shape (rows, q), optional
+        Further functions of the variables, after the polynomials.
     """
     basis = basis_of(x, degree)
     y_mean, y_std = y.mean(axis=0), y.std(axis=0)
-    p, m = 1 + degree * x.shape[1], y.shape[1]
+    p, m = 1 + degree * x.shape[1] + (0 if more is None else more(x[:1], basis(x[:1])).shape[1]), y.shape[1]
     rows, bb, by, yy = np.zeros(groups), np.zeros((groups, p, p)), np.zeros((groups, p, m)), np.zeros((groups, m))
     for g in range(groups):
         for first in range(g, x.shape[0], groups * _CHUNK):
             part = slice(first, first + groups * _CHUNK, groups)
             values, z = basis(x[part]), (y[part] - y_mean) / y_std
+            if more is not None:
+                values = np.hstack([values, more(x[part], values)])
             rows[g] += z.shape[0]
             bb[g] += values.T @ values
             by[g] += values.T @ z

@@ -5,7 +5,7 @@ total-order indices if the samples are a design (`total_order`), what rejects ha
 (`rejects`).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,10 +18,12 @@ from reporting.sensitivity.criticality import (
     needed_errors,
     response_verdict,
     share_interval,
+    with_shapley,
     with_total_order,
 )
 from reporting.sensitivity.first_order import jackknife_quantile
 from reporting.sensitivity.influence import (
+    CORRELATED,
     CRITICAL_SHARE,
     FEWEST_CARRIERS,
     OPEN,
@@ -32,6 +34,7 @@ from reporting.sensitivity.influence import (
 )
 from reporting.sensitivity.measures import Measures, fewest_rows, measure, varies
 from reporting.sensitivity.polynomials import GROUPS
+from reporting.sensitivity.regression import MOST_SHARED
 from reporting.sensitivity.rejects import reject_causes, worst_samples
 from reporting.sensitivity.total_order import TotalOrder
 
@@ -43,6 +46,8 @@ def sensitivity(
     sample: NDArray[np.int64] | None = None,
     confidence: float = 0.95,
     designed: Mapping[str, TotalOrder | str] | None = None,
+    correlations: Sequence[tuple[str, str, float]] | None = None,
+    lots: int | None = None,
 ) -> Sensitivity:
     """Return which variables move each response, by every measure.
 
@@ -58,6 +63,11 @@ def sensitivity(
         Of all intervals.
     designed : mapping of str to TotalOrder or str, optional
         Total-order indices by response, or why there are none.
+    correlations : sequence of (str, str, float), optional
+        The requested rank correlations of the variables. Without it the samples decide whether variables are
+        correlated.
+    lots : int, optional
+        Number of production lots, whose shifts correlate variables by chance.
 
     Raises
     ------
@@ -77,7 +87,7 @@ def sensitivity(
         at = rows[names[0]]
         columns = {name: column[at] for name, column in inputs.items()}
         values = {name: outputs[name][at] for name in names}
-        measures = measure(columns, values, confidence)
+        measures = measure(columns, values, confidence, correlations, lots)
         for name in names:
             lsl, usl = (limits or {}).get(name, (None, None))
             totals = (designed or {}).get(name)
@@ -106,13 +116,19 @@ def _response(
             (*notes, _why_nothing(y, len(varying))),
         )  # fmt: skip
     at, quantile = measures.responses[name], jackknife_quantile(GROUPS, confidence)
-    shares = measures.effects
-    unexplained = float(shares.unexplained[at])
-    interaction_interval = share_interval(unexplained, quantile * float(shares.unexplained_error[at]))
+    shares, shapley = measures.effects, measures.shapley
+    unexplained, error = float(shares.unexplained[at]), float(shares.unexplained_error[at])
+    if shapley is not None:
+        unexplained, error = float(shapley.interaction[at]), float(shapley.interaction_error[at])
+    interaction_interval = share_interval(unexplained, quantile * error)
     totals = designed if isinstance(designed, TotalOrder) else None
     influences = tuple(influence_of(v, at, measures, interaction_interval[1], confidence) for v in columns)
+    influences = tuple(with_shapley(i, at, measures, confidence) for i in influences)
     if totals is not None:
         influences = tuple(with_total_order(i, totals, confidence) for i in influences)
+    uncovered = interaction_interval[1]
+    if shapley is not None:
+        uncovered = float(shapley.remainder[at]) + quantile * float(shapley.remainder_error[at])
     return ResponseSensitivity(
         response=name,
         n=y.size,
@@ -123,39 +139,53 @@ def _response(
         interaction=as_share(unexplained),
         interaction_interval=interaction_interval,
         influences=influences,
-        verdict=response_verdict(influences, interaction_interval[1] if totals is None else 0.0),
+        verdict=response_verdict(influences, uncovered if totals is None else 0.0),
         rejects=reject_causes(y, varying, *limits, confidence),
         worst=worst,
         notes=(
             *notes,
-            *_notes(measures, unexplained, designed),
+            *_notes(measures, at, unexplained, designed),
+            *_only_correlated(influences),
             *_interacting(influences, totals, confidence),
             *_carried(influences),
         ),
     )
 
 
-def _notes(measures: Measures, unexplained: float, designed: TotalOrder | str | None) -> tuple[str, ...]:
+def _notes(measures: Measures, at: int, unexplained: float, designed: TotalOrder | str | None) -> tuple[str, ...]:
     """Return cautions about the numbers of a response."""
     collinear = [v for v, i in measures.variables.items() if not np.isfinite(measures.linear.inflation[i])]
+    shapley = measures.shapley
+    left = 0.0 if shapley is None else float(shapley.remainder[at])
+    together = f"{100 * unexplained:.0f} % of the variance is not a sum of effects of single variables. "
+    if isinstance(designed, TotalOrder):
+        together += "The shares with interactions show which variables cause it."
+    elif not measures.independent:
+        together += "No design tells whose it is: total-order indices need independent variables."
+    else:
+        together += (
+            "A variable without an effect of its own may still matter together with others; a designed sample"
+            " (sampler saltelli) gives total-order indices."
+        )
     notes = (
         (
-            not measures.independent,
-            "The variables are correlated: first-order indices overlap and need not add up to 1.",
+            not measures.independent and shapley is not None,
+            "The variables are correlated: first-order indices overlap and need not add up to 1. The verdicts follow"
+            " from Shapley effects, which do, and from what a variable moves while the others are fixed.",
+        ),
+        (
+            not measures.independent and shapley is None,
+            f"The variables are correlated, and Shapley effects are computed for up to {MOST_SHARED}: no verdict.",
         ),
         (
             bool(collinear),
             f"{', '.join(collinear)}: determined by the other variables, so coefficients are not unique.",
         ),
+        (unexplained >= CRITICAL_SHARE and (shapley is None or left >= CRITICAL_SHARE), together),
         (
-            unexplained >= CRITICAL_SHARE,
-            f"{100 * unexplained:.0f} % of the variance is not a sum of effects of single variables. "
-            + (
-                "The shares with interactions show which variables cause it."
-                if isinstance(designed, TotalOrder)
-                else "A variable without an effect of its own may still matter together with others; a designed sample"
-                " (sampler saltelli) gives total-order indices."
-            ),
+            left >= CRITICAL_SHARE,
+            f"{100 * left:.0f} % of the variance is in no Shapley effect: it acts in ways that the regression does not"
+            " follow, and widens the intervals.",
         ),
         (isinstance(designed, str), str(designed)),
     )
@@ -174,6 +204,16 @@ def _interacting(influences: tuple[Influence, ...], totals: TotalOrder | None, c
         if i.total is not None and (i.interactions or 0.0) >= CRITICAL_SHARE and significant[i.variable]
     ]
     return (f"Variables that act together with others: {', '.join(shares)}.",) if shares else ()
+
+
+def _only_correlated(influences: tuple[Influence, ...]) -> tuple[str, ...]:
+    """Return which variables have a share only because they are correlated with others, and with which."""
+    return tuple(
+        f"{i.variable} has {100 * (i.shapley or 0.0):.0f} % only through its correlation with"
+        f" {', '.join(i.through) or 'the others'}: while the others are fixed it moves nothing."
+        for i in influences
+        if i.verdict == CORRELATED
+    )
 
 
 def _carried(influences: tuple[Influence, ...]) -> tuple[str, ...]:

@@ -1,0 +1,163 @@
+"""What correlated variables explain: Shapley effects of the variance, from the samples at hand.
+
+First-order indices of correlated variables overlap, and with opposite signs they hide: of ``z0 + z1`` with correlation
+-0.9 each explains next to nothing alone. Shapley effects (Owen 2014; Song, Nelson, Staum 2016) share the variance out:
+the worth of a set of variables is what a regression on their polynomials and products explains of it
+(``Var(E[y | x_S]) / Var(y)``). Part of a variable's share may come to it only through its correlation with another.
+Its *own effect*, what it moves while all others are fixed, tells: it is what the regression loses without the variable,
+over the part of the variable that the others do not determine; of a weighted sum, the squared standardised coefficient.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reporting.arrays import Array
+from reporting.sensitivity.first_order import (
+    best_columns,
+    jackknife_error,
+    least_squares,
+    most_degree,
+    unexplained_share,
+)
+from reporting.sensitivity.jumps import MOST_ROWS, cuts
+from reporting.sensitivity.polynomials import Sums, group_sums
+from reporting.sensitivity.regression import MOST_SHARED
+from reporting.sensitivity.shapley import shapley_values
+
+_MOST_DEGREE = 6
+_ROWS_PER_COLUMN = 5
+_MOST_PLACES = 6  # of jumps of one variable, over all responses
+
+
+@dataclass(frozen=True)
+class ShapleyEffects:
+    """Shares of k correlated variables in the variance of m responses.
+
+    Attributes
+    ----------
+    share, share_error : array, shape (m, k)
+        Shapley effect and its standard error.
+    own, own_error : array, shape (m, k)
+        Effect at fixed other variables, as a share of the variance; above 1 where the others compensate it.
+    interaction, interaction_error : array, shape (m,)
+        Share of the variance that is not a sum of functions of single variables.
+    remainder, remainder_error : array, shape (m,)
+        Share of the variance that the regression does not explain, and that belongs to no variable here.
+    """
+
+    share: Array
+    share_error: Array
+    own: Array
+    own_error: Array
+    interaction: Array
+    interaction_error: Array
+    remainder: Array
+    remainder_error: Array
+
+
+def shapley_effects(x: Array, y: Array, inflation: Array) -> ShapleyEffects | None:
+    """Return the Shapley effects; None above 10 variables.
+
+    Parameters
+    ----------
+    x, y : array, shapes (n, k) and (n, m)
+        Variables and responses, finite, no column constant, rows in random order.
+    inflation : array, shape (k,)
+        Variance inflation of the variables.
+    """
+    n, k = x.shape
+    if k > MOST_SHARED:
+        return None
+    degree = min(most_degree(n, k), _MOST_DEGREE)
+    smooth = _Regression(k, degree)
+    sums = smooth.sums(x, y)
+    places = _jumps(smooth, sums, x[:MOST_ROWS], y[:MOST_ROWS])
+    regression = _Regression(k, degree, tuple(places))
+    if places:
+        sums = regression.sums(x, y)
+    members, candidates = regression.members(), regression.candidates(n)
+    chosen, m, parts = best_columns(sums, candidates), y.shape[1], sums.without_each()
+    worth, additive = np.zeros((2**k, parts.rows.size, m)), np.zeros((parts.rows.size, m))
+    for choice in np.unique(chosen):
+        at, columns = np.flatnonzero(chosen == choice), candidates[choice]
+        single = columns[(members[columns] & (members[columns] - 1)) == 0]
+        additive[:, at] = unexplained_share(parts, least_squares(parts, single), single)[:, at]
+        for subset in range(1, 2**k):
+            own = columns[(members[columns] & ~subset) == 0]
+            worth[subset][:, at] = 1 - unexplained_share(parts, least_squares(parts, own), own)[:, at]
+    share = np.moveaxis(shapley_values(worth), 0, 2)
+    last = 2**k - 1
+    lost = np.stack([worth[last] - worth[last ^ 1 << i] for i in range(k)], axis=2) * inflation
+    return ShapleyEffects(
+        share=share[0],
+        share_error=jackknife_error(share),
+        own=lost[0],
+        own_error=jackknife_error(lost),
+        interaction=additive[0],
+        interaction_error=jackknife_error(additive),
+        remainder=1 - worth[last, 0],
+        remainder_error=jackknife_error(worth[last]),
+    )
+
+
+@dataclass(frozen=True)
+class _Regression:
+    """Polynomials of each of k variables, products of two, and jumps at places (variable, value)."""
+
+    k: int
+    degree: int
+    places: tuple[tuple[int, float], ...] = ()
+
+    def sums(self, x: Array, y: Array) -> Sums:
+        """Return the sums of a sample."""
+        return group_sums(x, y, self.degree, more=self.more)
+
+    def more(self, x: Array, values: Array) -> Array:
+        """Return products and jumps at the rows of x, whose polynomials are `values`."""
+        products = [values[:, 1 + i] * values[:, 1 + j] for i, j in self._pairs()]
+        jumps = [(x[:, i] > at).astype(np.float64) for i, at in self.places]
+        return np.column_stack([np.empty((x.shape[0], 0)), *products, *jumps])
+
+    def members(self) -> NDArray[np.int64]:
+        """Return the set of variables, as bits, of each column."""
+        polynomials = [1 << i for _ in range(self.degree) for i in range(self.k)]
+        return np.array(
+            [0, *polynomials, *(1 << i | 1 << j for i, j in self._pairs()), *(1 << i for i, _ in self.places)]
+        )
+
+    def candidates(self, n: int) -> list[NDArray[np.intp]]:
+        """Return the sets of columns to choose from, those with at least five of n rows a column."""
+        first, pairs = 1 + self.k * self.degree, len(self._pairs())
+        products, jumps = first + np.arange(pairs), first + pairs + np.arange(len(self.places))
+        nothing = products[:0]
+        found = [
+            np.concatenate([np.arange(1 + self.k * degree), *more])
+            for degree in range(1, self.degree + 1)
+            for more in product((nothing, products), (nothing, jumps))
+            if more[1] is nothing or degree == self.degree  # what is left of a jump without its variable is no line
+        ]
+        return [columns for columns in found if columns.size * _ROWS_PER_COLUMN <= n or columns.size == 1 + self.k]
+
+    def _pairs(self) -> list[tuple[int, int]]:
+        """Return the pairs of variables."""
+        return [(i, j) for i in range(self.k) for j in range(i)]
+
+
+def _jumps(smooth: _Regression, sums: Sums, x: Array, y: Array) -> list[tuple[int, float]]:
+    """Return where the residuals of smooth regressions jump: the clearest places of each variable."""
+    candidates = smooth.candidates(int(sums.rows.sum()))
+    polynomials = sums.basis(x)
+    values = np.hstack([polynomials, smooth.more(x, polynomials)])
+    z = (y - y.mean(axis=0)) / y.std(axis=0)
+    total = sums.without_each()
+    places: dict[int, list[tuple[float, float]]] = {i: [] for i in range(smooth.k)}
+    for r, choice in enumerate(best_columns(sums, candidates)):
+        columns = candidates[choice]
+        residual = z[:, r] - values[:, columns] @ least_squares(total, columns)[0, :, r]
+        for i, found in places.items():
+            found += cuts(x[:, i], residual)
+    clearest = {i: sorted(found, key=lambda place: -place[1])[:_MOST_PLACES] for i, found in places.items()}
+    return [(i, at) for i, found in clearest.items() for at, _ in found]
