@@ -8,12 +8,12 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.stats import norm
 
+from reporting.capability.notes import NOT_NORMAL
 from reporting.capability.shares import nonconforming
 from reporting.capability.summary import capability
 from reporting.shape.nonnormal import NonnormalIndices
-from reporting.shape.normality import normality
 from studies.coverage.outcomes import Statement
-from studies.coverage.pages import ABOUT_ALL, CONFIDENCE, page, warned_of
+from studies.coverage.pages import CONFIDENCE, page, warned_of_all, warned_of_normal
 from studies.coverage.productions import Production, Truth, distance_from_normal, explained, truth
 
 INFINITE = float("inf")
@@ -21,13 +21,13 @@ INFINITE = float("inf")
 
 def indices(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
     """Yield the intervals of `reporting.capability` that rest on mean and sigma."""
-    true = truth(production.shape)
-    y = production.draw(n, rng)
-    c = capability(y, true.lsl, true.usl, true.target, CONFIDENCE, production.lot_of(n))
-    warned = normality(y, CONFIDENCE).verdict == "not normal"
+    true, lots = truth(production.shape), production.lot_of(n)
+    c = capability(production.draw(n, rng), true.lsl, true.usl, true.target, CONFIDENCE, lots)
     middle, half = (true.usl + true.lsl) / 2, (true.usl - true.lsl) / 2
     cpm = half / (3 * np.hypot(true.std, true.mean - true.target))
     for number, interval, value in (
+        ("mean", c.mean_interval, true.mean),
+        ("sigma", c.std_interval, true.std),
         ("Cp", c.cp_interval, true.cp),
         ("Cpk", c.cpk_interval, true.cpk),
         ("Cpk, joint", c.cpk_interval_joint, true.cpk),
@@ -35,20 +35,17 @@ def indices(production: Production, n: int, rng: np.random.Generator) -> Iterato
         ("Cpu", c.cpu_interval, true.cpu),
         ("Cc", c.cc_interval, (true.mean - middle) / half),
         ("Cpm", c.cpm_interval, cpm),
-        ("Z.bench", c.z_bench_interval, -norm.ppf(1e-6 * true.ppm)),
-        ("ppm expected, normal", c.ppm_expected_interval, true.ppm),
     ):
-        yield Statement(number, interval, float(value), warned)
+        yield Statement(number, interval, float(value))
     if c.within is not None:
         cp_within = true.cp / np.sqrt(1 - explained(production.shape, production.share_between))
-        yield Statement("Cp within lots", c.within.cp_interval, float(cp_within), warned)
+        yield Statement("Cp within lots", c.within.cp_interval, float(cp_within))
 
 
 def counts(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
     """Yield the intervals of counted shares."""
     true = truth(production.shape)
-    y = production.draw(n, rng)
-    counted = nonconforming(y, true.lsl, true.usl, CONFIDENCE)
+    counted = nonconforming(production.draw(n, rng), true.lsl, true.usl, CONFIDENCE, lots=production.lot_of(n))
     assert counted is not None
     assert counted.below is not None
     assert counted.above is not None
@@ -59,10 +56,13 @@ def counts(production: Production, n: int, rng: np.random.Generator) -> Iterator
 
 
 def methods(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
-    """Yield the intervals of the page that take no normal distribution for granted."""
+    """Yield the intervals that rest on the shape: what a normal distribution expects, and what does without one."""
     true = truth(production.shape)
     (analysed,), card = (found := page(production, production.draw(n, rng), true)).responses, found.trust
-    warned = warned_of(card, ABOUT_ALL)
+    warned, c = warned_of_all(card), analysed.capability
+    misleading = warned or warned_of_normal(card) or NOT_NORMAL in c.notes
+    yield Statement("Z.bench", c.z_bench_interval, float(norm.isf(1e-6 * true.ppm)), misleading)
+    yield Statement("ppm expected, normal", c.ppm_expected_interval, true.ppm, misleading)
     of_method = {m.method: m for m in analysed.methods}
     for name, word in (
         ("percentile", "percentiles, fitted"),

@@ -11,9 +11,6 @@ from studies.coverage.productions import VARIABLES, Production, Truth
 
 RESPONSE, BATCH = "y", "production batch"
 CONFIDENCE = 0.95
-# Lines of the trust card that speak of intervals: of those that rest on the normal distribution, and of all.
-ABOUT_SHAPE = ("Shape",)
-ABOUT_ALL = ("Sampling", "Production lots")
 
 
 def samples_of(production: Production, y: Array, variables: Array | None = None) -> Samples:
@@ -56,6 +53,16 @@ def page(production: Production, y: Array, true: Truth) -> Analysis:
     return analyse(samples_of(production, y), request(production, y.size, true))
 
 
-def warned_of(card: tuple[Check, ...], lines: tuple[str, ...]) -> bool:
-    """Return whether one of these lines of the trust card asks for attention."""
-    return any(check.name in lines and check.level in ("attention", "bad") for check in card)
+def warned_of_all(card: tuple[Check, ...]) -> bool:
+    """Return whether the trust card says that no interval is supported by such samples."""
+    return any(
+        (check.name == "Sampling" and check.level != "info")
+        or (check.name == "Production lots" and "are needed" in check.text)
+        for check in card
+    )
+
+
+def warned_of_normal(card: tuple[Check, ...]) -> bool:
+    """Return whether the trust card says that shares of a normal distribution are, or may be, off."""
+    (shape,) = (check for check in card if check.name == "Shape")
+    return shape.level in ("attention", "bad") or "do not exclude" in shape.text
