@@ -37,15 +37,30 @@ def fixed(value: float | None, decimals: int = 3, limits: Iterable[float | None]
     return plain(value)
 
 
-def index(value: float | None) -> str:
-    """Return a capability index with three decimals, more if it would otherwise reach or cross 1.00 or 1.33."""
+def index(value: float | None, most: float = math.inf) -> str:
+    """Return a capability index with three decimals, more if it would otherwise reach or cross 1.00 or 1.33.
+
+    Beyond `most` it is only said to be larger.
+    """
+    if value is not None and value > most:
+        return f"> {most:.2f}"
     return fixed(value, 3, (1.0, 1.33))
 
 
-def ppm(value: float | None) -> str:
-    """Return parts per million: whole above 100, three digits below, never 0 unless it is 0."""
+def z_score(value: float | None, most: float = math.inf) -> str:
+    """Return a distance in sigmas with three decimals; beyond `most` only that it is larger."""
+    return fixed(value, 3) if value is None or value <= most else f"> {most:.2f}"
+
+
+def ppm(value: float | None, least: float = 0.0) -> str:
+    """Return parts per million: whole above 100, three digits below, never 0 unless it is 0.
+
+    Below `least` it is only said to be less.
+    """
     if value is None:
         return NONE
+    if value < least:
+        return f"< {significant(least, 2)}"
     if 0 < value < 1e-3:
         return "< 0.001"
     decimals = 0 if value == 0 or value >= 100 else decimals_for(value)

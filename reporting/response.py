@@ -136,7 +136,7 @@ def analyse_response(
     if numbers.lots is not None:
         methods, tails = without_intervals(methods, tails)
     with_failures = yield_with_failures(numbers, counted, samples.sample.size, confidence)
-    others = (*_by_failures(with_failures, numbers.n), *index_estimates(fits, methods, tails), *further)
+    others = (*_by_failures(with_failures, numbers.n), *index_estimates(numbers.n, fits, methods, tails), *further)
     return ResponseAnalysis(
         spec=spec,
         assumed=spec.source.lower().startswith("assumption"),

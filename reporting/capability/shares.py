@@ -10,7 +10,7 @@ from numbers import Integral
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincinv, log_ndtr, ndtr
+from scipy.special import gammaincinv, log_ndtr, ndtr, ndtri
 
 from reporting.arrays import Array
 from reporting.capability.arguments import real_number
@@ -19,6 +19,8 @@ from reporting.capability.lots import describe_lots, design_effect, independent
 from reporting.errors import ReportError
 
 PPM = 1e6
+# A model is extrapolated from n values no farther than to one reject in this many times n values.
+EXTRAPOLATED = 1000
 MOST = 2**53  # runs: as far as doubles count
 
 
@@ -187,6 +189,19 @@ def expected_normal(mean: float, std: float, lsl: float | None, usl: float | Non
     if usl is not None:
         numbers["above"] = PPM * float(ndtr((mean - usl) / std))
     return numbers | {"total": sum(numbers.values())} if numbers else {}
+
+
+def least_ppm(n: int) -> float:
+    """Return the smallest share that a model of n values can show [ppm]: one reject in a thousand times as many.
+
+    A normal distribution fitted to 500 values may expect 1e-9 ppm, but nothing in 500 values speaks for it.
+    """
+    return PPM / (EXTRAPOLATED * max(n, 1))
+
+
+def largest_z(n: int) -> float:
+    """Return the normal quantile of the smallest share that a model of n values can show."""
+    return -float(ndtri(least_ppm(n) / PPM))
 
 
 def ppm_of_z(z: float) -> float:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from scipy.special import ndtri
 
-from reporting.capability.shares import PPM, Nonconforming, Share
+from reporting.capability.shares import PPM, Nonconforming, Share, least_ppm
 from reporting.capability.summary import Capability
 from reporting.format_numbers import grouped, index, ppm
 
@@ -202,4 +202,5 @@ def _excluded(capability: Capability, counted: Nonconforming) -> list[str]:
     if expected is None or not math.isfinite(expected) or low <= expected <= high:
         return []
     direction = "more" if expected < low else "fewer"
-    return [f"{_words(counted.total)}: {direction} than the {ppm(expected)} ppm that a normal distribution expects."]
+    words = ppm(expected, least_ppm(capability.n))
+    return [f"{_words(counted.total)}: {direction} than the {words} ppm that a normal distribution expects."]

@@ -6,8 +6,9 @@ import numpy as np
 from scipy.special import ndtri
 
 from reporting import format_numbers
-from reporting.capability.verdict import CAPABLE, MARGINAL
+from reporting.capability.verdict import CAPABLE, FEWEST_FOR_A_VERDICT, MARGINAL
 from reporting.render.axes import HALF, LIMIT, around, axis_name
+from reporting.render.inset import inset, inset_area, is_sliver
 from reporting.render.svg import INK, MUTED, PlotArea, axis_x, axis_y, band, box, curve, dots, line, marker, svg, text
 from reporting.response import ResponseAnalysis
 
@@ -37,6 +38,14 @@ def probability_figure(response: ResponseAnalysis) -> str | None:
             if v is not None
         ),
     ]
+    ends = min(plot.values), max(plot.values)
+    if is_sliver(*ends, frame):
+        area = inset_area(frame, around([*ends]), frame.y, limits)
+        points = ((area.across(v), area.up(s)) for v, s in zip(plot.values, plot.scores, strict=True))
+        reached = [(x, (x - c.mean) / c.std) for x in area.x]
+        low, high = (min(max(z, -reach), reach) for _, z in reached)
+        straight = [(area.across(c.mean + z * c.std), area.up(z)) for z in (low, high)]
+        marks.append(inset(area, [line(straight, INK, 1.3), dots(points, "#1b5f9e", 1.8)]))
     label = f"Normal probability plot of {spec.name}, a straight line if it is normal. {response.normality.reason}"
     return svg(frame, label, marks)
 
@@ -46,21 +55,23 @@ def convergence_figure(response: ResponseAnalysis) -> str | None:
     run, spec = response.running, response.spec
     if run is None:
         return None
-    later = len(run.n) // 4
+    first = next((i for i, count in enumerate(run.n) if count >= FEWEST_FOR_A_VERDICT), 0)
     bars = [CAPABLE, MARGINAL] if run.index == "Cpk" else []
-    low, high = min(run.low[later:]), max(run.high[later:])
+    low, high = min(run.low[first:]), max(run.high[first:])
     near = [bar for bar in bars if low - 0.5 * (high - low) <= bar <= high + 0.5 * (high - low)]
-    span = around([low, high, *near])
-    frame = PlotArea(HALF, 290, (math.log10(run.n[0]), math.log10(run.n[-1]) + 1e-9), span, left=70, top=28)
-    n = [math.log10(count) for count in run.n]
-    clipped = [[min(max(v, span[0]), span[1]) for v in column] for column in (run.low, run.high, run.value)]
-    powers = [10**p for p in range(1, 9) if run.n[0] <= 10**p <= run.n[-1]]
+    frame = PlotArea(
+        HALF, 290, (math.log10(run.n[first]), math.log10(run.n[-1]) + 1e-9), around([low, high, *near]), left=70, top=28
+    )
+    n = [math.log10(count) for count in run.n[first:]]
+    powers = [10**p for p in range(1, 9) if run.n[first] <= 10**p <= run.n[-1]]
+    if len(powers) < 3:
+        powers = [k * 10**p for p in range(1, 9) for k in (1, 2, 5) if run.n[first] <= k * 10**p <= run.n[-1]]
     ticks = [(math.log10(p), f"{p:,}".replace(",", "\u202f")) for p in powers]
     unit = spec.unit if run.index == "mean" else "1"
     marks = [
         axis_y(frame, axis_name(f"{run.index}", unit)),
-        band(frame, n, clipped[0], clipped[1], "#cfdeee"),
-        curve(frame, n, clipped[2], "#1b5f9e"),
+        band(frame, n, run.low[first:], run.high[first:], "#cfdeee"),
+        curve(frame, n, run.value[first:], "#1b5f9e"),
         *(line([(frame.left, frame.up(b)), (frame.width - frame.right, frame.up(b))], LIMIT, 1.2, "7 4") for b in near),
         *(text(frame.width - frame.right - 2, frame.up(b) - 4, f"{b:.2f}", "end", LIMIT) for b in near),
         axis_x(frame, "samples", ticks),

@@ -21,6 +21,7 @@ from reporting.render.axes import (
     density_name,
     unit_suffix,
 )
+from reporting.render.inset import inset, inset_area, is_sliver
 from reporting.render.svg import INK, PlotArea, axis_x, axis_y, box, curve, line, marker, svg
 from reporting.response import ResponseAnalysis
 from reporting.shape.fitting import distribution
@@ -33,7 +34,8 @@ _HATCH = 5.0
 def response_figure(response: ResponseAnalysis) -> str:
     """Return the histogram of a response with its limits, the normal and the fitted density."""
     spec, c, bins = response.spec, response.capability, response.histogram
-    fences = [value for value in (spec.lsl, spec.usl, spec.target) if value is not None]
+    limits = [value for value in (spec.lsl, spec.usl) if value is not None]
+    fences = [*limits, *([] if spec.target is None else [spec.target])]
     ends = [*fences, *((bins.edges[0], bins.edges[-1]) if bins else ())]
     curves: list[tuple[Array, Array, str, str]] = []
     if c.mean is not None and c.std:
@@ -49,9 +51,7 @@ def response_figure(response: ResponseAnalysis) -> str:
     frame = PlotArea(WIDE, 264, around(ends or [0.0]), (0.0, 1.06 * most or 1.0), top=42)
     marks = [axis_y(frame, density_name(spec.unit))]
     marks += [_bars(frame, bins, spec.lsl, spec.usl)] if bins else []
-    for x, y, colour, dash in curves:
-        seen = (x >= frame.x[0]) & (x <= frame.x[1]) & (y <= frame.y[1])
-        marks += [curve(frame, x[seen].tolist(), y[seen].tolist(), colour, dash)] if seen.any() else []
+    marks += _curves(frame, curves)
     marks.append(axis_x(frame, axis_name(spec.name, spec.unit)))
     named = (
         (spec.lsl, "LSL", LIMIT, "7 4", 0),
@@ -63,7 +63,19 @@ def response_figure(response: ResponseAnalysis) -> str:
         for value, name, colour, dash, row in named
         if value is not None
     ]
+    if bins is not None and c.min is not None and c.max is not None and is_sliver(c.min, c.max, frame):
+        area = inset_area(frame, around([c.min, c.max]), frame.y, limits)
+        marks.append(inset(area, [_bars(area, bins, spec.lsl, spec.usl), *_curves(area, curves)]))
     return svg(frame, response_label(response), marks)
+
+
+def _curves(frame: PlotArea, curves: list[tuple[Array, Array, str, str]]) -> list[str]:
+    """Return the parts of the curves (x, y, colour, dash) that lie in a figure."""
+    marks = []
+    for x, y, colour, dash in curves:
+        seen = (x >= frame.x[0]) & (x <= frame.x[1]) & (y <= frame.y[1])
+        marks += [curve(frame, x[seen].tolist(), y[seen].tolist(), colour, dash)] if seen.any() else []
+    return marks
 
 
 def response_label(response: ResponseAnalysis) -> str:

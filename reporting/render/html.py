@@ -13,7 +13,7 @@ from markupsafe import Markup
 from reporting import format_numbers
 from reporting.analysis import Analysis
 from reporting.capability.indices import NAMES, SIX_SIGMA_SHIFT, WHICH_SIGMA
-from reporting.capability.shares import runs_to_claim
+from reporting.capability.shares import largest_z, least_ppm, runs_to_claim
 from reporting.capability.verdict import CAPABLE, MARGINAL
 from reporting.render import axes, figures, histograms, overview
 from reporting.response import CLAIM_PPM, ResponseAnalysis
@@ -130,6 +130,9 @@ def _environment() -> Environment:
         fixed=format_numbers.fixed,
         index=format_numbers.index,
         ppm=format_numbers.ppm,
+        z=format_numbers.z_score,
+        least_ppm=least_ppm,
+        largest_z=largest_z,
         percent=format_numbers.percent,
         share=format_numbers.part,
         significant=format_numbers.significant,

@@ -114,14 +114,15 @@ def marker(frame: PlotArea, value: float, words: str, colour: str, dash: str, ro
     return line([(x, frame.ground), (x, frame.top - 3 - 14 * row)], colour, 1.5, dash) + "\n" + name
 
 
-def axis_x(frame: PlotArea, label: str, ticks: Sequence[tuple[float, str]] | None = None) -> str:
+def axis_x(frame: PlotArea, label: str = "", ticks: Sequence[tuple[float, str]] | None = None) -> str:
     """Return the axis of x: line, ticks, numbers, label."""
     marks = [line([(frame.left, frame.ground), (frame.width - frame.right, frame.ground)], MUTED, 1)]
     for value, words in ticks or _fitting(frame):
         x = frame.across(value)
         marks.append(line([(x, frame.ground), (x, frame.ground + 4)], MUTED, 1))
         marks.append(text(x, frame.ground + 17, words, colour=MUTED))
-    marks.append(text(0.5 * (frame.left + frame.width - frame.right), frame.height - 8, label))
+    if label:
+        marks.append(text(0.5 * (frame.left + frame.width - frame.right), frame.height - 8, label))
     return "\n".join(marks)
 
 

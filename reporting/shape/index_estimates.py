@@ -7,6 +7,7 @@ beyond its threshold, and percentiles of values enough for an interval.
 import math
 from collections.abc import Iterable
 
+from reporting.capability.shares import least_ppm
 from reporting.capability.verdict import IndexEstimate, index_of_share
 from reporting.format_numbers import index, ppm
 from reporting.shape.fits import Fits
@@ -15,12 +16,14 @@ from reporting.shape.tails import TailShare
 
 
 def index_estimates(
-    fits: Fits, methods: Iterable[NonnormalIndices], tails: Iterable[TailShare]
+    n: int, fits: Fits, methods: Iterable[NonnormalIndices], tails: Iterable[TailShare]
 ) -> tuple[IndexEstimate, ...]:
     """Return the estimates of the fitted distribution, the values' own percentiles and the Pareto tails.
 
     Parameters
     ----------
+    n : int
+        Number of values.
     fits : Fits
         Fitted distributions.
     methods : iterable of NonnormalIndices
@@ -33,7 +36,7 @@ def index_estimates(
         for method in methods
         if method.method in _NAMES and method.ppk is not None and method.ppk_interval and method.family != "normal"
     ]
-    return *estimates, *(_by_tail(tail) for tail in tails if tail.ppm is not None and tail.interval)
+    return *estimates, *(_by_tail(tail, least_ppm(n)) for tail in tails if tail.ppm is not None and tail.interval)
 
 
 _NAMES = {"z_score": "fitted distribution", "empirical": "percentiles"}
@@ -53,10 +56,12 @@ def _words(method: NonnormalIndices, title: str) -> str:
     return f"Ppk {index(value)} ({index(low)} to {index(high)}) by {source}"
 
 
-def _by_tail(tail: TailShare) -> IndexEstimate:
+def _by_tail(tail: TailShare, least: float) -> IndexEstimate:
     """Return the estimate of a Pareto tail: the share beyond one limit."""
     assert tail.ppm is not None
     assert tail.interval is not None
     low, high = tail.interval
-    words = f"{ppm(tail.ppm)} ppm ({ppm(low)} to {ppm(high)}) {tail.side} the limit by a Pareto tail"
+    words = (
+        f"{ppm(tail.ppm, least)} ppm ({ppm(low, least)} to {ppm(high, least)}) {tail.side} the limit by a Pareto tail"
+    )
     return IndexEstimate("tail", index_of_share(high), index_of_share(tail.ppm), index_of_share(low), words)

@@ -124,9 +124,8 @@ def _tail(side: str, ordered: Array, limit: float, confidence: float) -> TailSha
                 scale=fit.scale,
                 note=note,
             )
-    note = (
-        f"No threshold with {FEWEST_EXCESSES} to {most} values beyond it gives a tail that a Pareto distribution fits."
-    )
+    count = f"{FEWEST_EXCESSES} to {most}" if most > FEWEST_EXCESSES else f"{most}"
+    note = f"No threshold with {count} values beyond it gives a tail that a Pareto distribution fits."
     return TailShare(side, sign * limit, None, None, note=note)
 
 

@@ -41,7 +41,7 @@ def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool)
     ]
     if uncertain:
         what = "samples" if all(c.lots is None for _, c in indexed) else "production lots"
-        text += f". The interval of {', '.join(uncertain)} includes another verdict: more {what} are needed to decide"
+        text += f". The interval of {', '.join(uncertain)} includes another verdict: more {what} may decide"
     return Check("Enough samples", "attention" if uncertain else "good", f"{text}.", widths[at])
 
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reporting.format_numbers import decimals_for, fixed, grouped, index, percent, plain, ppm, significant
+from reporting.format_numbers import decimals_for, fixed, grouped, index, percent, plain, ppm, significant, z_score
 
 
 @pytest.mark.parametrize(
@@ -88,3 +88,10 @@ def test_text_lies_on_the_side_of_the_limit_that_the_value_does(value, limit, pl
     shown = float(fixed(value, places, (limit,)))
     assert (shown > limit) == (value > limit)
     assert (shown < limit) == (value < limit)
+
+
+def test_what_is_beyond_the_runs_is_only_bounded() -> None:
+    """A model of 500 values shows no share below 2 ppm, and no Z above 4.61."""
+    assert [ppm(value, 2.0) for value in (1e-9, 0.0, 1.99, 2.0)] == ["< 2.0", "< 2.0", "< 2.0", "2.00"]
+    assert [z_score(value, 4.61) for value in (22.6, 4.0, None)] == ["> 4.61", "4.000", "–"]
+    assert [index(value, 1.54) for value in (7.0, 1.4, None)] == ["> 1.54", "1.400", "–"]
