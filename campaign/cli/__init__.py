@@ -20,6 +20,7 @@ from campaign.cli.replay import replay
 from campaign.cli.rerun import rerun
 from campaign.cli.results.advise import advise
 from campaign.cli.results.compact import compact
+from campaign.cli.results.design import design
 from campaign.cli.results.list_campaigns import list_campaigns
 from campaign.cli.results.report import report
 from campaign.cli.results.status import status
@@ -57,6 +58,7 @@ app.command()(replay)
 app.command()(report)
 app.command()(whatif)
 app.command()(advise)
+app.command()(design)
 app.command()(simulate)
 app.command()(polarisation)
 app.command()(bench)

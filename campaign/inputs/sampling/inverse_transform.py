@@ -6,6 +6,8 @@ distribution turns it into a value, moved by the shift of the sample's productio
 
 from abc import abstractmethod
 
+from scipy.special import ndtri
+
 from campaign.inputs.sampling.correlation import correlated
 from campaign.inputs.sampling.production_batches import quantiles
 from campaign.inputs.sampling.sampler import SampledInputs, Sampler, varied
@@ -38,6 +40,10 @@ class InverseTransformSampler(Sampler):
         dict of str to ndarray, each of shape (count,)
             Strictly inside (0, 1); the same bits whatever piece is drawn.
         """
+
+    def scores(self, inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
+        """Return the standard scores of the variables that vary, by name, before correlations; shape (count,) each."""
+        return {name: ndtri(u) for name, u in self.uniforms(inputs, varied(inputs), first, count).items()}
 
     def draw(self, inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
         """Return the values of all variables."""

@@ -1,0 +1,217 @@
+"""Where importance sampling should aim: centres of the rejects, from the runs of another campaign.
+
+The centre of the rejects that production would make, E[z | reject], is the best one for a normal component of unit
+spread (cross-entropy method: R. Rubinstein, D. Kroese, 2004). Where the campaign has rejects enough, they and their
+weights say where it is; where few weights dominate, a power of all is taken, whose values lie nearer to each other.
+Else a quadratic model of the response, fitted to all runs, stands in for the mechanism: imagined runs are drawn from
+widened scores, each with the model's value and one of its residuals, and their rejects are taken. Rejects that lie in
+different directions get a component each.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from reporting.arrays import Array
+from reporting.errors import ReportError
+from reporting.rare.directions import Parts, directions
+
+FEWEST = 10  # rejects, to take their centre
+EVEN = 30  # rejects in effect, or half of all: less, and weights are brought nearer to each other
+OFTEN = 0.01  # of production: plain runs see so many, so nothing need aim there
+NEVER = 1e-13  # of production: nothing need aim there either
+AIMED, WIDE = 0.8, 0.1  # share of the runs that aim, and that find what they do not aim at
+WIDE_SCALE = 2.0
+SAME = 0.5  # standard scores: nearer centres become one
+IMAGINED = 200_000  # runs of the quadratic model, in pieces
+_PIECE = 20_000
+_LARGEST = 8.0  # standard scores of a centre
+_DECIMALS = 2  # of a centre
+
+
+@dataclass(frozen=True)
+class Aim:
+    """A component to be drawn.
+
+    Attributes
+    ----------
+    share : float
+        Of all runs.
+    scale : float
+        Standard deviation of the scores.
+    centre : tuple of float
+        Standard score of each variable.
+    source : str
+        What it aims at, and what says so.
+    """
+
+    share: float
+    scale: float
+    centre: tuple[float, ...]
+    source: str
+
+
+@dataclass(frozen=True)
+class Target:
+    """Rejects beyond one limit, as they are expected.
+
+    Attributes
+    ----------
+    name : str
+        The limit in words.
+    ppm : float
+        Rough share of production beyond it [ppm].
+    by : str
+        What says so: counted rejects, or the model.
+    centres : tuple of (tuple of float, float)
+        Centres of its rejects, each with its part of them; empty if nothing need aim there.
+    """
+
+    name: str
+    ppm: float
+    by: str
+    centres: Parts
+
+
+def find_targets(
+    z: Array, weights: Array, responses: Mapping[str, Array], limits: Mapping[str, tuple[float | None, float | None]]
+) -> tuple[Target, ...]:
+    """Return where the rejects of each limit are expected.
+
+    Parameters
+    ----------
+    z : array, shape (n, d)
+        Standard scores of the variables at each run, independent in production.
+    weights : array, shape (n,)
+        Weight of each run; 1 for plain runs.
+    responses : mapping of str to array, shape (n,)
+        Responses by name, NaN where a run has none.
+    limits : mapping of str to (float or None, float or None)
+        Lower and upper limit of those responses that are to be looked at.
+
+    Raises
+    ------
+    ReportError
+        A response has too few values to fit a model.
+    """
+    targets = []
+    for name, (lsl, usl) in limits.items():
+        y = responses[name]
+        finite = np.isfinite(y)
+        needed, known = 3 * (1 + z.shape[1]), int(np.count_nonzero(finite))
+        if known < needed:
+            raise ReportError(
+                f"{known} values of {name} are too few for a model of {z.shape[1]} variables: {needed} are needed;"
+                " compute more samples"
+            )
+        for limit, sign, words in ((lsl, -1.0, "below"), (usl, 1.0, "above")):
+            if limit is not None:
+                label = f"{name} {words} {limit:g}"
+                targets.append(_target(label, z[finite], weights[finite], sign * (y[finite] - limit)))
+    return tuple(targets)
+
+
+def aims(targets: Sequence[Target], dimensions: int) -> tuple[Aim, ...]:
+    """Return the components: the targets share the runs that aim equally, and one more is wide."""
+    found = [target for target in targets if target.centres]
+    parts = [
+        Aim(AIMED * part / len(found), 1.0, centre, f"{t.name}: {t.by}") for t in found for centre, part in t.centres
+    ]
+    wide = Aim(WIDE if parts else AIMED + WIDE, WIDE_SCALE, (0.0,) * dimensions, "what nothing else aims at")
+    return (*_merged(parts), wide)
+
+
+def _target(name: str, z: Array, weights: Array, beyond: Array) -> Target:
+    """Return the target of one limit; ``beyond`` is above 0 for rejects."""
+    rejects = beyond > 0.0
+    w = weights[rejects]
+    share, by, points = float(w.sum()) / weights.size, f"{w.size} rejects", z[rejects]
+    if w.size >= FEWEST:
+        w = _tempered(w)
+    else:
+        model = _Model(z, beyond)
+        points, w, share = model.rejects()
+        by = f"quadratic model of {beyond.size} runs, R2 {model.determination:.3f}"
+    if not NEVER < share < OFTEN:
+        return Target(name, 1e6 * share, by, ())
+    centres = tuple((_rounded(centre), part) for centre, part in directions(points, w))
+    return Target(name, 1e6 * share, by, centres)
+
+
+def _tempered(w: Array) -> Array:
+    """Return the largest power of the weights, from 1 to 0, in which enough of them count."""
+    powers = (w**power for power in np.linspace(1.0, 0.0, 21))
+    return next(v for v in powers if v.sum() ** 2 / (v @ v) >= min(EVEN, 0.5 * w.size))
+
+
+class _Model:
+    """A quadratic model of a response over the standard scores, with its residuals.
+
+    Parameters
+    ----------
+    z : array, shape (n, d)
+        Standard scores.
+    y : array, shape (n,)
+        The response.
+    """
+
+    def __init__(self, z: Array, y: Array) -> None:
+        d = z.shape[1]
+        self._interactions = y.size >= 3 * (1 + 2 * d + d * (d - 1) // 2)
+        self._squares = y.size >= 3 * (1 + 2 * d)
+        features = self._features(z)
+        self._coefficients = np.linalg.lstsq(features, y, rcond=None)[0]
+        self._residuals = y - features @ self._coefficients
+        spread = float(np.var(y))
+        self.determination = 1.0 - float(np.var(self._residuals)) / spread if spread > 0.0 else 0.0
+        self._dimensions = d
+
+    def rejects(self) -> tuple[Array, Array, float]:
+        """Return standard scores and weights of imagined rejects, and their share of production."""
+        rng, d = np.random.Generator(np.random.PCG64(0)), self._dimensions
+        found, weights = [np.zeros((0, d))], [np.zeros(0)]
+        for _ in range(IMAGINED // _PIECE):
+            z = WIDE_SCALE * rng.standard_normal((_PIECE, d))
+            y = self._features(z) @ self._coefficients + rng.choice(self._residuals, _PIECE)
+            z = z[y > 0.0]
+            squares = np.sum(z * z, axis=1)
+            found.append(z)
+            weights.append(WIDE_SCALE**d * np.exp(-0.5 * squares * (1.0 - WIDE_SCALE**-2)))
+        w = np.concatenate(weights)
+        return np.concatenate(found), w, float(w.sum()) / IMAGINED
+
+    def _features(self, z: Array) -> Array:
+        """Return the columns of the model, shape (n, columns)."""
+        first, second = np.triu_indices(z.shape[1], 1)
+        columns = [np.ones((z.shape[0], 1)), z]
+        columns += [z * z] if self._squares else []
+        columns += [z[:, first] * z[:, second]] if self._interactions else []
+        return np.hstack(columns)
+
+
+def _rounded(centre: tuple[float, ...]) -> tuple[float, ...]:
+    """Return a centre as it is written into a file."""
+    return tuple((np.round(np.clip(centre, -_LARGEST, _LARGEST), _DECIMALS) + 0.0).tolist())
+
+
+def _merged(parts: Sequence[Aim]) -> tuple[Aim, ...]:
+    """Return the components with those of nearly the same centre as one."""
+    result: list[Aim] = []
+    for part in parts:
+        near = next((i for i, other in enumerate(result) if _distance(part, other) < SAME), None)
+        if near is None:
+            result.append(part)
+        else:
+            other = result[near]
+            result[near] = Aim(
+                other.share + part.share,
+                other.scale,
+                other.centre,
+                "; ".join(dict.fromkeys((other.source, part.source))),
+            )
+    return tuple(result)
+
+
+def _distance(a: Aim, b: Aim) -> float:
+    return float(np.linalg.norm(np.subtract(a.centre, b.centre)))

@@ -1,0 +1,63 @@
+"""Rejects in several directions, as a mixture of normal distributions of one spread: EM, its number of parts by BIC.
+
+A. Dempster, N. Laird, D. Rubin, "Maximum likelihood from incomplete data via the EM algorithm", 1977; G. Schwarz,
+"Estimating the dimension of a model", 1978, with the effective number of weighted points as that of values.
+"""
+
+import numpy as np
+
+from reporting.arrays import Array, random_rows
+
+MOST = 12  # directions
+MOST_POINTS = 2000
+ROUNDS = 40  # of EM: centres need not be exact
+LEAST_VARIANCE = 1.0  # that of the components which draw
+LEAST_PART = 0.02  # of the rejects: less is left to the wide component
+
+Parts = tuple[tuple[tuple[float, ...], float], ...]
+
+
+def directions(points: Array, weights: Array) -> Parts:
+    """Return the centre of the points in each direction, and its part of their weight.
+
+    Parameters
+    ----------
+    points : array, shape (m, d)
+        Standard scores; m above 0.
+    weights : array, shape (m,)
+        Above 0.
+    """
+    rows = random_rows(weights.size)[:MOST_POINTS]
+    x, w = points[rows], weights[rows] / weights[rows].sum()
+    effective, d = 1.0 / float(w @ w), x.shape[1]
+    centres, shares, least = (w @ x)[None], np.ones(1), np.inf
+    best = centres, shares
+    for k in range(1, min(MOST, x.shape[0]) + 1):
+        if k > 1:
+            distance = np.min(np.sum((x[:, None] - centres) ** 2, axis=2), axis=1)
+            centres = np.vstack([centres, x[np.argmax(w * distance)]])
+            shares = np.append(shares * (k - 1) / k, 1.0 / k)
+        centres, shares, likelihood = _fitted(x, w, centres, shares)
+        criterion = -2.0 * effective * likelihood + k * (d + 1) * np.log(effective)
+        if criterion < least:
+            best, least = (centres, shares), criterion
+    kept = best[1] >= LEAST_PART
+    parts = best[1][kept] / best[1][kept].sum()
+    return tuple((tuple(centre.tolist()), float(part)) for centre, part in zip(best[0][kept], parts, strict=True))
+
+
+def _fitted(x: Array, w: Array, centres: Array, shares: Array) -> tuple[Array, Array, float]:
+    """Return centres and shares after EM from these, and the mean logarithm of the density."""
+    d, variance, likelihood = x.shape[1], 1.0, -np.inf
+    for _ in range(ROUNDS):
+        squares = np.sum((x[:, None] - centres) ** 2, axis=2)
+        logs = np.log(shares) - 0.5 * squares / variance - 0.5 * d * np.log(2.0 * np.pi * variance)
+        largest = logs.max(axis=1, keepdims=True)
+        density = np.exp(logs - largest)
+        total = density.sum(axis=1, keepdims=True)
+        likelihood = float(w @ (largest + np.log(total))[:, 0])
+        belongs = w[:, None] * density / total
+        shares = np.maximum(belongs.sum(axis=0), 1e-12)
+        centres = belongs.T @ x / shares[:, None]
+        variance = max(float(np.sum(belongs * squares)) / d, LEAST_VARIANCE)
+    return centres, shares / shares.sum(), likelihood

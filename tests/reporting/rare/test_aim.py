@@ -1,0 +1,111 @@
+"""Where importance sampling aims: centres of rejects from plain runs, from weighted ones, and from a model of them."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from reporting.errors import ReportError
+from reporting.rare.aim import aims, find_targets
+from reporting.rare.weighted import rare_share
+from tests.reporting.rare.test_rare_rejects import LIMIT, ONE_PPM, draws_of, scores_of
+
+NAMES = "abcdefg"
+EVENLY = np.ones(7) / np.sqrt(7.0)
+
+
+def plain(dimensions, n=2000, seed=1):
+    """Return standard scores and weights of plain runs."""
+    return np.random.default_rng(seed).standard_normal((n, dimensions)), np.ones(n)
+
+
+def tables(found):
+    """Return components as a campaign file has them."""
+    named = [(aim, {k: z for k, z in zip(NAMES, aim.centre, strict=False) if z}) for aim in found]
+    return [{"share": 0.999 * a.share, "scale": a.scale} | ({"shift": shift} if shift else {}) for a, shift in named]
+
+
+def test_a_model_of_plain_runs_finds_the_design_point():
+    """A sum of 7 variables, 1 ppm beyond its limit: the centre is where rejects are, from 2,000 runs without any."""
+    z, w = plain(7)
+    [target] = find_targets(z, w, {"y": z @ EVENLY}, {"y": (None, LIMIT)})
+    [(centre, part)] = target.centres
+    assert np.linalg.norm(centre - 4.95 * EVENLY) < 0.5  # the mean of a normal score beyond 4.753 is 4.95
+    assert target.ppm == pytest.approx(1.0, rel=0.3)
+    assert (part, target.by) == (1.0, "quadratic model of 2000 runs, R2 1.000")
+
+
+def test_rejects_that_are_there_need_no_model():
+    """Of weighted runs it takes the rejects: a step, which no model of plain runs can see."""
+    z, own = scores_of([{"share": 0.9, "scale": 2.0}], 4000, 1, 3)
+    points = np.column_stack([z[name] for name in NAMES[:3]])
+    [target] = find_targets(
+        points, np.exp(own["log_weight"]), {"y": np.where(points[:, 0] > 4.5, 1.0, 0.0)}, {"y": (None, 0.5)}
+    )
+    [(centre, _)] = target.centres
+    assert centre[0] == pytest.approx(4.8, abs=0.3)
+    assert np.abs(centre[1:]).max() < 0.8
+    assert "rejects" in target.by
+
+
+def test_each_direction_has_a_component():
+    """Either of two variables far out: two centres of one limit. Both sides of a sum: one for each limit."""
+    z, own = scores_of([{"share": 0.9, "scale": 2.0}], 4000, 2)
+    points, w = np.column_stack([z["a"], z["b"]]), np.exp(own["log_weight"])
+    [either] = find_targets(points, w, {"y": points.max(axis=1)}, {"y": (None, LIMIT)})
+    assert len(either.centres) == 2
+    assert sorted(np.argmax(centre) for centre, _ in either.centres) == [0, 1]
+    below, above = find_targets(points, w, {"y": points @ [0.6, 0.8]}, {"y": (-LIMIT, LIMIT)})
+    assert np.dot(below.centres[0][0], above.centres[0][0]) < -16.0
+    found = aims((below, above), 2)
+    assert [aim.share for aim in found] == pytest.approx([0.4, 0.4, 0.1])
+    assert (found[-1].scale, found[-1].centre) == (2.0, (0.0, 0.0))
+
+
+def test_limits_that_need_no_aim():
+    """A share that plain runs see, and one that never occurs: only a wide component is left, for what nobody knows."""
+    z, w = plain(2)
+    often, never = find_targets(z, w, {"y": z[:, 0], "x": z[:, 1]}, {"y": (None, 1.5), "x": (-9.0, None)})
+    assert often.centres == never.centres == ()
+    assert [(aim.share, aim.scale) for aim in aims((often, never), 2)] == [(0.9, 2.0)]
+
+
+def test_two_limits_with_one_centre_share_a_component():
+    """Responses that fail together are aimed at together."""
+    z, w = plain(2)
+    y = z @ [0.6, 0.8]
+    found = aims(find_targets(z, w, {"y": y, "x": 2.0 * y}, {"y": (None, 4.5), "x": (None, 9.0)}), 2)
+    assert [aim.share for aim in found] == pytest.approx([0.8, 0.1])
+    assert found[0].source.startswith("y above 4.5: quadratic")
+    assert "x above 9: quadratic" in found[0].source
+
+
+def test_too_few_values():
+    """A model needs three values a coefficient; failed runs are none."""
+    z, w = plain(2, 20)
+    y = np.where(np.arange(20) < 8, z[:, 0], np.nan)
+    with pytest.raises(ReportError, match="8 values of y are too few for a model of 2 variables: 9 are needed"):
+        find_targets(z, w, {"y": y}, {"y": (None, 3.0)})
+
+
+SCENES = {  # response of the scores, upper limit, share beyond it
+    "sum of 7": (lambda z: z @ EVENLY, 7, LIMIT, ONE_PPM),
+    "either of 2": (lambda z: z.max(axis=1), 2, LIMIT, 2 * ONE_PPM),
+    "a step": (lambda z: np.where(z[:, 0] > 4.5, 1.0, 0.0), 3, 0.5, norm.sf(4.5)),
+    "distance": (lambda z: np.hypot(z[:, 0], z[:, 1]), 2, 5.0, np.exp(-12.5)),
+    "lognormal": (lambda z: np.exp(0.5 * z @ EVENLY), 7, np.exp(0.5 * LIMIT), ONE_PPM),
+}
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_plain_runs_then_3000_then_20000_know_some_ppm(scene):
+    """The user's way: 2,000 plain runs, 3,000 that aim by them, 20,000 that aim by those: an interval within 20 %."""
+    response, d, limit, truth = SCENES[scene]
+    z, w = plain(d, seed=5)
+    for n in (3000, 20_000):
+        components = tables(aims(find_targets(z, w, {"y": response(z)}, {"y": (None, limit)}), d))
+        scores, own = scores_of(components, n, n, d)
+        z, w = np.column_stack([scores[name] for name in NAMES[:d]]), np.exp(own["log_weight"])
+    share = rare_share(response(z) > limit, draws_of(components, own))
+    low, high = share.interval
+    assert low < 1e6 * truth < high
+    assert 0.8 * share.ppm < low < high < 1.2 * share.ppm
