@@ -74,7 +74,7 @@ def test_the_way_of_a_block_down_a_slope(tmp_path):
     (tmp_path / "slope.toml").write_text(head + BLOCK.format(usl=usl))
     for words in (
         ("run", "slope.toml", "--workers", 1, "--no-report"),
-        ("design", "--samples", 1500, "--output", "rare.toml"),
+        ("design", "--samples", 700, "--output", "rare.toml"),
         ("run", "rare.toml", "--workers", 2),
     ):
         ended = clearcap(*words, cwd=tmp_path)
@@ -83,7 +83,7 @@ def test_the_way_of_a_block_down_a_slope(tmp_path):
     content = json.loads(written.read_text())
     [share] = (r["total"] for r in content["rare"]["responses"])
     exact = 1e6 * norm.sf(4.5)
-    assert share["standard_error"] < 0.1
+    assert share["standard_error"] < 0.15
     assert share["ppm"] == pytest.approx(exact, rel=4 * share["standard_error"])
     assert share["interval"][0] < exact < share["interval"][1]
     first = clearcap("replay", written.parents[1].name, 7, "--json", cwd=tmp_path)
