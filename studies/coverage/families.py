@@ -10,7 +10,7 @@ from studies.coverage.estimates import counts, indices, methods
 from studies.coverage.outcomes import Statement, Tally, tallied
 from studies.coverage.productions import JUMPS, LOTS, LOTS_IN_TURN, SHAPES, SIZES, Production
 from studies.coverage.products import contents, products
-from studies.coverage.questions import causes, changes, differences
+from studies.coverage.questions import advice, causes, changes, differences
 from studies.coverage.rarities import AIMED, rare_shares
 from studies.coverage.rejects import attributions
 from studies.coverage.stops import stops
@@ -50,17 +50,18 @@ class Case:
 
 # Replications in the whole study, of each production and size.
 REPLICATIONS: dict[Estimate, int] = {
-    indices: 1000,
-    counts: 1000,
-    methods: 100,
-    causes: 100,
-    changes: 200,
-    differences: 200,
-    products: 500,
-    contents: 500,
+    indices: 500,
+    counts: 500,
+    methods: 60,
+    causes: 60,
+    changes: 150,
+    advice: 60,
+    differences: 150,
+    products: 300,
+    contents: 300,
 }
 # Of some productions only.
-OF_JUMPS, OF_REJECTS, OF_RARE, OF_STOPS = 100, 100, 500, 200
+OF_JUMPS, OF_REJECTS, OF_RARE, OF_STOPS = 60, 60, 200, 100
 
 
 def cases(share: float = 1.0) -> list[Case]:

@@ -1,19 +1,25 @@
 """What moves the response, what if a variable varied more or less, and how two campaigns differ."""
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
+from scipy.optimize import brentq
 
+from engine.arrays import Array
 from reporting.comparison import compare
 from reporting.sensitivity.summary import sensitivity
+from reporting.tolerance.advice import Rows, advise
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.whatif import Estimate, what_if
 from studies.coverage.outcomes import Statement
 from studies.coverage.pages import CONFIDENCE, RESPONSE, request, samples_of
-from studies.coverage.productions import SHARES, VARIABLES, Production, first_order, truth
+from studies.coverage.productions import SHARES, VARIABLES, Production, first_order, moments, truth
 
 FACTORS = (0.5, 0.8, 1.3)
 OTHER_SPREAD, OTHER_SHIFT = 1.1, 0.2
+# Indices of both sides now, and the one to keep.
+PRESENT, TARGET = (1.7, 1.5), 1.33
 
 
 def causes(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
@@ -36,8 +42,8 @@ def changes(production: Production, n: int, rng: np.random.Generator) -> Iterato
     x = production.variables(n, rng)
     y = production.values(x)
     for factor in FACTORS:
-        change = Change(0.5 * x[:, 0] ** 2 * (1 - factor**-2) - np.log(factor))
-        new = truth(production.shape, float(np.sqrt(1 + SHARES[0] * (factor**2 - 1))))
+        change = _change(x[:, 0], factor)
+        new = truth(production.shape, _spread(factor))
         found = what_if(y, change, now.lsl, now.usl, CONFIDENCE, production.lot_of(n))
         decided = any("decide" in note for note in found.notes)
         for name, estimate, value, warned in (
@@ -47,6 +53,54 @@ def changes(production: Production, n: int, rng: np.random.Generator) -> Iterato
             ("ppm", found.ppm, new.ppm, False),
         ):
             yield Statement(f"what if {factor}: {name}", _interval(estimate), value, warned)
+
+
+def advice(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the interval of the factor by which the sigma of the first variable may grow."""
+    x = production.variables(n, rng)
+    mean, std = moments(production.shape)
+    limits = (mean - 3 * PRESENT[0] * std, mean + 3 * PRESENT[1] * std)
+
+    def widen(_: str, factor: float, rows: Rows) -> Change:
+        return _change(x[rows, 0], factor)
+
+    (found,) = advise(
+        {RESPONSE: production.values(x)},
+        {RESPONSE: limits},
+        {RESPONSE: TARGET},
+        dict(zip(VARIABLES, x.T, strict=True)),
+        VARIABLES[:1],
+        widen,
+        CONFIDENCE,
+        production.lot_of(n),
+    )
+    low, high = found.interval
+    given = found.factor is not None and not found.refusal
+    interval = (low if low is not None else 0.0, high if high is not None else np.inf)
+    yield Statement("advice: factor", interval if given else None, largest_factor(production.shape))
+
+
+@lru_cache(maxsize=16)
+def largest_factor(shape: str) -> float:
+    """Return the factor on the first variable's sigma at which the index of a shape is the target."""
+    mean, std = moments(shape)
+
+    def excess(factor: float) -> float:
+        new_mean, new_std = moments(shape, _spread(factor))
+        margins = (new_mean - mean + 3 * PRESENT[0] * std, mean + 3 * PRESENT[1] * std - new_mean)
+        return min(margins) / (3 * new_std) - TARGET
+
+    return float(brentq(excess, 1.0, 2.0))
+
+
+def _change(x: Array, factor: float) -> Change:
+    """Return the change of the density of a standard normal variable whose sigma is multiplied by a factor."""
+    return Change(0.5 * x**2 * (1 - factor**-2) - np.log(factor), spread=factor)
+
+
+def _spread(factor: float) -> float:
+    """Return the sigma of the score where that of the first variable is multiplied by a factor."""
+    return float(np.sqrt(1 + SHARES[0] * (factor**2 - 1)))
 
 
 def _interval(estimate: Estimate | None) -> tuple[float, float] | None:

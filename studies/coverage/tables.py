@@ -24,6 +24,7 @@ GROUPS = {
     "parts of the rejects": "part of the rejects, .*",
     "what if: mean, sigma, Cpk": "what if .*: (mean|sigma|Cpk)",
     "what if: ppm": "what if .*: ppm",
+    "advice: factor": "advice: factor",
     "differences of two campaigns": "difference .*|ratio .*",
     "at the stop: Cpk, mean, sigma": "at the stop: .*",
     "rare rejects": "rare, .*",
