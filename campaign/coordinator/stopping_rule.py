@@ -2,7 +2,8 @@
 
 The rule sees nothing but the rows of the first samples, so it decides alike for any number of workers. Its intervals
 are those of a fixed number of samples; a rule on their width that is asked a few dozen times nearly keeps their
-coverage (Chow and Robbins 1965: exactly, as the width goes to zero).
+coverage (Chow and Robbins 1965: exactly, as the width goes to zero). With production lots the intervals are those of
+lots, and the rule waits for lots enough, however narrow an interval of one lot's samples looks.
 """
 
 import logging
@@ -15,6 +16,7 @@ import pyarrow as pa
 from campaign.coordinator.work_queue import WorkQueue
 from campaign.plan import Plan
 from campaign.spec.campaign_file import Response
+from campaign.spec.policy import Stop
 from campaign.store import Store
 from campaign.store.layout import STOPPED
 
@@ -37,6 +39,10 @@ class Verdict:
         Its confidence interval.
     sure : bool
         Whether half the interval is as narrow as the rule asks.
+    lots : int or None
+        Number of whole production lots among the samples; None without lots.
+    reason : str
+        Why there is no interval; may be empty.
     """
 
     samples: int
@@ -45,6 +51,8 @@ class Verdict:
     low: float | None
     high: float | None
     sure: bool
+    lots: int | None = None
+    reason: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data."""
@@ -52,9 +60,12 @@ class Verdict:
 
     def text(self) -> str:
         """Return the verdict in words."""
+        lots = "" if self.lots is None else f", {self.lots} whole production lots"
         if self.low is None or self.high is None:
-            return f"{self.statistic} is not defined by the first {self.samples} samples"
-        return f"{self.statistic} = {self.value:.5g}, {self.low:.5g} to {self.high:.5g}, after {self.samples} samples"
+            why = f": {self.reason}" if self.reason else ""
+            return f"{self.statistic} has no interval after the first {self.samples} samples{lots}{why}"
+        interval = f"{self.statistic} = {self.value:.5g}, {self.low:.5g} to {self.high:.5g}"
+        return f"{interval}, after {self.samples} samples{lots}"
 
 
 class Checkpoints:
@@ -106,46 +117,61 @@ def judge(store: Store, plan: Plan, samples: int) -> Verdict:
     """Ask a campaign's stopping rule about its first ``samples`` samples, whose rows must be in the store."""
     rule = plan.spec.stop
     assert rule is not None
+    from campaign.reports.samples import lots_of  # see `_interval`
+
     name = f"{rule.statistic} of {rule.response}"
-    limits = plan.spec.responses.get(rule.response, Response())
-    estimate = _interval(rule.statistic, values(store, plan, rule.response, samples), limits, rule.confidence)
+    x, sample = values(store, plan, rule.response, samples)
+    lots = lots_of(plan, sample)
+    whole = None if lots is None else _whole(lots_of(plan, np.arange(samples + 1)))
+    estimate, reason = _interval(rule, x, plan.spec.responses.get(rule.response, Response()), lots)
     if estimate is None:
-        return Verdict(samples, name, None, None, None, sure=False)
+        return Verdict(samples, name, None, None, None, sure=False, lots=whole, reason=reason)
     value, (low, high) = estimate
-    return Verdict(samples, name, value, low, high, sure=high - low <= 2.0 * rule.half_width)
+    narrow = high - low <= 2.0 * rule.half_width
+    return Verdict(samples, name, value, low, high, sure=narrow and _enough(whole), lots=whole)
 
 
-def values(store: Store, plan: Plan, response: str, samples: int) -> np.ndarray:
-    """Return the values of a response over the first ``samples`` samples, in their order; failed runs are left out."""
-    pieces, count = [], 0
+def values(store: Store, plan: Plan, response: str, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the values of a response over the first ``samples`` samples, and their numbers; without failed runs."""
+    pieces, numbers, count = [np.zeros(0)], [np.zeros(0, np.int64)], 0
     for table in store.stream(plan, ["sample", response]):
         first: pa.Table = table.slice(0, samples - count)
-        pieces.append(first[response].drop_null().to_numpy())
+        with_value = first.filter(first[response].is_valid())
+        pieces.append(with_value[response].to_numpy())
+        numbers.append(with_value["sample"].to_numpy())
         count += first.num_rows
         if count >= samples:
             break
-    return np.concatenate(pieces)
+    return np.concatenate(pieces), np.concatenate(numbers)
+
+
+def _whole(lots: np.ndarray | None) -> int:
+    """Return the number of lots that end before the last of these samples, the one after those that are judged."""
+    return 0 if lots is None else int(lots[-1])
+
+
+def _enough(whole: int | None) -> bool:
+    """Return whether there are whole lots enough for an interval; samples without lots need none."""
+    from reporting.capability.lots import LEAST_LOTS
+
+    return whole is None or whole >= LEAST_LOTS
 
 
 def _interval(
-    statistic: str, x: np.ndarray, limits: Response, confidence: float
-) -> tuple[float, tuple[float, float]] | None:
-    """Return a statistic of values and its interval; None where the values do not define it."""
+    rule: Stop, x: np.ndarray, limits: Response, lots: np.ndarray | None
+) -> tuple[tuple[float, tuple[float, float]] | None, str]:
+    """Return a statistic of values and its interval, or None and why."""
     from reporting import capability  # takes half a second, and few campaigns have a stopping rule
-    from reporting.capability.intervals import mean_interval, share_interval, std_interval
+    from reporting.capability.shares import nonconforming
 
     lsl, usl, target = limits.limits()
-    c = capability(x, lsl=lsl, usl=usl, target=target, confidence=confidence)
-    if statistic == "ppm":
-        if c.ppm_observed is None:
-            return None
-        low, high = share_interval(round(c.ppm_observed * c.n / 1e6), c.n, confidence)
-        return c.ppm_observed, (1e6 * low, 1e6 * high)
-    if c.mean is None or c.std is None or c.n < 2:
-        return None
-    if statistic == "mean":
-        return c.mean, mean_interval(c.mean, c.std, c.n, confidence)
-    if statistic == "std":
-        return c.std, std_interval(c.std, c.n, confidence)
-    index, interval = (c.cp, c.cp_interval) if statistic == "cp" else (c.cpk, c.cpk_interval)
-    return None if index is None or interval is None else (index, interval)
+    c = capability(x, lsl=lsl, usl=usl, target=target, confidence=rule.confidence, batches=lots)
+    if rule.statistic == "ppm":
+        counted = nonconforming(x, lsl, usl, rule.confidence, lots=lots)
+        return (None, "there is no value") if counted is None else ((counted.total.ppm, counted.total.interval), "")
+    value, interval = getattr(c, rule.statistic), getattr(c, f"{rule.statistic}_interval")
+    if c.std == 0 and rule.statistic in ("mean", "std"):  # a constant
+        return (value, (value, value)), ""
+    if value is None or interval is None:
+        return None, c.interval_reason or " ".join(c.notes)
+    return (value, interval), ""

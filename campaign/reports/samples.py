@@ -47,10 +47,10 @@ def independent_samples(store: Store, plan: Plan) -> tuple[dict[str, Array], NDA
             pieces[name].append(table[name].to_numpy()[rows])
     if not pieces[names[0]]:
         raise CampaignError(f"{plan.campaign_id}: no sample is computed yet; wait for the first, or run the campaign")
-    return {name: np.concatenate(pieces.pop(name)) for name in names}, _lots(plan, np.concatenate(samples))
+    return {name: np.concatenate(pieces.pop(name)) for name in names}, lots_of(plan, np.concatenate(samples))
 
 
-def _lots(plan: Plan, sample: NDArray[np.int64]) -> NDArray[np.int64] | None:
+def lots_of(plan: Plan, sample: NDArray[np.int64]) -> NDArray[np.int64] | None:
     """Return the lot of each sample, such that different lots share no shift of any variable; None without lots."""
     sizes = [v.batch.size for v in plan.spec.variables.values() if isinstance(v, Continuous) and v.batch]
     return whole_lots(sample, sizes)

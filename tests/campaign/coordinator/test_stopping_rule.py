@@ -1,5 +1,6 @@
 """Stop when sure: at checkpoints of the sample order, alike for any number of workers."""
 
+import numpy as np
 import pytest
 from scipy import stats
 
@@ -10,6 +11,7 @@ from campaign.spec.policy import Stop
 from campaign.store import Store
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
+from reporting import capability
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows, start
 
@@ -118,3 +120,67 @@ def test_bad_rule_is_refused(campaign_file, old, new, message):
     with pytest.raises(SpecError) as caught:
         stopping(campaign_file, RULE.replace(old, new))
     assert message in str(caught.value)
+
+
+LOTS = """
+[stop]
+response = "FC-1"
+statistic = "cpk"
+half_width = 50.0
+min_samples = 20
+max_samples = 400
+"""
+
+
+def in_lots(campaign_file, rule=LOTS, size=40):
+    """Return the campaign with a stopping rule and production lots of one variable."""
+    text = campaign_file.read_text().replace(
+        "upper = 0.13\n", f"upper = 0.13\nbatch = {{size = {size}, std = 0.009}}\n", 1
+    )
+    campaign_file.write_text(text)
+    return stopping(campaign_file, rule)
+
+
+@pytest.mark.parametrize("statistic", ["mean", "std", "cp", "cpk", "ppm"])
+def test_never_stops_before_enough_lots(tmp_path, campaign_file, statistic):
+    """However wide the asked interval is: one lot of 40 tells nothing of the next one."""
+    rule = LOTS.replace('"cpk"', f'"{statistic}"').replace("50.0", "1e9")
+    store, plan = computed(tmp_path, in_lots(campaign_file, rule), 100)
+    for samples in (20, 40, 100, 199):
+        verdict = judge(store, plan, samples)
+        assert not verdict.sure
+        assert verdict.lots == samples // 40
+    assert judge(store, plan, 200).sure
+    assert judge(store, plan, 200).lots == 5
+    assert "5 whole production lots" in judge(store, plan, 200).text()
+
+
+def test_too_few_lots_say_why(tmp_path, campaign_file):
+    """And what would help."""
+    store, plan = computed(tmp_path, in_lots(campaign_file), 100)
+    verdict = judge(store, plan, 100)
+    assert (verdict.low, verdict.high, verdict.sure) == (None, None, False)
+    assert "intervals need 5" in verdict.text()
+    assert "2 whole production lots" in verdict.text()
+
+
+def test_intervals_of_the_rule_are_those_of_lots(tmp_path, campaign_file):
+    """The report of the same samples has the same interval."""
+    store, plan = computed(tmp_path, in_lots(campaign_file), 100)
+    table, verdict = store.table(), judge(store, plan, 300)
+    x = table["FC-1"].to_numpy()[:300]
+    c = capability(x, 9.0, 16.0, batches=np.arange(300) // 40)
+    assert (verdict.low, verdict.high) == pytest.approx(c.cpk_interval)
+    assert c.interval_method == "production lots"
+
+
+def test_lots_of_two_variables_end_together(tmp_path, campaign_file):
+    """Lots of 40 and of 60: only at the multiples of 120 do all shifts change."""
+    campaign_file.write_text(
+        campaign_file.read_text().replace(
+            'distribution = "uniform"\n', 'distribution = "uniform"\nbatch = {size = 60, std = 0.005}\n', 1
+        )
+    )
+    store, plan = computed(tmp_path, in_lots(campaign_file, LOTS.replace("400", "900")), 300)
+    assert (judge(store, plan, 599).lots, judge(store, plan, 600).lots) == (4, 5)
+    assert not judge(store, plan, 599).sure
