@@ -3,18 +3,20 @@
 Means are compared by Welch's t. Standard deviations are compared by their ratio and by Levene's test around the medians
 (Brown, Forsythe 1974), which holds for any distribution, beside the F test, which needs normal ones; distributions by
 the test of Mann and Whitney. With 30,000 samples every difference is significant, so each is given with its size.
+The intervals of sigmas and Cpk follow from those of each campaign (Zou and Donner 2008), and so hold for any
+distribution and for production lots. The tests take values for independent: with lots they are left out, and the
+difference of the means has its interval in the same way.
 """
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import betainc, ndtri
+from numpy.typing import NDArray
+from scipy.special import betainc
 
 from reporting.arrays import Array
-from reporting.capability.indices import cpk_influence
 from reporting.capability.intervals import Interval, welch
-from reporting.capability.lots import lot_error
 from reporting.capability.moments import ROUNDING
 from reporting.capability.summary import Capability, capability
 from reporting.errors import ReportError
@@ -24,6 +26,9 @@ from reporting.spec import ReportSpec, ResponseSpec
 
 # Cohen's (1988) words for d; below the first the difference has no practical importance.
 NEGLIGIBLE, SMALL, MEDIUM = 0.2, 0.5, 0.8
+_OF_LOTS = (
+    "Values of a production lot are not independent, as the tests assume: the intervals allow for it, no test does."
+)
 
 
 @dataclass(frozen=True)
@@ -143,15 +148,14 @@ def _response(
     mine: ResponseSpec, their: ResponseSpec, samples: Samples, other: Samples, confidence: float
 ) -> ResponseComparison:
     """Compare one response."""
-    a, b = (s.values[mine.name][s.ok] for s in (samples, other))
-    a, b = a[np.isfinite(a)], b[np.isfinite(b)]
+    (a, a_lots), (b, b_lots) = (_values(s, mine.name) for s in (samples, other))
     notes = []
     if (mine.lsl, mine.usl) != (their.lsl, their.usl):
         notes.append("The campaigns have different limits; each index uses those of its own campaign.")
     base = ResponseComparison(
         mine.name, mine.unit, a.size, b.size,
-        capability(a, mine.lsl, mine.usl, mine.target, confidence),
-        capability(b, their.lsl, their.usl, their.target, confidence),
+        capability(a, mine.lsl, mine.usl, mine.target, confidence, a_lots),
+        capability(b, their.lsl, their.usl, their.target, confidence, b_lots),
     )  # fmt: skip
     fields: dict[str, object] = {}
     if a.size < 2 or b.size < 2:
@@ -160,14 +164,34 @@ def _response(
         notes.append("The response does not vary in one of the campaigns: nothing to test.")
         fields = {"mean_difference": float(a.mean() - b.mean())}
     else:
-        fields = {**_means(a, b, confidence), **_spreads(a, b, confidence), **_order(a, b)}
-        fields |= _indices(a, b, base, confidence)
+        fields = {**_means(a, b, confidence), **_spreads(a, b, base), **_order(a, b), **_indices(base)}
+        if base.capability.lots is not None or base.capability_other.lots is not None:
+            notes.append(_OF_LOTS)
+            means = base.capability.mean_interval, base.capability_other.mean_interval
+            fields |= dict.fromkeys(("t_p", "f_p", "levene_p", "mann_whitney_p"))
+            fields["mean_interval"] = _of_difference((float(a.mean()), float(b.mean())), means)
     if a.size and b.size:
         whole = histogram(np.concatenate([a, b]), mine.lsl, mine.usl)
         edges = np.asarray(whole.edges if whole else (0.0, 1.0))
         for name, values in (("histogram", a), ("histogram_other", b)):
             fields[name] = Histogram(tuple(edges.tolist()), tuple(np.histogram(values, edges)[0].tolist()))
     return ResponseComparison(**{**vars(base), **fields, "notes": tuple(notes)})  # type: ignore[arg-type]
+
+
+def _values(samples: Samples, name: str) -> tuple[Array, NDArray[np.int64] | None]:
+    """Return the finite values of a response over the ok samples, and their production lots."""
+    rows = samples.ok & np.isfinite(samples.values[name])
+    return samples.values[name][rows], None if samples.lots is None else samples.lots[rows]
+
+
+def _of_difference(values: tuple[float, float], intervals: tuple[Interval | None, Interval | None]) -> Interval | None:
+    """Return the interval of a difference from the intervals of both numbers; None where one is missing."""
+    (value, other), (interval, interval_other) = values, intervals
+    if interval is None or interval_other is None:
+        return None
+    below = math.hypot(max(value - interval[0], 0.0), max(interval_other[1] - other, 0.0))
+    above = math.hypot(max(interval[1] - value, 0.0), max(other - interval_other[0], 0.0))
+    return value - other - below, value - other + above
 
 
 def _varies(x: Array) -> bool:
@@ -190,22 +214,28 @@ def _means(a: Array, b: Array, confidence: float) -> dict[str, object]:
     }
 
 
-def _spreads(a: Array, b: Array, confidence: float) -> dict[str, object]:
+def _spreads(a: Array, b: Array, base: ResponseComparison) -> dict[str, object]:
     """Return the ratio of the standard deviations with its interval and tests."""
     from scipy.stats import levene  # takes 1 s to import, which only a comparison needs
 
-    errors = [math.sqrt(max(float(np.mean(((x - x.mean()) / x.std()) ** 4)) - 1, 0.0) / (4 * x.size)) for x in (a, b)]
-    half = float(ndtri(0.5 + confidence / 2)) * math.hypot(*errors)
-    ratio, nu, nu_other = float(np.std(a, ddof=1)) / float(np.std(b, ddof=1)), a.size - 1, b.size - 1
+    stds = float(np.std(a, ddof=1)), float(np.std(b, ddof=1))
+    ratio, nu, nu_other = stds[0] / stds[1], a.size - 1, b.size - 1
     tail = float(betainc(nu / 2, nu_other / 2, nu * ratio**2 / (nu * ratio**2 + nu_other)))
     with np.errstate(all="ignore"):  # two values on each side have equal deviations from their median
         levene_p = float(levene(a, b, center="median").pvalue)
+    interval, other = (_logarithms(c.std_interval) for c in (base.capability, base.capability_other))
+    logarithms = _of_difference((math.log(stds[0]), math.log(stds[1])), (interval, other))
     return {
         "std_ratio": ratio,
-        "std_ratio_interval": (ratio * math.exp(-half), ratio * math.exp(half)),
+        "std_ratio_interval": None if logarithms is None else (math.exp(logarithms[0]), math.exp(logarithms[1])),
         "f_p": 2 * min(tail, 1 - tail),
         "levene_p": levene_p if math.isfinite(levene_p) else None,
     }
+
+
+def _logarithms(interval: Interval | None) -> Interval | None:
+    """Return the logarithms of the ends of an interval."""
+    return None if interval is None else (math.log(interval[0]), math.log(interval[1]))
 
 
 def _order(a: Array, b: Array) -> dict[str, object]:
@@ -216,19 +246,10 @@ def _order(a: Array, b: Array) -> dict[str, object]:
     return {"superiority": float(test.statistic) / (a.size * b.size), "mann_whitney_p": float(test.pvalue)}
 
 
-def _indices(a: Array, b: Array, base: ResponseComparison, confidence: float) -> dict[str, object]:
+def _indices(base: ResponseComparison) -> dict[str, object]:
     """Return the difference of Cpk and its interval."""
-    cpk, cpk_other = base.capability.cpk, base.capability_other.cpk
-    if cpk is None or cpk_other is None:
+    here, there = base.capability, base.capability_other
+    if here.cpk is None or there.cpk is None:
         return {}
-    errors = [
-        lot_error(
-            cpk_influence(x, c.cpk or 0.0, lower=c.cpu is None or (c.cpl is not None and c.cpl <= c.cpu)),
-            np.full(x.size, 1 / x.size),
-            None,
-        )[0]
-        for x, c in ((a, base.capability), (b, base.capability_other))
-    ]
-    half = float(ndtri(0.5 + confidence / 2)) * math.hypot(*errors)
-    difference = cpk - cpk_other
-    return {"cpk_difference": difference, "cpk_interval": (difference - half, difference + half)}
+    interval = _of_difference((here.cpk, there.cpk), (here.cpk_interval, there.cpk_interval))
+    return {"cpk_difference": here.cpk - there.cpk, "cpk_interval": interval}

@@ -93,3 +93,37 @@ def test_what_cannot_be_compared_is_one_message_or_a_note() -> None:
         compared(c60_table(10), c60_table(10), responses=())
     with pytest.raises(ReportError, match="FC-1: unit N here, kN in other"):
         compared(c60_table(10), c60_table(10), responses=(replace(spec.responses[0], unit="kN"),))
+
+
+def in_lots(n: int, seed: int) -> tuple[pa.Table, dict[str, object]]:
+    """Return a table whose FC-1 has lots of 50 with equal sigma within and between, and its fields of the spec."""
+    table, rng = c60_table(n, seed=seed), np.random.default_rng(seed)
+    x = 13.0 + 0.4 * (rng.normal(size=n) + np.repeat(rng.normal(size=n // 50), 50))
+    at = table.schema.get_field_index("FC-1")
+    table = table.set_column(at, "FC-1", pa.array(x)).append_column("lot", pa.array(np.arange(n) // 50))
+    return table, {"production_batch_column": "lot"}
+
+
+def test_lots_widen_the_intervals_and_leave_no_test() -> None:
+    """60 pairs of equal processes, 20 lots each: Welch's interval of independent values misses 0 in 7 of 10."""
+    missed = dict.fromkeys(("mean_interval", "std_ratio_interval", "cpk_interval"), 0)
+    for seed in range(60):
+        (table, fields), (other, _) = in_lots(1000, 2 * seed), in_lots(1000, 2 * seed + 1)
+        spec, theirs = (
+            replace(c60_spec(1000), campaign=name, responses=c60_spec(1).responses[:1], **fields) for name in "ab"
+        )
+        r = compare(read_samples(table, spec), spec, read_samples(other, theirs), theirs, 0.95).responses[0]
+        for name, truth in (("mean_interval", 0.0), ("std_ratio_interval", 1.0), ("cpk_interval", 0.0)):
+            low, high = getattr(r, name)
+            missed[name] += not low <= truth <= high
+    assert max(missed.values()) <= 8  # of 60; 3 are expected, 8 or more have a probability of 1 %
+    assert (r.t_p, r.f_p, r.levene_p, r.mann_whitney_p) == (None, None, None, None)
+    assert "not independent" in r.notes[-1]
+
+
+def test_too_few_lots_have_no_interval_of_a_difference() -> None:
+    (table, fields), (other, _) = in_lots(100, 1), in_lots(1000, 2)
+    spec, theirs = (replace(c60_spec(1000), campaign=name, **fields) for name in "ab")
+    r = compare(read_samples(table, spec), spec, read_samples(other, theirs), theirs, 0.95).responses[0]
+    assert r.mean_difference is not None
+    assert r.mean_interval is r.cpk_interval is r.std_ratio_interval is None
