@@ -123,7 +123,7 @@ def counted(count: int, n: int, confidence: float, effect: float = 1.0) -> Share
     return Share(count, n, PPM * count / n, (PPM * low, PPM * high), upper, worth)
 
 
-def weighted_share_interval(weights: Array, n: int, confidence: float) -> Interval:
+def weighted_share_interval(weights: Array, n: int, confidence: float, effect: float = 1.0) -> Interval:
     """Return the two-sided interval of a share in which each counted sample has a weight of at most 1.
 
     Fay and Feuer (1997, Statistics in Medicine 16, 791-801): gamma limits of a weighted sum of Poisson counts. With
@@ -136,12 +136,14 @@ def weighted_share_interval(weights: Array, n: int, confidence: float) -> Interv
     n : int
         Number of samples.
     confidence : float
+    effect : float
+        How many samples tell as much as an independent one, at least 1.
     """
-    total, square = float(np.sum(weights)), float(np.sum(weights**2))
+    total, square = float(np.sum(weights)) / effect, float(np.sum(weights**2)) / effect
     low_p, high_p = 0.5 - confidence / 2, 0.5 + confidence / 2
     low = square / total * float(gammaincinv(total**2 / square, low_p)) if total > 0 else 0.0
     high = (square + 1) / (total + 1) * float(gammaincinv((total + 1) ** 2 / (square + 1), high_p))
-    return low / n, min(high / n, 1.0)
+    return effect * low / n, min(effect * high / n, 1.0)
 
 
 def runs_to_claim(ppm: float, confidence: float, rejects: int = 0) -> int:

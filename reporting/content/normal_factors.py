@@ -56,11 +56,18 @@ def two_sided_factor(n: float, content: float, confidence: float, nu: float | No
         Degrees of freedom of s; ``n - 1`` by default.
     """
     freedom = n - 1 if nu is None else nu
-    points, weights = np.polynomial.legendre.leggauss(_POINTS)
+    points, weights = _gauss()
     z = _REACH * (points + 1) / 2
     density = _REACH * weights * np.exp(-z * z / 2) / math.sqrt(2 * math.pi)  # of both signs of the error
     square = freedom * _half_widths(z / math.sqrt(n), content) ** 2
     return _root(lambda k: float(density @ chdtrc(freedom, square / k**2)) - confidence, 2.0)
+
+
+@lru_cache(maxsize=1)
+def _gauss() -> tuple[Array, Array]:
+    """Return the Gauss-Legendre points and weights on [-1, 1]."""
+    points, weights = np.polynomial.legendre.leggauss(_POINTS)
+    return points, weights
 
 
 def _half_widths(x: Array, content: float) -> Array:

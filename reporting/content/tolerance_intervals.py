@@ -5,13 +5,16 @@ are the narrower, and hold for normal values only; those from ordered values hol
 runs. Where the values do not look normal, or are too few to tell, the normal ones are withheld.
 """
 
-from dataclasses import dataclass
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval
+from reporting.capability.lots import FEW_LOTS, Lots, describe_lots, design_effect, independent, variance_components
 from reporting.content.normal_factors import one_sided_factor, two_sided_factor
 from reporting.content.order_intervals import (
     fewest_runs,
@@ -25,9 +28,10 @@ from reporting.shape.normality import FEWEST_FOR_WORDS, Normality
 CONTENTS = (0.95, 0.99, 0.9973)
 # From here on at most 1 in 20 samples of gamma(16), t5 or uniform values pass for normal; of 50 values up to 9 in 10.
 _ENOUGH_TO_TELL = 500
+# With fewer lots, as different between as within, normal intervals hold their share in 80 to 92 % only.
+_LOTS_FOR_NORMAL = 50
 # With a smaller p-value of Anderson's and Darling's test the values are not taken for normal.
 _LEAST_P = 0.05
-_OF_LOTS = "Withheld: values of a production lot share a shift, and tolerance intervals are for independent values."
 
 
 @dataclass(frozen=True)
@@ -72,12 +76,26 @@ class ToleranceIntervals:
     claims : tuple of ContentClaim
         One for each share, the smallest first.
     note : str
-        What the normal ones rest on, or why they are withheld; with production lots, why all are.
+        What the normal ones rest on, or why they are withheld; with few production lots, why all are.
     """
 
     confidence: float
     claims: tuple[ContentClaim, ...]
     note: str
+
+
+@dataclass(frozen=True)
+class _Worth:
+    """What values determine: a mean as well as n independent ones, a sigma with nu degrees of freedom, and shares.
+
+    `effect` returns how many values tell as much of a marked share as an independent one.
+    """
+
+    mean: float
+    std: float
+    n: float
+    nu: float
+    effect: Callable[[NDArray[np.bool_]], float]
 
 
 def tolerance_intervals(
@@ -94,34 +112,84 @@ def tolerance_intervals(
     confidence : float
         From 0.5 to below 1.
     lots : array, shape (n,), optional
-        Production lot of each value; by default all values are independent.
+        Production lot of each value; by default all values are independent. With lots the normal intervals rest on the
+        mean squares between and within lots (Satterthwaite 1946), the others on the number of independent values that
+        tell as much of the share beyond (Korn and Graubard 1998).
     """
-    if lots is not None and np.unique(lots).size < x.size:
-        none = np.zeros(0)
-        claims = tuple(_claim(none, content, confidence, normal=False) for content in CONTENTS)
-        return ToleranceIntervals(confidence, claims, _OF_LOTS)
-    refused = _refused(x.size, shape)
-    claims = tuple(_claim(np.sort(x), content, confidence, normal=not refused) for content in CONTENTS)
-    return ToleranceIntervals(confidence, claims, refused or _caution(x.size))
+    refusal = _refused(x.size, shape)
+    if lots is None or independent(lots):
+        worth, note = _of_values(x), refusal or _caution(x.size)
+    else:
+        described = describe_lots(x, lots)
+        if round(described.worth) < FEW_LOTS:
+            text = f"Withheld: {described.count} production lots, worth {described.worth:.0f}; {FEW_LOTS} are needed."
+            return ToleranceIntervals(confidence, tuple(_without(each, confidence) for each in CONTENTS), text)
+        if round(described.worth) < _LOTS_FOR_NORMAL and not refusal:
+            refusal = f"No normal ones: they take {_LOTS_FOR_NORMAL} production lots."
+        worth = _of_lots(x, lots, described, confidence)
+        note = (
+            f"{refusal or _caution(x.size)} All rest on the differences between {described.count} production lots, "
+            f"whose values are worth {described.effective:.0f} independent ones."
+        )
+    claims = tuple(_claim(x, worth, content, confidence, normal=not refusal) for content in CONTENTS)
+    return ToleranceIntervals(confidence, claims, note)
 
 
-def _claim(ordered: Array, content: float, confidence: float, *, normal: bool) -> ContentClaim:
+def _of_values(x: Array) -> _Worth:
+    """Return what independent values determine."""
+    mean, std = (float(np.mean(x)), float(np.std(x, ddof=1))) if x.size > 1 else (math.nan, math.nan)
+    return _Worth(mean, std, x.size, x.size - 1, lambda _: 1.0)
+
+
+def _of_lots(x: Array, lots: NDArray[np.generic], described: Lots, confidence: float) -> _Worth:
+    """Return what values in production lots determine."""
+    mean = float(np.mean(x))
+    parts = variance_components(x - mean, lots)
+    between, within = (parts.between or 0.0) / parts.size, (1 - 1 / parts.size) * (parts.within or 0.0)
+    spread = between**2 / (described.worth - 1) + within**2 / (x.size - described.count)
+    return _Worth(
+        mean=mean,
+        std=math.sqrt(between + within),
+        n=described.effective,
+        nu=(between + within) ** 2 / spread if spread > 0 else x.size - 1,
+        effect=lambda beyond: design_effect(beyond, lots, described, confidence),
+    )
+
+
+def _claim(x: Array, worth: _Worth, content: float, confidence: float, *, normal: bool) -> ContentClaim:
     """Return the limits that contain one share."""
-    n = ordered.size
-    interval, lower, upper = None, None, None
+    found = _without(content, confidence)
     if normal:
-        mean, std = float(np.mean(ordered)), float(np.std(ordered, ddof=1))
-        half, beyond = (f(n, content, confidence) * std for f in (two_sided_factor, one_sided_factor))
-        interval, lower, upper = (mean - half, mean + half), mean - beyond, mean + beyond
-    blocks = most_blocks(n, content, confidence)
+        half, beyond = (
+            factor(worth.n, content, confidence, worth.nu) * worth.std
+            for factor in (two_sided_factor, one_sided_factor)
+        )
+        low, high = worth.mean - half, worth.mean + half
+        found = replace(found, normal=(low, high), normal_lower=worth.mean - beyond, normal_upper=worth.mean + beyond)
+    if x.size == 0:
+        return found
+    ordered = np.sort(x)
+    low, high, outer_low, outer_high = np.quantile(x, (1 - content, content, (1 - content) / 2, (1 + content) / 2))
+    marked = (x < low, x > high, (x < outer_low) | (x > outer_high))
+    lower, upper, both = (most_blocks(x.size, content, confidence, worth.effect(out)) for out in marked)
+    return replace(
+        found,
+        free=two_sided_order_interval(ordered, both),
+        free_lower=one_sided_order_limit(ordered, lower, upper=False),
+        free_upper=one_sided_order_limit(ordered, upper, upper=True),
+    )
+
+
+def _without(content: float, confidence: float) -> ContentClaim:
+    """Return a share without limits, and the runs that they would take."""
     return ContentClaim(
         content=content,
-        normal=interval,
-        normal_lower=lower,
-        normal_upper=upper,
-        free=two_sided_order_interval(ordered, blocks),
-        free_lower=one_sided_order_limit(ordered, blocks, upper=False),
-        free_upper=one_sided_order_limit(ordered, blocks, upper=True),
+        normal=None,
+        normal_lower=None,
+        normal_upper=None,
+        free=None,
+        free_lower=None,
+        free_upper=None,
         runs_one_sided=fewest_runs(content, confidence, 1),
         runs_two_sided=fewest_runs(content, confidence, 2),
     )

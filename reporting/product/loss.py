@@ -46,7 +46,9 @@ class ResponseLoss:
     yield_without: float
 
 
-def response_losses(failed: dict[str, NDArray[np.bool_]], confidence: float) -> tuple[ResponseLoss, ...]:
+def response_losses(
+    failed: dict[str, NDArray[np.bool_]], confidence: float, effects: dict[str, float] | None = None
+) -> tuple[ResponseLoss, ...]:
     """Return what each response costs of the yield, the most expensive first.
 
     Parameters
@@ -55,6 +57,8 @@ def response_losses(failed: dict[str, NDArray[np.bool_]], confidence: float) -> 
         Whether each sample breaks a limit of the response; n above 0.
     confidence : float
         Of the two-sided intervals.
+    effects : dict of str to float, optional
+        How many samples tell as much of this response's rejects as an independent one; 1 by default.
     """
     matrix = np.array(list(failed.values()))
     broken = np.count_nonzero(matrix, axis=0)
@@ -70,7 +74,7 @@ def response_losses(failed: dict[str, NDArray[np.bool_]], confidence: float) -> 
                 rejects=weights.size,
                 only=only,
                 share=total / n,
-                share_interval=weighted_share_interval(weights, n, confidence),
+                share_interval=weighted_share_interval(weights, n, confidence, (effects or {}).get(name, 1.0)),
                 part=total / rejected if rejected else None,
                 yield_without=(n - rejected + only) / n,
             )

@@ -1,13 +1,16 @@
 """Yield of the whole product: the share of samples that keep the limits of all responses together."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import pdtr, pdtrc
 
+from reporting.arrays import Array
 from reporting.capability.intervals import Interval, share_interval, share_lower_bound
+from reporting.capability.lots import describe_lots, design_effect, independent
 from reporting.product.loss import ResponseLoss, response_losses
 from reporting.samples import Samples
 from reporting.sensitivity.reject_attribution import RejectAttribution, reject_attribution
@@ -30,6 +33,8 @@ class CountedYield:
         Two-sided.
     lower : float
         One-sided lower bound.
+    worth : float
+        Number of independent samples that tell as much; n without production lots.
     """
 
     conforming: int
@@ -37,6 +42,7 @@ class CountedYield:
     share: float
     interval: Interval
     lower: float
+    worth: float
 
 
 @dataclass(frozen=True)
@@ -87,33 +93,61 @@ def product_yield(samples: Samples, spec: ReportSpec, confidence: float) -> Prod
     finished = samples.sample.size
     if not limited or finished == 0 or not spec.design.production:
         return None
+    lots = None if samples.lots is None or independent(samples.lots) else samples.lots
     complete = samples.ok & np.all([np.isfinite(samples.values[r.name]) for r in limited], axis=0)
     failed = {r.name: _out(r, samples)[complete] for r in limited}
     n = int(np.count_nonzero(complete))
     rejected = np.any(list(failed.values()), axis=0)
     conforming = n - int(np.count_nonzero(rejected))
     inputs = {v.name: samples.values[v.name][complete] for v in spec.variables}
+    lots = None if lots is None else lots[complete]
+    values = {name: samples.values[name][complete] for name in failed}
+    effect, effects = _effects(failed, rejected, lots, values, confidence)
     rolled = math.prod(1 - float(np.mean(out)) for out in failed.values()) if n else None
     return ProductYield(
         responses=tuple(failed),
-        counted=count_yield(conforming, n, confidence) if n else None,
-        with_failures=count_yield(conforming, finished, confidence),
+        counted=count_yield(conforming, n, confidence, effect) if n else None,
+        with_failures=count_yield(conforming, finished, confidence, effect),
         rolled=rolled,
-        dependence=dependence(failed),
-        losses=response_losses(failed, confidence) if n else (),
-        by_variable=reject_attribution(inputs, rejected, confidence) if n and inputs else None,
+        dependence=dependence(failed, independent_samples=lots is None),
+        losses=response_losses(failed, confidence, effects) if n else (),
+        by_variable=reject_attribution(inputs, rejected, confidence, lots) if n and inputs else None,
     )
 
 
-def count_yield(conforming: int, n: int, confidence: float) -> CountedYield:
-    """Return the yield of a count, with the exact interval and bound of Clopper and Pearson (1934); n above 0."""
+def count_yield(conforming: int, n: int, confidence: float, effect: float = 1.0) -> CountedYield:
+    """Return the yield of a count, with the exact interval and bound of Clopper and Pearson (1934); n above 0.
+
+    With production lots the count is taken for that of the ``n / effect`` independent samples that tell as much (Korn
+    and Graubard 1998).
+    """
     return CountedYield(
         conforming=conforming,
         n=n,
         share=conforming / n,
-        interval=share_interval(conforming, n, confidence),
-        lower=share_lower_bound(conforming, n, confidence),
+        interval=share_interval(conforming / effect, n / effect, confidence),
+        lower=share_lower_bound(conforming / effect, n / effect, confidence),
+        worth=n / effect,
     )
+
+
+def _effects(
+    failed: dict[str, NDArray[np.bool_]],
+    rejected: NDArray[np.bool_],
+    lots: NDArray[np.int64] | None,
+    values: Mapping[str, Array],
+    confidence: float,
+) -> tuple[float, dict[str, float]]:
+    """Return how many samples tell as much as an independent one: of the product's yield, and of each response's.
+
+    The product has no intraclass correlation of its own: the largest of its responses counts.
+    """
+    if lots is None or rejected.size == 0:
+        return 1.0, {}
+    described = {name: describe_lots(values[name], lots) for name in failed}
+    most = max(described.values(), key=lambda each: each.intraclass)
+    effects = {name: design_effect(out, lots, described[name], confidence) for name, out in failed.items()}
+    return design_effect(rejected, lots, most, confidence), effects
 
 
 def _out(response: ResponseSpec, samples: Samples) -> NDArray[np.bool_]:
@@ -124,7 +158,7 @@ def _out(response: ResponseSpec, samples: Samples) -> NDArray[np.bool_]:
     return (values < low) | (values > high)
 
 
-def dependence(failed: dict[str, NDArray[np.bool_]]) -> str:
+def dependence(failed: dict[str, NDArray[np.bool_]], *, independent_samples: bool = True) -> str:
     """Return whether the responses fail together, in words; nothing with one response or without samples.
 
     Counted are the failures of responses in samples that another response has rejected already. If the responses are
@@ -135,6 +169,8 @@ def dependence(failed: dict[str, NDArray[np.bool_]]) -> str:
     ----------
     failed : dict of str to array of bool, each of shape (n,)
         Whether each sample breaks a limit of the response.
+    independent_samples : bool
+        Whether the samples are; those of a production lot fail together, whatever their responses do.
     """
     matrix = np.array(list(failed.values()))
     if len(failed) < 2 or matrix.size == 0:
@@ -142,6 +178,8 @@ def dependence(failed: dict[str, NDArray[np.bool_]]) -> str:
     failures, rejected = int(np.count_nonzero(matrix)), int(np.count_nonzero(matrix.any(axis=0)))
     if failures == 0:
         return "No response fails, so both are 100 %."
+    if not independent_samples:
+        return "Samples of a production lot fail together, so their difference does not say whether responses do."
     rolled = math.prod(1 - matrix.mean(axis=1))
     repeated, expected = failures - rejected, max(failures - matrix.shape[1] * (1 - rolled), 0.0)
     if repeated > 0 and float(pdtrc(repeated - 1, expected)) < _CHANCE / 2:
