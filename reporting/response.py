@@ -20,8 +20,9 @@ from reporting.sensitivity.influence import ResponseSensitivity
 from reporting.shape.fits import Fits, fit_families, unfitted
 from reporting.shape.histogram import Histogram, histogram
 from reporting.shape.index_estimates import index_estimates
-from reporting.shape.nonnormal import NonnormalIndices, empirical_indices, fitted_indices
+from reporting.shape.nonnormal import NonnormalIndices, empirical_indices
 from reporting.shape.normality import Normality, ProbabilityPlot, normality, probability_plot
+from reporting.shape.supported_indices import supported_indices
 from reporting.shape.tails import TailShare, pareto_tails
 from reporting.shape.withheld import without_intervals
 from reporting.spec import ReportSpec, ResponseSpec
@@ -179,12 +180,8 @@ def _fits(x: Array, spec: ResponseSpec) -> Fits:
 
 def _methods(x: Array, fits: Fits, spec: ResponseSpec, confidence: float) -> tuple[NonnormalIndices, ...]:
     """Return the indices that do not assume a normal distribution."""
-    best = fits.of(fits.best)
-    empirical = empirical_indices(x, spec.lsl, spec.usl, confidence)
-    if best is None:
-        return (empirical,)
-    fitted = [fitted_indices(method, best, spec.lsl, spec.usl, confidence) for method in ("percentile", "z_score")]
-    return (*fitted, empirical)
+    fitted = supported_indices(x, fits, spec.lsl, spec.usl, confidence)
+    return (*fitted, empirical_indices(x, spec.lsl, spec.usl, confidence))
 
 
 def _runs_to_claim(total: Share, confidence: float) -> int:

@@ -197,6 +197,21 @@ def student_t(mean: Parameter, scale: Parameter, freedom: Parameter) -> ClosedFo
     )
 
 
+def laplace(median: Parameter, scale: Parameter) -> ClosedForm:
+    """Return Laplace's distribution: exponential to both sides."""
+
+    def below(z: Array) -> Array:
+        half = 0.5 * np.exp(-np.abs(z - median) / scale)
+        return np.asarray(np.where(z < median, half, 1.0 - half))
+
+    return ClosedForm(
+        logpdf=lambda z: -np.abs(z - median) / scale - np.log(2 * scale),
+        cdf=below,
+        sf=lambda z: np.where(z < median, 1.0 - below(z), 0.5 * np.exp(-np.abs(z - median) / scale)),
+        ppf=lambda p: median + scale * np.where(p < 0.5, np.log(2 * p), -np.log(2 * (1 - p))),
+    )
+
+
 def largest_extreme(mode: Parameter, scale: Parameter) -> ClosedForm:
     """Return Gumbel's distribution of the largest of many values; mirrored, it is that of the smallest."""
 

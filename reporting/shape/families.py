@@ -145,6 +145,11 @@ def _logistic_start(c: Condensed) -> Theta:
     return mean, log_sd + math.log(math.sqrt(3) / math.pi)
 
 
+def _laplace_start(c: Condensed) -> Theta:
+    """Return the median, which is 0, and the logarithm of the mean distance from it: the maximum of the likelihood."""
+    return 0.0, math.log(c.mean(np.abs(c.values)))
+
+
 def _student_start(c: Condensed) -> Theta:
     """Return parameters from the moments, with five degrees of freedom."""
     mean, log_sd = _moments(c)
@@ -217,6 +222,10 @@ FAMILIES = {
         Family(
             "logistic", "logistic", {"mean": place, "scale": width}, "free",
             lambda t: distributions.logistic(t[0], _exp(t[1])), _logistic_start,
+        ),
+        Family(
+            "laplace", "Laplace", {"median": place, "scale": width}, "free",
+            lambda t: distributions.laplace(t[0], _exp(t[1])), _laplace_start,
         ),
         Family(
             "largest_extreme", "largest extreme value", _MODE_AND_SCALE, "free",

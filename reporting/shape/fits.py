@@ -18,8 +18,10 @@ from reporting.shape.families import FAMILIES
 from reporting.shape.fitting import SEARCHED, Fit, Fitting
 from reporting.shape.goodness import PRACTICAL
 
-# Burnham, Anderson (2002): within 2 a family has substantial support, beyond 10 none.
-AIC_MARGIN, AIC_SUPPORT = 2.0, 10.0
+# Burnham, Anderson (2002): a family within 2 of the smallest AIC has substantial support.
+AIC_MARGIN = 2.0
+# Up to here the values do not rule a family out: the 95 % point of the chi-square distribution, and the margin.
+AIC_SUPPORT = 3.84 + AIC_MARGIN
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,15 @@ def _choose(passing: list[Fit]) -> str | None:
     return min(close, key=lambda fit: (len(fit.theta), fit.family != "normal", fit.aic)).family
 
 
+def handicap(fit: Fit, fits: Fits) -> float:
+    """Return how much larger AIC is than the smallest of a family that passes, as `PRACTICAL` values would show it."""
+    return _handicap(fit, [each for each in fits.fits if each.passes])
+
+
+def _handicap(fit: Fit, passing: list[Fit]) -> float:
+    return (fit.aic - passing[0].aic) * min(1.0, PRACTICAL / fit.n)
+
+
 def _candidates(passing: list[Fit]) -> tuple[str, ...]:
     """Return the families that the values do not rule out."""
-    support = AIC_SUPPORT * max(1.0, passing[0].n / PRACTICAL) if passing else 0.0
-    return tuple(fit.family for fit in passing if fit.aic <= passing[0].aic + support)
+    return tuple(fit.family for fit in passing if _handicap(fit, passing) <= AIC_SUPPORT)

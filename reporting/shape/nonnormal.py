@@ -7,12 +7,13 @@
   transformed limits, and the percentiles are the +-3 sigma limits transformed back.
 - Empirical percentiles (Cnpk): quantiles of the values themselves, at the ranks ``p (n + 1)`` (R's type 6).
 
-Intervals of the fitted methods follow from the curvature of the likelihood (delta method) and hold if the family is
-right. Those of the empirical method are bootstrap intervals (`reporting.shape.order_statistics`).
+Intervals of the fitted methods hold for all families that the values do not rule out
+(`reporting.shape.supported_indices`). Those of the empirical method come from exact intervals of the percentiles
+(`reporting.shape.order_statistics`).
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,13 +25,13 @@ from reporting.arrays import Array
 from reporting.capability.intervals import Interval, bench
 from reporting.capability.moments import series
 from reporting.capability.shares import PPM
-from reporting.shape.families import Scaled
+from reporting.shape.distributions import Parameter
+from reporting.shape.families import FAMILIES, Scaled
 from reporting.shape.fitting import Fit, distribution
-from reporting.shape.order_statistics import FEWEST, empirical_percentiles, percentile_bootstrap
+from reporting.shape.order_statistics import FEWEST, empirical_percentiles, interval_of_quantiles
 
 # Probabilities of the lower end, the middle and the upper end of a process (ISO 22514-2): -3, 0 and 3 normal sigmas.
 ENDS = (0.00135, 0.5, 0.99865)
-_STEP = 1e-4
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,13 @@ class NonnormalIndices:
         Normal quantiles of the shares out of limits, for the fitted methods.
     ppm_expected, ppm_expected_below, ppm_expected_above : float or None
         Share of the fitted distribution out of limits; None for the empirical method.
+    ppm_expected_interval : (float, float) or None
+        Of `ppm_expected`, over all families that the values do not rule out.
+    ppm_range : (float, float) or None
+        The smallest and the largest `ppm_expected` of these families, where they differ by more than a factor of 3:
+        then no single number stands for them.
+    candidates : tuple of str
+        Titles of these families.
     notes : tuple of str
         Why a number is None.
     """
@@ -77,13 +85,14 @@ class NonnormalIndices:
     ppm_expected: float | None = None
     ppm_expected_below: float | None = None
     ppm_expected_above: float | None = None
+    ppm_expected_interval: Interval | None = None
+    ppm_range: Interval | None = None
+    candidates: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
 
-def fitted_indices(
-    method: str, fit: Fit, lsl: float | None, usl: float | None, confidence: float = 0.95
-) -> NonnormalIndices:
-    """Return the indices of the percentile or the Z-score method from a fitted distribution.
+def fitted_indices(method: str, fit: Fit, lsl: float | None, usl: float | None) -> NonnormalIndices:
+    """Return the indices of the percentile or the Z-score method from one fitted distribution, without intervals.
 
     Parameters
     ----------
@@ -93,38 +102,21 @@ def fitted_indices(
         Of `reporting.shape.fits.fit_families`.
     lsl, usl : float or None
         Limits, in the unit of the values.
-    confidence : float
-        Of the two-sided intervals.
     """
-
-    def indices(of: Scaled) -> dict[str, Any]:
-        return _of_percentiles(of.ppf(ENDS), lsl, usl) if method == "percentile" else _of_z(*_z(of, lsl, usl))
-
     fitted = distribution(fit)
     with np.errstate(all="ignore"):
-        point = _finite(indices(fitted))
+        point = _finite(indices(method, centred(fit), *(less(limit, fit.shift) for limit in (lsl, usl))))
         z_lsl, z_usl = _z(fitted, lsl, usl)
         ends = fitted.ppf(ENDS)
     below = None if lsl is None else PPM * float(fitted.cdf(lsl))
     above = None if usl is None else PPM * float(fitted.sf(usl))
     sides = [share for share in (below, above) if share is not None]
     unbounded = any(z is not None and not math.isfinite(z) for z in (z_lsl, z_usl))
-    notes = (
-        ["A limit lies outside the range of the fitted distribution, so there is no Z-score at this limit."]
-        if unbounded
-        else []
-    )
-    intervals: dict[str, Any] = {}
-    if fit.covariance is None:
-        notes.append("The values do not determine each parameter of the fit by itself, so there is no interval.")
-    else:
-        intervals = _delta_intervals(fit, indices, point, confidence)
     return NonnormalIndices(
         method,
         fit.family,
         f"Assumed: the response follows the fitted distribution ({fit.title}), also beyond its extreme values.",
         **_with_ppk(point),
-        **intervals,
         percentiles=(float(ends[0]), float(ends[1]), float(ends[2])) if np.all(np.isfinite(ends)) else None,
         z_lsl=z_lsl if z_lsl is None or math.isfinite(z_lsl) else None,
         z_usl=z_usl if z_usl is None or math.isfinite(z_usl) else None,
@@ -132,12 +124,40 @@ def fitted_indices(
         ppm_expected=sum(sides) if sides else None,
         ppm_expected_below=below,
         ppm_expected_above=above,
-        notes=tuple(notes),
+        notes=("A limit lies outside the range of the fitted distribution, so there is no Z-score at this limit.",)
+        if unbounded
+        else (),
     )
 
 
+def centred(fit: Fit, theta: Sequence[Parameter] | None = None) -> Scaled:
+    """Return the distribution of ``x - shift``: a large offset of the values costs no digits.
+
+    Parameters
+    ----------
+    fit : Fit
+    theta : sequence of float or array, optional
+        Other parameters; arrays of shape (b, 1) give b distributions.
+    """
+    return Scaled(FAMILIES[fit.family].build(fit.theta if theta is None else theta), 0.0, fit.scale)
+
+
+def less(limit: float | None, shift: float) -> float | None:
+    """Return a limit of ``x - shift``."""
+    return None if limit is None else limit - shift
+
+
+def indices(method: str, of: Scaled, lsl: float | None, usl: float | None) -> dict[str, Any]:
+    """Return Ppl, Ppu and Pp of a distribution by the percentile or the Z-score method; of b distributions b each."""
+    if method == "percentile":
+        return _of_percentiles(np.moveaxis(of.ppf(ENDS), -1, 0), lsl, usl)
+    z_lsl = None if lsl is None else -normal_quantile(of.cdf([lsl])[..., 0], of.sf([lsl])[..., 0])
+    z_usl = None if usl is None else -normal_quantile(of.sf([usl])[..., 0], of.cdf([usl])[..., 0])
+    return _of_z(z_lsl, z_usl)
+
+
 def empirical_indices(x: ArrayLike, lsl: float | None, usl: float | None, confidence: float = 0.95) -> NonnormalIndices:
-    """Return the indices from the percentiles of the values themselves (Cnpk), with BCa bootstrap intervals.
+    """Return the indices from the percentiles of the values themselves (Cnpk), with intervals for any distribution.
 
     Parameters
     ----------
@@ -172,9 +192,13 @@ def empirical_indices(x: ArrayLike, lsl: float | None, usl: float | None, confid
     if ordered.size < FEWEST:
         notes += (f"{ordered.size} values are too few for an interval of a 0.135 % percentile: {FEWEST} are needed.",)
     else:
-        bounds = percentile_bootstrap(ordered, ENDS, lambda q: _of_percentiles(q, lsl, usl), confidence)
+        with np.errstate(all="ignore"):
+            bounds = interval_of_quantiles(ordered, ENDS, lambda q: _of_percentiles(q, lsl, usl), confidence)
         intervals = {f"{name}_interval": bounds.get(name) for name in ("pp", "ppl", "ppu")}
-        intervals["ppk_interval"] = intervals[f"{_binding(point)}_interval"] if point else None
+        sides = [bounds[name] for name in ("ppl", "ppu") if name in bounds]
+        if sides and len(sides) == sum(name in point for name in ("ppl", "ppu")):
+            # The side that is nearer in the sample need not be the nearer one.
+            intervals["ppk_interval"] = min(low for low, _ in sides), min(high for _, high in sides)
     return NonnormalIndices(
         "empirical",
         None,
@@ -201,56 +225,26 @@ def _of_percentiles(ends: Array, lsl: float | None, usl: float | None) -> dict[s
 
 def _z(fitted: Scaled, lsl: float | None, usl: float | None) -> tuple[float | None, float | None]:
     """Return the upper normal quantiles of the shares below and above the limits; None without a limit."""
-    z_lsl = None if lsl is None else -_quantile(float(fitted.cdf(lsl)), float(fitted.sf(lsl)))
-    z_usl = None if usl is None else -_quantile(float(fitted.sf(usl)), float(fitted.cdf(usl)))
+    z_lsl = None if lsl is None else -float(normal_quantile(fitted.cdf(lsl), fitted.sf(lsl)))
+    z_usl = None if usl is None else -float(normal_quantile(fitted.sf(usl), fitted.cdf(usl)))
     return z_lsl, z_usl
 
 
-def _quantile(share: float, rest: float) -> float:
+def normal_quantile(share: Array, rest: Array) -> Array:
     """Return the normal quantile of a share, computed from the smaller of the share and its complement."""
-    return float(ndtri(share) if share < rest else -ndtri(rest))
+    return np.asarray(np.where(share < rest, ndtri(share), -ndtri(rest)))
 
 
-def _of_z(z_lsl: float | None, z_usl: float | None) -> dict[str, float]:
+def _of_z(z_lsl: Any, z_usl: Any) -> dict[str, Any]:
     """Return the indices of the Z-scores."""
-    indices = {}
+    found = {}
     if z_lsl is not None:
-        indices["ppl"] = z_lsl / 3
+        found["ppl"] = z_lsl / 3
     if z_usl is not None:
-        indices["ppu"] = z_usl / 3
+        found["ppu"] = z_usl / 3
     if z_lsl is not None and z_usl is not None:
-        indices["pp"] = (z_lsl + z_usl) / 6
-    return indices
-
-
-def _delta_intervals(
-    fit: Fit, indices: Callable[[Scaled], dict[str, float]], point: dict[str, float], confidence: float
-) -> dict[str, Any]:
-    """Return the intervals of the indices by the delta method, from the covariance of theta."""
-    covariance = np.asarray(fit.covariance)
-    slopes: dict[str, list[float]] = {name: [] for name in point}
-    with np.errstate(all="ignore"):
-        for i, value in enumerate(fit.theta):
-            step = _STEP * math.sqrt(covariance[i, i]) + 1e-9
-            up, down = (
-                indices(distribution(fit, (*fit.theta[:i], value + move, *fit.theta[i + 1 :])))
-                for move in (step, -step)
-            )
-            for name, slope in slopes.items():
-                slope.append((up[name] - down[name]) / (2 * step))
-    z = float(ndtri(0.5 + confidence / 2))
-    intervals: dict[str, Any] = {}
-    for name, slope in slopes.items():
-        half = z * math.sqrt(max(float(np.asarray(slope) @ covariance @ np.asarray(slope)), 0.0))
-        intervals[f"{name}_interval"] = (point[name] - half, point[name] + half) if math.isfinite(half) else None
-    if point:
-        intervals["ppk_interval"] = intervals.get(f"{_binding(point)}_interval")
-    return intervals
-
-
-def _binding(point: dict[str, float]) -> str:
-    """Return the name of the smaller one-sided index, which is Ppk."""
-    return min((name for name in ("ppl", "ppu") if name in point), key=lambda name: point[name], default="pp")
+        found["pp"] = (z_lsl + z_usl) / 6
+    return found
 
 
 def _finite(point: dict[str, float]) -> dict[str, float]:

@@ -24,6 +24,7 @@ def without_intervals(
                 ppk_interval=None,
                 ppl_interval=None,
                 ppu_interval=None,
+                ppm_expected_interval=None,
                 notes=(*method.notes, OF_LOTS),
             )
             for method in methods

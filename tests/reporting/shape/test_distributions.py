@@ -21,6 +21,8 @@ P = np.array([1e-6, 0.00135, 0.1, 0.5, 0.9, 0.99865, 1 - 1e-6])
         (shapes.folded_normal(0.8, 0.6), stats.foldnorm(0.8 / 0.6, scale=0.6)),
         (shapes.folded_normal(0.0, 0.6), stats.halfnorm(scale=0.6)),
         (shapes.logistic(1.0, 0.3), stats.logistic(1, 0.3)),
+        (shapes.laplace(1.0, 0.3), stats.laplace(1, 0.3)),
+        (shapes.student_t(1.0, 0.3, 4.5), stats.t(4.5, 1, 0.3)),
         (shapes.largest_extreme(1.0, 0.3), stats.gumbel_r(1, 0.3)),
         (shapes.johnson_su(0.5, 1.5, 0.2, 2.0), stats.johnsonsu(0.5, 1.5, 0.2, 2.0)),
         (shapes.johnson_sb(0.5, 1.5, -1.0, 3.0), stats.johnsonsb(0.5, 1.5, -1.0, 4.0)),
@@ -81,3 +83,19 @@ def test_outside_its_range_a_distribution_has_no_value(name: str) -> None:
     found = Scaled(family.build((0.2,) * len(family.parameters)), 0.0, 1.0)
     assert found.cdf([-1e6, 1e6]) == pytest.approx([0, 1], abs=0.02)
     assert found.cdf([-1e6, 1e6]) + found.sf([-1e6, 1e6]) == pytest.approx([1, 1])
+
+
+@pytest.mark.parametrize("family", FAMILIES.values(), ids=FAMILIES)
+def test_many_distributions_at_once_are_the_same_one_by_one(family) -> None:
+    """Parameters as columns: what a search and the intervals evaluate."""
+    rng = np.random.default_rng(5)
+    thetas = rng.normal(0, 0.3, (4, len(family.parameters)))
+    z = np.array([0.2, 0.4, 0.7])
+    together = family.build(list(thetas.T[:, :, None]))
+    for i, theta in enumerate(thetas):
+        alone = family.build(tuple(theta))
+        with np.errstate(all="ignore"):
+            assert together.logpdf(z)[i] == pytest.approx(alone.logpdf(z), rel=1e-12)
+            assert together.cdf(z)[i] == pytest.approx(alone.cdf(z), rel=1e-12)
+            assert together.sf(z)[i] == pytest.approx(alone.sf(z), rel=1e-12)
+            assert together.ppf(P)[i] == pytest.approx(alone.ppf(P), rel=1e-12, nan_ok=True)

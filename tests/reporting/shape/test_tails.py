@@ -16,7 +16,7 @@ def test_the_tail_of_known_distributions(known, limit: float) -> None:
         tail = pareto_tails(known.rvs(20_000, random_state=rng), None, limit)[0]
         low, high = tail.interval
         inside += low <= ppm <= high
-        estimates.append(tail.ppm)
+        estimates.append(tail.ppm or 0.0)
         assert tail.excesses <= MOST_EXCESSES
     assert inside / 60 >= 0.95 - 0.084
     assert 0.5 < np.median(estimates) / ppm < 1.5
@@ -55,3 +55,30 @@ def test_a_tail_that_is_not_valid_is_refused_with_the_reason(x, limit: float, sa
     assert tail.ppm is None
     assert tail.interval is None
     assert said in tail.note
+
+
+def test_no_number_and_no_bound_below_a_hundredth_of_one_value() -> None:
+    """500 values and a limit far outside gave 0 to 0.001 ppm."""
+    (tail,) = pareto_tails(np.random.default_rng(3).normal(size=500), None, 12.0)
+    assert tail.ppm is None
+    assert tail.interval[0] == 0
+    assert tail.interval[1] >= 20
+    assert "too far beyond 500 values" in tail.note
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ppm", [3.4, 230.0])
+@pytest.mark.parametrize(
+    ("known", "sign"),
+    [(stats.norm(), 1), (stats.lognorm(0.5), -1), (stats.t(5), 1), (stats.gumbel_r(), -1), (stats.gamma(16), 1)],
+    ids=["normal", "lognormal below", "t5", "Gumbel below", "gamma"],
+)
+def test_the_interval_covers_at_2000_values(known, sign: int, ppm: float) -> None:
+    """40 samples; before, 65 to 91 of 100, with the truth above the upper end in up to 32."""
+    limit = known.isf(ppm * 1e-6) if sign > 0 else -known.ppf(ppm * 1e-6)
+    rng = np.random.default_rng(5)
+    tails = [pareto_tails(sign * known.ppf(rng.random(2000)), None, limit)[0] for _ in range(40)]
+    known_ends = [tail.interval for tail in tails if tail.interval]
+    assert len(known_ends) >= 36
+    assert np.mean([low <= ppm <= high for low, high in known_ends]) >= 0.85
+    assert np.mean([ppm > high for _, high in known_ends]) <= 0.1

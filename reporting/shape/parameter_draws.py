@@ -1,0 +1,81 @@
+"""Parameters that the values allow, drawn in proportion to their likelihood.
+
+They are drawn from the normal distribution that the curvature of the likelihood suggests, evenly instead of at random,
+and weighted by the likelihood itself (importance sampling), so that what is computed from them may be skewed. Where
+the likelihood is flat, the parameters vary within a bound.
+"""
+
+import numpy as np
+from scipy.special import ndtri
+
+from reporting.arrays import Array
+from reporting.capability.intervals import Interval
+from reporting.shape.condensed import Condensed
+from reporting.shape.families import FAMILIES
+from reporting.shape.fitting import Fit, log_likelihood
+from reporting.shape.goodness import PRACTICAL
+from reporting.shape.maximum_likelihood import curvature
+
+# Values that stand for the sample.
+CONDENSED = 240
+_DRAWS = 600
+# The draws reach beyond what the curvature suggests by this factor, and at most so far: parameters are of order one.
+_BEYOND, _FARTHEST = 1.4, 1.5
+
+
+def parameter_draws(fit: Fit, sample: Condensed) -> tuple[Array, Array]:
+    """Return parameters, shape (draws, k), and their weights, shape (draws,), whose sum is 1.
+
+    More than `PRACTICAL` values count as so many: a family is a model, and more values do not make its tails surer. A
+    share of the values equal to that of the parameters is spent on fitting them.
+
+    Parameters
+    ----------
+    fit : Fit
+    sample : Condensed
+        The values, in their unit.
+    """
+    theta, n = np.asarray(fit.theta), sample.n
+    worth = min(1.0, PRACTICAL / n) * (1 - theta.size / n)
+    loglik = log_likelihood(FAMILIES[fit.family], sample.scaled(fit.shift, fit.scale))
+    with np.errstate(all="ignore"):
+        information = curvature(loglik, fit.theta)
+        if information is None:
+            return theta[None], np.ones(1)
+        steepness, axes = np.linalg.eigh(worth * information)
+        reach = np.minimum(_BEYOND / np.sqrt(np.maximum(steepness, 1e-12)), _FARTHEST)
+        scores = _even_normals(_DRAWS, theta.size)
+        drawn = theta + (scores * reach) @ axes.T
+        log_weights = worth * loglik(drawn) + 0.5 * np.sum(scores**2, axis=1)
+    log_weights = np.where(np.isfinite(log_weights), log_weights, -np.inf)
+    weights = np.exp(log_weights - np.max(log_weights)) if np.any(np.isfinite(log_weights)) else np.ones(_DRAWS)
+    return drawn, weights / np.sum(weights)
+
+
+def weighted_interval(values: Array, weights: Array, confidence: float) -> Interval:
+    """Return the quantiles of weighted values that leave out the same share at both ends.
+
+    Parameters
+    ----------
+    values, weights : array, shape (m,)
+        The weights have the sum 1; values may be infinite.
+    confidence : float
+        Share between the quantiles.
+    """
+    order = np.argsort(values)
+    below = np.cumsum(weights[order]) - weights[order] / 2
+    ends = np.searchsorted(below, ((1 - confidence) / 2, (1 + confidence) / 2))
+    low, high = values[order][np.clip(ends - np.array([1, 0]), 0, values.size - 1)]
+    return float(low), float(high)
+
+
+def _even_normals(count: int, k: int) -> Array:
+    """Return points that fill the standard normal distribution of k dimensions evenly, shape (count, k).
+
+    Multiples of the powers of 1/phi, where phi^(k + 1) = phi + 1: the golden ratio for one dimension (Roberts 2018).
+    """
+    phi = 2.0
+    for _ in range(40):
+        phi = (1 + phi) ** (1 / (k + 1))
+    steps = phi ** -np.arange(1.0, k + 1)
+    return np.asarray(ndtri((0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0))

@@ -1,0 +1,130 @@
+"""Non-normal indices with intervals that include the choice of the family.
+
+The values seldom tell one family from another, and families that agree on the values disagree on what lies beyond
+them. So an interval holds all parameters of all families that pass, whose log-likelihood, less one for each parameter
+(AIC), is within a bar of the best: half of the chi-square quantile and of `AIC_MARGIN`. A family as good as the best
+contributes an interval of more than the confidence, one at the bar no more than its fit.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.special import chdtri, ndtr
+
+from reporting.arrays import Array
+from reporting.capability.intervals import Interval
+from reporting.capability.moments import series
+from reporting.capability.shares import PPM
+from reporting.shape.atoms import ties
+from reporting.shape.condensed import Condensed, condense
+from reporting.shape.fits import AIC_MARGIN, Fits, handicap
+from reporting.shape.fitting import Fit
+from reporting.shape.nonnormal import NonnormalIndices, centred, fitted_indices, indices, less
+from reporting.shape.parameter_draws import CONDENSED, parameter_draws, weighted_interval
+
+# Families that differ by more in ppm are shown as a range.
+AGREEMENT = 3.0
+# A larger index, or an infinite one where a family ends before the limit, is that of a share below the smallest number.
+_FARTHEST = 38.0 / 3
+_ENDS_BEFORE = (
+    "The values do not rule out a distribution that ends before a limit, so an interval has no upper end: "
+    f"{_FARTHEST:.3f} stands for it."
+)
+METHODS = ("percentile", "z_score")
+
+
+def supported_indices(
+    x: ArrayLike, fits: Fits, lsl: float | None, usl: float | None, confidence: float = 0.95
+) -> tuple[NonnormalIndices, ...]:
+    """Return the indices of the chosen family by percentiles and by Z-scores, with intervals over all candidates.
+
+    Parameters
+    ----------
+    x : array_like, shape (n,)
+        The values that were fitted; those that are not finite are left out.
+    fits : Fits
+    lsl, usl : float or None
+        Limits, in the unit of the values.
+    confidence : float
+        Of the two-sided intervals.
+
+    Returns
+    -------
+    tuple of NonnormalIndices
+        None without a family that passes, else one for each method.
+
+    Raises
+    ------
+    ReportError
+        `x` is not a series of numbers.
+    """
+    best = fits.of(fits.best)
+    if best is None:
+        return ()
+    points = tuple(fitted_indices(method, best, lsl, usl) for method in METHODS)
+    candidates = [fit for fit in fits.fits if fit.family in fits.candidates]
+    expected = [fitted_indices("z_score", fit, lsl, usl).ppm_expected or 0.0 for fit in candidates]
+    disagree = bool(expected) and max(expected) > AGREEMENT * min(expected)
+    found: dict[str, Any] = {
+        "candidates": tuple(fit.title for fit in candidates),
+        "ppm_range": (min(expected), max(expected)) if disagree else None,
+    }
+    values = series(x)
+    ordered = np.sort(values[np.isfinite(values)])
+    sample = condense(ties(ordered).spread(), CONDENSED)
+    bar = float(chdtri(1, 1 - confidence)) + AIC_MARGIN
+    parts = [_intervals(fit, sample, lsl, usl, math.sqrt(max(bar - handicap(fit, fits), 0.0))) for fit in candidates]
+    ppm = _union(part["ppm"] for part in parts)
+    results = []
+    for point in points:
+        names = [name for name in ("pp", "ppk", "ppl", "ppu") if getattr(point, name) is not None]
+        over_all: dict[str, Any] = {
+            f"{name}_interval": _union(part[f"{point.method} {name}"] for part in parts) for name in names
+        }
+        ends = [interval[1] for interval in over_all.values() if interval is not None]
+        notes = (*point.notes, _ENDS_BEFORE) if ends and max(ends) >= _FARTHEST else point.notes
+        results.append(replace(point, **found, **over_all, ppm_expected_interval=ppm, notes=notes))
+    return tuple(results)
+
+
+def _intervals(
+    fit: Fit, sample: Condensed, lsl: float | None, usl: float | None, reach: float
+) -> dict[str, Interval | None]:
+    """Return the intervals of one family by method and index, `reach` normal quantiles to each side."""
+    confidence = max(float(2 * ndtr(reach) - 1), 0.0)
+    theta, weights = parameter_draws(fit, sample)
+    low, high = less(lsl, fit.shift), less(usl, fit.shift)
+    with np.errstate(all="ignore"):
+        of = centred(fit, list(theta.T[:, :, None]))
+        drawn = {
+            f"{method} {name}": np.clip(values, -_FARTHEST, _FARTHEST)
+            for method in METHODS
+            for name, values in indices(method, of, low, high).items()
+        }
+        for method in METHODS:
+            sides = [drawn[f"{method} {name}"] for name in ("ppl", "ppu") if f"{method} {name}" in drawn]
+            drawn |= {f"{method} ppk": np.minimum(sides[0], sides[-1])} if sides else {}
+        shares = [of.cdf([low])[..., 0]] if low is not None else []
+        shares += [of.sf([high])[..., 0]] if high is not None else []
+        drawn["ppm"] = PPM * np.asarray(sum(shares))
+    return {name: _interval(values, weights, confidence) for name, values in drawn.items()}
+
+
+def _interval(values: Array, weights: Array, confidence: float) -> Interval | None:
+    """Return the interval of drawn values; None where most have none."""
+    known = ~np.isnan(values)
+    total = float(np.sum(weights[known]))
+    return weighted_interval(values[known], weights[known] / total, confidence) if total > 0.5 else None
+
+
+def _union(intervals: Iterable[Interval | None]) -> Interval | None:
+    """Return the smallest interval that holds all; None if one is missing."""
+    ends = list(intervals)
+    known = [interval for interval in ends if interval is not None]
+    if not known or len(known) < len(ends):
+        return None
+    return min(low for low, _ in known), max(high for _, high in known)
