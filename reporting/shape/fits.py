@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from reporting.capability.moments import ROUNDING, series
 from reporting.shape import atoms
 from reporting.shape.atoms import Atom
-from reporting.shape.families import FAMILIES
+from reporting.shape.family.families import FAMILIES
 from reporting.shape.fitting import SEARCHED, Fit, Fitting
 from reporting.shape.goodness import PRACTICAL
 

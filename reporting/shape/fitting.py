@@ -14,9 +14,9 @@ import numpy as np
 from reporting.arrays import Array
 from reporting.shape.atoms import Ties
 from reporting.shape.condensed import Condensed, anderson_darling, condense, distance
-from reporting.shape.families import FAMILIES, Family, Scaled, Theta
+from reporting.shape.family.families import FAMILIES, Family, Scaled, Theta
+from reporting.shape.family.maximum_likelihood import covariance, curvature, maximise
 from reporting.shape.goodness import LEAST_P, bootstrap, tail_misfit
-from reporting.shape.maximum_likelihood import covariance, curvature, maximise
 
 SEARCHED, JUDGED = 600, 4000
 # Values needed for each parameter.
@@ -36,7 +36,7 @@ class Fit:
     Attributes
     ----------
     family, title : str
-        Key in `reporting.shape.families.FAMILIES`, and the name in words.
+        Key in `reporting.shape.family.families.FAMILIES`, and the name in words.
     parameters : dict of str to float
         In the unit of the values. Those of a power transformation and of the beta distribution are of the values
         ``(x - shift) / scale``, with these two beside them.

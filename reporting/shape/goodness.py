@@ -15,8 +15,8 @@ import numpy as np
 from scipy.special import betaincinv
 
 from reporting.arrays import Array
-from reporting.shape.distributions import ClosedForm, Parameter
-from reporting.shape.families import Scaled, Theta
+from reporting.shape.family.distributions import ClosedForm, Parameter
+from reporting.shape.family.families import Scaled, Theta
 
 # A fit with a smaller p-value is not used.
 LEAST_P = 0.01

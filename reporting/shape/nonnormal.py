@@ -25,8 +25,8 @@ from reporting.arrays import Array
 from reporting.capability.intervals import Interval, bench
 from reporting.capability.moments import series
 from reporting.capability.shares import PPM
-from reporting.shape.distributions import Parameter
-from reporting.shape.families import FAMILIES, Scaled
+from reporting.shape.family.distributions import Parameter
+from reporting.shape.family.families import FAMILIES, Scaled
 from reporting.shape.fitting import Fit, distribution
 from reporting.shape.order_statistics import FEWEST, empirical_percentiles, interval_of_quantiles
 

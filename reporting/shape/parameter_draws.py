@@ -11,10 +11,10 @@ from scipy.special import ndtri
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval
 from reporting.shape.condensed import Condensed
-from reporting.shape.families import FAMILIES
+from reporting.shape.family.families import FAMILIES
+from reporting.shape.family.maximum_likelihood import curvature
 from reporting.shape.fitting import Fit, log_likelihood
 from reporting.shape.goodness import PRACTICAL
-from reporting.shape.maximum_likelihood import curvature
 
 # Values that stand for the sample.
 CONDENSED = 240

@@ -13,10 +13,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from reporting.arrays import Array
-from reporting.shape import distributions
 from reporting.shape.condensed import Condensed
-from reporting.shape.distributions import ClosedForm, Parameter
-from reporting.shape.parameter_units import Reading, above, below, of_log, place, plain, probability, ratio, width
+from reporting.shape.family import distributions
+from reporting.shape.family.distributions import ClosedForm, Parameter
+from reporting.shape.family.parameter_units import (
+    Reading,
+    above,
+    below,
+    of_log,
+    place,
+    plain,
+    probability,
+    ratio,
+    width,
+)
 
 Theta = tuple[float, ...]
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from reporting.shape import distributions as shapes
-from reporting.shape.families import FAMILIES, Scaled
+from reporting.shape.family import distributions as shapes
+from reporting.shape.family.families import FAMILIES, Scaled
 
 P = np.array([1e-6, 0.00135, 0.1, 0.5, 0.9, 0.99865, 1 - 1e-6])
 
