@@ -143,7 +143,7 @@ def analyse_response(
         assumed=spec.source.lower().startswith("assumption"),
         verdict=verdict(numbers, counted, others, production=request.design.production),
         capability=numbers,
-        target_indices=target_indices(x, spec.lsl, spec.usl, spec.target, confidence, independent=lots is None),
+        target_indices=target_indices(x, spec.lsl, spec.usl, spec.target, confidence, lots),
         subgroups=() if batches is None else subgroup_sigmas(x, batches[np.isfinite(values)], spec.lsl, spec.usl),
         missing=numbers.dropped,
         yield_=with_failures,

@@ -63,15 +63,30 @@ def test_without_a_target_between_the_limits_there_is_none(arguments):
     assert target_indices(**given, confidence=0.95) is None
 
 
-def test_few_values_and_lots_have_no_interval():
-    """Cpm* from 20, Cpmk from 100 independent values; a constant beside the target has indices and no interval."""
+def test_few_values_and_few_lots_have_no_interval():
+    """Cpmk from 100 values; nothing from four lots; a constant beside the target has indices and no interval."""
     x = np.random.default_rng(1).normal(10, 0.4, 120)
-    for n, intervals in ((19, (False, False)), (20, (True, False)), (100, (True, True))):
+    for n, intervals in ((99, (True, False)), (100, (True, True))):
         found = target_indices(x[:n], 8.0, 12.0, 10.0, 0.95)
         assert (found.cpm_star_interval is not None, found.cpmk_interval is not None) == intervals
-    found = target_indices(x, 8.0, 12.0, 10.0, 0.95, independent=False)
+    found = target_indices(x, 8.0, 12.0, 10.0, 0.95, np.arange(120) // 30)
     assert (found.cpm_star_interval, found.cpmk_interval) == (None, None)
     assert target_indices(np.full(120, 10.5), 8.0, 12.0, 10.0, 0.95).cpm_star_interval is None
+
+
+def test_lots_widen_the_intervals():
+    """200 samples of 30 lots of 20, half of the variance between: 90 % or more are covered, and naively below 75 %."""
+    rng, lots = np.random.default_rng(4), np.arange(600) // 20
+    truth = np.array([4.7, 4.0]) / 3 / math.sqrt(1.49)
+    covered = np.zeros((2, 2))
+    for _ in range(200):
+        x = ((rng.normal(size=(30, 20)) + rng.normal(size=(30, 1))) / math.sqrt(2)).ravel()
+        for way, given in enumerate((lots, None)):
+            found = target_indices(x, None, 4.0, -0.7, 0.95, given)
+            for which, (low, high) in enumerate((found.cpm_star_interval, found.cpmk_interval)):
+                covered[way, which] += low <= truth[which] <= high
+    assert np.all(covered[0] >= 0.9 * 200)
+    assert np.all(covered[1] < 0.75 * 200)
 
 
 @pytest.mark.parametrize("shape", ["normal", "lognormal", "standard_t", "uniform"])
