@@ -199,9 +199,11 @@ def with_spread(old: Distribution, factor: float) -> "Distribution | _Stretched"
         return _Stretched(old, factor)
     from scipy.optimize import brentq  # takes 0.4 s to import
 
+    wanted = factor * old.moments()[1]
+
     def excess(scale: float) -> float | None:
         scaled = _with_std(old, exp(scale))
-        return None if scaled is None else scaled.moments()[1] / old.moments()[1] / factor - 1.0
+        return None if scaled is None else scaled.moments()[1] / wanted - 1.0
 
     near, far, wall = 0.0, log(factor), inf
     for _ in range(_MOST_STEPS):
@@ -213,7 +215,7 @@ def with_spread(old: Distribution, factor: float) -> "Distribution | _Stretched"
     else:
         return _with_std(old, exp(near)) or old
     if abs(found) >= _SAME_SPREAD:
-        far = float(brentq(lambda scale: excess(scale) or 0.0, near, far, xtol=1e-7))
+        far = float(brentq(lambda scale: excess(scale) or 0.0, near, far, xtol=0.1 * _SAME_SPREAD))
     return _with_std(old, exp(far)) or old
 
 

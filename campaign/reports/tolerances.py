@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from campaign.errors import CampaignError
+from campaign.inputs.distributions import Distribution
 from campaign.plan import Plan
-from campaign.reports.changed_distributions import check_drawn, scale_spread
+from campaign.reports.changed_distributions import check_drawn, scale_spread, with_spread
 from campaign.reports.cost_file import Cost, Costs
 from campaign.reports.samples import Limits, independent_samples, limits_of
 from campaign.store import Store
@@ -87,7 +88,9 @@ def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
     """
     samples, limits, _ = _samples_and_limits(store, plan)
     values = {name: samples[name][np.isfinite(samples[name])] for name in limits}
-    variables = [_costed(name, plan.spec.variables[name].moments()[1], cost) for name, cost in costs.variables.items()]
+    variables = [_costed(name, plan.spec.variables[name], cost) for name, cost in costs.variables.items()]
+    free = {variable.variable for variable in variables if not variable.locked}
+    correlated = any(free & {a, b} for a, b, rank in plan.spec.correlations or () if rank)
 
     def scale_all(factors: Mapping[str, float], rows: NDArray[np.intp]) -> Change:
         return scale_spread(plan.spec, factors, _variables(plan, samples, rows))
@@ -100,7 +103,7 @@ def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
             if x.size > 1
         ]
         responses = {requirement.response: samples[requirement.response] for requirement in requirements}
-        return allocate(variables, requirements, responses, scale_all)
+        return allocate(variables, requirements, responses, scale_all, correlated)
 
 
 @contextmanager
@@ -145,7 +148,9 @@ def _varied(plan: Plan) -> list[str]:
     return [name for name, variable in plan.spec.variables.items() if variable.moments()[1] > 0]
 
 
-def _costed(name: str, std: float, cost: Cost) -> CostedVariable:
+def _costed(name: str, distribution: Distribution, cost: Cost) -> CostedVariable:
     """Return between which standard deviations a variable may be made, and at what cost."""
+    std = distribution.moments()[1]
     lower, upper = cost.lower or 0.1 * std, cost.upper or 10 * std
-    return CostedVariable(name, std, cost.law(), lower, upper, cost.locked)
+    largest = with_spread(distribution, upper / std).moments()[1] if upper > std else upper
+    return CostedVariable(name, std, cost.law(), lower, max(min(upper, largest), lower), cost.locked)

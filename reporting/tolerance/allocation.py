@@ -27,6 +27,7 @@ from reporting.tolerance.whatif import runs_for, what_if_all
 
 CONTRIBUTIONS = "variance contributions"
 _CORRECTIONS = 12
+_NOT_CONVERGED = "The correction by reweighting did not converge: confirm the proposal by a campaign before you use it."
 _SAME_FACTOR = 1e-3  # the corrections end when no tolerance changes by a larger share
 
 Rescale = Callable[[Mapping[str, float], Rows], Change]
@@ -98,6 +99,7 @@ def allocate(
     requirements: Sequence[Requirement],
     responses: Mapping[str, ArrayLike] | None = None,
     rescale: Rescale | None = None,
+    correlated: bool = False,
 ) -> Allocation:
     """Return the cheapest tolerances.
 
@@ -111,6 +113,9 @@ def allocate(
         Values of each sample of the campaign, for the correction by reweighting.
     rescale : callable (factors by variable, rows) -> Change, optional
         Change of the density at these rows when the standard deviations are multiplied by the factors.
+    correlated : bool
+        A variable whose tolerance may change is correlated with another. The variance of a response is then no sum of
+        contributions, and a proposal is made only where reweighting gives its mean and sigma.
 
     Raises
     ------
@@ -120,8 +125,10 @@ def allocate(
     check(variables, requirements)
     optimum = _solve(variables, requirements)
     if optimum is None or responses is None or rescale is None:
-        return _proposal(variables, requirements, optimum, CONTRIBUTIONS, None)
-    return _with_reweighting(variables, requirements, optimum, responses, rescale)
+        proposal = _proposal(variables, requirements, optimum, CONTRIBUTIONS, None)
+    else:
+        proposal = _with_reweighting(variables, requirements, optimum, responses, rescale)
+    return _of_correlated(proposal) if correlated else proposal
 
 
 def _with_reweighting(
@@ -150,8 +157,19 @@ def _with_reweighting(
         optimum = following
         if unchanged:
             return _proposal(variables, requirements, optimum, REWEIGHTING, effective)
-    note = "The correction by reweighting did not converge: confirm the proposal by a campaign before you use it."
-    return _proposal(variables, requirements, optimum, REWEIGHTING, effective, (note,))
+    return _proposal(variables, requirements, optimum, REWEIGHTING, effective, (_NOT_CONVERGED,))
+
+
+def _of_correlated(proposal: Allocation) -> Allocation:
+    """Return the proposal if the joint distribution of correlated variables confirmed it, else a refusal."""
+    if proposal.method == REWEIGHTING and not proposal.refusal and _NOT_CONVERGED not in proposal.notes:
+        note = "The variables are correlated: the targets hold with the correlations, but a cheaper set may exist."
+        return replace(proposal, notes=(*proposal.notes, note))
+    refusal = (
+        "the variables are correlated, so a response's variance is no sum of their shares, and the samples cannot be"
+        " reweighted to cheaper tolerances; bring the bounds nearer to the present ones, or lock correlated variables"
+    )
+    return replace(proposal, tolerances={}, factors={}, cost=None, responses=(), processes={}, refusal=refusal)
 
 
 def _solve(variables: Sequence[CostedVariable], requirements: Sequence[Requirement]) -> Optimum | None:

@@ -144,3 +144,13 @@ def test_columns_of_different_lengths_are_refused():
     """With their names."""
     with pytest.raises(ReportError, match="y: differs in length from the others"):
         sensitivity({"a": np.zeros(5)}, {"y": np.zeros(6)})
+
+
+def test_correlated_variables_are_not_sent_to_a_sampler_that_refuses_them():
+    """Saltelli's design needs independent variables: the note recommends it for those alone."""
+    z = RNG.normal(size=(2000, 2))
+    for rho, recommended in ((0.0, True), (-0.9, False)):
+        x = np.column_stack([z[:, 0], rho * z[:, 0] + math.sqrt(1 - rho**2) * z[:, 1]])
+        notes = " ".join(sensitivity(named(x), {"y": x[:, 0] * x[:, 1] + RNG.normal(size=2000)}).responses[0].notes)
+        assert "not a sum of effects" in notes
+        assert ("saltelli" in notes) == recommended

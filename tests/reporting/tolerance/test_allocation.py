@@ -190,3 +190,35 @@ def test_degenerate_weights_leave_the_linear_model():
     assert found.method == "variance contributions"
     assert "worth 50" in found.notes[0]
     assert found.responses[0].cpk == pytest.approx(1.33, rel=1e-6)
+
+
+@pytest.mark.parametrize("rho", [-0.3, 0.6])
+def test_correlated_tolerances_keep_the_target_together_or_are_refused(rho):
+    """Fresh correlated samples of the proposal have the target Cpk; where the weights do not reach, none is made."""
+    scores = np.array([[1.0, rho], [rho, 1.0]])
+    mixed, inverse = np.linalg.cholesky(scores).T, np.linalg.inv(scores)
+    z = np.random.default_rng(3).normal(size=(40_000, 2)) @ mixed
+    weight = np.array([1.0, 0.6])
+    sigma = math.sqrt(weight @ scores @ weight)
+    shares = {f"J{i + 1}": weight[i] ** 2 / sum(weight**2) for i in range(2)}
+
+    def rescale(factors, rows):
+        scaled = z[rows] / list(factors.values())
+        old, new = (np.einsum("ij,jk,ik->i", x, inverse, x) for x in (z[rows], scaled))
+        return Change((old - new) / 2)
+
+    def ask(now, rescale):
+        limit = 3 * now * sigma
+        wanted = Requirement("y", 0.0, sigma, -limit, limit, 1.33, shares)
+        costs = [CostedVariable(f"J{i + 1}", 1.0, PowerLaw(0.0, 1.0), 0.2, 5.0) for i in range(2)]
+        return allocate(costs, [wanted], {"y": z @ weight}, rescale, correlated=True)
+
+    found = ask(1.36, rescale)
+    scaled = weight * list(found.factors.values())
+    assert found.method == "reweighting"
+    assert 1.36 * sigma / math.sqrt(scaled @ scores @ scaled) == pytest.approx(1.33, rel=0.012)
+    assert "correlated" in found.notes[-1]
+    far = ask(6.0, rescale)
+    assert (far.tolerances, far.cost) == ({}, None)
+    assert "variables are correlated" in far.refusal
+    assert "variables are correlated" in ask(1.36, None).refusal
