@@ -11,12 +11,16 @@ from scipy.stats import norm
 from reporting.capability.notes import NOT_NORMAL
 from reporting.capability.shares import nonconforming
 from reporting.capability.summary import capability
+from reporting.capability.verdict import class_of, index_of_share
 from reporting.shape.nonnormal import NonnormalIndices
 from studies.coverage.outcomes import Statement
 from studies.coverage.pages import CONFIDENCE, page, warned_of_all, warned_of_normal
 from studies.coverage.productions import Production, Truth, distance_from_normal, explained, truth
 
 INFINITE = float("inf")
+# Limits as scores at which normal values are marginal; by its Cpk alone another shape may be capable or not.
+JUDGED = (-4.5, 3.5)
+CLASSES = ("not capable", "marginal", "capable")
 
 
 def indices(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
@@ -79,6 +83,15 @@ def methods(production: Production, n: int, rng: np.random.Generator) -> Iterato
     )
     assert analysed.yield_ is not None
     yield Statement("yield, at least", (analysed.yield_.lower, INFINITE), 1 - 1e-6 * true.ppm, warned)
+
+
+def verdicts(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
+    """Yield the verdict that calls itself certain, as a class, beside the worse of those by true index and share."""
+    true = truth(production.shape, limits=JUDGED)
+    analysed = page(production, production.draw(n, rng), true).responses[0].verdict
+    right = min(CLASSES.index(class_of(index)) for index in (true.cpk, index_of_share(max(true.below, true.above))))
+    given = float(CLASSES.index(analysed.word)) if analysed.certain else None
+    yield Statement("certain verdict", None if given is None else (given, given), float(right))
 
 
 def _of_method(word: str, m: NonnormalIndices | None, true: Truth, *, warned: bool) -> Iterator[Statement]:

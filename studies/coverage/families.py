@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from studies.coverage.estimates import counts, indices, methods
+from studies.coverage.estimates import counts, indices, methods, verdicts
 from studies.coverage.outcomes import Statement, Tally, tallied
 from studies.coverage.productions import JUMPS, LOTS, LOTS_IN_TURN, SHAPES, SIZES, Production
 from studies.coverage.products import contents, products
@@ -61,7 +61,7 @@ REPLICATIONS: dict[Estimate, int] = {
     contents: 300,
 }
 # Of some productions only.
-OF_JUMPS, OF_REJECTS, OF_RARE, OF_STOPS = 60, 60, 200, 100
+OF_JUMPS, OF_REJECTS, OF_RARE, OF_STOPS, OF_VERDICTS = 60, 60, 200, 100, 40
 
 
 def cases(share: float = 1.0) -> list[Case]:
@@ -74,6 +74,7 @@ def cases(share: float = 1.0) -> list[Case]:
     ]
     found += [Case(causes, p, n, round(share * OF_JUMPS)) for p in JUMPS for n in SIZES[1:]]
     found += [Case(attributions, p, n, round(share * OF_REJECTS)) for p in (SHAPES[0], *LOTS) for n in SIZES[1:]]
+    found += [Case(verdicts, p, n, round(share * OF_VERDICTS)) for p in (*SHAPES, *LOTS) for n in SIZES[1:]]
     found += [Case(rare_shares, p, n, round(share * OF_RARE)) for p in AIMED for n in SIZES[1:]]
     found += [Case(stops, production, max(SIZES), round(share * OF_STOPS)) for production in LOTS_IN_TURN]
     return sorted(found, key=lambda case: -case.n * case.replications)

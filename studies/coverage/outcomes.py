@@ -19,7 +19,7 @@ FALSE_ALARMS = 0.10
 # values, or over all positions of the mean.
 CONSERVATIVE = re.compile(
     "counted|distance from normal|yield|loss by a response|part of the rejects|contains [0-9.]+, any|Cpk, joint"
-    "|what if .*: ppm|rare, "
+    "|what if .*: ppm|rare, |certain verdict"
 )
 
 

@@ -11,6 +11,7 @@ from studies.coverage.productions import Production
 GROUPS = {
     "mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm": "mean|sigma|Cp|Cpk|Cpl|Cpu|Cc|Cpm",
     "joint Cpk": "Cpk, joint",
+    "certain verdicts": "certain verdict",
     "Z.bench, ppm expected": "Z.bench|ppm expected, normal",
     "Cp within lots": "Cp within lots",
     "counted shares, yields": "counted, .*|yield.*|loss by a response",
