@@ -41,7 +41,7 @@ prove: $(VENV)/.dev ## the slow proofs: what fails while a campaign runs, scale,
 	$(BIN)/python -m pytest -m "slow and not storm and not alone" $(PARALLEL)
 	$(BIN)/python -m pytest -m alone
 
-storms: $(VENV)/.dev ## a hundred campaigns that are killed, paused and robbed of their disk (25 minutes on two cores)
+storms: $(VENV)/.dev ## a hundred campaigns that are killed, paused and robbed of their disk (about an hour on two cores)
 	$(BIN)/python -m pytest tests/campaign/storms/test_storms.py -m storm --numprocesses auto
 
 lint: $(VENV)/.dev ## style, types, import contracts

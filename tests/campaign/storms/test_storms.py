@@ -26,7 +26,7 @@ from tests.campaign.storms.supervisor import Supervisor, those_left
 
 pytestmark = [pytest.mark.slow, pytest.mark.storm]
 
-STORMS, SHARE = 100, 4
+STORMS, SHARE = 100, 6
 COMMIT = os.environ.get("CLEARCAP_STORMS")  # when set, only a share of the storms runs, chosen by it
 SEEDS = sorted(random.Random(COMMIT).sample(range(STORMS), SHARE)) if COMMIT else range(STORMS)
 RUN = 0.03  # s, that a run of the stand-in takes
