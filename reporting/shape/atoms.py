@@ -120,5 +120,5 @@ def in_words(atom: Atom) -> str:
     """Return what an atom is, in one sentence."""
     percent = f"{100 * atom.share:.3g} % of the values ({atom.count}) are {atom.value:.6g}"
     if atom.where == "inside":
-        return f"{percent}, a plateau."
+        return f"{percent}, a plateau or a preferred number."
     return f"{percent}, the {'smallest' if atom.where == 'lowest' else 'largest'} value: a stop or a plateau."

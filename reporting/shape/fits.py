@@ -87,12 +87,12 @@ def fit_families(
     n = int(values.size)
     if n < 2 or values[-1] - values[0] <= ROUNDING * float(np.max(np.abs(values))):
         return unfitted("Fewer than two different values, so no distribution is fitted.")
-    if not float(np.max(np.abs(values))) < 1e150:
-        return unfitted("The values are too large to be squared, so no distribution is fitted.")
+    if not float(np.max(np.abs(values))) < 1e150 or not float(np.std(values)) > 0:
+        return unfitted("The values are too large or too small to be squared, so no distribution is fitted.")
     ties = atoms.ties(values)
     found = ties.atoms()
     if found:
-        said = (*(atoms.in_words(atom) for atom in found), "No smooth distribution describes it, so none is fitted.")
+        said = (*(atoms.in_words(atom) for atom in found), "No smooth distribution describes that, so none is fitted.")
         return unfitted(" ".join(said), found)
     if ties.discrete:
         return unfitted(f"Only {ties.values.size} different values, so no smooth distribution is fitted.")

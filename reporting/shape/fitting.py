@@ -108,7 +108,8 @@ class Fitting:
         self.few, self.many = condense(self.smooth, SEARCHED), condense(self.smooth, JUDGED)
         self.bootstrap = bootstrap(ordered.size)
         self.median, self.std = float(np.median(ordered)), float(np.std(ordered))
-        self.skewness = float(np.mean((ordered - np.mean(ordered)) ** 3))
+        z = (ordered - self.median) / self.std
+        self.skewness = float(np.mean((z - np.mean(z)) ** 3))
 
     def fit(self, family: Family) -> Fit | str:
         """Return the fit of a family, or why there is none."""

@@ -126,7 +126,18 @@ def test_what_cannot_be_fitted_says_why() -> None:
 
 
 @pytest.mark.parametrize(
-    "x", [[], [1.0], [2.0] * 50, [np.nan] * 50, [1.0, 2.0, 3.0], [0.1] * 49 + [0.2], [1e200, -1e200] * 20]
+    "x",
+    [
+        [],
+        [1.0],
+        [2.0] * 50,
+        [np.nan] * 50,
+        [1.0, 2.0, 3.0],
+        [0.1] * 49 + [0.2],
+        [1e200, -1e200] * 20,
+        1e120 * np.random.default_rng(1).normal(size=100),
+        1e-200 * np.arange(100.0),
+    ],
 )
 def test_odd_values_give_no_error(x) -> None:
     found = fit_families(x)

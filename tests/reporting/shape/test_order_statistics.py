@@ -32,22 +32,20 @@ def test_a_statistic_of_one_quantile_has_its_interval() -> None:
     assert found["twice"] == pytest.approx((2 * low, 2 * high))
 
 
-@pytest.mark.parametrize("n", [2800, 5000, 30_000])
-@pytest.mark.parametrize(
-    "known", [stats.norm(), stats.t(5), stats.gamma(9), stats.lognorm(0.5)], ids=["normal", "t5", "gamma", "lognormal"]
-)
-def test_empirical_intervals_cover_the_truth(known, n: int) -> None:
+@pytest.mark.parametrize("n", [2800, 5000])
+@pytest.mark.parametrize("spread", [0.0, 0.25, 0.5], ids=["normal", "lognormal(0.25)", "lognormal(0.5)"])
+def test_empirical_intervals_cover_the_truth(spread: float, n: int) -> None:
     """100 samples; the bootstrap before covered 82 to 92 % at 2,800. 0.88 is 0.95 less three binomial errors."""
-    low, median, high = known.ppf(ENDS)
+
+    def shaped(z: np.ndarray) -> np.ndarray:
+        return np.expm1(spread * z) / spread if spread else z
+
+    low, median, high = shaped(stats.norm.ppf(ENDS))
     lsl, usl = median - 1.3 * (median - low), median + 1.2 * (high - median)
     rng = np.random.default_rng(7)
     inside = []
     for _ in range(100):
-        found = empirical_indices(known.ppf(rng.random(n)), lsl, usl)
-        inside.append(
-            [
-                found.ppk_interval[0] <= 1.2 <= found.ppk_interval[1],
-                found.pp_interval[0] <= (usl - lsl) / (high - low) <= found.pp_interval[1],
-            ]
-        )
+        found = empirical_indices(shaped(rng.normal(size=n)), lsl, usl)
+        (ppk_low, ppk_high), (pp_low, pp_high) = found.ppk_interval, found.pp_interval
+        inside.append([ppk_low <= 1.2 <= ppk_high, pp_low <= (usl - lsl) / (high - low) <= pp_high])
     assert np.all(np.mean(inside, axis=0) >= 0.88)

@@ -74,11 +74,11 @@ def test_no_number_and_no_bound_below_a_hundredth_of_one_value() -> None:
     ids=["normal", "lognormal below", "t5", "Gumbel below", "gamma"],
 )
 def test_the_interval_covers_at_2000_values(known, sign: int, ppm: float) -> None:
-    """40 samples; before, 65 to 91 of 100, with the truth above the upper end in up to 32."""
+    """25 samples; before, 65 to 91 of 100, with the truth above the upper end in up to 32."""
     limit = known.isf(ppm * 1e-6) if sign > 0 else -known.ppf(ppm * 1e-6)
     rng = np.random.default_rng(5)
-    tails = [pareto_tails(sign * known.ppf(rng.random(2000)), None, limit)[0] for _ in range(40)]
+    tails = [pareto_tails(sign * known.ppf(rng.random(2000)), None, limit)[0] for _ in range(25)]
     known_ends = [tail.interval for tail in tails if tail.interval]
-    assert len(known_ends) >= 36
-    assert np.mean([low <= ppm <= high for low, high in known_ends]) >= 0.85
-    assert np.mean([ppm > high for _, high in known_ends]) <= 0.1
+    assert len(known_ends) >= 22
+    assert np.mean([low <= ppm <= high for low, high in known_ends]) >= 0.8
+    assert np.mean([ppm > high for _, high in known_ends]) <= 0.12
