@@ -34,6 +34,7 @@ _ENDS_BEFORE = (
     "The values do not rule out a distribution that ends before a limit, so an interval has no upper end: "
     f"{_FARTHEST:.3f} stands for it."
 )
+_UNDEFINED = "A family that the values do not rule out has no such number, so an interval is missing."
 METHODS = ("percentile", "z_score")
 
 
@@ -87,6 +88,7 @@ def supported_indices(
         }
         ends = [interval[1] for interval in over_all.values() if interval is not None]
         notes = (*point.notes, _ENDS_BEFORE) if ends and max(ends) >= _FARTHEST else point.notes
+        notes = (*notes, _UNDEFINED) if len(ends) < len(names) else notes
         results.append(replace(point, **found, **over_all, ppm_expected_interval=ppm, notes=notes))
     return tuple(results)
 
