@@ -10,6 +10,8 @@ import typer
 from campaign.cli.output import console, number, print_json, print_table, print_text, say
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+
     from campaign.cluster.cluster import Cluster
     from campaign.coordinator.coordinate import Outcome
     from campaign.plan import Plan
@@ -101,19 +103,25 @@ def _print_results(store: "Store", outcome: "Outcome") -> None:
     """Print how the runs ended, and the capability of each response."""
     import pyarrow as pa
 
+    from campaign.inputs.sampling import sampler_named
+    from campaign.worker.moments import plain_rows
     from reporting import capability
 
     plan = outcome.plan
     names = list(plan.mechanism.responses)
-    rows = pa.concat_tables([plan.schema.empty_table().select(names), *store.stream(plan, names)])
+    columns = [*names, *sampler_named(plan.spec.sampler).columns]
+    rows = pa.concat_tables([plan.schema.empty_table().select(columns), *store.stream(plan, columns)])
+    plain = plain_rows(rows)
     table = []
     units = plan.mechanism.response_units()
     for name in names:
         response = plan.spec.responses.get(name)
         lsl, usl, target = response.limits() if response else (None, None, None)
-        values = rows[name].drop_null().to_numpy()
+        values = plain[name].drop_null().to_numpy()
         c = capability(values, lsl=lsl, usl=usl, target=target)
         ppm = "-" if c.ppm_observed is None else f"{c.ppm_observed:.0f}"
+        if "log_weight" in columns and c.ppm_observed is not None:
+            ppm = f"{_weighted_ppm(rows, name, lsl, usl):.3g}"
         cells = (number(c.mean), number(c.std, 3), number(lsl), number(usl), number(c.cpk, 3), ppm)
         table.append((name, units[name], *cells))
     heads = ("response", "unit", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out")
@@ -123,6 +131,15 @@ def _print_results(store: "Store", outcome: "Outcome") -> None:
     if outcome.verdict:
         precision = "precise enough" if outcome.verdict.sure else "not precise enough yet"
         print_text(f"{precision}: {outcome.verdict.text()}")
+
+
+def _weighted_ppm(rows: "pa.Table", name: str, lsl: float | None, usl: float | None) -> float:
+    """Return the share of rejects by the weights of importance sampling [ppm]."""
+    import numpy as np
+
+    y, weights = rows[name].to_numpy(), np.exp(rows["log_weight"].to_numpy())
+    rejects = (y < (-np.inf if lsl is None else lsl)) | (y > (np.inf if usl is None else usl))
+    return float(1e6 * np.sum(weights[rejects]) / rows.num_rows)
 
 
 def plan_campaign(

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan
 from campaign.store import Store, Survey
 from campaign.worker.messages import BatchResult
@@ -154,7 +155,8 @@ class Progress:
         self.samples = store.end(self.plan)
         if survey.parts:
             names = list(self.plan.mechanism.responses)
-            for table in store.stream(self.plan, names):
+            columns = [*names, *sampler_named(self.plan.spec.sampler).columns]
+            for table in store.stream(self.plan, columns):
                 add_moments(self.moments, moments(table, names))
 
     def add(self, result: BatchResult) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import pyarrow as pa
+import pyarrow.compute as pc
 
 
 @dataclass(frozen=True)
@@ -43,14 +44,19 @@ class Moments:
 
 
 def moments(table: pa.Table, responses: Iterable[str]) -> dict[str, Moments]:
-    """Return the moments of each response over a table; rows without a value do not count."""
-    moments_of = {}
+    """Return the moments of each response over the plain rows of a table; rows without a value do not count."""
+    moments_of, table = {}, plain_rows(table)
     for name in responses:
         x = table[name].drop_null().to_numpy()
         mean = float(x.sum()) / x.size if x.size else 0.0
         deviations = x - mean
         moments_of[name] = Moments(x.size, mean, float((deviations * deviations).sum()))
     return moments_of
+
+
+def plain_rows(table: pa.Table) -> pa.Table:
+    """Return the rows that are drawn from the distributions themselves: all, but with importance sampling some."""
+    return table.filter(pc.field("component") == 0) if "component" in table.column_names else table
 
 
 def add_moments(total: dict[str, Moments], more: dict[str, Moments]) -> None:

@@ -5,6 +5,8 @@ from reporting.rare.plain_check import CHECK_BAR
 from reporting.rare.rare_rejects import RareRejects
 from reporting.trust.check import Check
 
+LOOSE = 0.2  # of a share: so much more in regions that nobody aims at is worth a warning
+
 
 def rare_checks(rare: RareRejects | None) -> tuple[Check, ...]:
     """Return the lines on an importance campaign; none for others."""
@@ -20,6 +22,17 @@ def _known(rare: RareRejects) -> Check:
     if doubts:
         text = f"Only an upper bound is known of {'; '.join(doubts)}. clearcap design aims better, with these runs."
         return Check(name, "attention", text, float(len(doubts)))
+    loose = [
+        f"{response} up to {format_numbers.ppm(share.by_chance_ppm)} ppm"
+        for response, share in shares.items()
+        if share.rejects and share.by_chance_ppm > LOOSE * share.ppm
+    ]
+    if loose:
+        text = (
+            f"Where nothing aims there may be more than the weights know: {', '.join(loose)}, which the upper"
+            " ends have in them. More runs of a component of scale 2 bound it; if rejects were met there, clearcap design aims at them."
+        )
+        return Check(name, "attention", text, float(len(loose)))
     found = {response: share.standard_error for response, share in shares.items() if share.standard_error is not None}
     none = [response for response in shares if response not in found]
     text = f"Weighted over {format_numbers.grouped(rare.runs)} runs."

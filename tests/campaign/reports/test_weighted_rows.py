@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from jsonschema import validate
 
+from campaign.coordinator.heartbeat import Progress
 from campaign.coordinator.rerun import rerun_batch
 from campaign.errors import SpecError
 from campaign.inputs.sampling import draw, sampler_named
@@ -75,13 +76,15 @@ def _fails(mechanism, values, **settings):
 
 
 def test_questions_go_to_production_alone(tmp_path):
-    """What-if and advice take the samples that are drawn from the distributions themselves."""
+    """What-if, advice and the progress take the samples that are drawn from the distributions themselves."""
     store, plan = computed(tmp_path / "runs", written(tmp_path, samples=200), 50)
     table = store.table()
     nominal = table["component"].to_numpy() == 0
     assert 20 < nominal.sum() < 60
     samples, lots = independent_samples(store, plan)
     assert lots is None
+    progress = Progress(store, plan, store.survey(plan))
+    assert progress.moments["FC-1"].n == nominal.sum()
     assert samples["J1"].tolist() == table["J1"].to_numpy()[nominal].tolist()
 
 

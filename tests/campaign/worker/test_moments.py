@@ -37,3 +37,9 @@ def test_digits_at_a_large_mean():
 def test_failed_runs_do_not_count():
     """A null is no value."""
     assert of([1.0, None, 3.0]) == Moments(2, 2.0, 2.0)
+
+
+def test_importance_samples_do_not_count():
+    """Of weighted rows only those count that are drawn from the distributions: the others are no production."""
+    table = pa.table({"x": pa.array([1.0, 90.0, 3.0]), "component": pa.array([0, 1, 0])})
+    assert moments(table, ["x"])["x"] == Moments(2, 2.0, 2.0)

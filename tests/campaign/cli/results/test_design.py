@@ -85,6 +85,7 @@ def test_the_way_of_a_block_down_a_slope(tmp_path):
     exact = 1e6 * norm.sf(4.5)
     assert share["standard_error"] < 0.15
     assert share["ppm"] == pytest.approx(exact, rel=4 * share["standard_error"])
+    assert f" {share['ppm']:.3g} " in ended.stdout
     assert share["interval"][0] < exact < share["interval"][1]
     first = clearcap("replay", written.parents[1].name, 7, "--json", cwd=tmp_path)
     assert json.loads(first.stdout)["same"] is True
