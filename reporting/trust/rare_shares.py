@@ -30,7 +30,8 @@ def _known(rare: RareRejects) -> Check:
     if loose:
         text = (
             f"Where nothing aims there may be more than the weights know: {', '.join(loose)}, which the upper"
-            " ends have in them. More runs of a component of scale 2 bound it; if rejects were met there, clearcap design aims at them."
+            " ends have in them. More runs of a component of scale 2 bound it; if rejects were met there, clearcap"
+            " design aims at them."
         )
         return Check(name, "attention", text, float(len(loose)))
     found = {response: share.standard_error for response, share in shares.items() if share.standard_error is not None}
