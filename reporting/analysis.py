@@ -213,5 +213,6 @@ def _advice(
         columns,
         varied,
         lambda variable, factor, at: widen(variable, {name: x[at] for name, x in columns.items()}, factor),
+        lots=None if samples.lots is None else samples.lots[rows],
     )
     return advice, note

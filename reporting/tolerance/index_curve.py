@@ -11,7 +11,7 @@ from reporting.arrays import Array
 from reporting.tolerance.response_surface import MOST_BEYOND, Surface, beyond, fit_surface, moved_cpk
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.weighted_intervals import LotLabels
-from reporting.tolerance.whatif import what_if_all
+from reporting.tolerance.whatif import too_few, what_if_all
 
 _UP, _DOWN = 1.1, 0.85  # steps of the factor
 _REFINEMENTS = 3  # of a crossing, and of the end of what can be answered
@@ -93,6 +93,8 @@ class Question:
             has = np.isfinite(self.responses[name])
             standard = (to[has] - x[has].mean()) / x[has].std()
             lots = None if self.lots is None else self.lots[has]
+            if refusal := too_few(standard.size, np.ones(standard.size), lots):
+                return refusal
             found = moved_cpk(surface, (at, standard, factor), self.limits[name], self.confidence, lots)
             if found is not None:
                 indices[name] = (found[1][0], found[0], found[1][1])

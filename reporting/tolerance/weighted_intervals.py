@@ -19,7 +19,6 @@ from reporting.capability.intervals import Interval
 # in 90 to 100 % of campaigns of 500 and 5,000 samples, one sigma times 0.5 to 1.3; with 1, in 79 to 99 %.
 UNSEEN_SKEWNESS = 1.5
 _LEAST_FREEDOM = 2.0
-LEAST_LOTS = 5
 
 LotLabels = NDArray[np.generic]
 

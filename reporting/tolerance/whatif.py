@@ -19,12 +19,12 @@ from scipy.special import ndtri
 
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval
+from reporting.capability.lots import LEAST_LOTS, lots_worth
 from reporting.capability.moments import ROUNDING
 from reporting.capability.shares import PPM, expected_normal
 from reporting.errors import ReportError
 from reporting.tolerance.reweighting import Change, Weights, pareto_smoothed, weights
 from reporting.tolerance.weighted_intervals import (
-    LEAST_LOTS,
     LotLabels,
     by_lot,
     mean_interval,
@@ -183,7 +183,7 @@ def _under(
     n, limited = int(np.count_nonzero(finite)), limits != (None, None)
     with_value = float(w.weight[finite].sum())
     base = WhatIf(n, y.size - n, w.effective, w.largest, w.pareto_k, w.pareto_k_bar, w.outside, 0)
-    refusal = w.refusal or _too_few(n, with_value, None if lots is None else lots[finite])
+    refusal = w.refusal or too_few(n, w.weight[finite], None if lots is None else lots[finite])
     usual_runs = runs_for(USUAL_CPK if limited else None)
     if refusal:
         return replace(base, refusal=refusal, runs=usual_runs)
@@ -204,14 +204,12 @@ def _under(
     )
 
 
-def _too_few(n: int, with_value: float, lots: LotLabels | None) -> str:
+def too_few(n: int, weight: Array, lots: LotLabels | None) -> str:
     """Return why the samples with a value do not suffice; empty if they do."""
-    if n < 2 or with_value <= 0:
+    if n < 2 or weight.sum() <= 0:
         return "no sample with a value has a weight above zero"
-    count = LEAST_LOTS if lots is None else int(np.unique(lots).size)
-    return (
-        "" if count >= LEAST_LOTS else f"the samples are of {count} production lots; at least {LEAST_LOTS} are needed"
-    )
+    worth = LEAST_LOTS if lots is None else lots_worth(by_lot(weight, lots))
+    return "" if worth >= LEAST_LOTS else f"the samples are worth {worth:.2g} production lots; {LEAST_LOTS} are needed"
 
 
 def _notes(varies: bool, limited: bool, k: float | None) -> Iterator[str]:

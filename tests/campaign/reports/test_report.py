@@ -16,6 +16,7 @@ from campaign.store import open_store
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine
+from tests.campaign.driving import computed
 
 
 def test_spec_says_limits_units_and_origin(plan):
@@ -118,3 +119,16 @@ def test_a_page_has_the_distributions_and_the_advice_of_the_campaign(plan, tmp_p
     content = json.loads(Path(report(store, plan)["json"]).read_text())
     assert content["replay"] == spec.replay
     assert {each["variable"] for each in content["advice"]} == {"J1", "preload"} or content["advice_note"]
+
+
+def test_the_advice_of_the_page_knows_production_lots(campaign_file, tmp_path):
+    """Four lots say nothing of how far a spread may grow, however many samples they have; 20 lots do."""
+    for size, refused in ((100, True), (20, False)):
+        path = campaign_file.parent / f"lots{size}.toml"
+        batch = f"std = 0.0175\nbatch = {{size = {size}, std = 0.01}}"
+        path.write_text(campaign_file.read_text().replace("std = 0.0175", batch))
+        store, plan = computed(tmp_path / f"s{size}", load_campaign(str(path), samples=400), 200)
+        content = json.loads(Path(report(store, plan)["json"]).read_text())
+        advice = {each["variable"]: each for each in content["advice"]}
+        assert bool(advice["J1"]["refusal"]) == refused, content["advice_note"]
+        assert (advice["J1"]["interval"][0] is None) == refused

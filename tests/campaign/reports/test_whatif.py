@@ -77,9 +77,9 @@ def test_production_batches_are_minded(campaign_file, tmp_path):
         intervals[size] = what_if(store, plan, ["J1.std=0.0173"])["FC-2"]
     y = store.table(plan.campaign_id)["FC-2"].to_numpy()
     assert np.diff(intervals[20].mean.interval)[0] > 1.2 * 4 * y.std() / 20
-    assert "of 4 production lots" in intervals[100].refusal
+    assert "worth 4 production lots" in intervals[100].refusal
     asked = ["whatif", plan.campaign_id, "--set", "J1.std=0.0173", "--store", store.url]
-    assert "of 4 production lots" in CliRunner().invoke(app, asked).stderr
+    assert "worth 4 production lots" in CliRunner().invoke(app, asked).stderr
 
 
 def test_a_share_below_one_sample_is_a_bound(filled):

@@ -199,3 +199,20 @@ def test_intervals_hold_the_factor_of_fresh_simulation(name, now, n):
         low, high = advice.interval
         held += advice.factor is not None and low <= true and (high is None or true <= high)
     assert held / runs >= 0.9 - 2 * math.sqrt(0.9 * 0.1 / runs)
+
+
+def test_lots_widen_the_interval_and_few_give_none():
+    """Of variables that shift from lot to lot, 40 lots determine less than 2,000 independent samples; four nothing."""
+    rng = np.random.default_rng(6)
+    lots = np.repeat(np.arange(40), 50)
+    z = (rng.normal(size=(40, 3))[lots] + rng.normal(size=(2000, 3))) / math.sqrt(2)
+    y, limit = z @ A, 3 * 1.6 * SIGMA
+    columns = {f"J{i + 1}": z[:, i] for i in range(3)}
+
+    def ask_with(lots):
+        return advise({"y": y}, {"y": (-limit, limit)}, {"y": 1.33}, columns, ["J1"], widening(z), lots=lots)[0]
+
+    alone, together, few = ask_with(None), ask_with(lots), ask_with(lots // 10)
+    assert together.interval[0] < alone.interval[0]
+    assert "worth 4 production lots" in few.refusal
+    assert few.factor is None

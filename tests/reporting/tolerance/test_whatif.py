@@ -122,7 +122,7 @@ def test_lots_widen_and_too_few_refuse():
     assert inside / 200 >= 0.9
     assert narrow == 200
     refused = what_if(x, Change(np.zeros(1000)), -6.0, 6.0, lots=lots // 5)
-    assert "4 production lots; at least 5" in refused.refusal
+    assert "worth 4 production lots; 5" in refused.refusal
     with pytest.raises(ReportError, match="same samples"):
         what_if(x, Change(np.zeros(1000)), lots=lots[:10])
 
