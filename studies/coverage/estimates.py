@@ -11,6 +11,7 @@ from scipy.stats import norm
 from reporting.capability.notes import NOT_NORMAL
 from reporting.capability.shares import nonconforming
 from reporting.capability.summary import capability
+from reporting.capability.target_indices import target_indices
 from reporting.capability.verdict import class_of, index_of_share
 from reporting.shape.nonnormal import NonnormalIndices
 from studies.coverage.outcomes import Statement
@@ -26,9 +27,13 @@ CLASSES = ("not capable", "marginal", "capable")
 def indices(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
     """Yield the intervals of `reporting.capability` that rest on mean and sigma."""
     true, lots = truth(production.shape), production.lot_of(n)
-    c = capability(production.draw(n, rng), true.lsl, true.usl, true.target, CONFIDENCE, lots)
+    y = production.draw(n, rng)
+    c = capability(y, true.lsl, true.usl, true.target, CONFIDENCE, lots)
+    around = target_indices(y, true.lsl, true.usl, true.target, CONFIDENCE, lots)
+    assert around is not None
     middle, half = (true.usl + true.lsl) / 2, (true.usl - true.lsl) / 2
-    cpm = half / (3 * np.hypot(true.std, true.mean - true.target))
+    tau = np.hypot(true.std, true.mean - true.target)
+    room = min(true.usl - true.target, true.target - true.lsl)
     for number, interval, value in (
         ("mean", c.mean_interval, true.mean),
         ("sigma", c.std_interval, true.std),
@@ -38,7 +43,9 @@ def indices(production: Production, n: int, rng: np.random.Generator) -> Iterato
         ("Cpl", c.cpl_interval, true.cpl),
         ("Cpu", c.cpu_interval, true.cpu),
         ("Cc", c.cc_interval, (true.mean - middle) / half),
-        ("Cpm", c.cpm_interval, cpm),
+        ("Cpm", c.cpm_interval, half / (3 * tau)),
+        ("Cpm*", around.cpm_star_interval, room / (3 * tau)),
+        ("Cpmk", around.cpmk_interval, true.cpk * true.std / tau),
     ):
         yield Statement(number, interval, float(value))
     if c.within is not None:
@@ -103,6 +110,8 @@ def _of_method(word: str, m: NonnormalIndices | None, true: Truth, *, warned: bo
         ppl = (true.median - true.lsl) / (true.median - true.low)
         ppu = (true.usl - true.median) / (true.high - true.median)
         pp = (true.usl - true.lsl) / (true.high - true.low)
-    caution = warned or (m is not None and any("interval" not in note for note in m.notes))
+    caution = warned or (m is not None and any("too large" in note for note in m.notes))
     yield Statement(f"Pp, {word}", m.pp_interval if m else None, pp, caution)
     yield Statement(f"Ppk, {word}", m.ppk_interval if m else None, min(ppl, ppu), caution)
+    if word.startswith("Z"):
+        yield Statement("ppm, fitted", m.ppm_expected_interval if m else None, true.ppm, caution)

@@ -9,13 +9,13 @@ from studies.coverage.productions import Production
 
 # Rows of the short table, each of the numbers whose whole name matches.
 GROUPS = {
-    "mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm": "mean|sigma|Cp|Cpk|Cpl|Cpu|Cc|Cpm",
+    "mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm, Cpmk": r"mean|sigma|Cp|Cpk|Cpl|Cpu|Cc|Cpm\*?|Cpmk",
     "joint Cpk": "Cpk, joint",
     "certain verdicts": "certain verdict",
     "Z.bench, ppm expected": "Z.bench|ppm expected, normal",
     "Cp within lots": "Cp within lots",
     "counted shares, yields": "counted, .*|yield.*|loss by a response",
-    "Pp, Ppk of the fitted family": "Ppk?, .*, fitted",
+    "Pp, Ppk, ppm of fitted families": "Ppk?, .*, fitted|ppm, fitted",
     "Pp, Ppk of the values' percentiles": "Ppk?, empirical",
     "Pareto tails": "tail, .*",
     "distance from normal": "distance from normal",

@@ -24,7 +24,7 @@ def test_a_cell_has_the_range_of_its_numbers():
 def test_a_column_has_its_sizes_side_by_side():
     tallies = {("Cpk", "t5", 50): HOLDS, ("Cpk", "t5", 500): SHORT, ("tail, above", "t5", 50): SILENT}
     text = list(table(tallies, SHAPES))
-    assert text[2] == "| mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm |  |  |  | 95 / **70** |  |  |"
+    assert text[2] == "| mean, sigma, Cp, Cpk, Cpl, Cpu, Cc, Cpm, Cpmk |  |  |  | 95 / **70** |  |  |"
     assert text[3].startswith("| Pareto tails |  |  |  | – |")
 
 
