@@ -75,7 +75,7 @@ def precision_of_values(x: Array, kurtosis: float, confidence: float) -> Precisi
     square = float(np.mean(deviation**2))
     z = deviation / math.sqrt(square)
     std = math.sqrt(square * n / (n - 1))
-    freedom = _freedom_of_spread(z**2 - 1)
+    freedom = freedom_of_spread(z**2 - 1)
     spread = max(kurtosis + 3 - (n - 3) / (n - 1), _LEAST_SPREAD_OF_SQUARES)
     low, high = _variance_ratios(_cautious(2 * n / spread, freedom, confidence), confidence)
     fourth = float(np.mean(z**4))
@@ -113,7 +113,7 @@ def precision_of_lots(x: Array, lots: NDArray[np.generic], confidence: float) ->
     of_square = scale * float(np.sum(squares**2))
     both = scale * float(np.sum(sums * squares))
 
-    freedom = _freedom_of_spread(squares)
+    freedom = freedom_of_spread(squares)
     nested = _sum_of_variances(
         (between / variance, _variance_ratios(worth - 1, confidence)),
         (within / variance, _variance_ratios(_freedom_within(deviation - (sums / parts.counts)[group], k), confidence)),
@@ -137,8 +137,16 @@ def _centred(x: Array) -> tuple[float, Array]:
     return float(x[0]) + shift, offset - shift
 
 
-def _freedom_of_spread(squares: Array) -> float:
-    """Return the degrees of freedom of a variance of squares, from their own second and fourth moment."""
+def freedom_of_spread(squares: Array) -> float:
+    """Return the degrees of freedom of a variance of squares, from their own second and fourth moment.
+
+    Few of them mean that a few values determine how well sigma is known.
+
+    Parameters
+    ----------
+    squares : array, shape (n,)
+        Squares less their mean.
+    """
     second = float(np.mean(squares**2))
     spread = float(np.mean(squares**4)) / second**2 - 1 if second > 0 else math.inf
     return max(2 * squares.size / max(spread, _LEAST_SPREAD_OF_SQUARES), _LEAST_FREEDOM)

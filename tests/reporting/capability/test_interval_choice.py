@@ -108,3 +108,17 @@ def test_a_large_offset_costs_no_digits() -> None:
     for name in ("cp_interval", "cpk_interval", "cpl_interval", "cpu_interval", "z_bench_interval"):
         assert getattr(far, name) == pytest.approx(getattr(near, name), rel=2e-3), name
     assert far.interval_method == near.interval_method
+
+
+def test_a_few_values_that_determine_sigma_are_named() -> None:
+    """Rare outliers leave intervals that hold in 79 to 87 %; nobody can tell from 500 values how rare they are."""
+    rng = np.random.default_rng(8)
+    x = rng.normal(size=500)
+    assert "few extreme" not in capability(rng.random(500), -1, 2).interval_reason
+    x[:4] *= 8
+    assert "few extreme values determine sigma" in capability(x, -9, 9).interval_reason
+
+
+def test_few_values_say_that_they_show_little() -> None:
+    for n in (8, 20, 49):
+        assert f"ewer than {50} values" in capability(np.random.default_rng(n).normal(size=n), -4, 4).interval_reason
