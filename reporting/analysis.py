@@ -179,7 +179,7 @@ def _sensitivity(samples: Samples, spec: ReportSpec, designed: Mapping[str, Tota
         CONFIDENCE,
         designed,
         spec.correlations if spec.design.production else None,
-        None if samples.production_batch is None else np.unique(samples.production_batch[samples.ok]).size,
+        None if samples.lots is None else samples.lots[samples.ok],
     )
 
 

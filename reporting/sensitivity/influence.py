@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from reporting.capability.intervals import Interval
+from reporting.sensitivity.reject_attribution import RejectAttribution
 from reporting.sensitivity.rejects import RejectCauses, WorstSample
 
 CRITICAL_SHARE = 0.10
@@ -122,6 +123,8 @@ class ResponseSensitivity:
     worst : tuple of WorstSample
     notes : tuple of str
         Why numbers are None, and cautions.
+    attribution : RejectAttribution or None
+        Which variable costs how much of the reject share; None without a reject.
     """
 
     response: str
@@ -137,6 +140,7 @@ class ResponseSensitivity:
     rejects: RejectCauses | None
     worst: tuple[WorstSample, ...]
     notes: tuple[str, ...]
+    attribution: RejectAttribution | None = None
 
     @property
     def ranked(self) -> tuple[Influence, ...]:

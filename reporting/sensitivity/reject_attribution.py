@@ -242,7 +242,7 @@ def _too_few(rejects: int, n: int) -> str:
     few, word = (rejects, "rejects") if rejects <= n - rejects else (n - rejects, "conforming samples")
     if few >= FEWEST_REJECTS:
         return "No variable varies, so none costs anything."
-    return f"{few} {word} are too few to say which variable costs them: at least {FEWEST_REJECTS} are needed."
+    return f"Too few {word} ({few}) to say which variable costs how much: at least {FEWEST_REJECTS} are needed."
 
 
 def _few(rejects: int, variables: int) -> str:

@@ -6,6 +6,7 @@ total-order indices if the samples are a design (`total_order`), what rejects ha
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,6 +36,7 @@ from reporting.sensitivity.influence import (
 from reporting.sensitivity.measures import Measures, fewest_rows, measure, varies
 from reporting.sensitivity.polynomials import GROUPS
 from reporting.sensitivity.regression import MOST_SHARED
+from reporting.sensitivity.reject_attribution import reject_attribution
 from reporting.sensitivity.rejects import reject_causes, worst_samples
 from reporting.sensitivity.total_order import TotalOrder
 
@@ -47,7 +49,7 @@ def sensitivity(
     confidence: float = 0.95,
     designed: Mapping[str, TotalOrder | str] | None = None,
     correlations: Sequence[tuple[str, str, float]] | None = None,
-    lots: int | None = None,
+    lots: NDArray[np.int64] | None = None,
 ) -> Sensitivity:
     """Return which variables move each response, by every measure.
 
@@ -66,8 +68,8 @@ def sensitivity(
     correlations : sequence of (str, str, float), optional
         The requested rank correlations of the variables. Without it the samples decide whether variables are
         correlated.
-    lots : int, optional
-        Number of production lots, whose shifts correlate variables by chance.
+    lots : array of int, shape (n,), optional
+        Production lot of each sample; the shifts of lots correlate variables by chance.
 
     Raises
     ------
@@ -87,11 +89,17 @@ def sensitivity(
         at = rows[names[0]]
         columns = {name: column[at] for name, column in inputs.items()}
         values = {name: outputs[name][at] for name in names}
-        measures = measure(columns, values, confidence, correlations, lots)
+        of_rows = None if lots is None else lots[at]
+        measures = measure(
+            columns, values, confidence, correlations, None if of_rows is None else np.unique(of_rows).size
+        )
         for name in names:
             lsl, usl = (limits or {}).get(name, (None, None))
             totals = (designed or {}).get(name)
-            done[name] = _response(name, columns, values[name], sample[at], (lsl, usl), measures, totals, confidence)
+            found = _response(name, columns, values[name], sample[at], (lsl, usl), measures, totals, confidence)
+            out = _out_of_limits(values[name], lsl, usl)
+            costs = reject_attribution(columns, out, confidence, of_rows) if np.any(out) else None
+            done[name] = replace(found, attribution=costs)
     return Sensitivity(tuple(inputs), tuple(done[name] for name in outputs))
 
 
@@ -150,6 +158,12 @@ def _response(
             *_carried(influences),
         ),
     )
+
+
+def _out_of_limits(y: Array, lsl: float | None, usl: float | None) -> NDArray[np.bool_]:
+    """Return which values are rejects."""
+    below = y < (-np.inf if lsl is None else lsl)
+    return np.asarray(below | (y > (np.inf if usl is None else usl)))
 
 
 def _notes(measures: Measures, at: int, unexplained: float, designed: TotalOrder | str | None) -> tuple[str, ...]:

@@ -164,4 +164,4 @@ def test_the_variable_that_makes_the_rejects_costs_the_yield():
     assert "What each variable costs of the yield" in render_html(found)
     few = product_yield(read_samples(*two_responses([0.5] * 60, [2.0] + [0.5] * 59)), spec, 0.95)
     assert few.by_variable.shares == ()
-    assert "1 rejects are too few" in few.by_variable.note
+    assert "Too few rejects (1)" in few.by_variable.note

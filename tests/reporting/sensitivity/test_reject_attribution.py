@@ -82,7 +82,7 @@ def test_few_rejects_name_no_cause():
     """Nine are too few, ten give wide intervals and say so; the same of conforming samples."""
     z = np.random.default_rng(8).normal(size=(3000, 3))
     order = np.argsort(-z[:, 0])
-    for count, text in ((0, "0 rejects are too few"), (9, "9 rejects are too few"), (2995, "5 conforming samples are")):
+    for count, text in ((0, "few rejects (0)"), (9, "few rejects (9)"), (2995, "few conforming samples (5)")):
         rejected = np.zeros(3000, bool)
         rejected[order[:count]] = True
         found = reject_attribution(named(z), rejected)

@@ -121,10 +121,11 @@ def test_what_is_requested_decides():
     low, high = asked.influences[0].first_order_interval
     assert asked.independent is False
     assert low <= truth <= high
-    few = np.random.default_rng(8).normal(size=(10, 2))[np.repeat(np.arange(10), 50)]  # ten lots: correlated by chance
+    lot = np.repeat(np.arange(10), 50)  # ten lots: correlated by chance
+    few = np.random.default_rng(8).normal(size=(10, 2))[lot]
     few = few + 0.1 * np.random.default_rng(9).normal(size=few.shape)
     assert abs(np.corrcoef(few.T)[0, 1]) > 0.2
-    assert sensitivity(named(few), {"y": few @ [1.0, 1.0]}, correlations=[], lots=10).responses[0].independent
+    assert sensitivity(named(few), {"y": few @ [1.0, 1.0]}, correlations=[], lots=lot).responses[0].independent
     assert not sensitivity(named(few), {"y": few @ [1.0, 1.0]}).responses[0].independent
     alike = correlated(500, pair(0.6, 2), 9)
     assert not sensitivity(named(alike), {"y": alike @ [1.0, 1.0]}, correlations=[]).responses[0].independent

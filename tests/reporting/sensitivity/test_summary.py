@@ -36,6 +36,19 @@ def test_a_linear_response():
     json.dumps(dataclasses.asdict(found), allow_nan=False)
 
 
+def test_each_response_says_which_variable_costs_its_rejects():
+    """J1 the upper limit of the gap, J2 the width; a response without a reject, or without limits, says nothing."""
+    x, y = linear(4000, np.random.default_rng(12))
+    limits = {"gap": (-9.0, 9.0), "width": (None, 2.3), "wide": (-99.0, 99.0)}
+    found = sensitivity(named(x), {"gap": y, "width": x[:, 1], "wide": y, "free": y}, limits)
+    gap, width, wide, free = (response.attribution for response in found.responses)
+    assert gap.rejects == np.count_nonzero(np.abs(y) > 9)
+    assert [s.variable for s in gap.shares[:2]] == ["J1", "J2"]
+    assert width.shares[0].variable == "J2"
+    assert width.shares[0].share > 0.9
+    assert (wide, free) == (None, None)
+
+
 def test_no_variable_is_critical():
     """Twenty equal variables explain 5 % each: no joint is critical, and the report may say so."""
     x = RNG.normal(size=(5000, 20))
