@@ -105,8 +105,8 @@ def reject_attribution(
     Returns
     -------
     RejectAttribution
-        Without shares, but with a note, where fewer than 10 samples are rejects or fewer than 10 conform, or where the
-        variables at hand do not tell rejects from others.
+        Without shares, but with a note, where fewer than 10 samples are rejects, fewer than 10 conform, there are
+        fewer than 10 lots, or the variables at hand do not tell rejects from others.
 
     Raises
     ------
@@ -126,6 +126,9 @@ def reject_attribution(
     varying = {name: column for name, column in columns.items() if np.ptp(column) > 0} if n else {}
     if min(rejects, n - rejects) < FEWEST_REJECTS or not varying:
         return RejectAttribution(rejects, n, None, (), _too_few(rejects, n))
+    independent = np.unique(groups).size
+    if independent < FEWEST_REJECTS:
+        return RejectAttribution(rejects, n, None, (), _too_few_of("production lots", independent))
     judged = dict(sorted(varying.items(), key=lambda item: -_difference(item[1], out))[:MOST_ATTRIBUTED])
     rows = _case_control(out)
     scores = np.column_stack([_normal_scores(column)[rows] for column in judged.values()])
@@ -140,7 +143,7 @@ def reject_attribution(
         np.where(out[rows], rejects / np.count_nonzero(out[rows]), (n - rejects) / np.count_nonzero(~out[rows])) / n
     )
     error = _errors(shapley_values(influence) * weight, groups[rows])
-    half = float(stdtrit(min(rejects, np.unique(groups).size) - 1, 0.5 + confidence / 2)) * error
+    half = float(stdtrit(min(rejects, independent) - 1, 0.5 + confidence / 2)) * error
     shares = _divided(tuple(judged), shapley_values(worth), min(resolved, 1.0), half)
     others = [name for name in columns if name not in judged]
     left_out = tuple(RejectShare(name, 0.0, (0.0, 0.0 if name not in varying else 1 - resolved)) for name in others)
@@ -242,6 +245,11 @@ def _too_few(rejects: int, n: int) -> str:
     few, word = (rejects, "rejects") if rejects <= n - rejects else (n - rejects, "conforming samples")
     if few >= FEWEST_REJECTS:
         return "No variable varies, so none costs anything."
+    return _too_few_of(word, few)
+
+
+def _too_few_of(word: str, few: int) -> str:
+    """Return why there are no shares."""
     return f"Too few {word} ({few}) to say which variable costs how much: at least {FEWEST_REJECTS} are needed."
 
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from reporting import format_numbers
 from reporting.arrays import Array
 from reporting.errors import ReportError
 from reporting.sensitivity.criticality import (
@@ -90,16 +91,15 @@ def sensitivity(
         columns = {name: column[at] for name, column in inputs.items()}
         values = {name: outputs[name][at] for name in names}
         of_rows = None if lots is None else lots[at]
-        measures = measure(
-            columns, values, confidence, correlations, None if of_rows is None else np.unique(of_rows).size
-        )
+        count = None if of_rows is None else np.unique(of_rows).size
+        measures = measure(columns, values, confidence, correlations, count)
         for name in names:
             lsl, usl = (limits or {}).get(name, (None, None))
             totals = (designed or {}).get(name)
             found = _response(name, columns, values[name], sample[at], (lsl, usl), measures, totals, confidence)
             out = _out_of_limits(values[name], lsl, usl)
             costs = reject_attribution(columns, out, confidence, of_rows) if np.any(out) else None
-            done[name] = replace(found, attribution=costs)
+            done[name] = replace(found, attribution=costs, notes=(*found.notes, *_of_lots(count, int(at.sum()))))
     return Sensitivity(tuple(inputs), tuple(done[name] for name in outputs))
 
 
@@ -157,6 +157,16 @@ def _response(
             *_interacting(influences, totals, confidence),
             *_carried(influences),
         ),
+    )
+
+
+def _of_lots(lots: int | None, n: int) -> tuple[str, ...]:
+    """Return what production lots do to the intervals."""
+    if lots is None or lots == n:
+        return ()
+    return (
+        f"The samples come from {format_numbers.grouped(lots)} production lots and share their shifts: the intervals of"
+        " the shares take them for independent and are too narrow.",
     )
 
 

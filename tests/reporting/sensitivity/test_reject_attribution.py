@@ -134,6 +134,7 @@ def test_lots_widen_the_intervals():
         for lots in (None, lot)
     ]
     assert min(widths[1]) > 1.5 * max(widths[0])
+    assert "few production lots (2)" in reject_attribution(named(z), rejected, lots=lot // 10).note
 
 
 def test_columns_of_different_lengths_are_refused():

@@ -125,7 +125,9 @@ def test_what_is_requested_decides():
     few = np.random.default_rng(8).normal(size=(10, 2))[lot]
     few = few + 0.1 * np.random.default_rng(9).normal(size=few.shape)
     assert abs(np.corrcoef(few.T)[0, 1]) > 0.2
-    assert sensitivity(named(few), {"y": few @ [1.0, 1.0]}, correlations=[], lots=lot).responses[0].independent
+    of_lots = sensitivity(named(few), {"y": few @ [1.0, 1.0]}, correlations=[], lots=lot).responses[0]
+    assert of_lots.independent
+    assert "10 production lots" in of_lots.notes[-1]
     assert not sensitivity(named(few), {"y": few @ [1.0, 1.0]}).responses[0].independent
     alike = correlated(500, pair(0.6, 2), 9)
     assert not sensitivity(named(alike), {"y": alike @ [1.0, 1.0]}, correlations=[]).responses[0].independent
