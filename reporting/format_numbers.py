@@ -114,4 +114,4 @@ def duration(seconds: float | None) -> str:
 
 def _side(value: float, limit: float) -> int:
     """Return -1, 0 or 1: below, on or above the limit."""
-    return (value > limit) - (value < limit)
+    return int(value > limit) - int(value < limit)

@@ -129,7 +129,7 @@ def analyse_response(
         raise ReportError(f"response {spec.name}: {error}") from error
     x, lots = values[np.isfinite(values)], None if lots is None else lots[np.isfinite(values)]
     counted = nonconforming(x, spec.lsl, spec.usl, confidence, samples.sample.size - x.size, lots)
-    shape = normality(x, confidence)
+    shape = normality(x, confidence, None if numbers.lots is None else numbers.lots.effective)
     limited = spec.lsl is not None or spec.usl is not None
     fits = _fits(x, spec)
     methods = _methods(x, fits, spec, confidence) if limited else ()

@@ -52,7 +52,7 @@ class Normality:
         Whether the lower and the upper tail are heavier or lighter than a normal one; empty below 50 values.
     p : float or None
         Probability of a departure at least as clear as the clearest of A^2 and the two tails in a sample of normal
-        values (Bonferroni over the three); None below 8 values.
+        values (Bonferroni); None below 8 values.
     verdict : str
         "normal", "close to normal", "not normal", "undecided" or "too few values".
     reason : str
@@ -96,7 +96,7 @@ class ProbabilityPlot:
     high: tuple[float, ...]
 
 
-def normality(x: ArrayLike, confidence: float = 0.95) -> Normality:
+def normality(x: ArrayLike, confidence: float = 0.95, worth: float | None = None) -> Normality:
     """Return how far the values are from normal.
 
     Parameters
@@ -105,6 +105,9 @@ def normality(x: ArrayLike, confidence: float = 0.95) -> Normality:
         Values; those that are not finite are left out.
     confidence : float
         Of the intervals.
+    worth : float, optional
+        Number of independent values that the values of production lots are worth. The p-value of A^2 supposes
+        independent values and is None then.
 
     Raises
     ------
@@ -122,12 +125,13 @@ def normality(x: ArrayLike, confidence: float = 0.95) -> Normality:
     sample = condense(z, _JUDGED)
     cdf = ndtr(sample.values)
     far = distance(sample, cdf)
-    band = math.sqrt(math.log(2 / (1 - confidence)) / (2 * n))
+    band = math.sqrt(math.log(2 / (1 - confidence)) / (2 * (worth or n)))
     skewness, kurtosis = shape["skewness"], shape.get("kurtosis")
     statistic = anderson_darling(sample, cdf, ndtr(-sample.values))
     skewness_error, kurtosis_error = _errors(sample, float(ndtri(0.5 + confidence / 2)))
-    p_value = None if statistic is None or n < 8 else _stephens(statistic, n)
-    tails = tail_weights(sample)
+    p_value = None if statistic is None or n < 8 or worth is not None else _stephens(statistic, n)
+    tails = tail_weights(sample, worth or n)
+    several = [*([] if p_value is None else [p_value]), *(tail.p for tail in tails)]
     measures = Normality(
         n=n,
         shapiro_w=w,
@@ -141,7 +145,7 @@ def normality(x: ArrayLike, confidence: float = 0.95) -> Normality:
         skewness_interval=(skewness - skewness_error, skewness + skewness_error),
         kurtosis_interval=None if kurtosis is None else (kurtosis - kurtosis_error, kurtosis + kurtosis_error),
         tails=tails,
-        p=None if p_value is None else min(1.0, (1 + len(tails)) * min([p_value, *(tail.p for tail in tails)])),
+        p=min(1.0, len(several) * min(several)) if several else None,
     )
     verdict, reason = _verdict(measures)
     return Normality(**{**vars(measures), "verdict": verdict, "reason": reason})

@@ -43,7 +43,7 @@ class TailWeight:
     word: str
 
 
-def tail_weights(sample: Condensed) -> tuple[TailWeight, ...]:
+def tail_weights(sample: Condensed, worth: float) -> tuple[TailWeight, ...]:
     """Return the weights of the lower and the upper tail; none below 50 values.
 
     In samples of normal values ``weight^(-1/2)`` is close to normal: simulated with 3,000 to 60,000 samples of 50 to
@@ -53,20 +53,22 @@ def tail_weights(sample: Condensed) -> tuple[TailWeight, ...]:
     ----------
     sample : Condensed
         Values less their mean, in standard deviations (divisor n - 1).
+    worth : float
+        Number of independent values that they are worth; n without production lots.
     """
-    if sample.n < FEWEST:
+    if worth < FEWEST:
         return ()
-    return tuple(_tail(sample, side, sign) for side, sign in (("below", -1.0), ("above", 1.0)))
+    return tuple(_tail(sample, worth, side, sign) for side, sign in (("below", -1.0), ("above", 1.0)))
 
 
-def _tail(sample: Condensed, side: str, sign: float) -> TailWeight:
+def _tail(sample: Condensed, worth: float, side: str, sign: float) -> TailWeight:
     """Return the weight of the tail on one side."""
-    z, n = sign * sample.values, sample.n
+    z = sign * sample.values
     moment = sample.mean(np.where(z > 0, z, 0.0) ** 4)
     if moment == 0:
         return TailWeight(side, 0.0, 0.0, "lighter")
-    expected = NORMAL_WEIGHT**-0.5 + 4.4 / n
-    error = 1.272 / math.sqrt(n) * (1 - 0.55 / math.sqrt(n))
+    expected = NORMAL_WEIGHT**-0.5 + 4.4 / worth
+    error = 1.272 / math.sqrt(worth) * (1 - 0.55 / math.sqrt(worth))
     p = 2 * float(ndtr(-abs(moment**-0.5 - expected) / error))
     word = "like normal" if p > DIRECTION_P else "heavier" if moment**-0.5 < expected else "lighter"
     return TailWeight(side, moment / NORMAL_WEIGHT, p, word)

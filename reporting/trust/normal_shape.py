@@ -9,6 +9,8 @@ from reporting.trust.check import Check
 
 # Measured over six normal responses of 30 to 5,000 values, this calls one of them not normal in 4 to 5 % of campaigns.
 DEPARTURE_P = 0.04
+# Below this p a single response would be called not normal.
+PERHAPS_P = 0.05
 
 
 def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
@@ -19,6 +21,8 @@ def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
     adjusted = holm([r.normality.p or 0.0 for r in shaped])
     departing = [r for r, p in zip(shaped, adjusted, strict=True) if p < DEPARTURE_P or _proven(r)]
     rest = [r for r in shaped if r not in departing]
+    doubtful = [r for r in rest if (r.normality.p or 0.0) < PERHAPS_P]
+    rest = [r for r in rest if r not in doubtful]
     close = [r for r in rest if r.normality.verdict in ("normal", "close to normal")]
     open_ = [r for r in rest if r not in close]
     sentences = [_departure(r) for r in departing]
@@ -30,8 +34,15 @@ def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
             f"{_named(open_, len(shaped))}: no departure found (smallest p of Anderson-Darling {_smallest_p(open_)}), "
             f"but so few values do not exclude that shares are off by up to {_farthest(open_)}."
         )
+    if doubtful:
+        each = "; ".join(f"{r.spec.name}, {_how(r)}" for r in doubtful)
+        by_chance = format_numbers.plain(round(PERHAPS_P * len(shaped), 1))
+        sentences.append(
+            f"Perhaps not normal, none of them for sure (of {len(shaped)} normal responses chance makes {by_chance} "
+            f"look so): {each}."
+        )
     misleading = [r for r in departing if _effects(r) or r.normality.verdict == "not normal"]
-    level = "attention" if misleading else "info" if open_ or departing else "good"
+    level = "attention" if misleading else "info" if open_ or departing or doubtful else "good"
     return Check("Shape", level, " ".join(sentences), float(len(departing)))
 
 
@@ -42,7 +53,13 @@ def _proven(response: ResponseAnalysis) -> bool:
 
 
 def _departure(response: ResponseAnalysis) -> str:
-    """Return how a response departs from normal, and what that does to the printed ppm."""
+    """Return that a response is not normal, how, and what that does to the printed ppm."""
+    effects = "; ".join(_effects(response))
+    return f"{response.spec.name} is not normal, {_how(response)}{f': {effects}' if effects else ''}."
+
+
+def _how(response: ResponseAnalysis) -> str:
+    """Return how a response departs from normal: by how much, and in which tail."""
     shape = response.normality
     tails = [
         f"{'lower' if tail.side == 'below' else 'upper'} tail {tail.word}"
@@ -50,12 +67,15 @@ def _departure(response: ResponseAnalysis) -> str:
         if tail.word != "like normal"
     ]
     where = " and ".join(tails) + " than normal" if tails else "no tail clearly heavier or lighter"
-    p = format_numbers.probability(shape.anderson_darling_p)
-    effects = "; ".join(_effects(response))
-    return (
-        f"{response.spec.name} is not normal (Anderson-Darling p {p if p.startswith('<') else '= ' + p}, shares off by "
-        f"{format_numbers.percent(shape.distance)}): {where}{f'; {effects}' if effects else ''}."
-    )
+    both = (("Anderson-Darling", shape.anderson_darling_p), ("with its tails", shape.p))
+    named = [f"{name} p {_equals(p)}" for name, p in both if p is not None]
+    return f"{', '.join(named)}, shares off by {format_numbers.percent(shape.distance)}, {where}"
+
+
+def _equals(p: float) -> str:
+    """Return a p-value with its sign."""
+    text = format_numbers.probability(p)
+    return text if text.startswith("<") else f"= {text}"
 
 
 def _effects(response: ResponseAnalysis) -> list[str]:

@@ -10,7 +10,7 @@ from reporting.shape.tail_weight import tail_weights
 
 def weights(x):
     z = np.sort((x - x.mean()) / x.std(ddof=1))
-    return tail_weights(condense(z, 20_000))
+    return tail_weights(condense(z, 20_000), x.size)
 
 
 @pytest.mark.parametrize(
