@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaln, ndtr
 
 from reporting.arrays import Array
-from reporting.capability.indices import point_indices
+from reporting.capability.indices import cpk
 from reporting.capability.moments import ROUNDING
 
 # A range is the difference of two values: in larger batches it leaves out nearly all, and tables end there.
@@ -69,16 +69,19 @@ def subgroup_sigmas(
     if not groups:
         return ()
     sizes = np.array([group.size for group in groups])
-    found = [("S-bar / c4", [float(np.std(group, ddof=1)) for group in groups], c4, _spread_of_sigma)]
-    if sizes.max() <= LARGEST_FOR_RANGES:
-        found.insert(0, ("R-bar / d2", [float(np.ptp(group)) for group in groups], d2, d3))
-    mean, least = float(np.mean(x)), ROUNDING * float(np.max(np.abs(x)))
+    with np.errstate(over="ignore", invalid="ignore"):  # squares of values near the largest double
+        found = [("S-bar / c4", [float(np.std(group, ddof=1)) for group in groups], c4, _spread_of_sigma)]
+        if sizes.max() <= LARGEST_FOR_RANGES:
+            found.insert(0, ("R-bar / d2", [float(np.ptp(group)) for group in groups], d2, d3))
+        mean, least = float(np.mean(x)), ROUNDING * float(np.max(np.abs(x)))
     sigmas = []
     for method, measured, centre, spread in found:
-        std = _weighted(np.array(measured), sizes, centre, spread)
-        if std > least:
-            index = point_indices(mean, std, lsl, usl)
-            sigmas.append(SubgroupSigma(method, len(groups), std, index["cp"], index["cpk"]))
+        with np.errstate(over="ignore", invalid="ignore"):
+            std = _weighted(np.array(measured), sizes, centre, spread)
+        if least < std < math.inf and math.isfinite(mean):
+            cp = None if lsl is None or usl is None else (usl - lsl) / (6 * std)
+            nearer = None if lsl is None and usl is None else cpk(mean, std, lsl, usl)
+            sigmas.append(SubgroupSigma(method, len(groups), std, cp, nearer))
     return tuple(sigmas)
 
 

@@ -78,11 +78,11 @@ def target_indices(
         return None
     room = distance_to_limit(target, lsl, usl)
     with np.errstate(over="ignore", invalid="ignore"):  # squares of values near the largest double
-        squares = (x - target) ** 2
+        squares, mean = (x - target) ** 2, float(np.mean(x))
         tau = math.sqrt(float(np.mean(squares)))
     if room <= 0 or not ROUNDING * max(abs(target), float(np.max(np.abs(x)))) < tau < math.inf:
         return None
-    mean, shape = float(np.mean(x)), location_and_shape(x)
+    shape = location_and_shape(x)
     cpm_star, cpmk = room / (3 * tau), distance_to_limit(mean, lsl, usl) / (3 * tau)
     of_cpm, of_cpmk = None, None
     if shape.get("std", 0.0) > 0:

@@ -116,14 +116,25 @@ def tolerance_intervals(
         mean squares between and within lots (Satterthwaite 1946), the others on the number of independent values that
         tell as much of the share beyond (Korn and Graubard 1998).
     """
+    # Squares of values near the largest or smallest double: such values are never taken for normal, or have no shape.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _tolerance_intervals(x, shape, confidence, lots)
+
+
+def _tolerance_intervals(
+    x: Array, shape: Normality, confidence: float, lots: NDArray[np.generic] | None
+) -> ToleranceIntervals:
+    """Return the tolerance intervals of a response."""
     refusal = _refused(x.size, shape)
     if lots is None or independent(lots):
         worth, note = _of_values(x), refusal or _caution(x.size)
     else:
         described = describe_lots(x, lots)
+        if not math.isfinite(described.effective):
+            return _withheld("Withheld: the values are too large or too small to be squared.", confidence)
         if round(described.worth) < FEW_LOTS:
             text = f"Withheld: {described.count} production lots, worth {described.worth:.0f}; {FEW_LOTS} are needed."
-            return ToleranceIntervals(confidence, tuple(_without(each, confidence) for each in CONTENTS), text)
+            return _withheld(text, confidence)
         if round(described.worth) < _LOTS_FOR_NORMAL and not refusal:
             refusal = f"No normal ones: they take {_LOTS_FOR_NORMAL} production lots."
         worth = _of_lots(x, lots, described, confidence)
@@ -178,6 +189,11 @@ def _claim(x: Array, worth: _Worth, content: float, confidence: float, *, normal
         free_lower=one_sided_order_limit(ordered, lower, upper=False),
         free_upper=one_sided_order_limit(ordered, upper, upper=True),
     )
+
+
+def _withheld(why: str, confidence: float) -> ToleranceIntervals:
+    """Return no intervals, and why."""
+    return ToleranceIntervals(confidence, tuple(_without(content, confidence) for content in CONTENTS), why)
 
 
 def _without(content: float, confidence: float) -> ContentClaim:

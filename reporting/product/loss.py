@@ -7,12 +7,14 @@ the game is a sum of one game per reject in which those responses are interchang
 nothing. What Shapley gives to the responses adds up to the reject share.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reporting.capability.intervals import Interval
+from reporting.capability.intervals import Interval, share_interval
 from reporting.capability.shares import weighted_share_interval
 
 
@@ -35,6 +37,8 @@ class ResponseLoss:
         The same as a part of the rejects; None without a reject.
     yield_without : float
         Yield of the product if this response never failed.
+    yield_without_interval : (float, float)
+        By Clopper and Pearson.
     """
 
     response: str
@@ -44,10 +48,14 @@ class ResponseLoss:
     share_interval: Interval
     part: float | None
     yield_without: float
+    yield_without_interval: Interval
 
 
 def response_losses(
-    failed: dict[str, NDArray[np.bool_]], confidence: float, effects: dict[str, float] | None = None
+    failed: dict[str, NDArray[np.bool_]],
+    confidence: float,
+    effects: Mapping[str, float] = MappingProxyType({}),
+    effect: float = 1.0,
 ) -> tuple[ResponseLoss, ...]:
     """Return what each response costs of the yield, the most expensive first.
 
@@ -57,8 +65,10 @@ def response_losses(
         Whether each sample breaks a limit of the response; n above 0.
     confidence : float
         Of the two-sided intervals.
-    effects : dict of str to float, optional
-        How many samples tell as much of this response's rejects as an independent one; 1 by default.
+    effects : mapping of str to float
+        How many samples tell as much of a response's rejects as an independent one; 1 where it is not named.
+    effect : float
+        The same of the product's rejects.
     """
     matrix = np.array(list(failed.values()))
     broken = np.count_nonzero(matrix, axis=0)
@@ -74,9 +84,10 @@ def response_losses(
                 rejects=weights.size,
                 only=only,
                 share=total / n,
-                share_interval=weighted_share_interval(weights, n, confidence, (effects or {}).get(name, 1.0)),
+                share_interval=weighted_share_interval(weights, n, confidence, effects.get(name, 1.0)),
                 part=total / rejected if rejected else None,
                 yield_without=(n - rejected + only) / n,
+                yield_without_interval=share_interval((n - rejected + only) / effect, n / effect, confidence),
             )
         )
     return tuple(sorted(losses, key=lambda loss: -loss.share))

@@ -110,7 +110,7 @@ def product_yield(samples: Samples, spec: ReportSpec, confidence: float) -> Prod
         with_failures=count_yield(conforming, finished, confidence, effect),
         rolled=rolled,
         dependence=dependence(failed, independent_samples=lots is None),
-        losses=response_losses(failed, confidence, effects) if n else (),
+        losses=response_losses(failed, confidence, effects, effect) if n else (),
         by_variable=reject_attribution(inputs, rejected, confidence, lots) if n and inputs else None,
     )
 

@@ -74,3 +74,12 @@ def test_both_estimate_sigma_within_without_bias():
 def test_without_spread_in_a_batch_there_is_none(x, batches):
     """Nor without a batch of two values."""
     assert subgroup_sigmas(np.array(x), np.array(batches), 0.0, 3.0) == ()
+
+
+@pytest.mark.parametrize("scale", [3e307, 1e200, 1e-300])
+def test_values_of_absurd_size_do_not_overflow(scale):
+    """Ranges have no squares: their sigma may be given; the sigma of values that cannot be squared is not."""
+    x = scale * np.random.default_rng(1).uniform(-1, 1, 40)
+    found = subgroup_sigmas(x, np.arange(40) // 4, -1.0, 1.0)
+    assert all(math.isfinite(s.std) and s.std > 0 for s in found)
+    assert scale == 3e307 or found[0].method == "R-bar / d2"

@@ -92,3 +92,14 @@ def test_corners_have_none(campaign):
     """Samples that are not production have no content to speak of."""
     assert {r.tolerance_intervals for r in analysis_of(*campaign(60, **drawn_by("worst_case"))).responses} == {None}
     assert analysis_of(*campaign(60)).responses[0].tolerance_intervals.claims[0].content == 0.95
+
+
+@pytest.mark.parametrize("scale", [3e307, 1e200, 1e-300])
+@pytest.mark.parametrize("lots", [None, np.arange(300) // 10])
+def test_values_of_absurd_size_do_not_overflow(scale, lots):
+    """What cannot be squared has no normal interval; ordered values stay."""
+    x = scale * np.random.default_rng(1).uniform(-1, 1, 300)
+    found = of(x, lots)
+    assert [c.normal for c in found.claims] == [None] * 3
+    if lots is None:
+        assert found.claims[0].free == (np.sort(x)[3], np.sort(x)[-5])

@@ -43,6 +43,7 @@ def test_each_response_gets_shapleys_value(seed):
         others = np.any([out for other, out in failed.items() if other != name], axis=0)
         assert loss.yield_without == pytest.approx(1 - np.mean(others))
         assert loss.share_interval[0] < loss.share < loss.share_interval[1]
+        assert loss.yield_without_interval[0] < loss.yield_without < loss.yield_without_interval[1]
 
 
 def test_the_interval_of_a_plain_count_is_garwoods():
