@@ -98,8 +98,8 @@ def verdict(
     if missing:
         return CapabilityVerdict("no verdict", reasons=(missing,))
     assert capability.cpk is not None
-    if capability.cpk_interval is None:  # withheld, because there are too few production lots
-        return CapabilityVerdict(class_of(capability.cpk), False, "index", (capability.interval_reason,))
+    if capability.cpk_interval is None:
+        return _without_interval(capability.cpk, capability.interval_reason, counted)
     low, high = capability.cpk_interval
     of_index = IndexEstimate(
         "index", low, capability.cpk, high, f"Cpk {index(capability.cpk)} ({index(low)} to {index(high)})"
@@ -119,6 +119,14 @@ def verdict(
         reasons += _excluded(capability, counted)
     overruled_only = decides is not of_index and len(reasons) == 1
     return CapabilityVerdict(word, not reasons or overruled_only, decides.by, tuple(reasons))
+
+
+def _without_interval(cpk: float, reason: str, counted: Nonconforming | None) -> CapabilityVerdict:
+    """Return the verdict where the interval of Cpk is withheld, because there are too few production lots."""
+    count = None if counted is None else _by_count(counted)
+    if count is not None and _worse(class_of(count.high), class_of(cpk)):
+        return CapabilityVerdict(class_of(count.high), False, count.by, (f"{count.words}.", reason))
+    return CapabilityVerdict(class_of(cpk), False, "index", (reason,))
 
 
 def class_of(cpk: float) -> str:

@@ -124,9 +124,7 @@ def fitted_indices(method: str, fit: Fit, lsl: float | None, usl: float | None) 
         ppm_expected=sum(sides) if sides else None,
         ppm_expected_below=below,
         ppm_expected_above=above,
-        notes=("A limit lies outside the range of the fitted distribution, so there is no Z-score at this limit.",)
-        if unbounded
-        else (),
+        notes=(_beyond(fit.family),) if unbounded else (),
     )
 
 
@@ -154,6 +152,13 @@ def indices(method: str, of: Scaled, lsl: float | None, usl: float | None) -> di
     z_lsl = None if lsl is None else -normal_quantile(of.cdf([lsl])[..., 0], of.sf([lsl])[..., 0])
     z_usl = None if usl is None else -normal_quantile(of.sf([usl])[..., 0], of.cdf([usl])[..., 0])
     return _of_z(z_lsl, z_usl)
+
+
+def _beyond(family: str) -> str:
+    """Return why there is no Z-score at a limit: the share beyond it is 0, or too small to be a number."""
+    if family == "normal":
+        return "A limit is so far away that the share beyond it is too small for a number, so there is no Z-score."
+    return "The share of the fitted distribution beyond a limit is 0, so there is no Z-score at this limit."
 
 
 def empirical_indices(x: ArrayLike, lsl: float | None, usl: float | None, confidence: float = 0.95) -> NonnormalIndices:

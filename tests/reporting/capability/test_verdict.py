@@ -8,6 +8,7 @@ import pytest
 from scipy.special import ndtri
 
 from reporting import capability
+from reporting.capability.lots import describe_lots
 from reporting.capability.shares import nonconforming
 from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, IndexEstimate, class_of, index_of_share, verdict
 
@@ -120,3 +121,12 @@ def test_a_share_in_the_scale_of_cpk() -> None:
     assert index_of_share(1349.898) == pytest.approx(1.0, abs=1e-7)
     assert index_of_share(0.0) == math.inf
     assert index_of_share(1e6) == -math.inf
+
+
+def test_a_count_overrules_a_cpk_whose_interval_is_withheld() -> None:
+    """Too few production lots for an interval of Cpk: the rejects are counted all the same."""
+    x = spread(30_000, 1.4, 27)
+    c = replace(capability(x, usl=3.0), cpk_interval=None, interval_reason="Two lots.", lots=describe_lots(x, x < 0))
+    found = verdict(c, nonconforming(x, None, 3.0, 0.95))
+    assert (found.word, found.certain, found.by) == ("marginal", False, "count")
+    assert found.reasons[1] == "Two lots."

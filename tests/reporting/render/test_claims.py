@@ -74,3 +74,12 @@ def test_the_headline_leads_with_what_is_bad() -> None:
     assert {r.verdict.word for r in few.responses} == {"no verdict", "no limits"}
     assert "No verdict: FC-1" in headline(few)
     assert headline(few).endswith("Certainly capable: none of 6 responses with limits.")
+
+
+def test_a_normal_distribution_has_values_everywhere() -> None:
+    """Limits beyond 38 sigma have a share too small for a number; the normal distribution does not end before them."""
+    a = with_column("FC-1", ndtri((np.arange(500) + 0.5) / 500), lsl=-60.0, usl=60.0)
+    assert a.responses[0].fits.best == "normal"
+    notes = " ".join(note for method in a.responses[0].methods for note in method.notes)
+    assert "too small for a number" in notes
+    assert "outside the range" not in notes
