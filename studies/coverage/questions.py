@@ -24,16 +24,16 @@ PRESENT, TARGET = (1.7, 1.5), 1.33
 
 def causes(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
     """Yield the intervals of first-order indices."""
-    true = truth(production.shape)
     x = production.variables(n, rng)
-    found = sensitivity(
+    (found,) = sensitivity(
         dict(zip(VARIABLES, x.T, strict=True)),
         {RESPONSE: production.values(x)},
-        {RESPONSE: (true.lsl, true.usl)},
         confidence=CONFIDENCE,
-    ).responses[0]
+        lots=production.lot_of(n),
+    ).responses
+    warned = any("too narrow" in note for note in found.notes)
     for influence, value in zip(found.influences, first_order(production), strict=True):
-        yield Statement(f"first order, {influence.variable}", influence.first_order_interval, value)
+        yield Statement(f"first order, {influence.variable}", influence.first_order_interval, value, warned)
 
 
 def changes(production: Production, n: int, rng: np.random.Generator) -> Iterator[Statement]:
