@@ -83,7 +83,8 @@ class Stop(TableModel, strict=True):
 
     The rule is evaluated at checkpoints: numbers of samples. At a checkpoint n it takes the first n samples and stops
     the campaign if the confidence interval of the statistic is narrow enough. So the end of a campaign depends neither
-    on the number of workers nor on the order in which rows arrive.
+    on the number of workers nor on the order in which rows arrive. With production batches there must be five whole
+    ones at least, as intervals rest on the differences between them.
     """
 
     response: Annotated[str, Field(min_length=1)] = Field(description="Name of the response that the rule is about.")

@@ -22,8 +22,9 @@ def normal_moments_p(z: Array, worth: float) -> float:
     worth : float
         Number of independent values that they are worth, at least 8; n without production lots.
     """
-    square = float((z**2).mean())
-    skewness, kurtosis = float((z**3).mean()) / square**1.5, float((z**4).mean()) / square**2
+    squares = z * z  # products: powers above 2 take ten times as long
+    square = float(squares.mean())
+    skewness, kurtosis = float((squares * z).mean()) / square**1.5, float((squares * squares).mean()) / square**2
     return math.exp(-(_of_skewness(skewness, worth) ** 2 + _of_kurtosis(kurtosis, worth) ** 2) / 2)
 
 

@@ -75,11 +75,12 @@ def precision_of_values(x: Array, kurtosis: float, confidence: float) -> Precisi
     square = float(np.mean(deviation**2))
     z = deviation / math.sqrt(square)
     std = math.sqrt(square * n / (n - 1))
-    freedom = freedom_of_spread(z**2 - 1)
+    squares = z * z
+    freedom = freedom_of_spread(squares - 1)
     spread = max(kurtosis + 3 - (n - 3) / (n - 1), _LEAST_SPREAD_OF_SQUARES)
     low, high = _variance_ratios(_cautious(2 * n / spread, freedom, confidence), confidence)
-    fourth = float(np.mean(z**4))
-    correlation = float(np.mean(z**3)) / math.sqrt(fourth - 1) if fourth > 1 else 0.0
+    fourth = float(np.mean(squares * squares))
+    correlation = float(np.mean(squares * z)) / math.sqrt(fourth - 1) if fourth > 1 else 0.0
     half = float(stdtrit(n - 1, 0.5 + confidence / 2)) * std / math.sqrt(n)
     return Precision(mean, std, half, (std * math.sqrt(low), std * math.sqrt(high)), _correlation(correlation), freedom)
 
@@ -147,15 +148,17 @@ def freedom_of_spread(squares: Array) -> float:
     squares : array, shape (n,)
         Squares less their mean.
     """
-    second = float(np.mean(squares**2))
-    spread = float(np.mean(squares**4)) / second**2 - 1 if second > 0 else math.inf
+    fourth = squares**2
+    second = float(np.mean(fourth))
+    spread = float(np.mean(fourth**2)) / second**2 - 1 if second > 0 else math.inf
     return max(2 * squares.size / max(spread, _LEAST_SPREAD_OF_SQUARES), _LEAST_FREEDOM)
 
 
 def _freedom_within(residual: Array, lots: int) -> float:
     """Return the degrees of freedom of the mean square within lots, from the fourth moment of the residuals."""
-    second = float(np.mean(residual**2))
-    spread = float(np.mean(residual**4)) / second**2 - 1 if second > 0 else 2.0
+    squares = residual**2
+    second = float(np.mean(squares))
+    spread = float(np.mean(squares**2)) / second**2 - 1 if second > 0 else 2.0
     return 2 * (residual.size - lots) / max(spread, _LEAST_SPREAD_OF_SQUARES)
 
 
