@@ -39,7 +39,16 @@ def render_parquet(analysis: Analysis) -> bytes:
 
 
 _COUNTS = ("n", "dropped", "below", "above", "claim_runs")
-_OTHERS = ("nonnormal_pp", "nonnormal_ppk", "nonnormal_ppm", "cpk_with_failures", "yield", "claim_runs")
+_OTHERS = (
+    "nonnormal_pp",
+    "nonnormal_ppk",
+    "nonnormal_ppm",
+    "nonnormal_ppm_low",
+    "nonnormal_ppm_high",
+    "cpk_with_failures",
+    "yield",
+    "claim_runs",
+)
 
 
 def _numbers() -> list[str]:
@@ -76,7 +85,10 @@ def _row(response: ResponseAnalysis) -> dict[str, Any]:
     of_fit = next((m for m in response.methods if m.method == "percentile"), None)
     share = next((m for m in response.methods if m.method == "z_score"), None)
     row["nonnormal_pp"], row["nonnormal_ppk"] = (of_fit.pp, of_fit.ppk) if of_fit else (None, None)
-    row["nonnormal_ppm"] = share.ppm_expected if share else None
+    # Where fitted distributions disagree there is no number, only the interval over all of them.
+    row["nonnormal_ppm"] = share.ppm_expected if share and share.ppm_range is None else None
+    interval = share.ppm_expected_interval if share else None
+    row["nonnormal_ppm_low"], row["nonnormal_ppm_high"] = interval or (None, None)
     return row
 
 
