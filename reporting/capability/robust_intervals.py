@@ -7,6 +7,7 @@ thousandths of its width.
 """
 
 import math
+import sys
 
 from reporting.capability.indices import point_indices
 from reporting.capability.intervals import Interval, bench_slopes
@@ -93,14 +94,17 @@ def _combined(precision: Precision, value: float, of_mean: float, over_sigma: fl
 
 def _cpm(precision: Precision, width: float, target: float) -> Interval:
     """Return the interval of Cpm from that of the mean square around the target, variance plus offset squared."""
-    offset, (low, high) = precision.mean - target, precision.std_interval
-    square = precision.std**2 + offset**2
+    # In units of the largest distance from the target, so that squares neither overflow nor vanish.
+    offset, unit = precision.mean - target, max(precision.std_interval[1], abs(precision.mean - target))
+    std, offset, half = precision.std / unit, offset / unit, precision.mean_half / unit
+    low, high = (end / unit for end in precision.std_interval)
+    square = std**2 + offset**2
     together = 2 * precision.correlation * math.copysign(1, offset)
 
     def distance(of_sigma: float, of_mean: float) -> float:
         return math.sqrt(max(of_sigma**2 + of_mean**2 + together * of_sigma * of_mean, 0.0))
 
-    nearest, farthest = max(abs(offset) - precision.mean_half, 0.0), abs(offset) + precision.mean_half
-    above = square + distance(high**2 - precision.std**2, farthest**2 - offset**2)
-    below = max(square - distance(precision.std**2 - low**2, offset**2 - nearest**2), low**2)
-    return width / (6 * math.sqrt(above)), width / (6 * math.sqrt(below))
+    nearest, farthest = max(abs(offset) - half, 0.0), abs(offset) + half
+    above = square + distance(high**2 - std**2, farthest**2 - offset**2)
+    below = max(square - distance(std**2 - low**2, offset**2 - nearest**2), low**2, sys.float_info.min)
+    return width / unit / (6 * math.sqrt(above)), width / unit / (6 * math.sqrt(below))

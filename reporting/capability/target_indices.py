@@ -96,7 +96,12 @@ def target_indices(
         if method.name and x.size >= FEWEST_FOR_CPMK:
             half = _half_width(influence, lots, confidence)
             of_cpmk = (cpmk - half, cpmk + half)
-    return TargetIndices(tau, cpm_star, of_cpm, cpmk, of_cpmk)
+    return TargetIndices(tau, cpm_star, _finite(of_cpm), cpmk, _finite(of_cpmk))
+
+
+def _finite(interval: Interval | None) -> Interval | None:
+    """Return an interval whose ends are numbers; None if one is not."""
+    return interval if interval is not None and all(map(math.isfinite, interval)) else None
 
 
 def _half_width(influence: Array, lots: NDArray[np.generic] | None, confidence: float) -> float:

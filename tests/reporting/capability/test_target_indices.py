@@ -109,3 +109,14 @@ def test_the_intervals_cover(shape):
     for name, true in zip(("cpm_star_interval", "cpmk_interval"), truth, strict=True):
         covered = np.mean([getattr(f, name)[0] <= true <= getattr(f, name)[1] for f in found])
         assert 0.915 <= covered <= 0.98, name
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1.0, 1e200])
+def test_intervals_do_not_depend_on_the_unit(scale):
+    """Heavy tails far from the target, in units whose squares overflow or vanish: the intervals of unit 1."""
+    x = np.random.default_rng(2).standard_t(4, 300)
+    plain = target_indices(x, -9.0, 9.0, 2.0, 0.95)
+    found = capability(scale * x, -9.0 * scale, 9.0 * scale, 2.0 * scale)
+    assert found.cpm_interval is None or found.cpm_interval == pytest.approx(capability(x, -9.0, 9.0, 2.0).cpm_interval)
+    again = target_indices(scale * x, -9.0 * scale, 9.0 * scale, 2.0 * scale, 0.95)
+    assert again is None or again.cpm_star_interval == pytest.approx(plain.cpm_star_interval)
