@@ -55,7 +55,8 @@ def mean_interval(value: float, terms: Array, confidence: float) -> Interval:
         return -math.inf, math.inf
     scaled = terms / math.sqrt(float(np.sum(terms**2)))
     most = float(scaled[np.argmax(np.abs(scaled))])
-    second, third, fourth = 1 + most**2, float(np.sum(scaled**3)) + most**3, float(np.sum(scaled**4)) + most**4
+    squared = scaled * scaled
+    second, third, fourth = 1 + most**2, float(np.sum(squared * scaled)) + most**3, float(np.sum(squared**2)) + most**4
     spread_of_second = fourth - second**2 / (terms.size + 1)
     freedom = 2 * second**2 / spread_of_second if spread_of_second > 0 else float(terms.size)
     t = float(stdtrit(min(max(freedom, _LEAST_FREEDOM), terms.size - 1), 0.5 + confidence / 2))
