@@ -44,6 +44,14 @@ def test_no_share_below_what_the_runs_can_show(far) -> None:
     assert set(re.findall(r"[\d.]+", expected)) == {"2.0"}
 
 
+def test_a_range_below_what_the_runs_can_show_is_one_bound() -> None:
+    """FC-1 of skewed values, with limits far away: the fitted distributions disagree below 2 ppm, which nobody sees."""
+    values = np.exp(0.1 * ndtri((np.arange(500) + 0.5) / 500))
+    text = text_of(render_html(with_column("FC-1", values, lsl=-9.0, usl=11.0)))
+    assert "2.0 to &lt; 2.0" not in text
+    assert "2.0 to < 2.0" not in text
+
+
 def test_a_share_that_the_runs_can_show_is_printed() -> None:
     """The 64 ppm of Cpk 1.33 stay a number."""
     a = with_column("FC-1", np.random.default_rng(0).normal(size=500), lsl=-4.0, usl=4.0)
