@@ -141,7 +141,7 @@ def analyse_response(
     return ResponseAnalysis(
         spec=spec,
         assumed=spec.source.lower().startswith("assumption"),
-        verdict=verdict(numbers, counted, others, production=request.design.production),
+        verdict=verdict(numbers, counted, others, production=request.design.production, heavy=_is_heavy(shape, spec)),
         capability=numbers,
         target_indices=target_indices(x, spec.lsl, spec.usl, spec.target, confidence, lots),
         subgroups=() if batches is None else subgroup_sigmas(x, batches[np.isfinite(values)], spec.lsl, spec.usl),
@@ -169,6 +169,14 @@ def _corners(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> Worst
     inputs = {variable.name: samples.values[variable.name] for variable in request.variables}
     everywhere = np.where(samples.ok, samples.values[spec.name], np.nan)
     return worst_case(everywhere, inputs, spec.lsl, spec.usl)
+
+
+def _is_heavy(shape: Normality, spec: ResponseSpec) -> bool:
+    """Return whether a tail with a limit is proven heavier than that of a normal distribution."""
+    limits = {"below": spec.lsl, "above": spec.usl}
+    return shape.verdict == "not normal" and any(
+        tail.word == "heavier" and limits[tail.side] is not None for tail in shape.tails
+    )
 
 
 def _fits(x: Array, spec: ResponseSpec) -> Fits:

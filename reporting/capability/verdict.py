@@ -4,7 +4,9 @@ Cpk decides. Another estimate overrules it where its whole interval lies in a wo
 are a fact, whatever a normal distribution expects. An estimate that the count itself refutes has no say. A verdict is
 *certain* if the interval of Cpk lies in one class, no estimate speaks for a worse one, none proves a better one, and
 the count does not exclude the share that the index implies. So the verdict is never better than what Cpk says, and
-never certain where methods disagree.
+never certain where methods disagree. Where a tail is proven heavier than a normal one, Cpk and its interval say little
+of the share beyond that limit: then an estimate without the normal distribution must exclude every worse class with its
+whole interval.
 """
 
 import math
@@ -78,6 +80,7 @@ def verdict(
     others: Iterable[IndexEstimate] = (),
     *,
     production: bool = True,
+    heavy: bool = False,
 ) -> CapabilityVerdict:
     """Return the verdict on a response.
 
@@ -91,6 +94,8 @@ def verdict(
         Further estimates that are worth believing.
     production : bool
         The samples represent production.
+    heavy : bool
+        A tail beyond which there is a limit is proven heavier than that of a normal distribution.
     """
     if capability.lsl is None and capability.usl is None:
         return CapabilityVerdict("no limits")
@@ -117,6 +122,11 @@ def verdict(
         )
     if counted is not None and decides is of_index:
         reasons += _excluded(capability, counted)
+    if heavy and word != _BEST_FIRST[-1] and all(_worse(class_of(e.low), word) for e in further):
+        reasons.append(
+            "A tail is heavier than that of a normal distribution, on which Cpk rests, and no estimate without it"
+            " excludes a worse class."
+        )
     overruled_only = decides is not of_index and len(reasons) == 1
     return CapabilityVerdict(word, not reasons or overruled_only, decides.by, tuple(reasons))
 

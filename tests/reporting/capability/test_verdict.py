@@ -130,3 +130,21 @@ def test_a_count_overrules_a_cpk_whose_interval_is_withheld() -> None:
     found = verdict(c, nonconforming(x, None, 3.0, 0.95))
     assert (found.word, found.certain, found.by) == ("marginal", False, "count")
     assert found.reasons[1] == "Two lots."
+
+
+def test_heavy_tails_need_an_estimate_without_the_normal_distribution() -> None:
+    """Cpk 1.8 of a t5 response is certain by its interval; its rejects may be those of Cpk 1.17."""
+    x = spread(500, 1.8)
+    assert judged(x, usl=3.0).certain
+    alone = judged(x, usl=3.0, heavy=True)
+    assert (alone.word, alone.certain) == ("capable", False)
+    assert "heavier than that of a normal distribution" in alone.reasons[-1]
+    wide = objector("fitted distribution", 1.1, 1.6, 2.0)
+    assert not judged(x, usl=3.0, others=[wide], heavy=True).certain
+    narrow = objector("fitted distribution", 1.4, 1.6, 2.0)
+    assert judged(x, usl=3.0, others=[narrow], heavy=True).certain
+
+
+def test_a_count_alone_proves_heavy_tails_capable() -> None:
+    """No reject among 150,000."""
+    assert judged(spread(150_000, 1.8), usl=3.0, heavy=True).certain
