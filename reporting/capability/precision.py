@@ -22,11 +22,13 @@ from scipy.special import chdtri, ndtri, stdtrit
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval
 from reporting.capability.lots import FEW_LOTS, lots_worth, variance_components
+from reporting.capability.moment_test import FEWEST_FOR_SHAPE, normal_moments_p
 
 # A fourth moment at its lower bound would make sigma certain; values that few do not prove it.
 _LEAST_SPREAD_OF_SQUARES = 0.2
 _LEAST_FREEDOM = 2.0
 _LARGEST_CORRELATION = 0.99
+_PROVEN = 0.05  # a smaller p-value proves that values are not normal, or have more variances than one
 # A variance that its interval's lower end would put below this share of itself.
 _LEAST_VARIANCE = 0.02
 
@@ -152,6 +154,40 @@ def freedom_of_spread(squares: Array) -> float:
     second = float(np.mean(fourth))
     spread = float(np.mean(fourth**2)) / second**2 - 1 if second > 0 else math.inf
     return max(2 * squares.size / max(spread, _LEAST_SPREAD_OF_SQUARES), _LEAST_FREEDOM)
+
+
+def freedom_of_pooled(residual: Array, group: NDArray[np.intp], confidence: float) -> float:
+    """Return the degrees of freedom of the pooled variance within lots, whatever distribution the values have.
+
+    Parameters
+    ----------
+    residual : array, shape (n,)
+        Values less the mean of their lot; not all 0.
+    group : array of int, shape (n,)
+        Number of each value's lot, from 0.
+    confidence : float
+        Of the two-sided interval that they are for.
+
+    Returns
+    -------
+    float
+        Values less lots if neither the fourth moment of the residuals nor the differences between the lots' own
+        variances exceed those of normal values of one variance; otherwise as many as these tell.
+    """
+    counts = np.bincount(group)
+    k, nu = counts.size, float(residual.size - counts.size)
+    variance = float(np.sum(residual**2)) / nu
+    # Of normal values of one variance, sums of squares of a lot less what is expected of it.
+    squares: Array = np.bincount(group, weights=residual**2) / variance - (counts - 1)
+    distance = float(np.sum(squares[counts > 1] ** 2 / (2 * (counts[counts > 1] - 1))))
+    normal = nu < FEWEST_FOR_SHAPE or normal_moments_p(residual, nu) >= _PROVEN
+    if normal and (k == 1 or distance <= float(chdtri(k - 1, _PROVEN))):
+        return nu
+    found = min(_freedom_within(residual, k), nu)
+    if k > 1 and np.any(squares):
+        relative = k / (k - 1) * float(np.sum(squares**2)) / nu**2
+        found = min(_cautious(2 / relative, freedom_of_spread(squares), confidence), found)
+    return found
 
 
 def _freedom_within(residual: Array, lots: int) -> float:

@@ -15,6 +15,7 @@ from reporting.capability.indices import basic_intervals, point_indices
 from reporting.capability.intervals import Interval
 from reporting.capability.lots import variance_components
 from reporting.capability.moments import ROUNDING
+from reporting.capability.precision import freedom_of_pooled
 from reporting.capability.shares import ppm_of_z
 
 
@@ -36,8 +37,8 @@ class Within:
     cp, cpk, cpl, cpu, z_bench : float or None
         Indices around the overall mean; None where a limit is missing.
     cp_interval, cpk_interval, cpl_interval, cpu_interval : (float, float) or None
-        With nu degrees of freedom, for the mean of these batches: a potential index leaves out how the mean of other
-        batches would differ.
+        With nu degrees of freedom, or fewer where the values within batches are not normal or the variances of batches
+        differ; for the mean of these batches: a potential index leaves out how the mean of other batches would differ.
     ppm_expected : float or None
         Share out of limits of a normal distribution with this sigma.
     """
@@ -83,6 +84,9 @@ def within(
         return None
     std, between, lots = math.sqrt(parts.within), parts.variance_between, int(parts.counts.size)
     index, nu = point_indices(mean, std, lsl, usl), n - lots
+    _, group = np.unique(batches, return_inverse=True)
+    residual = (x - mean) - (np.bincount(group, weights=x - mean) / parts.counts)[group]
+    freedom = freedom_of_pooled(residual, group, confidence)
     z_bench = index["z_bench"]
     return Within(
         batches=lots,
@@ -94,6 +98,6 @@ def within(
         cpl=index["cpl"],
         cpu=index["cpu"],
         z_bench=z_bench,
-        **basic_intervals(index, n, nu, confidence),
+        **basic_intervals(index, n, freedom, confidence),
         ppm_expected=None if z_bench is None else ppm_of_z(z_bench),
     )

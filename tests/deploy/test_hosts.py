@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from tests.deploy.hosts import inside, network
 
 ROOT = Path(__file__).parents[2]
 PORT = 8786
+STARTED_WITHIN = 120.0  # s
 
 pytestmark = [
     pytest.mark.slow,
@@ -96,15 +98,25 @@ def test_strangers_are_refused(hosts, on_host, settings, tmp_path):
 
 def test_nothing_listens_in_the_clear(hosts, on_host):
     """Whatever port is open to other hosts answers neither plain words nor TLS without a certificate."""
-    ports = []
-    for name in ("scheduler", "one", "two", "coordinator"):
-        command = [*inside(hosts[name][0]), "ss", "-Hltn"]
-        listening = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
-        bound = [line.split()[3].rpartition(":") for line in listening]
-        ports += [(name, port) for address, _, port in bound if address not in ("127.0.0.1", "[::1]")]
+    until = time.monotonic() + STARTED_WITHIN
+    ports = _ports(hosts)
+    while {name for name, _ in ports} < {"scheduler", "one", "two"} and time.monotonic() < until:
+        time.sleep(0.2)
+        ports = _ports(hosts)
     assert ("scheduler", str(PORT)) in ports
     assert {name for name, _ in ports} == {"scheduler", "one", "two"}
     for name, port in ports:
         answer = on_host("coordinator", "knock", hosts[name][1], port)
         assert answer["clear"] == "" or answer["clear"].startswith("15"), (name, port, answer)  # 0x15: a TLS alert
         assert answer["anonymous"] == "" or "refused" in answer["anonymous"], (name, port, answer)
+
+
+def _ports(hosts):
+    """Return the ports that each host has open to others."""
+    ports = []
+    for name in ("scheduler", "one", "two", "coordinator"):
+        command = [*inside(hosts[name][0]), "ss", "-Hltn"]
+        listening = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
+        bound = [line.split()[3].rpartition(":") for line in listening]
+        ports += [(name, port) for address, _, port in bound if address not in ("127.0.0.1", "[::1]")]
+    return ports

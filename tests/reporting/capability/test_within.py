@@ -7,6 +7,7 @@ from scipy import stats
 from reporting import ReportError, capability
 from reporting.capability.indices import NAMES, WHICH_SIGMA
 from reporting.capability.intervals import cpk_interval
+from reporting.capability.within import within
 
 
 def set_c() -> tuple[np.ndarray, np.ndarray]:
@@ -97,3 +98,39 @@ def test_every_index_has_its_names() -> None:
     assert (NAMES["cp"].paper, NAMES["cp"].overall, NAMES["cp"].within) == ("Cp", "Pp", "Cp")
     assert (NAMES["cpk"].paper, NAMES["cpk"].overall, NAMES["cpk"].within) == ("Cpk", "Ppk", "Cpk")
     assert "overall" in WHICH_SIGMA
+
+
+def covered(draw, cp: float, times: int = 300) -> float:
+    """Return how often the interval of Cp within 20 lots of 25 holds the truth."""
+    rng, batches = np.random.default_rng(14), np.repeat(np.arange(20), 25)
+    hits = 0
+    for _ in range(times):
+        low, high = within(draw(rng, batches), batches, -3.0, 3.0, 0.95).cp_interval
+        hits += low <= cp <= high
+    return hits / times
+
+
+def test_intervals_hold_where_lots_differ_in_spread() -> None:
+    """Lots of which each has a sigma of its own: chi-square with the freedom of all values covers half of them."""
+    scale = 0.6
+
+    def draw(rng, batches):
+        return (np.exp(scale * rng.standard_normal(20))[:, None] * rng.standard_normal((20, 25))).ravel()
+
+    assert covered(draw, 1 / np.exp(scale**2)) >= 0.85
+
+
+def test_intervals_hold_where_values_within_lots_have_heavy_tails() -> None:
+    def draw(rng, batches):
+        return rng.standard_t(5, 500) / np.sqrt(5 / 3)
+
+    assert covered(draw, 1.0) >= 0.91
+
+
+def test_normal_values_within_lots_keep_their_interval() -> None:
+    """Exact, but where chance makes a sample look otherwise, which widens it."""
+
+    def draw(rng, batches):
+        return rng.standard_normal(500) + rng.standard_normal(20)[batches]
+
+    assert 0.92 <= covered(draw, 1.0) <= 0.985
