@@ -136,7 +136,7 @@ def _normal_theory(x: Array, centred: Array, fence: Fence) -> dict[str, Interval
     }
     if fence.lsl is not None and fence.usl is not None and fence.target is not None:
         offset = mean - fence.target
-        around = math.sqrt(float(np.mean(centred**2)) + offset**2)
+        around = math.sqrt(float(np.mean(centred**2)) + offset * offset)
         cpm, scaled = (fence.usl - fence.lsl) / (6 * around), offset / float(np.std(centred))
         found["cpm_interval"] = cpm_interval(cpm, scaled, n, confidence) if math.isfinite(scaled) else None
     return found

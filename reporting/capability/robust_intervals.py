@@ -86,8 +86,9 @@ def _combined(precision: Precision, value: float, of_mean: float, over_sigma: fl
     moves = sorted((over_sigma * (precision.std / high - 1), over_sigma * (precision.std / low - 1)))
     # An error that raises the mean and one that raises sigma move the index in these directions.
     together = 2 * precision.correlation * math.copysign(1, of_mean) * -math.copysign(1, over_sigma)
+    # Products, not powers: a power of a Python float that overflows is an error, a product is infinite.
     below, above = (
-        math.sqrt(max(of_mean**2 + move**2 + together * abs(of_mean * move), 0.0)) for move in (moves[0], moves[1])
+        math.sqrt(max(of_mean * of_mean + move * move + together * abs(of_mean * move), 0.0)) for move in moves
     )
     return value - below, value + above
 

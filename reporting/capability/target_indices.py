@@ -78,8 +78,7 @@ def target_indices(
         return None
     room = distance_to_limit(target, lsl, usl)
     with np.errstate(over="ignore", invalid="ignore"):  # squares of values near the largest double
-        squares, mean = (x - target) ** 2, float(np.mean(x))
-        tau = math.sqrt(float(np.mean(squares)))
+        mean, tau = float(np.mean(x)), math.sqrt(float(np.mean((x - target) ** 2)))
     if room <= 0 or not ROUNDING * max(abs(target), float(np.max(np.abs(x)))) < tau < math.inf:
         return None
     shape = location_and_shape(x)
@@ -92,7 +91,7 @@ def target_indices(
         around = Fence(target - room, target + room, target, confidence)
         of_cpm = index_intervals(method, x, kurtosis, around, lots).get("cpm_interval")
         side = 1.0 if usl is None or (lsl is not None and mean - lsl < usl - mean) else -1.0
-        influence = side * (x - mean) / (3 * tau) - cpmk * (squares / tau**2 - 1) / 2
+        influence = side * (x - mean) / (3 * tau) - cpmk * (((x - target) / tau) ** 2 - 1) / 2
         if method.name and x.size >= FEWEST_FOR_CPMK:
             half = _half_width(influence, lots, confidence)
             of_cpmk = (cpmk - half, cpmk + half)
