@@ -1,13 +1,11 @@
 """How samples ended, and the samples that failed."""
 
-import shlex
 from dataclasses import dataclass
 
 import numpy as np
 
-from reporting.format_numbers import plain
 from reporting.samples import OK, Samples
-from reporting.spec import ReportSpec, VariableSpec
+from reporting.spec import ReportSpec
 
 FAILURES_LISTED = 20
 
@@ -65,18 +63,12 @@ def count_statuses(samples: Samples) -> tuple[StatusCount, ...]:
 
 def list_failures(spec: ReportSpec, samples: Samples) -> tuple[FailedSample, ...]:
     """List the first failed samples, each with the command that repeats it with exactly the same inputs."""
-    start = spec.simulate or f"clearcap simulate {shlex.quote(spec.provenance.get('mechanism', spec.campaign))}"
     return tuple(
         FailedSample(
             sample=int(samples.sample[row]),
             status=samples.statuses[samples.status[row]],
             message=samples.messages.get(int(samples.sample[row]), ""),
-            command=" ".join([start, *(_option(v, samples.values[v.name][row]) for v in spec.variables)]),
+            command=spec.command({v.name: samples.values[v.name][row] for v in spec.variables}),
         )
         for row in np.flatnonzero(~samples.ok)[:FAILURES_LISTED]
     )
-
-
-def _option(variable: VariableSpec, value: float) -> str:
-    """Return the option that sets a variable, in full precision."""
-    return f"--set {shlex.quote(f'{variable.key or variable.name}={plain(value)}')}"

@@ -26,6 +26,7 @@ from reporting.shape.supported_indices import supported_indices
 from reporting.shape.tails import TailShare, pareto_tails
 from reporting.shape.withheld import without_intervals
 from reporting.spec import ReportSpec, ResponseSpec
+from reporting.tolerance.linear_stack import LinearStack, linear_stack
 from reporting.tolerance.worst_case import WorstCase, worst_case
 
 # Share out of limits of a centred normal response with Cp 1.33.
@@ -60,6 +61,8 @@ class ResponseAnalysis:
         None without values.
     worst : WorstCase or None
         Over the corners of this campaign or of the campaign that it is compared with; else None.
+    stack : LinearStack or None
+        Worst case and root sum of squares by slopes; None if the samples are not production or too few.
     nonconforming : Nonconforming or None
         Counted shares; None without limits or values.
     claim_runs : int or None
@@ -90,6 +93,7 @@ class ResponseAnalysis:
     yield_: Yield | None
     histogram: Histogram | None
     worst: WorstCase | None
+    stack: LinearStack | None
     nonconforming: Nonconforming | None
     claim_runs: int | None
     tails: tuple[TailShare, ...]
@@ -149,6 +153,7 @@ def analyse_response(
         yield_=with_failures,
         histogram=histogram(x, spec.lsl, spec.usl),
         worst=None if corners is None else _corners(spec, *corners),
+        stack=_stack(spec, samples, request),
         nonconforming=counted,
         claim_runs=None if counted is None else _runs_to_claim(counted.total, confidence),
         tails=tails,
@@ -169,6 +174,20 @@ def _corners(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> Worst
     inputs = {variable.name: samples.values[variable.name] for variable in request.variables}
     everywhere = np.where(samples.ok, samples.values[spec.name], np.nan)
     return worst_case(everywhere, inputs, spec.lsl, spec.usl)
+
+
+def _stack(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> LinearStack | None:
+    """Return worst case and root sum of squares by slopes; None if the samples are not production or too few."""
+    if not request.design.production:
+        return None
+    return linear_stack(
+        samples.values[spec.name][samples.ok],
+        {v.name: samples.values[v.name][samples.ok] for v in request.variables},
+        request.variables,
+        (spec.lsl, spec.usl),
+        correlated=bool(request.correlations),
+        command=request.command,
+    )
 
 
 def _is_heavy(shape: Normality, spec: ResponseSpec) -> bool:

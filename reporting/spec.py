@@ -4,10 +4,13 @@ The rows hold the results; these classes hold the request: limits, distributions
 them in; reporting never reads a campaign or mechanism file.
 """
 
+import shlex
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from reporting.designs import INDEPENDENT, Design
 from reporting.errors import ReportError
+from reporting.format_numbers import plain
 
 
 @dataclass(frozen=True)
@@ -168,3 +171,9 @@ class ReportSpec:
         independent = self.sampler == ReportSpec.sampler and not self.corners and self.designed is None
         if not independent and self.design == INDEPENDENT:
             raise ReportError(f"sampler {self.sampler}: the samples are not described; describe them in design")
+
+    def command(self, values: Mapping[str, float]) -> str:
+        """Return the command that simulates one sample with these values of the variables, in full precision."""
+        start = self.simulate or f"clearcap simulate {shlex.quote(self.provenance.get('mechanism', self.campaign))}"
+        keys = (f"{v.key or v.name}={plain(values[v.name])}" for v in self.variables)
+        return " ".join([start, *(f"--set {shlex.quote(key)}" for key in keys)])

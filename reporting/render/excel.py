@@ -55,6 +55,7 @@ def _tables(analysis: Analysis, samples: Samples) -> dict[str, Table]:
         "Product": _product(analysis),
         "Indices": _indices(analysis.responses),
         "Tolerance intervals": _tolerance_intervals(analysis.responses),
+        "Stack-up": _stack(analysis.responses),
         "Causes": _causes(analysis),
         "Inputs": _inputs(analysis),
         "Failures": (
@@ -134,6 +135,25 @@ def _tolerance_intervals(responses: tuple[ResponseAnalysis, ...]) -> Table:
          *(t.free or (None, None)), t.free_lower, t.free_upper, found.note)
         for r in responses if (found := r.tolerance_intervals) for t in found.claims
     ]  # fmt: skip
+    return heads, rows
+
+
+def _stack(responses: tuple[ResponseAnalysis, ...]) -> Table:
+    """Return worst case and root sum of squares by slopes, and what each variable adds."""
+    heads = ("response", "variable or range", "low", "high", "slope", "adds to the worst case", "bounds",
+             "variance explained", "shape")  # fmt: skip
+    rows: list[Sequence[Any]] = []
+    for name, s in ((r.spec.name, r.stack) for r in responses if r.stack):
+        three = 3 * s.rss_sigma
+        rows += [
+            (name, "samples", *s.sampled),
+            (name, "worst case by slopes", *s.worst, None, None, None, s.explained, s.shape),
+            (name, "RSS by slopes", *s.rss),
+            (name, "3 sigma RSS by slopes", s.nominal - three, s.nominal + three),
+        ]
+        for v in s.variables:
+            ends = "bounds" if v.bounded else "mean ± 3 sigma"
+            rows.append((name, v.variable, v.lower, v.upper, v.slope, v.half_width, ends))
     return heads, rows
 
 

@@ -1,0 +1,281 @@
+"""Worst case and root sum of squares by the slopes of a response, from the samples of one Monte Carlo campaign.
+
+This is the stack-up sheet of a drawing office: ``y = y0 + sum s_i (x_i - m_i)``, with m_i the middle of the tolerance
+of variable i and t_i half its width. All parts at their worst end make ``sum |s_i| t_i``; independent parts make
+``sqrt(sum (s_i t_i)^2)``. The slopes s_i are those of the least-squares plane through the samples. It is exact for a
+response that is a weighted sum; how far this one is from it, the share of variance that the plane explains says.
+
+The tolerance of a variable is from its lower to its upper bound. Where it has no bound, it ends at three standard
+deviations from the mean.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import fdtrc
+
+from reporting.arrays import Array, random_rows
+from reporting.capability.moments import ROUNDING
+from reporting.spec import VariableSpec
+
+# A plane that leaves more of the variance unexplained gives no worst case to rely on.
+LINEAR_SHARE = 0.97
+# Squares and products that explain so much more of the variance, and do so by more than chance, show a curve.
+CURVED_SHARE, _CHANCE = 0.01, 1e-3
+LINEAR, CURVED, OTHER, CONSTANT = "linear", "curved", "not linear", "constant"
+_ROWS = 20_000
+_ROWS_PER_TERM, _LEAST_ROWS = 3, 20
+_ROWS_PER_SQUARE, _MOST_TERMS = 10, 150
+_REACH = 3.0  # standard deviations: where a tolerance without a bound ends
+_CENTRAL = (0.135, 99.865)  # percentiles that contain as much as mean +- 3 sigma of a normal distribution
+
+Command = Callable[[Mapping[str, float]], str]
+
+
+@dataclass(frozen=True)
+class StackedVariable:
+    """What one variable adds to the stack-up of a response.
+
+    Attributes
+    ----------
+    variable : str
+    lower, upper : float
+        Ends of its tolerance, in its unit.
+    bounded : bool
+        Both ends are bounds of its distribution; else at least one is three standard deviations from the mean.
+    slope : float
+        Change of the response per unit of the variable.
+    half_width : float
+        ``|slope| (upper - lower) / 2``: what its whole tolerance adds to the worst case, in the response's unit.
+    """
+
+    variable: str
+    lower: float
+    upper: float
+    bounded: bool
+    slope: float
+    half_width: float
+
+
+@dataclass(frozen=True)
+class LinearStack:
+    """Worst case and root sum of squares by slopes, beside what the samples themselves reached.
+
+    Attributes
+    ----------
+    variables : tuple of StackedVariable
+        In order of what they add, the largest first.
+    nominal : float
+        Value of the plane with every variable in the middle of its tolerance.
+    worst : (float, float)
+        Ends with every variable at its worst end: nominal -+ the sum of the half widths.
+    rss : (float, float)
+        Ends by the root of the sum of squares of the half widths.
+    rss_sigma : float
+        Standard deviation by the root of the sum of squares of slope times the variable's own sigma.
+    correlated : bool
+        `rss` and `rss_sigma` use the correlations of the samples, because the campaign asks for correlations. The worst
+        case does not: every combination of ends counts as possible.
+    sampled : (float, float)
+        Smallest and largest value of the samples.
+    central : (float, float)
+        Percentiles 0.135 and 99.865 of the samples, which contain as much as mean +- 3 sigma of a normal distribution;
+        of few samples they are the smallest and the largest.
+    n : int
+        Number of samples with a value.
+    explained : float or None
+        Share of the variance that the plane explains, adjusted for the number of variables; None without variance.
+    explained_curved : float or None
+        The same with squares and products, or squares alone; None where the samples are too few for it.
+    shape : str
+        "linear": the plane explains at least 97 % of the variance, and squares add less than 1 %. "curved": squares and
+        products add 1 % or more, not by chance. "not linear": the plane explains less than 97 %, and no curve is seen.
+        "constant": no variance.
+    exceeded : bool
+        A sample lies beyond the worst case by slopes, so it is no worst case.
+    reliable : bool
+        The slopes suffice: the response is linear or constant, and no sample lies beyond the worst case.
+    lowest_corner, highest_corner : dict of str to float
+        Values of the variables at which the plane is lowest and highest: these two runs check it.
+    lowest_command, highest_command : str
+        The commands of these runs.
+    within : bool or None
+        The worst case by slopes keeps the limits; None without limits, or if the slopes do not suffice.
+    """
+
+    variables: tuple[StackedVariable, ...]
+    nominal: float
+    worst: tuple[float, float]
+    rss: tuple[float, float]
+    rss_sigma: float
+    correlated: bool
+    sampled: tuple[float, float]
+    central: tuple[float, float]
+    n: int
+    explained: float | None
+    explained_curved: float | None
+    shape: str
+    exceeded: bool
+    reliable: bool
+    lowest_corner: dict[str, float]
+    highest_corner: dict[str, float]
+    lowest_command: str
+    highest_command: str
+    within: bool | None
+
+
+def linear_stack(
+    y: Array,
+    columns: Mapping[str, Array],
+    specs: Sequence[VariableSpec],
+    limits: tuple[float | None, float | None] = (None, None),
+    *,
+    correlated: bool = False,
+    command: Command = lambda _: "",
+) -> LinearStack | None:
+    """Return the stack-up of one response; None if no variable varies or the values are too few for the slopes.
+
+    Parameters
+    ----------
+    y : array, shape (n,)
+        The response at each sample; NaN where it has none.
+    columns : mapping of str to array, each of shape (n,)
+        The variables at each sample.
+    specs : sequence of VariableSpec
+        Their bounds, means and standard deviations.
+    limits : (lsl, usl)
+    correlated : bool
+        The campaign asks for correlations.
+    command : callable (values by variable) -> str
+        The command that simulates these values.
+    """
+    varying = [v for v in specs if v.std > 0]
+    has = np.flatnonzero(np.isfinite(y))
+    if not varying or has.size < max(_LEAST_ROWS, _ROWS_PER_TERM * (len(varying) + 1)):
+        return None
+    rows = has[random_rows(has.size)[:_ROWS]]
+    x = np.column_stack([columns[v.name][rows] for v in varying])
+    plane = _plane(y[rows], x)
+    ends = np.array([tolerance_of(v) for v in varying])
+    steps = plane.slopes * np.ptp(ends, axis=1) / 2
+    nominal = float(plane.mean + plane.slopes @ (ends.mean(axis=1) - x.mean(axis=0)))
+    together = _correlations(x) if correlated else np.eye(len(varying))
+    worst = _around(nominal, float(np.abs(steps).sum()))
+    sampled = float(y[has].min()), float(y[has].max())
+    low, high = np.percentile(y[has], _CENTRAL)
+    exceeded = min(sampled[0] - worst[0], worst[1] - sampled[1]) < -ROUNDING * float(np.abs(y[has]).max())
+    reliable = plane.shape in (LINEAR, CONSTANT) and not exceeded
+    corners = [_corner(specs, varying, ends, sign * plane.slopes) for sign in (-1, 1)]
+    stacked = [
+        StackedVariable(v.name, float(low), float(high), _is_bounded(v), float(slope), abs(float(step)))
+        for v, (low, high), slope, step in zip(varying, ends, plane.slopes, steps, strict=True)
+    ]
+    return LinearStack(
+        variables=tuple(sorted(stacked, key=lambda each: -each.half_width)),
+        nominal=nominal,
+        worst=worst,
+        rss=_around(nominal, _root(steps, together)),
+        rss_sigma=_root(plane.slopes * np.array([v.std for v in varying]), together),
+        correlated=correlated,
+        sampled=sampled,
+        central=(float(low), float(high)),
+        n=int(has.size),
+        explained=plane.explained,
+        explained_curved=plane.explained_curved,
+        shape=plane.shape,
+        exceeded=exceeded,
+        reliable=reliable,
+        lowest_corner=corners[0],
+        highest_corner=corners[1],
+        lowest_command=command(corners[0]),
+        highest_command=command(corners[1]),
+        within=_is_within(worst, limits) if reliable else None,
+    )
+
+
+def tolerance_of(spec: VariableSpec) -> tuple[float, float]:
+    """Return the ends of a variable's tolerance: its bounds, or three standard deviations where it has none."""
+    low = spec.mean - _REACH * spec.std if spec.lower is None else spec.lower
+    return low, spec.mean + _REACH * spec.std if spec.upper is None else spec.upper
+
+
+@dataclass(frozen=True)
+class _Plane:
+    """The least-squares plane through samples, slopes of shape (k,), and how much of their variance it explains."""
+
+    mean: float
+    slopes: Array
+    explained: float | None
+    explained_curved: float | None
+    shape: str
+
+
+def _plane(y: Array, x: Array) -> _Plane:
+    """Return the plane through samples; variables that do not vary among them have the slope 0."""
+    n, k = x.shape
+    spread = np.where(np.ptp(x, axis=0) > 0, x.std(axis=0), np.inf)
+    z, deviation = (x - x.mean(axis=0)) / spread, y - y.mean()
+    if not deviation.std() > ROUNDING * np.abs(y).max():
+        return _Plane(float(y.mean()), np.zeros(k), None, None, CONSTANT)
+    slopes = np.linalg.lstsq(z, deviation, rcond=None)[0]
+    most = min(_MOST_TERMS, n // _ROWS_PER_SQUARE)
+    i, j = np.triu_indices(k) if (k + 1) * (k + 2) // 2 <= most else (np.arange(k), np.arange(k))
+    straight, curved, is_curved = _left(np.column_stack([np.ones(n), z]), deviation), None, False
+    if 1 + k + i.size <= most:
+        left = _left(np.column_stack([np.ones(n), z, z[:, i] * z[:, j]]), deviation)
+        gain = (straight[0] - left[0]) / i.size / max(left[0] / left[1], np.finfo(np.float64).tiny)
+        curved = _share(left, deviation)
+        is_curved = curved - _share(straight, deviation) >= CURVED_SHARE and fdtrc(i.size, left[1], gain) < _CHANCE
+    explained = _share(straight, deviation)
+    shape = CURVED if is_curved else LINEAR if explained >= LINEAR_SHARE else OTHER
+    return _Plane(float(y.mean()), slopes / spread, explained, curved, shape)
+
+
+def _left(terms: Array, deviation: Array) -> tuple[float, int]:
+    """Return the sum of squares that terms leave unexplained, and its degrees of freedom."""
+    residual = deviation - terms @ np.linalg.lstsq(terms, deviation, rcond=None)[0]
+    return float(residual @ residual), terms.shape[0] - terms.shape[1]
+
+
+def _share(left: tuple[float, int], deviation: Array) -> float:
+    """Return the share of the variance that is explained, adjusted for the number of terms; at least 0."""
+    return max(1.0 - left[0] / left[1] / float(deviation @ deviation) * (deviation.size - 1), 0.0)
+
+
+def _correlations(x: Array) -> Array:
+    """Return the correlation matrix of columns; a column that does not vary is correlated with none."""
+    with np.errstate(all="ignore"):
+        found = np.nan_to_num(np.corrcoef(x, rowvar=False).reshape(x.shape[1], -1))
+    np.fill_diagonal(found, 1.0)
+    return found
+
+
+def _root(steps: Array, together: Array) -> float:
+    """Return the root of the sum of squares of steps, with their correlations."""
+    return math.sqrt(max(float(steps @ together @ steps), 0.0))
+
+
+def _around(middle: float, half_width: float) -> tuple[float, float]:
+    """Return both ends of a range."""
+    return middle - half_width, middle + half_width
+
+
+def _corner(
+    specs: Sequence[VariableSpec], varying: Sequence[VariableSpec], ends: Array, slopes: Array
+) -> dict[str, float]:
+    """Return the values at which a plane with these slopes is highest; a constant has its own."""
+    highest = {v.name: float(ends[i, int(slopes[i] > 0)]) for i, v in enumerate(varying)}
+    return {v.name: highest.get(v.name, v.mean) for v in specs}
+
+
+def _is_bounded(spec: VariableSpec) -> bool:
+    """Return whether both ends of a variable's tolerance are bounds."""
+    return spec.lower is not None and spec.upper is not None
+
+
+def _is_within(ends: tuple[float, float], limits: tuple[float | None, float | None]) -> bool | None:
+    """Return whether a range keeps the limits; None without limits."""
+    lsl, usl = limits
+    return None if limits == (None, None) else (lsl is None or ends[0] >= lsl) and (usl is None or ends[1] <= usl)
