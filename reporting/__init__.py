@@ -3,6 +3,7 @@
 One analysis model (`reporting.analysis`), many renderings of it (`reporting.render.html`, `reporting.render.json`).
 """
 
+from reporting.assumptions import Assumption
 from reporting.capability.summary import Capability, capability
 from reporting.designs import Design
 from reporting.errors import ReportError
@@ -10,6 +11,7 @@ from reporting.spec import ReportSpec, ResponseSpec, VariableSpec
 from reporting.write import write_report
 
 __all__ = [
+    "Assumption",
     "Capability",
     "Design",
     "ReportError",

@@ -8,6 +8,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from reporting.assumptions import Assumption
 from reporting.designs import INDEPENDENT, Design
 from reporting.errors import ReportError
 from reporting.format_numbers import plain
@@ -146,6 +147,14 @@ class ReportSpec:
         Components of importance sampling; empty if samples have no weights. The rows then have the columns
         "component" (number of a part, from 1; 0 for the distributions themselves), "log_weight" and "aimed" (beyond
         three quarters of the way to a part's centre).
+    author : str
+        Who answers for the campaign; may be empty.
+    ended : str
+        When the last sample was computed, in words; empty if it is not known.
+    written : str
+        When the report is written, in words. It is the only part of a report that depends on when it is written.
+    assumptions : tuple of Assumption
+        What is the same in every run.
     """
 
     title: str
@@ -165,6 +174,10 @@ class ReportSpec:
     stop: str = ""
     designed: tuple[str, ...] | None = None
     proposal: tuple[ProposalPart, ...] = ()
+    author: str = ""
+    ended: str = ""
+    written: str = ""
+    assumptions: tuple[Assumption, ...] = ()
 
     def __post_init__(self) -> None:
         """Raise ReportError if samples that are not independent would pass for such."""

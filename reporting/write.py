@@ -84,7 +84,7 @@ def write_report(
 
 def _rendered(analysis: Analysis, samples: Samples, kinds: set[str]) -> dict[str, bytes]:
     """Return the content of the files by kind, in the order of `NAMES`."""
-    available = {kind for kind in kinds if kind not in EXTRAS or find_spec(EXTRAS[kind][0]) is not None}
+    available = {kind for kind in kinds if not lacks_package(kind)}
     files = tuple(NAMES[kind] for kind in NAMES if kind in available and kind != "html")
     page = render_html(analysis, files, _missing(kinds - available))
     render: dict[str, Callable[[], bytes]] = {
@@ -95,6 +95,11 @@ def _rendered(analysis: Analysis, samples: Samples, kinds: set[str]) -> dict[str
         "parquet": lambda: render_parquet(analysis),
     }
     return {kind: render[kind]() for kind in NAMES if kind in available}
+
+
+def lacks_package(kind: str) -> bool:
+    """Return whether a kind of file needs a package that is not installed."""
+    return kind in EXTRAS and find_spec(EXTRAS[kind][0]) is None
 
 
 def _missing(kinds: set[str]) -> str:

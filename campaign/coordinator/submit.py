@@ -1,8 +1,10 @@
 """Write the plan of a campaign into a store, and see to it that a coordinator computes it."""
 
+import getpass
 import logging
 import subprocess
 import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +19,7 @@ from campaign.plan import Plan, batch_size_is_fixed, make_plan
 from campaign.safe_path import python_environment
 from campaign.spec.load import Campaign
 from campaign.store import Store
-from campaign.store.layout import CANCEL, LEASE, LOG, SERVICE
+from campaign.store.layout import CANCEL, LEASE, LOG, SERVICE, SUBMISSION
 from campaign.worker.messages import Simulate
 from engine import simulate
 
@@ -51,6 +53,7 @@ def submit(store: Store, campaign: Campaign, batch_size: int | None = None, simu
         is_size_known = batch_size is not None or batch_size_is_fixed(campaign.spec.samples)
         seconds = None if is_size_known else seconds_per_run(new, simulate)
         plan = store.create_plan(make_plan(campaign, batch_size, seconds))
+        store.create_json(plan.campaign_id, SUBMISSION, {"user": _user_name(), "time": time.time()})
         if reused := reuse_rows(store, plan):
             logger.info(
                 "%d rows are reused from a campaign that differs only in its number of samples or its limits", reused
@@ -59,6 +62,14 @@ def submit(store: Store, campaign: Campaign, batch_size: int | None = None, simu
     if batch_size is not None and plan.batches != new.batches:
         logger.warning("the campaign is planned already: its batches of %d samples are kept", plan.batches[0][1])
     return plan
+
+
+def _user_name() -> str:
+    """Return the name of this process's user; empty if the system has none for it, as in some containers."""
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):
+        return ""
 
 
 @dataclass(frozen=True)

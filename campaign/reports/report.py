@@ -15,7 +15,9 @@ from campaign.errors import CampaignError, unwritable
 from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
 from campaign.plan import Plan
+from campaign.reports.authorship import author, campaign_end, report_date
 from campaign.reports.changed_distributions import scale_spread
+from campaign.reports.fixed_assumptions import fixed_assumptions
 from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.store import Store
 from campaign.store.layout import REPORT, STOPPED
@@ -137,6 +139,10 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         corners=sampler.corners,
         designed=sampler.designed(spec),
         proposal=_proposal(spec),
+        author=author(plan, store),
+        ended=campaign_end(plan, store),
+        written=report_date(),
+        assumptions=fixed_assumptions(plan),
     )
 
 

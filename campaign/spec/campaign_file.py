@@ -145,6 +145,10 @@ class CampaignSpec(TableModel, strict=True):
         default=None,
         description="Rule that stops the campaign early, once a statistic is precise enough; all samples if absent.",
     )
+    author: Annotated[str | None, Field(min_length=1)] = Field(
+        default=None,
+        description="Who answers for the campaign, for the head of the report; who submitted it if absent.",
+    )
     header: Annotated[dict[str, str], Field(default_factory=dict)] = Field(
         description="Lines of free text for the head of the report: part, author, revision, ..."
     )

@@ -6,6 +6,7 @@
 
 PLAN = "plan.json"
 CAMPAIGN_FILE = "campaign.toml"
+SUBMISSION = "submission.json"  # who submitted it, and when
 PARTS = "parts"
 MANIFEST = "manifest.json"
 STOPPED = "stopped.json"  # exists once the stopping rule has ended the campaign

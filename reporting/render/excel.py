@@ -48,7 +48,10 @@ def render_workbook(analysis: Analysis, samples: Samples) -> bytes:
 
 def _tables(analysis: Analysis, samples: Samples) -> dict[str, Table]:
     """Return the sheets in their order."""
-    about = [*analysis.spec.header.items(), ("campaign", analysis.spec.campaign), *analysis.spec.provenance.items()]
+    spec = analysis.spec
+    people = [("author", spec.author), ("campaign completed", spec.ended)]
+    about = [*spec.header.items(), *((name, text) for name, text in people if text), ("campaign", spec.campaign)]
+    about += spec.provenance.items()
     return {
         "Summary": _summary(analysis),
         "Trust": (("check", "result", "finding"), [(c.name, c.level, c.text) for c in analysis.trust]),
@@ -58,6 +61,7 @@ def _tables(analysis: Analysis, samples: Samples) -> dict[str, Table]:
         "Stack-up": _stack(analysis.responses),
         "Causes": _causes(analysis),
         "Inputs": _inputs(analysis),
+        "Assumptions": _assumptions(analysis),
         "Failures": (
             ("sample", "status", "message", "command"),
             [(f.sample, f.status, f.message, f.command) for f in analysis.failures],
@@ -181,6 +185,17 @@ def _inputs(analysis: Analysis) -> Table:
     return heads, rows
 
 
+def _assumptions(analysis: Analysis) -> Table:
+    """Return what is the same in every run; the components of a vector, one below the other."""
+    heads = ("group", "assumption", "value", "unit", "key")
+    rows: list[Sequence[Any]] = []
+    for each in analysis.spec.assumptions:
+        numbers = each.value if isinstance(each.value, tuple) else (each.value,)
+        names = [f"{each.name}, {axis}" for axis in "xyz"] if isinstance(each.value, tuple) else [each.name]
+        rows += [(each.group, name, x, each.unit, each.key) for name, x in zip(names, numbers, strict=True)]
+    return heads, rows
+
+
 def _samples(analysis: Analysis, samples: Samples) -> Table:
     """Return the first samples."""
     spec = analysis.spec
@@ -200,9 +215,11 @@ def _sheet(book: "Workbook", name: str, heads: Sequence[str], rows: Iterable[Seq
     for column, head in enumerate(heads):
         sheet.write_string(0, column, head, bold)
         sheet.set_column(column, column, 14)
-    for at, row in enumerate(rows, start=1):
+    last = 0
+    for last, row in enumerate(rows, start=1):
         for column, value in enumerate(row):
             if isinstance(value, str):
-                sheet.write_string(at, column, value[:32_000], colours.get(value))
+                sheet.write_string(last, column, value[:32_000], colours.get(value))
             elif value is not None and math.isfinite(value):
-                sheet.write_number(at, column, value)
+                sheet.write_number(last, column, value)
+    sheet.autofilter(0, 0, last, len(heads) - 1)

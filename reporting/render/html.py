@@ -6,6 +6,10 @@ nothing. Of style sheets it allows the page's own.
 
 import base64
 import hashlib
+from collections.abc import Iterable
+from itertools import groupby
+from operator import attrgetter
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -142,6 +146,8 @@ def _environment() -> Environment:
         unit=axes.unit_suffix,
         places=format_numbers.decimals_for,
         source_hash=_source_hash,
+        assumed=_assumed_text,
+        grouped_by=_grouped_by,
         histogram=lambda r: _markup(histograms.response_figure(r)),
         probability_plot=lambda r: _markup(figures.probability_figure(r)),
         convergence_plot=lambda r: _markup(figures.convergence_figure(r)),
@@ -150,6 +156,18 @@ def _environment() -> Environment:
         compared=lambda c: _markup(histograms.compared_figure(c)),
     )
     return environment
+
+
+def _grouped_by(items: Iterable[Any], attribute: str) -> list[tuple[Any, list[Any]]]:
+    """Return neighbours of one kind together, in their order."""
+    return [(kind, list(members)) for kind, members in groupby(items, attrgetter(attribute))]
+
+
+def _assumed_text(value: float | tuple[float, ...] | str) -> str:
+    """Return the value of an assumption, not rounded."""
+    if isinstance(value, tuple):
+        return f"({', '.join(map(format_numbers.plain, value))})"
+    return value if isinstance(value, str) else format_numbers.plain(value)
 
 
 def _source_hash(text: str) -> str:

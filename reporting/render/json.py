@@ -11,7 +11,10 @@ from reporting.capability.verdict import CAPABLE, MARGINAL
 # comparison; the command that replays a sample.
 FORMAT = 2
 
-_OF_SPEC = ("title", "campaign", "header", "requested", "sampler", "stop", "replay")
+_OF_SPEC = (
+    *("title", "campaign", "author", "ended", "written", "header", "assumptions"),
+    *("requested", "sampler", "stop", "replay"),
+)
 _OF_VERDICT = {"certain": "certain", "verdict_by": "by", "verdict_reasons": "reasons", "verdict": "word"}
 _REPEATED = ("lsl", "usl", "target")  # inside a capability these are only what it was called with
 

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from campaign.cli.options import Id, StoreUrl
-from campaign.cli.output import Json, print_json, print_text, say
+from campaign.cli.output import Json, print_json, print_text
 
 
 def report(
@@ -21,16 +21,21 @@ def report(
     json: Json = False,
 ) -> None:
     """Write the report of a campaign from the rows computed so far; the campaign may be running."""
+    from campaign.errors import CampaignError
     from campaign.reports.report import report as write_report
     from campaign.store import open_store
     from campaign.store.files.patience import QUICK
+    from reporting.write import lacks_package
+
+    if pdf and lacks_package("pdf"):
+        raise CampaignError(
+            "--pdf: WeasyPrint is not installed; nothing was written. pip install 'clearcap[pdf]', or leave --pdf out"
+        )
 
     opened = open_store(store, QUICK)
     campaign_id = opened.find(campaign)
     kinds = ["html", "json", "parquet", *(["pdf"] if pdf else []), *(["xlsx"] if excel else [])]
     files = write_report(opened, opened.plan(campaign_id), kinds=kinds, against=against)
-    if pdf and "pdf" not in files:
-        say("report.pdf was not written, because it needs WeasyPrint: pip install 'clearcap[pdf]'")
     if json:
         print_json({"campaign": campaign_id, "store": opened.url, "report": files})
         return
