@@ -1,16 +1,16 @@
-"""The source of the three rooms as data: modules, what they import, what they define."""
+"""The source of the rooms as data: modules, what they import, what they define."""
 
 import ast
 from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-ROOMS = ("engine", "campaign", "reporting")
+ROOMS = ("engine", "campaign", "reporting", "clearcap")
 
 
 @cache
 def modules() -> dict[str, Path]:
-    """Return the file of each module of the three rooms, by the module's dotted name."""
+    """Return the file of each module of the rooms, by the module's dotted name."""
     names = {}
     for room in ROOMS:
         for path in sorted((ROOT / room).rglob("*.py")):
@@ -26,7 +26,7 @@ def syntax_tree(module: str) -> ast.Module:
 
 
 def imports(module: str) -> set[str]:
-    """Return the modules of the three rooms that a module imports: at its top, in functions and for types alone."""
+    """Return the modules of the rooms that a module imports: at its top, in functions and for types alone."""
     imported = set()
     for node in ast.walk(syntax_tree(module)):
         if isinstance(node, ast.Import):

@@ -35,26 +35,10 @@ def drive(
         with nullcontext(lambda _: None) if quiet else display(console(stderr=True)) as show:
             outcome = coordinate(store, plan, cluster, show)
     except (KeyboardInterrupt, SystemExit) as ending:
-        command = shlex.join(["clearcap", "resume", plan.campaign_id, "--store", store.url, *options_of(cluster)])
+        command = shlex.join(["clearcap", "resume", plan.campaign_id, "--store", store.url, *cluster.options()])
         say(f"interrupted; the finished rows are kept in {store.url}. Continue with:\n  {command}")
         raise typer.Exit(130 if isinstance(ending, KeyboardInterrupt) else int(str(ending.code))) from None
     finish(store, outcome, with_report=with_report, as_json=as_json)
-
-
-def options_of(cluster: "Cluster") -> list[str]:
-    """Return the options of the command that describe a cluster."""
-    words: list[str] = []
-    tls = cluster.tls
-    for option, value in (
-        ("--scheduler", cluster.scheduler),
-        ("--cluster", cluster.kind if cluster.kind != "local" else None),
-        ("--workers", cluster.workers),
-        ("--tls-ca", tls and tls.ca),
-        ("--tls-cert", tls and tls.cert),
-        ("--tls-key", tls and tls.key),
-    ):
-        words += [] if value is None else [option, str(value)]
-    return [*words, "--insecure"] if cluster.insecure else words
 
 
 def finish(store: "Store", outcome: "Outcome", *, with_report: bool, as_json: bool) -> None:
@@ -140,22 +124,3 @@ def _weighted_ppm(rows: "pa.Table", name: str, lsl: float | None, usl: float | N
     y, weights = rows[name].to_numpy(), np.exp(rows["log_weight"].to_numpy())
     rejects = (y < (-np.inf if lsl is None else lsl)) | (y > (np.inf if usl is None else usl))
     return float(1e6 * np.sum(weights[rejects]) / rows.num_rows)
-
-
-def plan_campaign(
-    campaign: str, url: str, samples: int | None, seed: int | None, batch_size: int | None
-) -> "tuple[Store, Plan]":
-    """Check all that the user gave, then write the plan."""
-    from campaign.coordinator.submit import submit
-    from campaign.errors import SpecError
-    from campaign.spec.load import load_campaign
-    from campaign.store import open_store
-
-    opened = open_store(url)
-    if not opened.files.shared:
-        raise SpecError(
-            f"store {opened.url}: the workers cannot reach the memory of this process; name a folder or a URL"
-        )
-    loaded = load_campaign(campaign, samples=samples, seed=seed)
-    opened.files.check_writable()
-    return opened, submit(opened, loaded, batch_size)

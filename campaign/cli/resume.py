@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from campaign.cli.drive import drive, options_of
+from campaign.cli.drive import drive
 from campaign.cli.options import Id, NoReport, StoreUrl, on_cluster
 from campaign.cli.output import Json, print_json, say
 
@@ -34,7 +34,7 @@ def resume(
     if not detach:
         drive(opened, plan, where, with_report=not no_report, as_json=json)
         return
-    assignment = assign_coordinator(opened, plan, options_of(where))
+    assignment = assign_coordinator(opened, plan, where.options())
     say(assignment.text())
     if json:
         print_json({"campaign": plan.campaign_id, "store": opened.url, **assignment.to_json()})

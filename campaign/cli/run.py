@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from campaign.cli.drive import drive, plan_campaign
+from campaign.cli.drive import drive
 from campaign.cli.options import BatchSize, Campaign, NoReport, Samples, Seed, StoreUrl, on_cluster
 from campaign.cli.output import Json, say
 
@@ -26,6 +26,7 @@ def run(
     The same command, given again, continues where the earlier one stopped, and computes nothing if the campaign is
     complete.
     """
+    from campaign.coordinator.plan_campaign import plan_campaign
     from campaign.store.layout import CANCEL
 
     opened, plan = plan_campaign(campaign, store, samples, seed, batch_size)

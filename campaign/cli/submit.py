@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from campaign.cli.drive import options_of, plan_campaign
 from campaign.cli.options import BatchSize, Campaign, Samples, Seed, StoreUrl, on_cluster
 from campaign.cli.output import Json, print_json, print_text, say
 
@@ -30,10 +29,11 @@ def submit(
     If a coordinator serves the store, it computes the campaign; otherwise one is started, which goes on after this
     terminal is closed.
     """
+    from campaign.coordinator.plan_campaign import plan_campaign
     from campaign.coordinator.submit import assign_coordinator
 
     opened, plan = plan_campaign(campaign, store, samples, seed, batch_size)
-    assignment = assign_coordinator(opened, plan, options_of(where), queue_only=queue_only)
+    assignment = assign_coordinator(opened, plan, where.options(), queue_only=queue_only)
     say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {opened.url}; {assignment.text()}")
     if json:
         print_json(

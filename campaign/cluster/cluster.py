@@ -38,3 +38,18 @@ class Cluster:
     def starts_here(self) -> bool:
         """Whether its workers are started as processes on this machine."""
         return self.scheduler is None and self.kind == "local"
+
+    def options(self) -> list[str]:
+        """Return the options of the command that say the same."""
+        words: list[str] = []
+        tls = self.tls
+        for option, value in (
+            ("--scheduler", self.scheduler),
+            ("--cluster", self.kind if self.kind != "local" else None),
+            ("--workers", self.workers),
+            ("--tls-ca", tls and tls.ca),
+            ("--tls-cert", tls and tls.cert),
+            ("--tls-key", tls and tls.key),
+        ):
+            words += [] if value is None else [option, str(value)]
+        return [*words, "--insecure"] if self.insecure else words

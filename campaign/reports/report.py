@@ -25,6 +25,8 @@ from campaign.version import clearcap_version
 from engine.arrays import Array
 from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
+from reporting.analysis import Analysis, analyse
+from reporting.samples import read_samples
 from reporting.spec import ProposalPart
 from reporting.tolerance.reweighting import Change
 from reporting.write import USUAL
@@ -68,6 +70,29 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
     except ReportError as error:
         message = f"report of {plan.campaign_id}: {error}"
         raise (unwritable(message, error.__cause__) if error.__cause__ else CampaignError(message)) from error
+
+
+def analysis(store: Store, plan: Plan) -> Analysis:
+    """Return what the report of a campaign says, as data.
+
+    Parameters
+    ----------
+    store : Store
+        Where the campaign is.
+    plan : Plan
+        The campaign.
+
+    Raises
+    ------
+    CampaignError
+        If there is nothing to report on.
+    """
+    spec = report_spec(plan, store)
+    try:
+        samples = read_samples(_with_production_batch(plan, _rows(store, plan)), spec)
+        return analyse(samples, spec, partial(_scaled, plan))
+    except ReportError as error:
+        raise CampaignError(f"analysis of {plan.campaign_id}: {error}") from error
 
 
 def _scaled(plan: Plan, variable: str, columns: Mapping[str, Array], factor: float) -> Change:

@@ -26,6 +26,7 @@ from engine.mechanism.base import is_number
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, listed
 from engine.toml_file import UnfitToml, read_toml
 
+Source = str | Path | Mapping[str, Any]  # a shipped campaign's name, a file, or the tables of a file
 _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(Variable)
 
 
@@ -51,15 +52,16 @@ def campaign_names() -> list[str]:
     return sorted(f.name.removesuffix(".toml") for f in folder.iterdir() if f.name.endswith(".toml"))
 
 
-def load_campaign(name_or_path: str, *, samples: int | None = None, seed: int | None = None) -> Campaign:
+def load_campaign(source: Source, *, samples: int | None = None, seed: int | None = None) -> Campaign:
     """Read and check a campaign.
 
     Parameters
     ----------
-    name_or_path : str
-        Name of a shipped campaign, or path of a TOML file.
+    source : str, Path or mapping
+        Name of a shipped campaign, path of a TOML file, or the tables of such a file as Python data. Paths in the
+        tables are relative to the file, or to the current folder.
     samples, seed : int, optional
-        Number of samples and seed, instead of those of the file.
+        Number of samples and seed, instead of those of the source.
 
     Returns
     -------
@@ -69,11 +71,18 @@ def load_campaign(name_or_path: str, *, samples: int | None = None, seed: int | 
     Raises
     ------
     SpecError
-        With all faults of the file, one a line, each with its key, its value, what is allowed and the remedy.
+        With all faults of the source, one a line, each with its key, its value, what is allowed and the remedy.
     """
-    path = _locate(name_or_path)
-    raw = _read(path) | {k: v for k, v in (("samples", samples), ("seed", seed)) if v is not None}
-    raw, faults = read_data_files(raw, path.parent)
+    overrides = {key: value for key, value in (("samples", samples), ("seed", seed)) if value is not None}
+    if isinstance(source, Mapping):
+        return _checked({**source, **overrides}, Path(), "campaign:")
+    path = _locate(str(source))
+    return _checked(_read(path) | overrides, path.parent, f"campaign {path}:")
+
+
+def _checked(raw: dict[str, Any], folder: Path, heading: str) -> Campaign:
+    """Return the campaign of the tables of a file; `folder` is where its paths begin."""
+    raw, faults = read_data_files(raw, folder)
     spec = None
     try:
         spec = CampaignSpec.model_validate(raw)
@@ -81,7 +90,7 @@ def load_campaign(name_or_path: str, *, samples: int | None = None, seed: int | 
         faults += structure_faults(error, CampaignSpec)
     mechanism = None
     try:
-        mechanism = _mechanism(raw.get("mechanism"), path.parent)
+        mechanism = _mechanism(raw.get("mechanism"), folder)
         bench = raw.get("bench")
         mechanism = mechanism.on_bench(bench) if mechanism and isinstance(bench, str) else mechanism
     except EngineError as error:
@@ -90,7 +99,7 @@ def load_campaign(name_or_path: str, *, samples: int | None = None, seed: int | 
     if mechanism is not None:
         faults += islice(mechanism_faults(raw, mechanism), MOST_FAULTS)
     if faults or spec is None or mechanism is None:
-        raise SpecError("\n  ".join([f"campaign {path}:", *listed(faults, len(faults))]))
+        raise SpecError("\n  ".join([heading, *listed(faults, len(faults))]))
     return Campaign(spec, mechanism)
 
 

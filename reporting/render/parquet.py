@@ -2,11 +2,14 @@
 
 import io
 from dataclasses import fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from reporting.analysis import Analysis
 from reporting.capability.summary import Capability
 from reporting.response import ResponseAnalysis
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 # What of a capability has the unit of its response; the unit stands in the column "unit" of each row.
 _IN_UNIT = ("lsl", "usl", "target", "mean", "std", "min", "max", "median")
@@ -21,8 +24,27 @@ def render_parquet(analysis: Analysis) -> bytes:
     analysis : Analysis
         What the file says.
     """
-    import pyarrow as pa
     import pyarrow.parquet as pq
+
+    target = io.BytesIO()
+    pq.write_table(capability_table(analysis), target, compression="zstd")
+    return target.getvalue()
+
+
+def capability_table(analysis: Analysis) -> "pa.Table":
+    """Return verdict and numbers of each response, one row a response.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        What the table says.
+
+    Returns
+    -------
+    pyarrow.Table
+        Units are in the fields' metadata, campaign and counts in that of the table.
+    """
+    import pyarrow as pa
 
     rows = [_row(response) for response in analysis.responses]
     schema = [("response", pa.string()), ("title", pa.string()), ("unit", pa.string()), ("verdict", pa.string())]
@@ -32,10 +54,7 @@ def render_parquet(analysis: Analysis) -> bytes:
     schema_of_rows = pa.schema([pa.field(name, kind, metadata=_metadata(name)) for name, kind in schema])
     about = {"campaign": analysis.spec.campaign, "title": analysis.spec.title, "format": "2"}
     about |= {name: str(getattr(analysis, name)) for name in ("finished", "ok", "failed", "confidence")}
-    table = pa.Table.from_pylist(rows, schema=schema_of_rows.with_metadata(about))
-    target = io.BytesIO()
-    pq.write_table(table, target, compression="zstd")
-    return target.getvalue()
+    return pa.Table.from_pylist(rows, schema=schema_of_rows.with_metadata(about))
 
 
 _COUNTS = ("n", "dropped", "below", "above", "claim_runs")

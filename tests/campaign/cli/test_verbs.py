@@ -14,7 +14,6 @@ from typer.testing import CliRunner
 import campaign.coordinator.coordinate
 import campaign.coordinator.submit
 from campaign.cli import app
-from campaign.cluster.cluster import Cluster
 from campaign.store import open_store
 from tests.campaign import fake_engine
 from tests.campaign.commands import ROOT, clearcap
@@ -163,13 +162,3 @@ def test_terminated_coordinator_is_open_for_the_next(slope):
     assert (status["state"], status["open"]) == ("interrupted", True)
     assert 0 < status["done"] < 4000
     assert not (slope / "runs" / status["campaign"] / "lease.json").exists()
-
-
-def test_cluster_options_survive_a_detached_start():
-    """The words of a command that describe a cluster describe the same one again."""
-    from campaign.cli.drive import options_of
-
-    words = options_of(Cluster("tcp://127.0.0.1:8786", insecure=True))
-    assert words == ["--scheduler", "tcp://127.0.0.1:8786", "--insecure"]
-    assert options_of(Cluster(workers=3)) == ["--workers", "3"]
-    assert options_of(Cluster(kind="slurm", workers=8)) == ["--cluster", "slurm", "--workers", "8"]

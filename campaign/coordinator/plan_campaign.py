@@ -1,0 +1,44 @@
+"""Check all that a user gave, then write the plan of a campaign into a store."""
+
+from campaign.coordinator.submit import submit
+from campaign.errors import SpecError
+from campaign.plan import Plan
+from campaign.spec.load import Campaign, Source, load_campaign
+from campaign.store import Store, open_store
+
+
+def plan_campaign(
+    campaign: Source | Campaign,
+    url: str,
+    samples: int | None = None,
+    seed: int | None = None,
+    batch_size: int | None = None,
+) -> tuple[Store, Plan]:
+    """Open the store, load the campaign and plan it; return the plan that the store has if it has one.
+
+    Parameters
+    ----------
+    campaign : Campaign, or what `load_campaign` takes
+        What to compute.
+    url : str
+        Folder or URL of the store.
+    samples, seed : int, optional
+        Instead of those of the campaign.
+    batch_size : int, optional
+        Samples in a batch, see `campaign.coordinator.submit.submit`.
+
+    Raises
+    ------
+    SpecError
+        If the campaign has faults, or the workers cannot reach the store.
+    StoreError
+        If the store cannot be written.
+    """
+    opened = open_store(url)
+    if not opened.files.shared:
+        raise SpecError(
+            f"store {opened.url}: the workers cannot reach the memory of this process; name a folder or a URL"
+        )
+    loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, samples=samples, seed=seed)
+    opened.files.check_writable()
+    return opened, submit(opened, loaded, batch_size)

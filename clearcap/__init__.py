@@ -1,0 +1,103 @@
+"""clearcap in Python: simulate one mechanism, run a campaign, read its results as tables.
+
+>>> import clearcap
+>>> run = clearcap.simulate(clearcap.load_mechanism("c60"), {"J1": 0.05})
+>>> results = clearcap.run_campaign("c60", samples=100)
+>>> results.rows["FC-1"].mean()
+
+Each name is imported at its first use, so that ``import clearcap`` takes no time.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from campaign.cluster.cluster import Cluster
+    from campaign.cluster.tls import Tls
+    from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
+    from campaign.spec.load import Campaign, load_campaign
+    from campaign.store import Store, open_store
+    from clearcap.results import Results, open_campaign, report
+    from clearcap.running import run_campaign
+    from engine import (
+        Certificate,
+        EngineError,
+        Mechanism,
+        MechanismError,
+        Recording,
+        Run,
+        Trajectory,
+        check,
+        library_names,
+        load_mechanism,
+        read_trajectory,
+        set_values,
+        simulate,
+    )
+    from reporting import Capability, ReportError, capability
+
+__all__ = [
+    "Campaign",
+    "CampaignError",
+    "Capability",
+    "Certificate",
+    "Cluster",
+    "EngineError",
+    "Mechanism",
+    "MechanismError",
+    "Recording",
+    "ReportError",
+    "Results",
+    "Run",
+    "SpecError",
+    "Store",
+    "StoreError",
+    "Tls",
+    "Trajectory",
+    "UnreachableError",
+    "capability",
+    "check",
+    "library_names",
+    "load_campaign",
+    "load_mechanism",
+    "open_campaign",
+    "open_store",
+    "read_trajectory",
+    "report",
+    "run_campaign",
+    "set_values",
+    "simulate",
+]
+
+# Where each name is imported from.
+_HOMES = {
+    "campaign.cluster.cluster": ("Cluster",),
+    "campaign.cluster.tls": ("Tls",),
+    "campaign.errors": ("CampaignError", "SpecError", "StoreError", "UnreachableError"),
+    "campaign.spec.load": ("Campaign", "load_campaign"),
+    "campaign.store": ("Store", "open_store"),
+    "clearcap.results": ("Results", "open_campaign", "report"),
+    "clearcap.running": ("run_campaign",),
+    "engine": (
+        *("Certificate", "EngineError", "Mechanism", "MechanismError", "Recording", "Run", "Trajectory"),
+        *("check", "library_names", "load_mechanism", "read_trajectory", "set_values", "simulate"),
+    ),
+    "reporting": ("Capability", "ReportError", "capability"),
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    """Import a name at its first use."""
+    if name == "__version__":
+        from campaign.version import clearcap_version
+
+        return clearcap_version()
+    if name not in _HOME:
+        raise AttributeError(f"module 'clearcap' has no attribute {name!r}; it has {', '.join(__all__)}")
+    globals()[name] = value = getattr(import_module(_HOME[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

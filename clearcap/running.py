@@ -1,0 +1,134 @@
+"""Run a campaign from Python, to its end."""
+
+import signal
+import subprocess
+import sys
+import tempfile
+import warnings
+from pathlib import Path
+from typing import TextIO
+
+from campaign.cluster.cluster import Cluster
+from campaign.coordinator.plan_campaign import plan_campaign
+from campaign.environment import STORE
+from campaign.errors import CampaignError, SpecError, UnreachableError
+from campaign.plan import Plan
+from campaign.safe_path import python_environment
+from campaign.spec.load import Campaign, Source
+from campaign.store import Store
+from campaign.store.layout import CANCEL
+from clearcap.results import Results
+
+INTERRUPTED = 130  # exit status of the command after Ctrl-C
+ENDS_WITHIN = 60.0  # s, in which an interrupted coordinator gives back its lease and its workers
+_ERRORS: dict[int, type[CampaignError]] = {2: SpecError, 4: UnreachableError}
+_PREFIX = "clearcap: "
+
+
+def run_campaign(
+    campaign: Source | Campaign,
+    *,
+    samples: int | None = None,
+    seed: int | None = None,
+    store: str | Path = "runs",
+    workers: int | None = None,
+    cluster: Cluster | None = None,
+    progress: bool = True,
+) -> Results:
+    """Compute a campaign to its end and return its results.
+
+    Called again, it continues where an earlier call stopped, and computes nothing if the campaign is complete. The
+    campaign is computed by a process of its own, as ``clearcap run`` does: a script needs no ``__main__`` guard.
+
+    Parameters
+    ----------
+    campaign : str, Path, mapping or Campaign
+        Name of a shipped campaign, path of a campaign file, the tables of such a file as a dict, or what
+        `load_campaign` returns.
+    samples, seed : int, optional
+        Number of samples and seed, instead of those of the campaign.
+    store : str or Path
+        Folder or URL of the store.
+    workers : int, optional
+        Worker processes on this machine; by default one on each core.
+    cluster : Cluster, optional
+        Where else to compute. It names its workers itself.
+    progress : bool
+        Write a line on the progress to `sys.stderr` every ten seconds.
+
+    Returns
+    -------
+    Results
+        A row for every sample. If too few runs are ok, or none, a warning says so.
+
+    Raises
+    ------
+    SpecError
+        If the campaign, the store's address or the cluster is wrong; nothing was computed.
+    UnreachableError, StoreError
+        If the cluster or the store keeps failing. The rows that are stored stay, and the same call continues.
+    CampaignError
+        If the campaign cannot be completed, for instance because too many runs fail.
+    KeyboardInterrupt
+        On Ctrl-C. The same call continues.
+    """
+    if cluster is not None and workers is not None:
+        raise SpecError(f"workers = {workers} and a cluster are given; name the workers in the cluster")
+    if isinstance(campaign, Campaign) and (samples is not None or seed is not None):
+        raise SpecError("samples and seed belong to load_campaign where the campaign is loaded already")
+    opened, plan = plan_campaign(campaign, str(store), samples, seed)
+    opened.remove(plan.campaign_id, CANCEL)
+    status, message = _resume(opened, plan, cluster or Cluster(workers=workers), sys.stderr if progress else None)
+    results = Results(opened, plan)
+    if status == 1 and not opened.survey(plan).missing:
+        warnings.warn(message, stacklevel=2)
+    elif status:
+        raise _ERRORS.get(status, CampaignError)(message)
+    return results
+
+
+def _resume(store: Store, plan: Plan, cluster: Cluster, progress: TextIO | None) -> tuple[int, str]:
+    """Compute a planned campaign in a process of its own; return its exit status and its last message."""
+    command = [sys.executable, "-P", "-m", "campaign", "resume", plan.campaign_id, "--no-report", "--json"]
+    environment = {**python_environment(), STORE: store.files.full_url}  # where other users do not see its password
+    with tempfile.TemporaryFile() as summary:
+        process = subprocess.Popen(
+            [*command, *cluster.options()],
+            stdin=subprocess.DEVNULL,
+            stdout=summary,
+            stderr=subprocess.PIPE,
+            env=environment,
+            text=True,
+            errors="replace",
+        )
+        with process:
+            try:
+                message = _follow(process, progress)
+            except KeyboardInterrupt:
+                _interrupt(process)
+                raise
+        if process.returncode == INTERRUPTED:
+            raise KeyboardInterrupt
+        return process.returncode, message
+
+
+def _follow(process: "subprocess.Popen[str]", progress: TextIO | None) -> str:
+    """Pass on what the process says until it ends; return its last message, or all that follows the last error."""
+    message = ""
+    for line in process.stderr or ():
+        if progress is not None:
+            progress.write(line)
+            progress.flush()
+        is_new = line.startswith(_PREFIX) or not line.startswith(" ")
+        message = line.removeprefix(_PREFIX) if is_new else message + line
+    process.wait()
+    return message.removeprefix("error: ").strip() or f"the coordinator ended with status {process.returncode}"
+
+
+def _interrupt(process: "subprocess.Popen[str]") -> None:
+    """Have the process end in order: Ctrl-C in a terminal reached it too, the interrupt of a notebook did not."""
+    process.send_signal(signal.SIGINT)
+    try:
+        process.wait(ENDS_WITHIN)
+    except subprocess.TimeoutExpired:
+        process.kill()

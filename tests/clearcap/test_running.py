@@ -1,0 +1,103 @@
+"""Campaigns that Python code runs."""
+
+import subprocess
+import sys
+import time
+
+import pytest
+
+import clearcap
+from campaign.coordinator.lease import hold_lease, is_coordinated
+from campaign.coordinator.plan_campaign import plan_campaign
+from clearcap import running
+
+STICKS = {"target": "materials.block_slope.friction", "distribution": "uniform", "lower": 0.65, "upper": 0.8}
+SLOPE = {
+    "format": 1,
+    "name": "slope",
+    "mechanism": "incline",
+    "samples": 4,
+    "failures": {"min_ok": 0.5},
+    "simulation": {"horizon": 0.2},
+    "variables": {"friction": STICKS},
+}
+
+
+@pytest.fixture
+def store(tmp_path):
+    """Return the folder of a store."""
+    return tmp_path / "runs"
+
+
+def test_run_open_and_run_again(store, capfd):
+    """A dict becomes a complete campaign, which is found again, and not computed again; failed runs are a warning."""
+    half = {**SLOPE, "failures": {"min_ok": 0.9}, "variables": {"friction": {**STICKS, "lower": 0.5}}}
+    with pytest.warns(UserWarning, match=r"failures\.min_ok"):
+        results = clearcap.run_campaign(half, samples=6, store=store, workers=1, progress=False)
+    assert results.rows.index.tolist() == [0, 1, 2, 3, 4, 5]
+    assert 0 < len(results.ok) < 6
+    assert capfd.readouterr() == ("", "")
+    with pytest.warns(UserWarning, match=r"failures\.min_ok"):
+        again = clearcap.run_campaign(half, samples=6, store=store, workers=1)
+    assert again.id == results.id == clearcap.open_campaign(store=store).id
+    assert again.rows.equals(results.rows)  # wall_s too: they are the same rows
+    assert "6/6 runs" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"campaign": {**SLOPE, "samples": -1}}, "samples = -1"),
+        ({"campaign": {**SLOPE, "mechanism": "incine"}}, "did you mean 'incline'"),
+        ({"campaign": SLOPE, "store": "memory://runs"}, "name a folder or a URL"),
+        ({"campaign": SLOPE, "workers": 1, "cluster": clearcap.Cluster()}, "name the workers in the cluster"),
+        ({"campaign": clearcap.load_campaign(SLOPE), "samples": 9}, "belong to load_campaign"),
+    ],
+)
+def test_wrong_input(arguments, message, store):
+    """The message is that of the command; nothing is written."""
+    with pytest.raises(clearcap.SpecError, match=message):
+        clearcap.run_campaign(**{"store": store, **arguments})
+    assert not store.exists()
+
+
+def test_another_coordinator(store):
+    """The error has the message of the process that computes, and the class of its exit status."""
+    opened, plan = plan_campaign(SLOPE, str(store))
+    with hold_lease(opened, plan.campaign_id), pytest.raises(clearcap.CampaignError, match=plan.campaign_id) as raised:
+        clearcap.run_campaign(SLOPE, store=store, workers=1, progress=False)
+    assert not str(raised.value).startswith("error")
+
+
+def test_interrupt_ends_the_coordinator(monkeypatch, store):
+    """An interrupt that reaches this process alone, as in a notebook, ends the other one in order."""
+    plan = None
+
+    def interrupted(process, progress):
+        until = time.monotonic() + 60.0
+        while not is_coordinated(clearcap.open_store(str(store)), plan.campaign_id) and time.monotonic() < until:
+            time.sleep(0.05)
+        raise KeyboardInterrupt
+
+    original = running.plan_campaign
+
+    def remembered(*arguments):
+        nonlocal plan
+        opened, plan = original(*arguments)
+        return opened, plan
+
+    monkeypatch.setattr(running, "plan_campaign", remembered)
+    monkeypatch.setattr(running, "_follow", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        clearcap.run_campaign(SLOPE, samples=4, store=store, workers=1, progress=False)
+    assert not is_coordinated(clearcap.open_store(str(store)), plan.campaign_id)
+    assert not (store / plan.campaign_id / "lease.json").exists()
+
+
+@pytest.mark.slow
+def test_a_script_needs_no_guard(store, tmp_path):
+    """The workers do not import the script that started them."""
+    script = tmp_path / "script.py"
+    script.write_text(f"import clearcap\nprint(clearcap.run_campaign({SLOPE!r}, store={str(store)!r}).statuses)\n")
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=300)
+    assert done.stdout == "{'ok': 4}\n", done.stderr

@@ -1,0 +1,92 @@
+"""The sessions of the docs, line by line: what a reader types gives what the page shows.
+
+A page's blocks belong together. ``toml file=NAME`` is appended to a file; ``console session`` holds commands, each
+followed by what it prints; ``python session`` continues the Python of the blocks before. In what a command prints,
+``...`` stands for anything, and a number may differ by a hundredth.
+"""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+BLOCK = re.compile(r"^```(\w+) (session|file=\S+)\n(.*?)^```", re.M | re.S)
+NUMBER = re.compile(r"-?\d+\.?\d*(?:e[-+]?\d+)?")
+PAGES = [page for page in sorted((ROOT / "docs").glob("*.md")) if BLOCK.search(page.read_text("utf-8"))]
+AT_MOST = 300.0  # s, for a command; a compilation may be part of it
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_session(page, tmp_path, monkeypatch, capsys):
+    """Every block of a page works in the order of the page."""
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    for language, mark, text in BLOCK.findall(page.read_text("utf-8")):
+        if mark.startswith("file="):
+            with Path(mark.removeprefix("file=")).open("a") as file:
+                file.write(text)
+        elif language == "python":
+            exec(compile(text, page.name, "exec"), names)
+            assert capsys.readouterr().out.splitlines() == re.findall(r"# prints (.*)$", text, re.M)
+        else:
+            for command, expected in commands(text):
+                printed = output_of(command)
+                assert is_shown(expected, printed), f"$ {command}\n{printed}\nthe page shows:\n{expected}"
+
+
+def commands(text):
+    """Return the commands of a console block, each with the lines that the page shows after it."""
+    parts = re.split(r"^\$ ", text, flags=re.M)
+    return [(part.partition("\n")[0], part.partition("\n")[2]) for part in parts if part.strip()]
+
+
+def output_of(command):
+    """Return what a command prints; it must succeed."""
+    words = shlex.split(command, comments=True)
+    assert words[0] == "clearcap", f"{words[0]} is no command of this project"
+    run = subprocess.run(
+        [sys.executable, "-P", "-m", "clearcap", *words[1:]], capture_output=True, text=True, timeout=AT_MOST
+    )
+    assert run.returncode == 0, f"$ {command}\n{run.stderr}"
+    return run.stdout
+
+
+def is_shown(expected, printed):
+    """Return whether a text is what a page shows."""
+    pattern = r"\s+".join(map(_token, expected.split()))
+    match = re.fullmatch(rf"\s*{pattern}\s*", printed, re.S)
+    numbers = [float(text) for token in expected.split() for text in NUMBER.findall(token) if "..." not in token]
+    return match is not None and all(
+        abs(float(found) - shown) <= max(0.01 * abs(shown), 1e-12)
+        for found, shown in zip(match.groups(), numbers, strict=True)
+    )
+
+
+def _token(token):
+    """Return the pattern of a word: its numbers are groups, and three dots are anything."""
+    if "..." in token:
+        return ".*?".join(map(re.escape, token.split("...")))
+    pieces = NUMBER.split(token)
+    return f"({NUMBER.pattern})".join(map(re.escape, pieces))
+
+
+@pytest.mark.parametrize(
+    ("expected", "printed", "is_same"),
+    [
+        ("force 1.27 N\n", "force  1.266 N\n", True),
+        ("force 1.27 N\n", "force  1.2 N\n", False),
+        ("force 1.27 N\n", "lift  1.27 N\n", False),
+        ("ok\n...\nrepeated = 0\n", "ok\nsteps = 3\nwall = 2e-3\nrepeated = 0\n", True),
+        ("ok\n", "ok\nmore\n", False),
+        ("report: .../report.html\n", "report: /tmp/x/report.html\n", True),
+        ("time 1e-3\n", "time 0.001\n", True),
+    ],
+)
+def test_shown(expected, printed, is_same):
+    """The comparison sees another word, a line too many, and a number that is off by more than a hundredth."""
+    assert is_shown(expected, printed) is is_same
