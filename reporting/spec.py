@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 from reporting.assumptions import Assumption
 from reporting.designs import INDEPENDENT, Design
+from reporting.drawing import MechanismDrawing
 from reporting.errors import ReportError
 from reporting.format_numbers import plain
 
@@ -155,6 +156,10 @@ class ReportSpec:
         When the report is written, in words. It is the only part of a report that depends on when it is written.
     assumptions : tuple of Assumption
         What is the same in every run.
+    drawing : MechanismDrawing or None
+        The mechanism with what its responses measure.
+    drawing_note : str
+        Why there is no drawing; may be empty.
     """
 
     title: str
@@ -178,6 +183,8 @@ class ReportSpec:
     ended: str = ""
     written: str = ""
     assumptions: tuple[Assumption, ...] = ()
+    drawing: MechanismDrawing | None = None
+    drawing_note: str = ""
 
     def __post_init__(self) -> None:
         """Raise ReportError if samples that are not independent would pass for such."""

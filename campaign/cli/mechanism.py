@@ -80,7 +80,7 @@ def check(mechanism: MechanismName, json: Json = False) -> None:
 def _draw(mechanism: Any, picture: Path) -> None:
     """Draw the mechanism at its start, with what its responses measure."""
     from campaign.cli.output_files import PLOTS, check_output, replacing
-    from campaign.pictures.measurements import plot_measurements
+    from campaign.pictures.measurement_figure import plot_measurements
 
     check_output("--picture", picture, PLOTS)
     with replacing(picture) as temporary:

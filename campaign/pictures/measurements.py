@@ -1,28 +1,14 @@
-"""What the responses of a mechanism measure: lengths, gaps and contact forces as arrows, at the start pose."""
+"""What the responses of a mechanism measure, and where: lengths, forces, speeds and angles at the start pose."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from campaign.pictures.animation_figure import join_lines
-from campaign.pictures.body_shapes import body_shape
-from campaign.pictures.curves import file_metadata
-from campaign.pictures.style import FORCE, INK, MUTED, PALETTE, hide_axes, styled
-from campaign.pictures.view import View, choose_view, start_rotation
+from campaign.pictures.view import start_rotation
 from engine import Mechanism
 from engine.arrays import Array
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
-SIZE, DPI = (9.0, 6.2), 100
-LEVEL = 0.07  # distance of arrows that start at one point along one direction, in sizes of the mechanism
-FORCE_ARROW = 0.12  # length of the arrow of a force, in sizes of the mechanism
-SHORT = 0.03  # of the size of the mechanism: shorter lengths are marked by arrows from outside
-LEAST_SEEN = 0.3  # projected length of a unit vector: less is not drawn
 
 
 class StartContact(NamedTuple):
@@ -54,27 +40,34 @@ class Measurement:
     ----------
     name, title : str
         Of the response.
-    force : bool
-        Whether it is the force at ``start``; otherwise it is the length from ``start`` to ``end``.
+    kind : str
+        "length" from ``start`` to ``end``; "arrow", a force or speed at ``start`` towards ``end``; "turn" at ``start``
+        about the axis to ``end``; "point", a force without one direction; "span", a spring from ``start`` to ``end``;
+        "none", which has no place.
     start, end : ndarray, shape (3,)
         Ends of an arrow in the world that points in the positive direction.
     point : ndarray, shape (3,)
         The measured point, beside one end or at it.
     value : str
-        At the start pose, with its unit; of a force the body it acts on.
+        At the start pose, with its unit; of a force the body it acts on; of what has no place what it is.
     """
 
     name: str
     title: str
-    force: bool
+    kind: str
     start: Array
     end: Array
     point: Array
     value: str
 
+    @property
+    def force(self) -> bool:
+        """Whether it is drawn as a force."""
+        return self.kind in ("arrow", "point")
+
 
 def measurements(mechanism: Mechanism, contacts: dict[str, StartContact]) -> Iterator[Measurement]:
-    """Yield the responses that are lengths, gaps or contact forces.
+    """Yield what each response measures, in the order of the file.
 
     Parameters
     ----------
@@ -89,70 +82,95 @@ def measurements(mechanism: Mechanism, contacts: dict[str, StartContact]) -> Ite
         One a response, at the start pose.
     """
     for name, response in mechanism.responses.items():
-        if response.type == "position":
-            yield _length(mechanism, name, response)
-        elif response.type == "gap" and response.contact in contacts:
-            gap, point, normal, _ = contacts[response.contact]
-            text = _value_text(mechanism, gap)
-            yield Measurement(name, response.title, False, point, point + gap * normal, point, text)
-        elif response.type == "contact_force" and response.contact in contacts and response.bound is None:
-            _, point, normal, body = contacts[response.contact]
-            yield Measurement(name, response.title, True, point, point + normal, point, f"on {body}")
+        kind, start, end, point, value = _measured(mechanism, response, contacts)
+        yield Measurement(name, response.title, kind, start, end, point, value)
 
 
-def plot_measurements(mechanism: Mechanism, path: Path) -> None:
-    """Write the mechanism at its start pose, with what its responses measure.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-        What to draw.
-    path : Path
-        File to write: ``.png``, ``.svg`` or ``.pdf``.
-    """
-    from matplotlib.figure import Figure
-
-    view = choose_view(mechanism)
-    contacts = contacts_at_start(mechanism)
-    drawn = list(measurements(mechanism, contacts))
-    with styled():
-        figure = Figure(figsize=SIZE)
-        figure.suptitle(f"{mechanism.title or mechanism.name}: what is measured", x=0.02, ha="left", fontsize=10)
-        axes = figure.add_axes((0.02, 0.03, 0.68, 0.9))
-        hide_axes(axes)
-        size = _draw_bodies(axes, mechanism, view, contacts)
-        levels: dict[tuple[float, ...], int] = {}
-        for i, measurement in enumerate(drawn):
-            colour = FORCE if measurement.force else PALETTE[i % len(PALETTE)]
-            _draw_measurement(axes, measurement, view, size, colour, levels)
-            _explain(figure, measurement, colour, 0.9 - i * min(0.075, 0.85 / len(drawn)))
-        figure.savefig(path, dpi=DPI, metadata=file_metadata(path.suffix, describe(mechanism, drawn)))
-
-
-def describe(mechanism: Mechanism, drawn: list[Measurement]) -> str:
-    """Return in words what the picture shows."""
-    listed = "; ".join(f"{m.name}: {m.title}, {m.value}" for m in drawn)
-    return f"{mechanism.title or mechanism.name} at its start, with arrows for what is measured. {listed}."
+def _measured(
+    mechanism: Mechanism, response: Any, contacts: dict[str, StartContact]
+) -> tuple[str, Array, Array, Array, str]:
+    """Return kind, start, end, point and value of a response."""
+    if response.type == "position":
+        return _length(mechanism, response)
+    if response.type == "velocity":
+        at = _world(mechanism, response.to.body, response.to.point)
+        return "arrow", at, at + _direction(mechanism, response.direction), at, f"of {response.to.body}"
+    if response.type in ("gap", "contact_force"):
+        return _of_contact(mechanism, response, contacts)
+    if response.type == "joint_force":
+        side = mechanism.joints[response.joint].sides[1]
+        at = _world(mechanism, side.body, side.point)
+        if response.direction is None:
+            return "point", at, at, at, f"on {side.body}, its magnitude"
+        return "arrow", at, at + _direction(mechanism, response.direction), at, f"on {side.body}"
+    if response.type == "spring_force":
+        spring: Any = mechanism.springs[response.spring]
+        a, b = (_world(mechanism, end.body, end.point) for end in (spring.a, spring.b))
+        return "span", a, b, b, f"of spring {response.spring}"
+    if response.type == "spring_torque":
+        torsion: Any = mechanism.springs[response.spring]
+        return _turn(mechanism, torsion.b, torsion.a, torsion.axis, f"on {torsion.b}")
+    if response.type in ("angle", "angular_velocity"):
+        against = response.relative_to
+        return _turn(mechanism, response.body, against, response.axis, f"of {response.body}")
+    return "none", np.zeros(3), np.zeros(3), np.zeros(3), _without_place(response)
 
 
-def _length(mechanism: Mechanism, name: str, response: Any) -> Measurement:
+def _length(mechanism: Mechanism, response: Any) -> tuple[str, Array, Array, Array, str]:
     """Return a position: from a point, or from the foot of the measured point on an axis, along a direction."""
-    start, along = response.from_, response.direction
-    rotation = start_rotation(mechanism, along.body) if along.body else np.eye(3)
-    direction = rotation @ along.vector
+    start, direction = response.from_, _direction(mechanism, response.direction)
     to = _world(mechanism, response.to.body, response.to.point)
     if start.axis is None:
         begin = _world(mechanism, start.body, start.point)
     else:
-        begin, axis = (
-            _world(mechanism, start.body, start.axis.point),
-            start_rotation(mechanism, start.body) @ start.axis.axis,
-        )
+        begin = _world(mechanism, start.body, start.axis.point)
+        axis = start_rotation(mechanism, start.body) @ start.axis.axis
         begin = begin + (to - begin) @ axis * axis
     value = float(direction @ (to - begin)) + response.offset
     end = begin + value * direction
     first, last = (begin, end) if value >= 0 else (end, begin)
-    return Measurement(name, response.title, False, first, last, to, _value_text(mechanism, value))
+    return "length", first, last, to, _value_text(mechanism, value)
+
+
+def _of_contact(
+    mechanism: Mechanism, response: Any, contacts: dict[str, StartContact]
+) -> tuple[str, Array, Array, Array, str]:
+    """Return the gap or the force of a contact."""
+    if response.contact not in contacts:
+        return "none", np.zeros(3), np.zeros(3), np.zeros(3), f"contact {response.contact}"
+    gap, point, normal, body = contacts[response.contact]
+    if response.type == "gap":
+        return "length", point, point + gap * normal, point, _value_text(mechanism, gap)
+    if response.component == "friction":
+        return "point", point, point, point, f"friction on {body}"
+    return "arrow", point, point + normal, point, f"on {body}"
+
+
+def _turn(
+    mechanism: Mechanism, body: str, against: str | None, axis: Any, value: str
+) -> tuple[str, Array, Array, Array, str]:
+    """Return a rotation of a body about an axis of another: at a joint between the two, else where the body is."""
+    others = {against} if against else {name for name, each in mechanism.bodies.items() if each.fixed}
+    sides = [joint.sides for joint in mechanism.joints.values()]
+    between = [(a, b) for pair in sides for a, b in (pair, pair[::-1]) if a.body == body and b.body in others]
+    at = _world(mechanism, body, between[0][0].point if between else mechanism.bodies[body].center_of_mass)
+    turned = (start_rotation(mechanism, against) if against else np.eye(3)) @ np.asarray(axis)
+    return "turn", at, at + turned, at, value
+
+
+def _without_place(response: Any) -> str:
+    """Return what a response is that is no place of the mechanism."""
+    if response.type == "difference":
+        return f"{response.of[0]} minus {response.of[1]}"
+    if response.type == "condition":
+        return f"1 if {response.condition}, else 0"
+    return "a time" if response.type == "time" else str(response.type).replace("_", " ")
+
+
+def _direction(mechanism: Mechanism, along: Any) -> Array:
+    """Return a direction of a response in the world, at the start."""
+    rotation = start_rotation(mechanism, along.body) if along.body else np.eye(3)
+    return np.asarray(rotation @ along.vector)
 
 
 def contacts_at_start(mechanism: Mechanism) -> dict[str, StartContact]:
@@ -180,93 +198,3 @@ def _world(mechanism: Mechanism, body: str, point: Any) -> Array:
 
 def _value_text(mechanism: Mechanism, value: float) -> str:
     return f"{value:.4g} {mechanism.unit('length')} here"
-
-
-def _draw_bodies(axes: "Axes", mechanism: Mechanism, view: View, contacts: dict[str, StartContact]) -> float:
-    """Draw the bodies at the start; return the size of what is drawn [length]."""
-    corners = []
-    extent = float(np.ptp([contact.point for contact in contacts.values()] or np.zeros((1, 3)), axis=0).max())
-    moving = [name for name, body in mechanism.bodies.items() if not body.fixed]
-    for name, body in mechanism.bodies.items():
-        origin, rotation = np.array(body.origin), start_rotation(mechanism, name)
-        touched = {contact: (at.point[None] - origin) @ rotation for contact, at in contacts.items()}
-        shape = body_shape(mechanism, name, view, touched, extent)
-        outline, *lines = [view.project(origin + p @ rotation.T) for p in (shape.outline, *shape.lines, *shape.faces)]
-        corners += lines
-        if not body.fixed and len(outline):
-            corners.append(outline)
-            colour = PALETTE[moving.index(name) % len(PALETTE)]
-            axes.fill(*outline.T, facecolor=colour + "18", edgecolor=colour + "90", linewidth=0.9)
-            x, y = outline.mean(axis=0)
-            axes.text(x, y, name, color=colour, fontsize=7, ha="center", alpha=0.8)
-        axes.plot(*join_lines(lines).T, color=MUTED, linewidth=0.6)
-    return float(np.ptp(np.vstack(corners), axis=0).max()) if corners else 1.0
-
-
-def _draw_measurement(
-    axes: "Axes", measurement: Measurement, view: View, size: float, colour: str, levels: dict[tuple[float, ...], int]
-) -> None:
-    """Draw a response, unless it is nearly along the line of sight.
-
-    Lengths from one point along one direction are drawn beside each other; ``levels`` counts them.
-    """
-    start, end, point = (view.project(p) for p in (measurement.start, measurement.end, measurement.point))
-    along = end - start
-    length = float(np.linalg.norm(along))
-    if length < LEAST_SEEN * float(np.linalg.norm(measurement.end - measurement.start)) or length == 0.0:
-        return
-    along = along / length
-    if measurement.force:
-        _arrow(axes, start, start + FORCE_ARROW * size * along, colour)
-        _name(axes, start + FORCE_ARROW * size * along, measurement.name, colour, along)
-        return
-    across = np.array([-along[1], along[0]])
-    key = tuple(np.round([*start, *np.abs(along)], 3))
-    level = levels[key] = levels.get(key, -1) + 1
-    side = -1.0 if (point - start) @ across > 0 else 1.0
-    a, b = (p + side * level * LEVEL * size * across for p in (start, end))
-    axes.plot(*np.array([start, a]).T, color=colour, linewidth=0.7)
-    near, shifted = min(((start, a), (end, b)), key=lambda pair: float(np.linalg.norm(point - pair[0])))
-    axes.plot(*np.array([end, b]).T, color=colour, linewidth=0.7)
-    axes.plot(*np.array([point, near, shifted]).T, color=colour, linewidth=0.7, linestyle=(0, (3, 2)))
-    axes.plot(*point, "o", color=colour, markersize=3)
-    axes.plot(*a, "|" if abs(along[0]) > abs(along[1]) else "_", color=colour, markersize=9)
-    if length < SHORT * size:
-        _arrow(axes, a - LEVEL * size * along, a, colour)
-        _arrow(axes, b + LEVEL * size * along, b, colour)
-        _name(axes, b + LEVEL * size * along, measurement.name, colour, along)
-        return
-    _arrow(axes, a, b, colour)
-    if abs(along[0]) > abs(along[1]):
-        above_middle = 0.5 * (a + b) + np.array([0.0, 0.35 * LEVEL * size])
-        _name(axes, above_middle, measurement.name, colour, 0 * along)
-    else:
-        _name(axes, b, measurement.name, colour, along)
-
-
-def _arrow(axes: "Axes", start: Array, end: Array, colour: str) -> None:
-    style = {
-        "arrowstyle": "-|>,head_width=0.22,head_length=0.5",
-        "color": colour,
-        "linewidth": 1.3,
-        "shrinkA": 0,
-        "shrinkB": 0,
-    }
-    axes.annotate("", xy=tuple(end), xytext=tuple(start), arrowprops=style)
-
-
-def _name(axes: "Axes", position: Array, name: str, colour: str, away: Array) -> None:
-    """Write a name at a position, or beside it in the direction ``away``."""
-    sides = {1: "left", 0: "center", -1: "right"}
-    ha = sides[int(np.sign(np.round(away[0])))]
-    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
-    va = "center" if away[0] or not away.any() else "bottom" if away[1] > 0 else "top"
-    font: Any = {"color": colour, "fontsize": 8, "fontweight": "bold"}
-    axes.text(position[0], position[1], name, ha=ha, va=va, bbox=box, zorder=6, **font)
-
-
-def _explain(figure: Any, measurement: Measurement, colour: str, y: float) -> None:
-    """Write beside the picture what an arrow is."""
-    figure.text(0.72, y, measurement.name, color=colour, fontsize=9, fontweight="bold")
-    figure.text(0.72, y - 0.026, measurement.title, color=INK, fontsize=8)
-    figure.text(0.72, y - 0.05, measurement.value, color=MUTED, fontsize=8)

@@ -18,6 +18,7 @@ from campaign.plan import Plan
 from campaign.reports.authorship import author, campaign_end, report_date
 from campaign.reports.changed_distributions import scale_spread
 from campaign.reports.fixed_assumptions import fixed_assumptions
+from campaign.reports.mechanism_drawing import mechanism_drawing
 from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.store import Store
 from campaign.store.layout import REPORT, STOPPED
@@ -146,6 +147,7 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
     """
     spec, sampler = plan.spec, sampler_named(plan.spec.sampler)
     store_option = [] if store is None or store.url == "runs" else ["--store", store.url]
+    drawing, note = mechanism_drawing(plan)
     return ReportSpec(
         title=spec.title or spec.name,
         campaign=plan.campaign_id,
@@ -168,6 +170,8 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         ended=campaign_end(plan, store),
         written=report_date(),
         assumptions=fixed_assumptions(plan),
+        drawing=drawing,
+        drawing_note=note,
     )
 
 

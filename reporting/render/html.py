@@ -20,6 +20,7 @@ from reporting.capability.indices import NAMES, SIX_SIGMA_SHIFT, WHICH_SIGMA
 from reporting.capability.shares import largest_z, least_ppm, runs_to_claim
 from reporting.capability.verdict import CAPABLE, MARGINAL
 from reporting.render import axes, figures, histograms, overview
+from reporting.render.mechanism_figure import mechanism_figure
 from reporting.response import CLAIM_PPM, ResponseAnalysis
 from reporting.sensitivity.influence import CRITICAL_SHARE
 
@@ -77,6 +78,7 @@ def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",
             claims=[(ppm, runs_to_claim(ppm, analysis.confidence)) for ppm in CLAIMS],
             overview=_markup(overview.overview_figure(analysis)),
             goal=_markup(overview.goal_figure(analysis)),
+            mechanism=_markup(mechanism_figure(analysis.spec.drawing) if analysis.spec.drawing else None),
             files=files,
             missing=missing,
         )

@@ -1,0 +1,60 @@
+"""A drawing of the mechanism that the caller gives to a report, as plain data."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+Points = tuple[tuple[float, float], ...]
+
+
+class DrawnLine(NamedTuple):
+    """A line through points; ``style`` is "thin", "thick", "dashed" or "arrow", with its head at the last point."""
+
+    points: Points
+    colour: str
+    style: str
+
+
+class DrawnWords(NamedTuple):
+    """Words with their middle at (x, y), one line below the other; ``bold`` for the name of a response."""
+
+    x: float
+    y: float
+    lines: tuple[str, ...]
+    colour: str
+    bold: bool
+
+
+class LegendEntry(NamedTuple):
+    """A response: its name, its title, where or what it is, and its colour; empty if it has no place."""
+
+    name: str
+    title: str
+    value: str
+    colour: str
+
+
+@dataclass(frozen=True)
+class MechanismDrawing:
+    """The mechanism with what its responses measure; positions are those of a canvas, from its upper left corner.
+
+    Attributes
+    ----------
+    width, height, text : float
+        Size of the canvas and of its text.
+    areas : tuple of (points, colour)
+        Bodies that move.
+    strokes : tuple of DrawnLine
+    dots : tuple of (x, y, colour)
+    words : tuple of DrawnWords
+    legend : tuple of LegendEntry
+        Of every response. Colours are written as "#rrggbb".
+    """
+
+    width: float
+    height: float
+    text: float
+    areas: tuple[tuple[Points, str], ...]
+    strokes: tuple[DrawnLine, ...]
+    dots: tuple[tuple[float, float, str], ...]
+    words: tuple[DrawnWords, ...]
+    legend: tuple[LegendEntry, ...]

@@ -1,0 +1,21 @@
+"""The picture of what is measured, as a file."""
+
+import re
+
+from PIL import Image
+
+from campaign.pictures.measurement_figure import plot_measurements
+from engine import load_mechanism
+from tests.engine.small import block_on_floor, made
+
+
+def test_picture_has_words(tmp_path):
+    """The file is an image and says what it shows; a mechanism without responses is drawn all the same."""
+    plot_measurements(load_mechanism("c60"), tmp_path / "c60.png")
+    with Image.open(tmp_path / "c60.png") as image:
+        image.load()
+        assert re.search(r"FC-2: needle to pin, X, 10\.6 mm here", image.text["Description"])
+    data = block_on_floor(origin=[0, 0, 0.7])
+    data["responses"] = {}
+    plot_measurements(made(data), tmp_path / "block.svg")
+    assert "FC" not in (tmp_path / "block.svg").read_text()
