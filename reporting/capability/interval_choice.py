@@ -22,13 +22,11 @@ from reporting.arrays import Array
 from reporting.capability.indices import centring, overall_intervals, point_indices
 from reporting.capability.intervals import Interval, cpm_interval, mean_interval, std_interval
 from reporting.capability.lots import FEW_LOTS, Lots
-from reporting.capability.moment_test import FEWEST_FOR_SHAPE, normal_moments_p
+from reporting.capability.moment_test import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p
 from reporting.capability.precision import Precision, freedom_of_spread, precision_of_lots, precision_of_values
 from reporting.capability.robust_intervals import robust_intervals
 
 NORMAL, OWN_MOMENTS, PRODUCTION_LOTS = "normal theory", "own moments", "production lots"
-# Normal theory only if moments that far from a normal distribution's are no exception there.
-_LIKELY = 0.2
 # A smaller p-value proves that the values are not normal.
 PROVEN = 0.05
 # Own moments of fewer values cover less where a response is skewed: 87 to 91 %.
@@ -82,7 +80,7 @@ def choose_method(x: Array, kurtosis: float | None, lots: Lots | None) -> Method
     normal = p >= PROVEN
     if lots is not None:
         return Method(PRODUCTION_LOTS, _of_lots(lots), normal) if lots.enough else Method("", _too_few(lots), normal)
-    if kurtosis is not None and x.size >= FEWEST_FOR_SHAPE and (p < _LIKELY or kurtosis > 0):
+    if kurtosis is not None and x.size >= FEWEST_FOR_SHAPE and (p < LIKELY or kurtosis > 0):
         squares = _centred(x) ** 2
         return Method(OWN_MOMENTS, _of_moments(x.size, p, freedom_of_spread(squares - squares.mean())), normal)
     return Method(NORMAL, _of_normal(x.size, p), normal)
@@ -165,7 +163,7 @@ def _of_moments(n: int, p: float, freedom: float) -> str:
     """Return why the intervals rest on the values' own moments, and what they may miss."""
     why = (
         f"skewness and kurtosis are not those of a normal distribution (p = {p:.2g})"
-        if p < _LIKELY
+        if p < LIKELY
         else "the tails are a little heavier than normal ones, which may be chance"
     )
     few = ""

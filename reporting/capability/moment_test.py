@@ -10,6 +10,8 @@ from reporting.arrays import Array
 
 # Fewer values do not show a shape (D'Agostino, Belanger, D'Agostino 1990).
 FEWEST_FOR_SHAPE = 8
+# Normal theory only if moments that far from a normal distribution's are no exception there.
+LIKELY = 0.2
 
 
 def normal_moments_p(z: Array, worth: float) -> float:

@@ -22,13 +22,12 @@ from scipy.special import chdtri, ndtri, stdtrit
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval
 from reporting.capability.lots import FEW_LOTS, lots_worth, variance_components
-from reporting.capability.moment_test import FEWEST_FOR_SHAPE, normal_moments_p
+from reporting.capability.moment_test import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p
 
 # A fourth moment at its lower bound would make sigma certain; values that few do not prove it.
 _LEAST_SPREAD_OF_SQUARES = 0.2
 _LEAST_FREEDOM = 2.0
 _LARGEST_CORRELATION = 0.99
-_PROVEN = 0.05  # a smaller p-value proves that values are not normal, or have more variances than one
 # A variance that its interval's lower end would put below this share of itself.
 _LEAST_VARIANCE = 0.02
 
@@ -166,13 +165,13 @@ def freedom_of_pooled(residual: Array, group: NDArray[np.intp], confidence: floa
     group : array of int, shape (n,)
         Number of each value's lot, from 0.
     confidence : float
-        Of the two-sided interval that they are for.
+        Of the two-sided intervals that they are for.
 
     Returns
     -------
     float
-        Values less lots if neither the fourth moment of the residuals nor the differences between the lots' own
-        variances exceed those of normal values of one variance; otherwise as many as these tell.
+        Values less lots where neither the moments of the residuals nor the differences between the lots' own variances
+        are unlikely for normal values of one variance; otherwise as many as these tell.
     """
     counts = np.bincount(group)
     k, nu = counts.size, float(residual.size - counts.size)
@@ -180,14 +179,29 @@ def freedom_of_pooled(residual: Array, group: NDArray[np.intp], confidence: floa
     # Of normal values of one variance, sums of squares of a lot less what is expected of it.
     squares: Array = np.bincount(group, weights=residual**2) / variance - (counts - 1)
     distance = float(np.sum(squares[counts > 1] ** 2 / (2 * (counts[counts > 1] - 1))))
-    normal = nu < FEWEST_FOR_SHAPE or normal_moments_p(residual, nu) >= _PROVEN
-    if normal and (k == 1 or distance <= float(chdtri(k - 1, _PROVEN))):
+    excess = _excess_within(residual, counts[group], variance)
+    like_normal = nu < FEWEST_FOR_SHAPE or (excess <= 0 and normal_moments_p(residual, nu) >= LIKELY)
+    if like_normal and (k == 1 or distance <= float(chdtri(k - 1, LIKELY))):
         return nu
-    found = min(_freedom_within(residual, k), nu)
+    own = residual**2 / variance
+    spread = max(excess + 2, _LEAST_SPREAD_OF_SQUARES)
+    found = min(_cautious(2 * nu / spread, freedom_of_spread(own - np.mean(own)), confidence), nu)
     if k > 1 and np.any(squares):
         relative = k / (k - 1) * float(np.sum(squares**2)) / nu**2
-        found = min(_cautious(2 / relative, freedom_of_spread(squares), confidence), found)
+        found = min(_cautious(2 / relative, min(freedom_of_spread(squares), k - 1), confidence), found)
     return found
+
+
+def _excess_within(residual: Array, size: NDArray[np.intp], variance: float) -> float:
+    """Return the excess kurtosis of values within lots from their residuals, each in a lot of `size` values.
+
+    A residual is a weighted sum of all values of its lot, and so nearer to normal than they are: of two values each, its
+    excess kurtosis is half theirs.
+    """
+    rest = 1 / size
+    fourth = float(np.sum((1 - rest) ** 4 + (size - 1) * rest**4))
+    normal = 3 * variance**2 * float(np.sum((1 - rest) ** 2))
+    return (float(np.sum(residual**4)) - normal) / fourth / variance**2
 
 
 def _freedom_within(residual: Array, lots: int) -> float:

@@ -127,6 +127,19 @@ def test_intervals_hold_where_values_within_lots_have_heavy_tails() -> None:
     assert covered(draw, 1.0) >= 0.91
 
 
+@pytest.mark.parametrize(("lots", "size"), [(20, 3), (10, 5), (5, 100)])
+def test_intervals_hold_for_a_skewed_response(lots, size) -> None:
+    """The residuals of small lots look more normal than the values, and five lots tell little of how lots differ."""
+    rng, batches, hits = np.random.default_rng(14), np.repeat(np.arange(lots), size), 0
+    # Of exp(s w), where half the variance of the normal score w lies between lots.
+    inside = np.exp(0.5) - np.exp(0.375)
+    for _ in range(400):
+        score = rng.standard_normal(lots)[batches] + rng.standard_normal(lots * size)
+        low, high = within(np.exp(0.5 * score / 2**0.5) / inside**0.5, batches, -3.0, 3.0, 0.95).cp_interval
+        hits += low <= 1.0 <= high
+    assert hits / 400 >= 0.9
+
+
 def test_normal_values_within_lots_keep_their_interval() -> None:
     """Exact, but where chance makes a sample look otherwise, which widens it."""
 
