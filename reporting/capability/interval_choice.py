@@ -24,7 +24,7 @@ from reporting.capability.intervals import Interval, cpm_interval, mean_interval
 from reporting.capability.lots import FEW_LOTS, Lots
 from reporting.capability.moment_test import FEWEST_FOR_SHAPE, LIKELY, normal_moments_p
 from reporting.capability.precision import Precision, freedom_of_spread, precision_of_lots, precision_of_values
-from reporting.capability.robust_intervals import robust_intervals
+from reporting.capability.robust_intervals import joint_interval, robust_intervals
 
 NORMAL, OWN_MOMENTS, PRODUCTION_LOTS = "normal theory", "own moments", "production lots"
 # A smaller p-value proves that the values are not normal.
@@ -113,7 +113,13 @@ def index_intervals(
     if method.name == NORMAL:
         return _normal_theory(x, _centred(x), fence)
     precision = precision_by(method, x, kurtosis, lots, fence.confidence)
-    return {} if precision is None else robust_intervals(precision, fence.lsl, fence.usl, fence.target)
+    wider = precision_by(method, x, kurtosis, lots, (1 + fence.confidence) / 2)
+    if precision is None or wider is None:
+        return {}
+    return {
+        **robust_intervals(precision, fence.lsl, fence.usl, fence.target),
+        "cpk_interval_joint": joint_interval(precision, wider, fence.lsl, fence.usl),
+    }
 
 
 def _centred(x: Array) -> Array:

@@ -29,17 +29,13 @@ def robust_intervals(
         Limits and target.
     """
     mean, half = precision.mean, precision.mean_half
-    index = point_indices(mean, precision.std, lsl, usl)
-    sides = {
-        "cpl": None if lsl is None else _side(precision, (mean - lsl) / (3 * precision.std), rises=True),
-        "cpu": None if usl is None else _side(precision, (usl - mean) / (3 * precision.std), rises=False),
-    }
+    index, sides = point_indices(mean, precision.std, lsl, usl), _sides(precision, lsl, usl)
     nearer = min((name for name in sides if index[name] is not None), key=lambda name: index[name] or 0.0, default="")
     intervals: IntervalByName = {
         "mean_interval": (mean - half, mean + half),
         "std_interval": precision.std_interval,
-        "cpl_interval": sides["cpl"],
-        "cpu_interval": sides["cpu"],
+        "cpl_interval": sides.get("cpl"),
+        "cpu_interval": sides.get("cpu"),
         "cpk_interval": sides.get(nearer),
         "z_bench_interval": _bench(precision, lsl, usl),
     }
@@ -50,6 +46,36 @@ def robust_intervals(
         intervals["cc_interval"] = (2 * (mean - half - centre) / width, 2 * (mean + half - centre) / width)
         intervals["cpm_interval"] = None if target is None else _cpm(precision, width, target)
     return intervals
+
+
+def joint_interval(precision: Precision, wider: Precision, lsl: float | None, usl: float | None) -> Interval | None:
+    """Return the interval of Cpk that covers wherever the mean lies; that of the one side with one limit.
+
+    Cpk is at least the smaller of the lower ends of both sides if the lower end of its own side holds. It is at most the
+    smaller of the upper ends if both hold, each of which may fail half as often (Bonferroni).
+
+    Parameters
+    ----------
+    precision, wider : Precision
+        Intervals of mean and sigma at the confidence of the interval, and at one that fails half as often.
+    lsl, usl : float or None
+        Limits.
+    """
+    sides = _sides(precision, lsl, usl)
+    if not sides:
+        return None
+    above = sides if len(sides) == 1 else _sides(wider, lsl, usl)
+    return min(low for low, _ in sides.values()), min(high for _, high in above.values())
+
+
+def _sides(precision: Precision, lsl: float | None, usl: float | None) -> dict[str, Interval]:
+    """Return the intervals of Cpl and Cpu, of those that there are."""
+    found = {}
+    if lsl is not None:
+        found["cpl"] = _side(precision, (precision.mean - lsl) / (3 * precision.std), rises=True)
+    if usl is not None:
+        found["cpu"] = _side(precision, (usl - precision.mean) / (3 * precision.std), rises=False)
+    return found
 
 
 def _side(precision: Precision, index: float, *, rises: bool) -> Interval:

@@ -46,8 +46,8 @@ class Capability:
     cp_interval, cpk_interval, cpl_interval, cpu_interval, cc_interval, cpm_interval : (float, float) or None
         By the method `interval_method`; that of Cpk is the one of the nearer side.
     cpk_interval_joint : (float, float) or None
-        Interval of Cpk that covers at least as often as stated, for normal theory only; with one limit the exact
-        interval of that side.
+        Interval of Cpk that covers at least as often as stated, wherever the mean lies between the limits; with one
+        limit the interval of that side.
     z_lsl, z_usl, z_bench : float or None
         Distance to each limit in sigmas, and the normal quantile of the total share out of limits.
     z_bench_interval : (float, float) or None

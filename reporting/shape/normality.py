@@ -19,6 +19,8 @@ from reporting.shape.tail_weight import TailWeight, tail_weights
 
 # With a distance up to the first a response counts as normal, above the second as not normal.
 CLOSE, FAR = 0.02, 0.05
+# Where the interval of the distance reaches beyond that, a small distance may be chance.
+_OPEN = 0.10
 # Beyond these the normal ppm is a poor estimate, however close the middle is.
 SKEWNESS_BAR, KURTOSIS_BAR = 0.5, 1.0
 FEWEST_FOR_WORDS = 20
@@ -248,7 +250,7 @@ def _verdict(measures: Normality) -> tuple[str, str]:
         )
     if high <= CLOSE:
         return "normal", f"Normal to within {100 * high:.2g} % of the values: {distance}; {shape}."
-    if high <= FAR or (measures.distance <= CLOSE and not proven):
+    if high <= FAR or (measures.distance <= CLOSE and high <= _OPEN and not proven):
         return "close to normal", f"Close to normal: {distance}; {shape}."
     if proven:
         return "not normal", f"Not normal, by how much is open: {distance}; {shape}."

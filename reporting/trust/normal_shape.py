@@ -15,8 +15,10 @@ PERHAPS_P = 0.05
 
 def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
     """Check that the responses with limits are close enough to normal for the printed ppm."""
-    shaped = [r for r in responses if r.capability.cpk is not None and r.normality.p is not None]
-    if not shaped:
+    indexed = [r for r in responses if r.capability.cpk is not None]
+    shaped = [r for r in indexed if r.normality.p is not None]
+    untested = [r for r in indexed if r.normality.p is None and r.normality.distance_interval is not None]
+    if not shaped and not untested:
         return Check("Shape", "info", "No response with limits has values enough to judge its shape.")
     adjusted = holm([r.normality.p or 0.0 for r in shaped])
     departing = [r for r, p in zip(shaped, adjusted, strict=True) if p < DEPARTURE_P or _proven(r)]
@@ -27,12 +29,17 @@ def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
     open_ = [r for r in rest if r not in close]
     sentences = [_departure(r) for r in departing]
     if close:
-        names = _named(close, len(shaped))
+        names = _named(close, len(indexed))
         sentences.append(f"{names}: close to normal, no share below a value is off by more than {_farthest(close)}.")
     if open_:
         sentences.append(
-            f"{_named(open_, len(shaped))}: no departure found (smallest p of Anderson-Darling {_smallest_p(open_)}), "
-            f"but so few values do not exclude that shares are off by up to {_farthest(open_)}."
+            f"{_named(open_, len(indexed))}: no departure found ({_smallest_p(open_)}), "
+            f"but {_so_few(open_)} do not exclude that shares are off by up to {_farthest(open_)}."
+        )
+    if untested:
+        sentences.append(
+            f"{_named(untested, len(indexed))}: {_so_few(untested)} cannot test the shape, and do not exclude that shares "
+            f"are off by up to {_farthest(untested)}."
         )
     if doubtful:
         each = "; ".join(f"{r.spec.name}, {_how(r)}" for r in doubtful)
@@ -42,7 +49,7 @@ def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
             f"look so): {each}."
         )
     misleading = [r for r in departing if _effects(r) or r.normality.verdict == "not normal"]
-    level = "attention" if misleading else "info" if open_ or departing or doubtful else "good"
+    level = "attention" if misleading else "info" if open_ or untested or departing or doubtful else "good"
     return Check("Shape", level, " ".join(sentences), float(len(departing)))
 
 
@@ -108,7 +115,16 @@ def _farthest(some: list[ResponseAnalysis]) -> str:
     return format_numbers.percent(max((r.normality.distance_interval or (0.0, 1.0))[1] for r in some))
 
 
+def _so_few(some: list[ResponseAnalysis]) -> str:
+    """Return the values in words: with production lots, the fewest independent values that those of one are worth."""
+    worth = [r.capability.lots.effective for r in some if r.capability.lots is not None]
+    return f"values in lots, worth {min(worth):.0f} independent ones," if worth else "so few values"
+
+
 def _smallest_p(some: list[ResponseAnalysis]) -> str:
-    """Return the smallest p of Anderson-Darling."""
-    p = [r.normality.anderson_darling_p for r in some if r.normality.anderson_darling_p is not None]
-    return format_numbers.probability(min(p, default=None))
+    """Return the smallest p of Anderson-Darling; with production lots, of the weights of the tails."""
+    by_all = [r.normality.anderson_darling_p for r in some if r.normality.anderson_darling_p is not None]
+    if by_all:
+        return f"smallest p of Anderson-Darling {format_numbers.probability(min(by_all))}"
+    of_tails = [r.normality.p for r in some if r.normality.p is not None]
+    return f"smallest p of the tails {format_numbers.probability(min(of_tails, default=None))}"

@@ -49,6 +49,20 @@ def test_heavy_tails_are_covered(shape: str, least: float) -> None:
     assert min(coverage(shape, 500, 250).values()) >= least - 0.041
 
 
+@pytest.mark.parametrize("shape", ["normal", "t5", "lognormal"])
+@pytest.mark.parametrize("cc", [0.0, 0.1])
+def test_the_joint_interval_holds_in_the_middle_and_beside_it(shape: str, cc: float) -> None:
+    """Of 50 values, whatever their shape; in the middle either side may be the worse one."""
+    draw, mean, std = SHAPES[shape]
+    rng, hits, cpk = np.random.default_rng(77), 0, 1.33
+    half = 3 * cpk * std / (1 - cc)
+    for _ in range(400):
+        found = capability(draw(rng, 50), mean - cc * half - half, mean - cc * half + half).cpk_interval_joint
+        assert found is not None
+        hits += found[0] <= cpk <= found[1]
+    assert hits / 400 >= 0.92
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [50, 500, 5000])
 @pytest.mark.parametrize("shape", SHAPES)

@@ -94,3 +94,18 @@ def test_a_close_response_is_good(response) -> None:
     found = normal_shape(with_shape(response, typical, typical + 5))
     assert found.level == "good"
     assert found.text.startswith("Every response with limits: close to normal")
+
+
+@pytest.mark.parametrize(("n", "size"), [(50, 2.5), (400, 20), (4_000, 200)])
+def test_values_in_lots_that_cannot_test_the_shape_are_never_close_to_normal(response, n: int, size: float) -> None:
+    """Twenty lots are worth some 40 independent values, however many they have; before, the card said nothing of them."""
+    from reporting import capability
+
+    rng, lots = np.random.default_rng(2), np.floor(np.arange(n) / size).astype(int)
+    x = np.exp(0.35 * (rng.normal(size=20)[lots] + rng.normal(size=n)))
+    numbers = capability(x, 0.05, 9.0, batches=lots)
+    shaped = replace(response, capability=numbers, normality=normality(x, worth=numbers.lots.effective))
+    found = normal_shape((shaped,))
+    assert found.level != "good"
+    assert "worth" in found.text
+    assert "do not exclude that shares are off by up to" in found.text
