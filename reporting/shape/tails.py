@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import ndtri
 
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval, share_interval
@@ -46,7 +47,7 @@ class TailShare:
     effective : float or None
         Always None: the values have equal weights.
     note : str
-        Why the estimate is refused, or a caution; may be empty.
+        Why the estimate is refused, or why there is only a bound; may be empty.
     """
 
     side: str
@@ -70,7 +71,8 @@ def pareto_tails(x: ArrayLike, lsl: float | None, usl: float | None, confidence:
     The interval holds those of all thresholds: with many excesses a tail is precise but may still bend, and one
     threshold alone missed the share in up to 26 of 100 samples of 2,000. Each combines the profile likelihood of the
     share beyond the limit with the binomial error of the share beyond the threshold, on a logarithmic scale. The upper
-    end is at least the share of a hundredth of one value; an estimate below that is not given.
+    end is at least the share of a hundredth of one value. An estimate below that is not given: then the upper end is a
+    bound, and at least that of an exponential tail, because a tail that seems to end before the limit may not end.
 
     Parameters
     ----------
@@ -120,15 +122,15 @@ def _tail(side: str, ordered: Array, limit: float, confidence: float) -> TailSha
     ppm, least = estimates[0][0], PPM * _FARTHEST / n
     low, high = min(ends[0] for _, ends in estimates), max(ends[1] for _, ends in estimates)
     note = ""
-    if ppm == 0:
-        note = "The fitted tail ends before the limit, so only the upper end of the interval is informative. "
     if ppm < least:
-        note += f"The limit is too far beyond {n} values for a number; only the upper end of the interval is given."
+        low, high = 0.0, max(high, *(_exponential_bound(y, limit - at, n, confidence) for at, y, _ in fits))
+        note = f"the limit is too far beyond {n} values for a number" if ppm else "the fitted tail ends before the limit"
+        note = f"{side.capitalize()}: {note}, so there is only an upper bound."
     return TailShare(
         side=side,
         limit=sign * limit,
         ppm=ppm if ppm >= least else None,
-        interval=(low if ppm >= least else 0.0, max(high, least)),
+        interval=(low, max(high, least)),
         threshold=sign * threshold,
         excesses=excesses.size,
         shape=fit.shape,
@@ -183,3 +185,11 @@ def _beyond(excesses: Array, y: float, fit: pareto.ParetoFit, n: int, confidence
         lowest = over * share * math.exp(-math.hypot(math.log(share / low), math.log(over / over_low)))
     highest = over * share * math.exp(math.hypot(math.log(high / share), math.log(over_high / over)))
     return PPM * over * share, (PPM * lowest, PPM * min(highest, 1.0))
+
+
+def _exponential_bound(excesses: Array, y: float, n: int, confidence: float) -> float:
+    """Return the upper end [ppm] of the share beyond a limit at the distance `y` from the threshold of such a tail."""
+    over, scale = excesses.size / n, y / float(np.mean(excesses))
+    _, highest = share_interval(excesses.size, n, confidence)
+    of_mean = float(ndtri(0.5 + confidence / 2)) * scale / math.sqrt(excesses.size)
+    return PPM * min(over * math.exp(-scale + math.hypot(of_mean, math.log(highest / over))), 1.0)

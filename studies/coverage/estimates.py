@@ -84,7 +84,7 @@ def methods(production: Production, n: int, rng: np.random.Generator) -> Iterato
     tails = {tail.side: tail for tail in analysed.tails}
     for side, value in (("below", true.below), ("above", true.above)):
         tail = tails[side]
-        yield Statement(f"tail, {side}", tail.interval, value, warned or bool(tail.note))
+        yield Statement(f"tail, {side}", tail.interval, value, warned)
     yield Statement(
         "distance from normal", analysed.normality.distance_interval, distance_from_normal(production.shape)
     )

@@ -63,7 +63,21 @@ def test_no_number_and_no_bound_below_a_hundredth_of_one_value() -> None:
     assert tail.ppm is None
     assert tail.interval[0] == 0
     assert tail.interval[1] >= 20
-    assert "too far beyond 500 values" in tail.note
+    assert "only an upper bound" in tail.note
+
+
+def test_a_tail_that_seems_to_end_has_a_bound_that_supposes_no_end() -> None:
+    """500 values beyond which a Pareto tail ends; before, the bound was 187 ppm, an eighth of the share
+    of an exponential tail with the same mean."""
+    p = (np.arange(50) + 0.5) / 50
+    values = np.concatenate((np.linspace(-3, 0, 450), (1 - (1 - p) ** 0.45) / 0.45))
+    (tail,) = pareto_tails(values, None, 2.95)
+    assert tail.shape < -0.3
+    assert tail.ppm is None
+    assert tail.interval[0] == 0
+    assert "ends before the limit, so there is only an upper bound" in tail.note
+    exponential = 0.1 * np.exp(-2.95 / values[450:].mean())
+    assert 1e6 * exponential < tail.interval[1] < 10e6 * exponential
 
 
 @pytest.mark.slow
