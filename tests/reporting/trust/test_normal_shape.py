@@ -98,7 +98,7 @@ def test_a_close_response_is_good(response) -> None:
 
 @pytest.mark.parametrize(("n", "size"), [(50, 2.5), (400, 20), (4_000, 200)])
 def test_values_in_lots_that_cannot_test_the_shape_are_never_close_to_normal(response, n: int, size: float) -> None:
-    """Twenty lots are worth some 40 independent values, however many they have; before, the card said nothing of them."""
+    """Twenty lots are worth some 40 independent values, however many they have; before, the card was silent on them."""
     from reporting import capability
 
     rng, lots = np.random.default_rng(2), np.floor(np.arange(n) / size).astype(int)

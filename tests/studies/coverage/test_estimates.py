@@ -25,7 +25,7 @@ def test_an_upper_bound_of_a_tail_is_no_warning():
 
 
 def test_shares_of_a_normal_distribution_are_warned_of_where_lots_cannot_test_the_shape():
-    """20 lots of a lognormal response, 50 values; before, 40 % of the campaigns had no warning, and none of them held."""
+    """20 lots of a lognormal response, 50 values; before, 40 % of the campaigns had no warning, and none held."""
     lognormal = LOTS[-1]
     assert lognormal.shape == "lognormal"
     assert set(outcomes(lognormal, 50, "Z.bench", 12)) == {WARNED}
