@@ -195,8 +195,8 @@ def freedom_of_pooled(residual: Array, group: NDArray[np.intp], confidence: floa
 def _excess_within(residual: Array, size: NDArray[np.intp], variance: float) -> float:
     """Return the excess kurtosis of values within lots from their residuals, each in a lot of `size` values.
 
-    A residual is a weighted sum of all values of its lot, and so nearer to normal than they are: of two values each, its
-    excess kurtosis is half theirs.
+    A residual is a weighted sum of all values of its lot, and so nearer to normal than they are: of two values each,
+    its excess kurtosis is half theirs.
     """
     rest = 1 / size
     fourth = float(np.sum((1 - rest) ** 4 + (size - 1) * rest**4))

@@ -51,8 +51,8 @@ def robust_intervals(
 def joint_interval(precision: Precision, wider: Precision, lsl: float | None, usl: float | None) -> Interval | None:
     """Return the interval of Cpk that covers wherever the mean lies; that of the one side with one limit.
 
-    Cpk is at least the smaller of the lower ends of both sides if the lower end of its own side holds. It is at most the
-    smaller of the upper ends if both hold, each of which may fail half as often (Bonferroni).
+    Cpk is at least the smaller of the lower ends of both sides if the lower end of its own side holds. It is at most
+    the smaller of the upper ends if both hold, each of which may fail half as often (Bonferroni).
 
     Parameters
     ----------

@@ -124,7 +124,9 @@ def _tail(side: str, ordered: Array, limit: float, confidence: float) -> TailSha
     note = ""
     if ppm < least:
         low, high = 0.0, max(high, *(_exponential_bound(y, limit - at, n, confidence) for at, y, _ in fits))
-        note = f"the limit is too far beyond {n} values for a number" if ppm else "the fitted tail ends before the limit"
+        note = (
+            f"the limit is too far beyond {n} values for a number" if ppm else "the fitted tail ends before the limit"
+        )
         note = f"{side.capitalize()}: {note}, so there is only an upper bound."
     return TailShare(
         side=side,

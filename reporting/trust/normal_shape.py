@@ -38,8 +38,8 @@ def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
         )
     if untested:
         sentences.append(
-            f"{_named(untested, len(indexed))}: {_so_few(untested)} cannot test the shape, and do not exclude that shares "
-            f"are off by up to {_farthest(untested)}."
+            f"{_named(untested, len(indexed))}: {_so_few(untested)} cannot test the shape, and do not exclude that "
+            f"shares are off by up to {_farthest(untested)}."
         )
     if doubtful:
         each = "; ".join(f"{r.spec.name}, {_how(r)}" for r in doubtful)

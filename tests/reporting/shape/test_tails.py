@@ -67,8 +67,7 @@ def test_no_number_and_no_bound_below_a_hundredth_of_one_value() -> None:
 
 
 def test_a_tail_that_seems_to_end_has_a_bound_that_supposes_no_end() -> None:
-    """500 values beyond which a Pareto tail ends; before, the bound was 187 ppm, an eighth of the share
-    of an exponential tail with the same mean."""
+    """Before, the bound was 187 ppm, an eighth of the share of an exponential tail with the same mean."""
     p = (np.arange(50) + 0.5) / 50
     values = np.concatenate((np.linspace(-3, 0, 450), (1 - (1 - p) ** 0.45) / 0.45))
     (tail,) = pareto_tails(values, None, 2.95)
