@@ -1,6 +1,6 @@
 """Ask whether faults are known of the locked packages: ``make audit``.
 
-It fails if one is known that a newer version mends. What could not be asked is said loudly, and fails nothing: the
+It fails if one is known that a newer version fixes. What could not be asked is said loudly, and fails nothing: the
 service may be out of reach.
 """
 
@@ -67,10 +67,10 @@ def judge(packages: list[dict[str, Any]], passed_over: list[dict[str, Any]], tod
             if known:
                 lines.append(f"{what} passed over until {known[0]['until']}: {known[0]['reason']}")
             elif fault["fix_versions"]:
-                lines.append(f"{what} is mended in {', '.join(fault['fix_versions'])}: make lock")
+                lines.append(f"{what} is fixed in {', '.join(fault['fix_versions'])}: make lock")
                 status = 1
             else:
-                lines.append(f"{what} is not mended in any version yet")
+                lines.append(f"{what} is not fixed in any version yet")
     unknown = [package["name"] for package in packages if "skip_reason" in package]
     if unknown:
         lines.append(f"NOT AUDITED: the service knows nothing of {len(unknown)} packages: {', '.join(unknown)}")

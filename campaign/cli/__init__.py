@@ -87,7 +87,7 @@ def root(
 
 
 def main() -> None:
-    """Run the command; an error that the user can mend is one message and an exit status, never a traceback."""
+    """Run the command; an error that the user can fix is one message and an exit status, never a traceback."""
     leave_current_folder_out()
     show_logs()
     with exit_at_interrupt():

@@ -87,5 +87,5 @@ def _check_private(path: Path) -> None:
     if status.st_uid == os.getuid() and status.st_mode & 0o077:
         raise SpecError(
             f"--tls-key {path}: other users can read it (mode {stat.S_IMODE(status.st_mode):04o}), and whoever has it"
-            f" can run code on the cluster; chmod 600 {path}, and make new certificates if somebody read it"
+            f" can run code on the cluster; chmod 600 {path}, and make new certificates if someone read it"
         )

@@ -1,4 +1,4 @@
-"""Compute rows again: of runs that crashed or timed out for a reason that is mended by now."""
+"""Compute rows again: of runs that crashed or timed out for a reason that is fixed by now."""
 
 from bisect import bisect_right
 from collections import Counter, defaultdict

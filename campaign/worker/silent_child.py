@@ -1,4 +1,4 @@
-"""End a child process that hangs, stopped by somebody or stuck in a run that takes no notice of its time limit."""
+"""End a child process that hangs, stopped by someone or stuck in a run that takes no notice of its time limit."""
 
 import logging
 import os

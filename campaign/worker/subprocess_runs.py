@@ -4,7 +4,7 @@ Only a run that had begun can be to blame for the end of its child process, and 
 what an earlier one left behind, a thread or a full memory, may have ended it. A child that ends before a run, between
 two runs, or with an error of its own has failed itself; it is started again. Where the cause may lie outside, such as a
 signal that others send too, a run is guilty when child after child ends in it, with ever longer pauses. A child that
-hangs, because somebody stopped it, is killed, and counts as one that others have killed.
+hangs, because someone stopped it, is killed, and counts as one that others have killed.
 """
 
 import logging
@@ -206,7 +206,7 @@ def _deed(ending: _Ending) -> str:
         return "took no notice of its time limit and was ended"
     if ending.hung:
         return (
-            f"took no notice of its time limit {TRIES} times in a row; perhaps somebody stopped its process each time"
+            f"took no notice of its time limit {TRIES} times in a row; perhaps someone stopped its process each time"
         )
     if -ending.exit_status in AMBIGUOUS:
         return (

@@ -41,23 +41,23 @@ def test_a_fault_that_is_mended_fails(audit):
     """And the line says in which version."""
     lines, status = audit.judge([FINE, package(fix_versions=["1.1"])], [], TODAY)
     assert status == 1
-    assert lines == ["gadget 1.0: PYSEC-2026-1 is mended in 1.1: make lock", "2 of 2 locked packages audited"]
+    assert lines == ["gadget 1.0: PYSEC-2026-1 is fixed in 1.1: make lock", "2 of 2 locked packages audited"]
 
 
 def test_a_fault_that_nothing_mends(audit):
     """It is said, and fails nothing: there is nothing to do."""
     lines, status = audit.judge([package()], [], TODAY)
     assert status == 0
-    assert lines[0] == "gadget 1.0: PYSEC-2026-1 is not mended in any version yet"
+    assert lines[0] == "gadget 1.0: PYSEC-2026-1 is not fixed in any version yet"
 
 
 def test_passed_over_until_a_day(audit):
     """By any of its names, with its reason; after the day it fails again."""
-    mended = package(fix_versions=["1.1"])
-    lines, status = audit.judge([mended], passed_over(TODAY), TODAY)
+    fixed = package(fix_versions=["1.1"])
+    lines, status = audit.judge([fixed], passed_over(TODAY), TODAY)
     assert status == 0
     assert lines[0] == "gadget 1.0: PYSEC-2026-1 passed over until 2026-11-22: not called"
-    assert audit.judge([mended], passed_over(date(2026, 11, 21)), TODAY)[1] == 1
+    assert audit.judge([fixed], passed_over(date(2026, 11, 21)), TODAY)[1] == 1
 
 
 def test_what_the_service_does_not_know(audit):

@@ -1,4 +1,4 @@
-"""A private folder is made, mended or refused."""
+"""A private folder is made, fixed or refused."""
 
 import grp
 import os

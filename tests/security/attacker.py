@@ -2,7 +2,7 @@
 
 It starts as root, because only root may read the interpreter here, and becomes the other user before it does anything.
 What it obtained it prints as JSON: one text for each success. It attacks all ports at once, each in every way: a port
-that is closed to one way, or where somebody else answers, takes no time from the others.
+that is closed to one way, or where someone else answers, takes no time from the others.
 """
 
 import asyncio

@@ -70,7 +70,7 @@ def proof(place):
 
 @pytest.fixture
 def poison(compiled, proof):
-    """Return what fills a folder with indices that run the attacker's command, and gives it to somebody."""
+    """Return what fills a folder with indices that run the attacker's command, and gives it to someone."""
 
     def fill(folder: Path, owner: int) -> None:
         build = folder / compiled.name

@@ -44,7 +44,7 @@ def ground():
     """Return a folder that both users can enter: a 0600 file, a sticky folder for temporary files, certificates.
 
     The attacker was there before: in the folder for temporary files he made the one that dask uses by default, with
-    modules that report when somebody imports them, and then hand over to the true ones, so that nobody notices.
+    modules that report when someone imports them, and then hand over to the true ones, so that nobody notices.
     """
     folder = Path(tempfile.mkdtemp(prefix="clearcap-two-users-", dir="/tmp"))
     folder.chmod(0o755)

@@ -106,7 +106,7 @@ def test_lost_scheduler(client, workers):
 
 @pytest.fixture
 def clock(monkeypatch):
-    """Return a clock that goes on when somebody waits."""
+    """Return a clock that goes on when someone waits."""
 
     class Clock:
         now = 0.0

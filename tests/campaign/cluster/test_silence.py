@@ -1,4 +1,4 @@
-"""Which workers count as silent: by heartbeats that stay the same, and by time in which somebody looked."""
+"""Which workers count as silent: by heartbeats that stay the same, and by time in which someone looked."""
 
 import pytest
 

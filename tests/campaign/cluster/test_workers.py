@@ -112,7 +112,7 @@ def test_no_process_stays():
 
 
 def stops():
-    """Stop the process in which this runs, as somebody's SIGSTOP does."""
+    """Stop the process in which this runs, as someone's SIGSTOP does."""
     os.kill(os.getpid(), signal.SIGSTOP)
 
 

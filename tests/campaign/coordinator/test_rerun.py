@@ -32,9 +32,9 @@ def test_failed_rows_are_replaced(broken, workers):
     kept = ["wall_s", "attempts", "earlier_attempts"]
     assert store.table().drop_columns(kept).equals(reference.drop_columns(kept))
     for row in store.table().to_pylist():
-        mended = row["sample"] in samples
-        assert row["earlier_attempts"] == ("crashed (ArithmeticError: no solution)" if mended else "")
-        assert row["attempts"] == (2 if mended else 1)
+        fixed = row["sample"] in samples
+        assert row["earlier_attempts"] == ("crashed (ArithmeticError: no solution)" if fixed else "")
+        assert row["attempts"] == (2 if fixed else 1)
     assert store.survey(plan, verify=True).bad == {}
 
 

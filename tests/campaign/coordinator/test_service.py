@@ -84,10 +84,10 @@ def test_report_is_tried_again_when_the_store_fails(done, monkeypatch):
 
 @pytest.mark.parametrize("reached", ["running", "completed"])
 def test_campaign_whose_state_is_lost_is_continued(done, reached):
-    """The heartbeat says that somebody began it; nothing says that its report is written."""
+    """The heartbeat says that someone began it; nothing says that its report is written."""
     store, plan = done
     store.remove(plan.campaign_id, STATE)
-    assert serve(store, CLUSTER, once=True) == []  # planned by somebody, and not submitted
+    assert serve(store, CLUSTER, once=True) == []  # planned by someone, and not submitted
     store.write_json(plan.campaign_id, HEARTBEAT, {"state": reached})
     assert serve(store, CLUSTER, once=True) == [plan.campaign_id]
     state = state_of(store, plan.campaign_id)

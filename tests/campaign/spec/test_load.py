@@ -160,7 +160,7 @@ def test_fault_is_named(campaign_file, old, new, said):
 
 
 def test_all_faults_at_once(campaign_file):
-    """A user mends a file in one go: every fault has its line, structural or not."""
+    """A user fixes a file in one go: every fault has its line, structural or not."""
     replaced(campaign_file, "std = 0.0175", "std = -1")
     replaced(campaign_file, "samples = 25", "sampels = 25")
     replaced(campaign_file, "[responses.FC-1]", "[responses.FC1]")

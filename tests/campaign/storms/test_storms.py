@@ -140,7 +140,7 @@ def _record(storm, mode, seed, kinds, record_property):
 
 
 def _resume(storm, command):
-    """Complete the campaign in peace, as somebody does who comes in the morning."""
+    """Complete the campaign in peace, as someone does who comes in the morning."""
     for temporary in storm.folder.rglob("*.tmp"):  # of another machine, where it would be taken for alive for an hour
         os.utime(temporary, (0.0, 0.0))
     words = [sys.executable, "-m", command, "resume", storm.campaign, "--store", storm.store.url, "--workers", "2"]

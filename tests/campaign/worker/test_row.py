@@ -81,7 +81,7 @@ def test_failed_runs_are_tried_with_other_settings(campaign_file, tmp_path):
 
 
 def test_a_cancelled_run_is_not_tried_again(campaign_file):
-    """Its attempt ends because it was cancelled, which no retry would mend."""
+    """Its attempt ends because it was cancelled, which no retry would fix."""
     campaign_file.write_text(campaign_file.read_text() + POLICY)
     plan = make_plan(load_campaign(str(campaign_file)), 10)
     cancel, tried = Cancel(), []
@@ -96,7 +96,7 @@ def test_a_cancelled_run_is_not_tried_again(campaign_file):
 
 
 def test_a_good_run_is_tried_once(campaign_file, tmp_path):
-    """Nor is one tried again that other settings cannot mend."""
+    """Nor is one tried again that other settings cannot fix."""
     campaign_file.write_text(campaign_file.read_text() + POLICY)
     crashing = partial(fake_engine.raises_above, 0.07)
     store, _ = computed(tmp_path, load_campaign(str(campaign_file)), 100, crashing)

@@ -158,7 +158,7 @@ def test_the_pdf_says_what_the_page_says(files, tmp_path: Path) -> None:
 
 @pytest.fixture
 def attacked(browser, files, tmp_path: Path) -> Any:
-    """Open a page into which somebody has got a script, a style sheet, a picture, a frame and a form."""
+    """Open a page into which someone has got a script, a style sheet, a picture, a frame and a form."""
     page = Path(files["html"]).read_text(encoding="utf-8")
     sent = (tmp_path / "secret.svg").as_uri()
     inserted = (

@@ -78,7 +78,7 @@ def test_every_operation_outlives_an_outage(files, name, after, caplog):
 
 @pytest.mark.parametrize("number", PASSING)
 def test_faults_that_may_pass(tmp_path, number):
-    """A disk that is full, read-only, stale or forbidden may be mended: it is waited for."""
+    """A disk that is full, read-only, stale or forbidden may be fixed: it is waited for."""
     files = Files(str(tmp_path), SOON)
     files._backend = Faulty(files._backend, 3, number=number)
     files.write("a", b"x")

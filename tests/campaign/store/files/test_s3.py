@@ -27,7 +27,7 @@ from tests.campaign.driving import computed, rows
 from tests.campaign.store.test_store import fill
 
 ACCESS = {
-    "AWS_ACCESS_KEY_ID": "somebody",
+    "AWS_ACCESS_KEY_ID": "someone",
     "AWS_SECRET_ACCESS_KEY": "something",
     "AWS_DEFAULT_REGION": "us-east-1",
     "AWS_MAX_ATTEMPTS": "1",  # botocore's own repetitions, so that what is seen to repeat is the store
