@@ -205,9 +205,7 @@ def _deed(ending: _Ending) -> str:
     if ending.exit_status == -signal.SIGALRM:
         return "took no notice of its time limit and was ended"
     if ending.hung:
-        return (
-            f"took no notice of its time limit {TRIES} times in a row; perhaps someone stopped its process each time"
-        )
+        return f"took no notice of its time limit {TRIES} times in a row; perhaps someone stopped its process each time"
     if -ending.exit_status in AMBIGUOUS:
         return (
             f"ended with its process, killed by {ending.text()} {TRIES} times in a row; perhaps it needs more memory"
