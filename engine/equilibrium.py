@@ -50,7 +50,8 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
     Returns
     -------
     (nc, 3) array or None
-        Forces (N, T1, T2); None if the contacts that touch cannot hold the loads.
+        Forces (N, T1, T2). None if the contacts that touch cannot hold the loads: the twists of the bodies are then
+        those with which they begin to move, of any size, or zero if the forces were not found.
     """
     model, state, work = assembly.model, assembly.state, assembly.work
     bodies, contacts = model.bodies, model.contacts
@@ -80,7 +81,8 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
             held = work.free.copy()
             add_whitened(bodies, problem.w, held)
             if _energy_norm(bodies, held) > HELD * falling:
-                return None  # the bodies would move: friction cannot hold them
+                state.v[:] = held  # the bodies would move: friction cannot hold them
+                return None
             impulses = problem.r.copy()
             # the springs gave way by a share of the load: solve again, with springs that already carry these impulses
             for _ in range(REFINEMENTS):

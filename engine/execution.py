@@ -14,7 +14,8 @@ from engine.kernels.responses import measure
 from engine.loop import Cancel, control_of, drive, prepare
 from engine.mechanism import Mechanism
 from engine.run import Certificate, Run
-from engine.verdict import failure, judge
+from engine.unrest import unheld, unrest
+from engine.verdict import failure, judge, unfinished
 
 
 def execute(
@@ -63,17 +64,24 @@ def execute(
         repeated=int(counts[time_loop.REPEATED]),
     )
     ranges: dict[str, tuple[float, float]] = {}  # of contacts
+    drift = ""
     read_at_end = read_contacts(mechanism)
     if counts[time_loop.STATUS] == time_loop.OK and certificate.settled:
         forces = _measure_at_rest(mechanism, assembly, int(counts[time_loop.PHASE]), certificate.time)
         contacts = [*bounded_contacts(mechanism), *(read_at_end.values() if indeterminacy else ())]
-        if forces is not None and contacts:
+        if forces is None:
+            drift = unheld(mechanism, assembly, control)
+        elif contacts:
             ranges = _force_ranges(assembly, forces, list(dict.fromkeys(contacts)))
     measured = dict(zip(mechanism.responses, map(float, assembly.work.reported), strict=True))
     measured = with_derived(mechanism, measured, ranges)
     if counts[time_loop.STATUS] == time_loop.OK:
-        completed = bool(counts[time_loop.COMPLETED]) or full_horizon
-        status, message = judge(mechanism, measured, completed, int(counts[time_loop.PHASE]))
+        if counts[time_loop.COMPLETED] or full_horizon:
+            status, message = judge(mechanism, measured, certificate.settled, drift)
+        else:
+            left = mechanism.simulation.wall_limit - certificate.wall_s
+            motion = "" if certificate.settled else unrest(mechanism, assembly, control, course, left, cancel)
+            status, message = unfinished(mechanism, int(counts[time_loop.PHASE]), certificate.settled, motion)
     else:
         status, message = failure(mechanism, assembly, course)
     responses = measured if status == "ok" else {}

@@ -1,7 +1,9 @@
 """Drive the compiled time loop: settings, time limit, cancelling, and the rows of a trajectory."""
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
@@ -89,29 +91,46 @@ def drive(
     """
     model, state, work = assembly.model, assembly.state, assembly.work
     prepare(assembly, control)
-    stop = (cancel or Cancel()).flag
     course = new_course(control)
     length = row_length(len(model.bodies.mass), len(assembly.contact_names), len(work.values))
     rows = np.zeros((1 + (max(ROOM // length, 16) if sink else 0), length))
     stride = every if sink else 0
-    timer = threading.Timer(wall_limit, lambda: stop.__setitem__(0, stop[0] or TIMEOUT))
-    timer.daemon = True
-    timer.start()
     try:
-        run_to_end(assembly.arrays, control, course, rows, stride, stop)
-        while course.counts[STATUS] == FULL and sink:
-            _flush(rows, sink)
+        with limited(cancel, wall_limit) as stop:
             run_to_end(assembly.arrays, control, course, rows, stride, stop)
+            while course.counts[STATUS] == FULL and sink:
+                _flush(rows, sink)
+                run_to_end(assembly.arrays, control, course, rows, stride, stop)
     finally:
-        timer.cancel()
-        if stop[0] == TIMEOUT:
-            stop[0] = 0  # the limit was that of this run; the flag may serve the next one
         if sink:
             if record(model, state, work, course.reals[TIME], course.reals[STEP], rows):
                 _flush(rows, sink)
                 record(model, state, work, course.reals[TIME], course.reals[STEP], rows)
             _flush(rows, sink)
     return course
+
+
+@contextmanager
+def limited(cancel: Cancel | None, seconds: float) -> Iterator[Any]:
+    """Yield the flag that ends the time loop: another thread sets it, or a clock after some real time [s].
+
+    Parameters
+    ----------
+    cancel : Cancel or None
+        The flag of another thread; None: only the clock sets it.
+    seconds : float
+        Real time after which the clock sets it [s].
+    """
+    stop = (cancel or Cancel()).flag
+    timer = threading.Timer(seconds, lambda: stop.__setitem__(0, stop[0] or TIMEOUT))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield stop
+    finally:
+        timer.cancel()
+        if stop[0] == TIMEOUT:
+            stop[0] = 0  # the limit was that of this run; the flag may serve the next one
 
 
 def _flush(rows: Array, sink: Callable[[Array], None]) -> None:

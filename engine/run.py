@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
-Status = Literal["ok", "not_converged", "jammed", "diverged", "timeout", "cancelled", "invalid"]
+Status = Literal["ok", "not_at_rest", "not_converged", "jammed", "diverged", "timeout", "cancelled", "invalid"]
 
 
 @dataclass(frozen=True)

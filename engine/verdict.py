@@ -13,42 +13,34 @@ from engine.mechanism.readout import Event
 from engine.run import Status
 
 
-def judge(mechanism: Mechanism, measured: Mapping[str, float], completed: bool, phase: int) -> tuple[Status, str]:
-    """Judge a run that went to its end: whether its phases ended, and whether it meets the validity conditions.
+def judge(mechanism: Mechanism, measured: Mapping[str, float], settled: bool, drift: str = "") -> tuple[Status, str]:
+    """Judge a run whose phases ended: whether it has all values, and whether it meets the validity conditions.
 
     Parameters
     ----------
     mechanism : Mechanism
     measured : mapping
         Response -> value; NaN without a value.
-    completed : bool
-        Whether the last phase ended.
-    phase : int
-        Number of the last phase that began.
+    settled : bool
+        Whether the run ended at rest.
+    drift : str
+        What begins to move if no contact forces hold the pose at rest, see `engine.unrest`.
 
     Returns
     -------
     status, message : str
     """
-    unit, sim = mechanism.unit("time"), mechanism.simulation
-    awaited = mechanism.phases[phase].until
-    if not completed and awaited is not None:
-        beyond = f"above {awaited.above:g}" if awaited.above is not None else f"below {awaited.below:g}"
-        of = mechanism.response_units()[awaited.response]
-        return "not_converged", (
-            f"phase {mechanism.phases[phase].name} did not end by the horizon of {sim.horizon:g} {unit}: "
-            f"{awaited.response} was never {beyond} {of}; raise simulation.horizon, or give the phase a duration"
-        )
-    if not completed:
-        return "not_converged", (
-            f"not at rest at the horizon of {sim.horizon:g} {unit}: for {sim.rest.window:g} {unit} no measured length "
-            f"may move by {sim.rest.drift:g} {mechanism.unit('length')}; raise simulation.horizon, or give the phase "
-            "a duration"
-        )
     missing = [name for name, value in measured.items() if math.isnan(value)]
     events = [name for name in missing if isinstance(mechanism.responses[name].at, Event)]
     if events:
-        return "invalid", f"{', '.join(events)}: the event it is read at (`at`) did not happen in this run"
+        ended = "; the run ended at rest: give its last phase a duration if it is to go on" if settled else ""
+        return "invalid", f"{', '.join(events)}: the event it is read at (`at`) did not happen in this run{ended}"
+    if missing and drift:
+        rest = mechanism.simulation.rest
+        return "not_at_rest", (
+            f"no contact forces hold the pose: {drift}; for {rest.window:g} {mechanism.unit('time')} nothing measured "
+            f"moved by {rest.drift:g} {mechanism.unit('length')}: make simulation.rest.window longer, or hold the body"
+        )
     if missing:
         return (
             "not_converged",
@@ -62,6 +54,35 @@ def judge(mechanism: Mechanism, measured: Mapping[str, float], completed: bool, 
                 f"validity condition {condition} is broken: {condition.response} = {value:.6g} {of}",
             )
     return "ok", ""
+
+
+def unfinished(mechanism: Mechanism, phase: int, settled: bool, motion: str) -> tuple[Status, str]:
+    """Judge a run that reached its horizon in a phase that ends at rest or at an event.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    phase : int
+        Number of the last phase that began.
+    settled : bool
+        Whether the mechanism was at rest at the horizon.
+    motion : str
+        What moves, see `engine.unrest`; empty if that is not known.
+
+    Returns
+    -------
+    status, message : str
+    """
+    sim, awaited, moving = mechanism.simulation, mechanism.phases[phase].until, f": {motion}" if motion else ""
+    horizon = f"the horizon of {sim.horizon:g} {mechanism.unit('time')}"
+    if awaited is None:
+        return "not_at_rest", f"not at rest at {horizon}{moving}"
+    beyond = f"above {awaited.above:g}" if awaited.above is not None else f"below {awaited.below:g}"
+    of = mechanism.response_units()[awaited.response]
+    missed = f"phase {mechanism.phases[phase].name} did not end by {horizon}: {awaited.response} was never {beyond} {of}"
+    if settled:
+        return "invalid", f"{missed}, and the mechanism is at rest; check the event, or give the phase a duration"
+    return "not_at_rest", f"{missed}{moving}; raise simulation.horizon, or give the phase a duration"
 
 
 def failure(mechanism: Mechanism, assembly: Assembly, course: Course) -> tuple[Status, str]:

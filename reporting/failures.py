@@ -10,12 +10,13 @@ from reporting.spec import ReportSpec
 FAILURES_LISTED = 20
 
 STATUSES = {
-    OK: "came to rest; its numbers are used",
-    "not_converged": "a time step missed the friction tolerance",
+    OK: "went to its end; its numbers are used",
+    "not_at_rest": "reached its horizon in motion; the message says what moves",
+    "not_converged": "the solver failed: a step missed its tolerance, or no forces were found that balance the loads",
     "jammed": "a time step has no solution: a motion drives a body into one that cannot give way",
     "diverged": "a number became infinite or undefined",
     "timeout": "ran longer than its time limit",
-    "invalid": "came to rest, but violated a validity condition",
+    "invalid": "went to its end, but broke a validity condition or missed an event",
     "crashed": "the process ended or the code raised an error",
 }
 

@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from engine.mechanism.base import PositiveNumber, TableModel
 
-RETRIED = ("not_converged", "jammed", "diverged", "timeout")
+RETRIED = ("not_at_rest", "not_converged", "jammed", "diverged", "timeout")
 """Statuses that other settings could avoid. An ``invalid`` run is a result, and settings do not cause a crash."""
 
 GROWTH = 4  # from a checkpoint of n samples the next one is n / GROWTH samples away
@@ -42,7 +42,7 @@ class Failures(TableModel, strict=True):
 
     retry: Annotated[tuple[SimulationSettings, ...], Field(max_length=10, strict=False)] = Field(
         default=(),
-        description="Settings of further attempts at a run that did not converge, jammed, diverged or took too long, in"
+        description="Settings of further attempts at a run that did not come to rest or converge, jammed, diverged or took too long, in"
         " the order of the attempts; at most 10.",
     )
     max_failed: Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0.0, lt=1.0)] | None = Field(

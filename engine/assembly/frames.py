@@ -37,6 +37,13 @@ def quaternion(axis: Iterable[float], angle: float) -> Array:
     return np.concatenate(([np.cos(angle / 2)], np.sin(angle / 2) * n / np.linalg.norm(n)))
 
 
+def rotate(quaternion: Array, vector: Array) -> Array:
+    """Return Phi(p) d for unit quaternions p (w, x, y, z), shape (..., 4), and vectors d, shape (..., 3)."""
+    w, axis = quaternion[..., :1], quaternion[..., 1:]
+    across = np.cross(axis, vector)
+    return np.asarray(vector + 2 * (w * across + np.cross(axis, across)))
+
+
 def tangent(n: Array) -> Array:
     """Return a unit vector across n: n x e, with e the axis that is most across."""
     x, y, z = map(float, n)

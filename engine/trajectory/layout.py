@@ -8,7 +8,7 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.assembly import Assembly
-from engine.assembly.frames import order_bodies
+from engine.assembly.frames import order_bodies, rotate
 from engine.kernels.record import BODY, CONTACT, HEAD
 from engine.mechanism import Mechanism
 
@@ -90,10 +90,3 @@ def _vector(path: str, at: int, unit: str, about: str, width: int = 3) -> Series
 def _origin(rows: Array, at: int, centre: Array) -> Array:
     """Return x - Phi(p) centre, shape (n, 3), of a body whose numbers begin at column ``at``."""
     return rows[:, at : at + 3] - rotate(rows[:, at + 3 : at + 7], centre)
-
-
-def rotate(quaternion: Array, vector: Array) -> Array:
-    """Return Phi(p) d for unit quaternions p (w, x, y, z), shape (..., 4), and vectors d, shape (..., 3)."""
-    w, axis = quaternion[..., :1], quaternion[..., 1:]
-    across = np.cross(axis, vector)
-    return np.asarray(vector + 2 * (w * across + np.cross(axis, across)))

@@ -115,7 +115,7 @@ def test_stiffer_spring_presses_harder(nominal):
 def test_latch_that_slips_is_no_result():
     """Clearances of 0.45 mm: the hook slips off and the contact opens; the run is refused, not counted."""
     run = simulate(load_mechanism("c60"), {f"J{i}": 0.45 for i in range(1, 8)})
-    assert run.status in ("invalid", "not_converged")
+    assert run.status in ("invalid", "not_at_rest", "not_converged")
     assert run.responses == {}
     assert run.measured["FC-1"] == 0
 

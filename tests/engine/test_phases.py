@@ -41,7 +41,7 @@ def test_an_event_that_does_not_come_is_named():
     """The ball never is at x = 9 within the horizon of 1 s."""
     until = {"response": "x", "above": 9.0}
     run = simulate(ball([{"name": "fly", "until": until}, {"name": "after", "duration": 0.1}]))
-    assert run.status == "not_converged"
+    assert run.status == "not_at_rest"
     assert "phase fly" in run.message
     assert "x was never above 9 m" in run.message
 

@@ -182,10 +182,10 @@ def test_energy_of_a_thrown_block_never_grows(seed, law):
 # --- what a run says
 
 
-def test_horizon_too_short_is_not_converged():
-    """Not at rest at the horizon: no responses, a message that names the remedy; measured values are kept."""
+def test_horizon_too_short_is_not_at_rest():
+    """Moving at the horizon: no responses, a message that names the remedy; measured values are kept."""
     run = simulate(load_mechanism("clearance_pendulum"), horizon=0.2)
-    assert (run.status, run.responses, run.certificate.settled) == ("not_converged", {}, False)
+    assert (run.status, run.responses, run.certificate.settled) == ("not_at_rest", {}, False)
     assert "not at rest at the horizon of 0.2 s" in run.message
     assert "simulation.horizon" in run.message
     assert set(run.measured) == {"drop", "tip"}

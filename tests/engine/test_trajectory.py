@@ -67,7 +67,7 @@ def test_every_step_is_there_once(recorded):
     assert recorded.time[0] == 0
     np.testing.assert_allclose(np.diff(recorded.time), recorded.step[1:], rtol=1e-9)
     assert recorded.time[-1] == pytest.approx(0.1)
-    assert (recorded.status, recorded.settings["horizon"]) == ("not_converged", 0.1)
+    assert (recorded.status, recorded.settings["horizon"]) == ("not_at_rest", 0.1)
     assert "simulation.horizon" in recorded.message
 
 

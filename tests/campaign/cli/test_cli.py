@@ -183,7 +183,7 @@ def test_simulate_writes_what_is_asked_for(monkeypatch, tmp_path):
     done = CliRunner().invoke(app, [*words, "--trajectory", "a.h5", "--plot", "a.svg", "--animate", "a.gif"])
     assert done.exit_code == 1, done.output
     document = json.loads(done.stdout)
-    assert document["status"] == "not_converged"
+    assert document["status"] == "not_at_rest"
     assert document["files"] == {"trajectory": "a.h5", "plot": "a.svg", "animation": "a.gif"}
     assert {path.name for path in tmp_path.iterdir()} == {"a.h5", "a.svg", "a.gif"}
     assert len(read_trajectory("a.h5").time) == 26

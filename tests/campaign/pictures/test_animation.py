@@ -45,7 +45,7 @@ def test_runs_with_little_to_show(tmp_path, forces):
     del data["contacts"], data["bodies"]["ground"], data["responses"]
     simulate(made(data), horizon=0.01, trajectory=tmp_path / "run.h5")
     run = read_trajectory(tmp_path / "run.h5")
-    assert run.status in ("diverged", "not_converged") or not forces
+    assert run.status in ("diverged", "not_converged", "not_at_rest") or not forces
     plot(run, tmp_path / "run.svg")
     animate(run, tmp_path / "run.gif", frames=2)
     with Image.open(tmp_path / "run.gif") as image:

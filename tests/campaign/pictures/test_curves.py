@@ -42,7 +42,7 @@ def test_plot_is_a_picture_with_words(pendulum, tmp_path, ending):
     path = tmp_path / f"curves{ending}"
     plot(pendulum, path)
     content = path.read_bytes()
-    said = r"Pendulum on a bolt with play: not_converged at t = 0\.1 s"
+    said = r"Pendulum on a bolt with play: not_at_rest at t = 0\.1 s"
     if ending == ".png":
         with Image.open(path) as image:
             image.load()

@@ -1,0 +1,105 @@
+"""Continue a run beyond its horizon, step by step, to see what the mechanism does.
+
+Only runs that did not come to rest are continued, on copies of their arrays, by the time loop that they ran in.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.arrays import Array
+from engine.assembly import Assembly
+from engine.assembly.frames import rotate
+from engine.kernels import time_loop
+from engine.kernels.context import Control, RunArrays
+from engine.kernels.model import Model
+from engine.kernels.record import BODY, HEAD, row_length
+from engine.kernels.time_loop import Course, run_to_end
+from engine.loop import Cancel, limited
+
+FEWEST, MOST = 500, 8000  # steps of a continuation
+NUMBERS = 1_000_000  # of a continuation that are kept
+FINE = 64  # steps of which every one is kept, to see what trembles
+
+
+@dataclass(frozen=True)
+class Continuation:
+    """What a mechanism did after the end of its run.
+
+    Attributes
+    ----------
+    time : (n,) array
+        Times since the start of the run; the first is the end of the run.
+    twist : (n, nb, 6) array
+        Velocity of the centre of mass, and angular velocity, both in world axes.
+    rested : float or None
+        Time at which the mechanism came to rest, if it did.
+    """
+
+    time: Array
+    twist: Array
+    rested: float | None
+
+
+def go_on(
+    assembly: Assembly, control: Control, course: Course, seconds: float, cancel: Cancel | None, every_step: bool = False
+) -> Continuation | None:
+    """Continue the phase in which a run reached its horizon; the run itself is left as it is.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        As the run left it.
+    control : Control
+        How to continue; its horizon is not used.
+    course : Course
+        As the run left it.
+    seconds : float
+        Real time after which it is given up [s].
+    cancel : Cancel or None
+        A flag of another thread that ends it.
+    every_step : bool
+        Make few steps and keep each one; else as many steps as the run has made, twice, and keep some of them.
+
+    Returns
+    -------
+    Continuation or None
+        None if it was cancelled, took too long, or a step failed.
+    """
+    end, steps = float(course.reals[time_loop.TIME]), int(course.counts[time_loop.ACCEPTED])
+    most = FINE if every_step else min(max(2 * steps, FEWEST), MOST)
+    length = row_length(len(assembly.model.bodies.mass), len(assembly.contact_names), len(assembly.work.values))
+    kept = FINE if every_step else max(min(most, NUMBERS // length), FINE)
+    stride = -(-most // kept)
+    arrays, course = _copy(assembly.arrays, int(course.counts[time_loop.PHASE])), Course(*map(np.copy, course))
+    beyond = end + most * control.longest
+    course.reals[time_loop.PHASE_END] = beyond
+    course.reals[time_loop.STEP] = min(course.reals[time_loop.STEP], control.longest)
+    course.reals[time_loop.LONGEST] = min(course.reals[time_loop.LONGEST], control.longest)
+    course.counts[time_loop.ACCEPTED] = 0
+    rows = np.zeros((kept + 2, length))
+    with limited(cancel, seconds) as stop:
+        run_to_end(arrays, control._replace(horizon=beyond, full_horizon=False), course, rows, stride, stop)
+    if course.counts[time_loop.STATUS] not in (time_loop.OK, time_loop.FULL):
+        return None
+    rows = rows[1 : 1 + int(rows[0, 0])]
+    moving = rows[:, HEAD : HEAD + BODY * len(arrays.model.bodies.mass)].reshape(len(rows), -1, BODY)
+    spin = rotate(moving[..., 3:7], moving[..., 10:13])
+    time, twist = rows[:, 0], np.concatenate([moving[..., 7:10], spin], axis=2)
+    rested = float(course.reals[time_loop.TIME]) if course.counts[time_loop.COMPLETED] else None
+    return Continuation(time, twist, rested)
+
+
+def _copy(arrays: RunArrays, phase: int) -> RunArrays:
+    """Return copies of all arrays that a run writes; the run ends with the present phase."""
+    model, state, work, problem = arrays
+    phases = model.phases._replace(**{name: x[: phase + 1] for name, x in model.phases._asdict().items()})
+    laws = model.time_laws._replace(begun=model.time_laws.begun.copy())
+    rows = model.bilateral._replace(offset=model.bilateral.offset.copy(), acts=model.bilateral.acts.copy())
+    model = Model(**{**model._asdict(), "phases": phases, "time_laws": laws, "bilateral": rows})
+    return RunArrays(model, _copied(state), _copied(work), problem)
+
+
+def _copied(arrays):  # type: ignore[no-untyped-def]
+    """Return a named tuple of arrays, or of such tuples, with copies of all of them."""
+    return type(arrays)(*(x.copy() if isinstance(x, np.ndarray) else _copied(x) for x in arrays))

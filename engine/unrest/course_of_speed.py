@@ -1,0 +1,85 @@
+"""How a speed goes on: to rest, to and fro, slower and slower, steadily, or ever faster."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from engine.arrays import Array
+
+STEADY = 0.02  # relative change of the speed over the time observed: less is none
+LINEAR = 0.8  # share of the loss of speed in the first half that the second half repeats: dry friction repeats it all
+
+
+@dataclass(frozen=True)
+class SpeedCourse:
+    """How a speed goes on.
+
+    Attributes
+    ----------
+    kind : str
+        It "swings" to and fro, "turns back" once, "slows" down, is "steady", or gets "faster".
+    rest : float or None
+        Time at which it is expected to be at rest, if it can be told.
+    period : float or None
+        Of a swing.
+    loss : float or None
+        Of a swing: the share of its amplitude lost in a period, if more than one was seen.
+    """
+
+    kind: Literal["swings", "turns back", "slows", "steady", "faster"]
+    rest: float | None = None
+    period: float | None = None
+    loss: float | None = None
+
+
+def course_of(time: Array, speed: Array, window: float, drift: float) -> SpeedCourse:
+    """Return how a speed goes on.
+
+    Parameters
+    ----------
+    time, speed : (n,) arrays
+        n is at least 3.
+    window, drift : float
+        At rest the body moves by no more than ``drift`` in the time ``window``.
+    """
+    turns = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
+    if turns.size:
+        return _swing(time, speed, turns, window, drift)
+    first, middle, last = np.interp([time[0], 0.5 * (time[0] + time[-1]), time[-1]], time, np.abs(speed))
+    if abs(last - first) <= STEADY * max(first, last):
+        return SpeedCourse("steady")
+    if last > first:
+        return SpeedCourse("faster")
+    return SpeedCourse("slows", _stop(time, first, middle, last, drift / window))
+
+
+def _stop(time: Array, first: float, middle: float, last: float, slow: float) -> float | None:
+    """Return when a speed that falls will be below ``slow``: in a straight line, or by equal shares in equal times."""
+    half, ratio = 0.5 * (time[-1] - time[0]), (middle - last) / (first - middle) if first > middle else np.inf
+    if ratio > 1.0 / LINEAR:
+        return None  # it falls faster and faster: soon it turns round
+    if ratio >= LINEAR:
+        return float(time[-1] + max(last - slow, 0.0) / (middle - last) * half)
+    level = last - (middle - last) * ratio / (1.0 - ratio)  # to which it falls in the end
+    if level >= slow:
+        return None
+    return float(time[-1] + half * max(np.log((slow - level) / (last - level)) / np.log(ratio), 0.0))
+
+
+def _swing(time: Array, speed: Array, turns: Array, window: float, drift: float) -> SpeedCourse:
+    """Return period and loss of a speed that changes its sign, and when it will be at rest."""
+    zeros = time[turns] + (time[turns + 1] - time[turns]) * speed[turns] / (speed[turns] - speed[turns + 1])
+    if turns.size < 2:
+        return SpeedCourse("turns back")
+    half = float(np.diff(zeros).mean())
+    tops = np.array([np.abs(speed[a + 1 : b + 1]).max() for a, b in zip(turns[:-1], turns[1:], strict=True)])
+    if tops.size < 2:
+        return SpeedCourse("swings", None, 2 * half)
+    left = float((tops[-1] / tops[0]) ** (1.0 / (tops.size - 1)))
+    loss = 1.0 - left**2
+    if loss <= STEADY:
+        return SpeedCourse("swings", None, 2 * half, max(loss, 0.0))
+    slow = max(drift / window, drift * np.pi / (2 * half))
+    halves = max(np.log(slow / tops[-1]) / np.log(left), 0.0)
+    return SpeedCourse("swings", float(zeros[-1] + halves * half), 2 * half, loss)

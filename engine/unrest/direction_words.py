@@ -1,0 +1,55 @@
+"""Directions and axes in the words of a drawing: world axes, axes of the body's joints, else components."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from engine.arrays import Array
+from engine.mechanism import Mechanism
+from engine.mechanism.joints import Joint
+
+PARALLEL = 0.99  # cosine of 8 degrees: a body in a joint with play tilts
+
+
+def direction_words(mechanism: Mechanism, body: str, rotation: Array, direction: Array, signed: bool = True) -> str:
+    """Return a direction in words, such as ``"-z, the axis of J1"``.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    body : str
+        The body whose joints are looked at.
+    rotation : (3, 3) array
+        From the body's axes to the world's.
+    direction : (3,) array
+        In world axes, of any length.
+    signed : bool
+        False for an axis, which has no sense.
+    """
+    unit = direction / np.linalg.norm(direction)
+    largest = int(np.abs(unit).argmax())
+    joints = [name for name, _, axis in joint_lines(mechanism, body, rotation) if abs(axis @ unit) > PARALLEL]
+    named = f"the axis of {' and '.join(joints)}" if joints else ""
+    if abs(unit[largest]) > PARALLEL:
+        sign = ("-" if unit[largest] < 0 else "+") if signed else ""
+        return ", ".join(filter(None, (f"{sign}{'xyz'[largest]}", named)))
+    sign = 1.0 if signed else np.sign(unit[largest])
+    components = ", ".join(f"{round(float(x * sign), 3) + 0.0:g}" for x in unit)
+    return named or f"({components})"
+
+
+def joint_lines(mechanism: Mechanism, body: str, rotation: Array) -> Iterator[tuple[str, Array, Array]]:
+    """Yield the joints of a body that have an axis: name, point from the centre of mass, unit axis; in world axes."""
+    centre = np.array(mechanism.bodies[body].center_of_mass)
+    for name, joint in mechanism.joints.items():
+        for side, axis in _own_lines(joint, body):
+            vector = np.array(axis, float)
+            yield name, rotation @ (np.array(side) - centre), rotation @ (vector / np.linalg.norm(vector))
+
+
+def _own_lines(joint: Joint, body: str) -> Iterator[tuple[tuple[float, ...], tuple[float, ...]]]:
+    """Yield point and axis of a joint on a body."""
+    for side, axis in zip(joint.sides, joint.axes or (), strict=False):
+        if side.body == body:
+            yield side.point, axis
+            return
