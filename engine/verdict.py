@@ -79,7 +79,9 @@ def unfinished(mechanism: Mechanism, phase: int, settled: bool, motion: str) -> 
         return "not_at_rest", f"not at rest at {horizon}{moving}"
     beyond = f"above {awaited.above:g}" if awaited.above is not None else f"below {awaited.below:g}"
     of = mechanism.response_units()[awaited.response]
-    missed = f"phase {mechanism.phases[phase].name} did not end by {horizon}: {awaited.response} was never {beyond} {of}"
+    missed = (
+        f"phase {mechanism.phases[phase].name} did not end by {horizon}: {awaited.response} was never {beyond} {of}"
+    )
     if settled:
         return "invalid", f"{missed}, and the mechanism is at rest; check the event, or give the phase a duration"
     return "not_at_rest", f"{missed}{moving}; raise simulation.horizon, or give the phase a duration"

@@ -1,6 +1,7 @@
 """``clearcap simulate``: one run of one mechanism."""
 
 from dataclasses import asdict
+from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -86,16 +87,19 @@ def _check_every(every: int | None, files: RunFiles) -> None:
 def _print(run: "Run", files: dict[str, str], json: bool) -> None:
     """Print the results of the run and the files that were written."""
     if json:
-        results = {"status": run.status, "message": run.message, "responses": run.responses, "units": run.units}
+        results = {"status": run.status, "message": run.message, "responses": run.measured, "units": run.units}
         print_json({**results, "ranges": run.ranges, "certificate": asdict(run.certificate), "files": files})
         return
     print_text(f"{run.status}{': ' if run.message else ''}{run.message}")
-    width = max(map(len, run.responses), default=0)
-    for name, value in run.responses.items():
+    if run.status != "ok" and run.measured:
+        print_text("measured when the run ended:")
+    width = max(map(len, run.measured), default=0)
+    for name, value in run.measured.items():
         least, largest = run.ranges.get(name, (value, value))
         interval = f"  (friction allows {least:.6g} to {largest:.6g})" if largest > least else ""
         unit = "" if run.units[name] == "1" else f" {run.units[name]}"
-        print_text(f"{name:{width}}  {value:.10g}{unit}{interval}")
+        shown = "not measured" if isnan(value) else f"{value:.10g}{unit}{interval}"
+        print_text(f"{name:{width}}  {shown}")
     print_text("\n".join(f"  {name} = {value}" for name, value in asdict(run.certificate).items()), lines=True)
     for name, path in files.items():
         print_text(f"{name}: {path}")

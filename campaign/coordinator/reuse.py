@@ -22,7 +22,14 @@ from campaign.store.layout import PLAN
 logger = logging.getLogger(__name__)
 
 IRRELEVANT = ("name", "title", "header", "samples", "responses", "stop", "format")  # keys that no row depends on
-DETERMINED = ("ok", "not_at_rest", "not_converged", "jammed", "diverged", "invalid")  # statuses that do not depend on the machine
+DETERMINED = (
+    "ok",
+    "not_at_rest",
+    "not_converged",
+    "jammed",
+    "diverged",
+    "invalid",
+)  # statuses that do not depend on the machine
 
 
 def reuse_rows(store: Store, plan: Plan) -> int:

@@ -14,7 +14,7 @@ from engine.assembly.loads import load_arrays
 from engine.assembly.motions import motion_rows
 from engine.assembly.phases import phase_arrays
 from engine.assembly.responses import response_arrays
-from engine.assembly.start import refuse_open_joints, refuse_overlap
+from engine.assembly.start import refuse_long_step, refuse_open_joints, refuse_overlap
 from engine.assembly.time_laws import time_law_arrays
 from engine.friction.arrays import FrictionArrays, friction_arrays
 from engine.kernels.context import RunArrays
@@ -62,8 +62,9 @@ def assemble(mechanism: Mechanism) -> Assembly:
     Raises
     ------
     MechanismError
-        If parts overlap at the start pose, or an ideal joint is open there.
+        If parts overlap at the start pose, or an ideal joint is open there, or the step is longer than the horizon.
     """
+    refuse_long_step(mechanism)
     order = order_bodies(mechanism)
     frames, state = place_bodies(mechanism, order)
     moving = [mechanism.bodies[name] for name in order]

@@ -16,6 +16,23 @@ from engine.mechanism.values import get_value
 JOINT_TOLERANCE = 1e-5  # largest violation of an ideal joint at the start, in arms of its bodies (hence also in rad)
 
 
+def refuse_long_step(mechanism: Mechanism) -> None:
+    """Check the time step against the simulated time.
+
+    Raises
+    ------
+    MechanismError
+        If the step is longer than the horizon: not one whole step would be made.
+    """
+    sim, unit = mechanism.simulation, mechanism.unit("time")
+    if sim.step > sim.horizon:
+        raise MechanismError(
+            f"{mechanism.name}: simulation.step = {sim.step:g} {unit}: longer than simulation.horizon = "
+            f"{sim.horizon:g} {unit}; allowed: a step no longer than the horizon, of which it is a small part; "
+            "shorten the step"
+        )
+
+
 def refuse_overlap(mechanism: Mechanism, contacts: Contacts, names: list[str], state: State, work: Scratch) -> None:
     """Write the gaps at the start into the state.
 

@@ -32,17 +32,25 @@ class Continuation:
         Times since the start of the run; the first is the end of the run.
     twist : (n, nb, 6) array
         Velocity of the centre of mass, and angular velocity, both in world axes.
+    own : (n, nb, 6) array
+        The same in the axes of each body.
     rested : float or None
         Time at which the mechanism came to rest, if it did.
     """
 
     time: Array
     twist: Array
+    own: Array
     rested: float | None
 
 
 def go_on(
-    assembly: Assembly, control: Control, course: Course, seconds: float, cancel: Cancel | None, every_step: bool = False
+    assembly: Assembly,
+    control: Control,
+    course: Course,
+    seconds: float,
+    cancel: Cancel | None,
+    every_step: bool = False,
 ) -> Continuation | None:
     """Continue the phase in which a run reached its horizon; the run itself is left as it is.
 
@@ -84,10 +92,11 @@ def go_on(
         return None
     rows = rows[1 : 1 + int(rows[0, 0])]
     moving = rows[:, HEAD : HEAD + BODY * len(arrays.model.bodies.mass)].reshape(len(rows), -1, BODY)
-    spin = rotate(moving[..., 3:7], moving[..., 10:13])
-    time, twist = rows[:, 0], np.concatenate([moving[..., 7:10], spin], axis=2)
+    turn, velocity, spin = moving[..., 3:7], moving[..., 7:10], moving[..., 10:13]
+    twist = np.concatenate([velocity, rotate(turn, spin)], axis=2)
+    own = np.concatenate([rotate(turn * [1, -1, -1, -1], velocity), spin], axis=2)
     rested = float(course.reals[time_loop.TIME]) if course.counts[time_loop.COMPLETED] else None
-    return Continuation(time, twist, rested)
+    return Continuation(rows[:, 0], twist, own, rested)
 
 
 def _copy(arrays: RunArrays, phase: int) -> RunArrays:

@@ -35,7 +35,7 @@ class Mover:
     speed: Array
 
 
-def find_mover(assembly: Assembly, control: Control, twist: Array) -> Mover:
+def find_mover(assembly: Assembly, control: Control, twist: Array, own: Array) -> Mover:
     """Return the motion of the fastest body among those that keep the mechanism from rest.
 
     Parameters
@@ -45,20 +45,34 @@ def find_mover(assembly: Assembly, control: Control, twist: Array) -> Mover:
     control : Control
     twist : (n, nb, 6) array
         What the bodies did then, in world axes, see `engine.unrest.continuation`.
+    own : (n, nb, 6) array
+        The same in body axes: a body that turns by much moves in one direction there, and one that slides in the world.
     """
     bodies = assembly.model.bodies
     arms = np.sqrt(np.trace(bodies.inertia, axis1=1, axis2=2) / (2 * bodies.mass))
-    motion = twist.copy()
-    motion[..., 3:] *= arms[:, None]
-    squares = (motion**2).sum(axis=2).mean(axis=0)
+    squares = ((twist[..., :3] / np.abs(twist).max()) ** 2).sum(axis=2).mean(axis=0)
+    squares += ((twist[..., 3:] / np.abs(twist).max() * arms[:, None]) ** 2).sum(axis=2).mean(axis=0)
     squares[~_restless(assembly, control)] = -1.0
     body = int(squares.argmax())
-    _, directions = np.linalg.eigh(np.einsum("ti,tj->ij", motion[:, body], motion[:, body]))
-    direction = directions[:, -1]
-    speed = motion[:, body] @ direction
-    if speed.sum() < 0.0:
-        direction, speed = -direction, -speed
+    scale = np.repeat([1.0, arms[body]], 3)
+    in_world, in_body = (_principal(motion[:, body] * scale) for motion in (twist, own))
+    share, direction, speed = max(in_world, in_body, key=lambda found: found[0])
+    if share > in_world[0]:
+        direction = (assembly.state.R[body] @ direction.reshape(2, 3, 1)).ravel()
     return Mover(body, direction[:3], direction[3:], float(arms[body]), speed)
+
+
+def _principal(motion: Array) -> tuple[float, Array, Array]:
+    """Return the principal direction of a motion, shape (n, 6): its share of the mean square, itself, speed along it.
+
+    The speed is positive on the whole.
+    """
+    largest = np.abs(motion).max()
+    sizes, directions = np.linalg.eigh(np.einsum("ti,tj->ij", motion / largest, motion / largest))
+    direction = directions[:, -1]
+    speed = motion @ direction
+    sign = -1.0 if speed.sum() < 0.0 else 1.0
+    return round(float(sizes[-1] / sizes.sum()), 9), sign * direction, sign * speed
 
 
 def _restless(assembly: Assembly, control: Control) -> Array:

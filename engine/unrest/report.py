@@ -53,7 +53,7 @@ def unrest(
     fine = go_on(assembly, control, course, seconds, cancel, every_step=True)
     if fine is None or len(fine.time) < 3:
         return ""
-    mover = find_mover(assembly, control, fine.twist)
+    mover = find_mover(assembly, control, fine.twist, fine.own)
     if np.count_nonzero(mover.speed[:-1] * mover.speed[1:] < 0.0) >= TREMBLES:
         return f"{_motion(mechanism, assembly, mover, 'trembles')}; " + _shorter_step(
             mechanism, assembly, control, course, seconds, cancel
@@ -61,7 +61,7 @@ def unrest(
     onward = go_on(assembly, control, course, seconds, cancel)
     if onward is None or len(onward.time) < 3:
         return _motion(mechanism, assembly, mover, "goes on")
-    mover = find_mover(assembly, control, onward.twist)
+    mover = find_mover(assembly, control, onward.twist, onward.own)
     if onward.rested is not None:
         return f"{_motion(mechanism, assembly, mover, 'still moves')}; " + _longer(mechanism, onward.rested, "comes")
     speeds = course_of(onward.time, mover.speed, control.window, control.drift)
@@ -84,7 +84,7 @@ def unheld(mechanism: Mechanism, assembly: Assembly, control: Control) -> str:
     motion = np.concatenate([twist[:, :3], spin], axis=1)[None]
     if not motion.any():
         return ""
-    return _motion(mechanism, assembly, find_mover(assembly, control, motion), "begins")
+    return _motion(mechanism, assembly, find_mover(assembly, control, motion, motion), "begins")
 
 
 def _motion(mechanism: Mechanism, assembly: Assembly, mover: Mover, kind: str, loaded: bool = True) -> str:
@@ -178,5 +178,5 @@ def _shorter_step(
         shorter = control._replace(step=step, longest=step)
         onward = go_on(assembly, shorter, course, seconds, cancel)
         if onward is not None and onward.rested is not None:
-            return f"the step of {control.step:g} {unit} is too long: with simulation.step = {step:g} it comes to rest"
+            return f"the step of {control.step:g} {unit} is too long: with {step:g} {unit} it comes to rest"
     return "it changes its direction within a few steps: a shorter simulation.step may help"
