@@ -4,6 +4,7 @@ Only runs that did not come to rest are continued, on copies of their arrays, by
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -109,6 +110,6 @@ def _copy(arrays: RunArrays, phase: int) -> RunArrays:
     return RunArrays(model, _copied(state), _copied(work), problem)
 
 
-def _copied(arrays):  # type: ignore[no-untyped-def]
+def _copied(arrays: Any) -> Any:
     """Return a named tuple of arrays, or of such tuples, with copies of all of them."""
     return type(arrays)(*(x.copy() if isinstance(x, np.ndarray) else _copied(x) for x in arrays))

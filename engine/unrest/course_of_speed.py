@@ -1,11 +1,12 @@
 """How a speed goes on: to rest, to and fro, slower and slower, steadily, or ever faster."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
-from engine.arrays import Array
+from engine.arrays import Array, Integers
 
 STEADY = 0.02  # relative change of the speed over the time observed: less is none
 LINEAR = 0.8  # share of the loss of speed in the first half that the second half repeats: dry friction repeats it all
@@ -67,13 +68,13 @@ def _stop(time: Array, first: float, middle: float, last: float, slow: float) ->
     return float(time[-1] + half * max(np.log((slow - level) / (last - level)) / np.log(ratio), 0.0))
 
 
-def _swing(time: Array, speed: Array, turns: Array, window: float, drift: float) -> SpeedCourse:
+def _swing(time: Array, speed: Array, turns: Integers, window: float, drift: float) -> SpeedCourse:
     """Return period and loss of a speed that changes its sign, and when it will be at rest."""
     zeros = time[turns] + (time[turns + 1] - time[turns]) * speed[turns] / (speed[turns] - speed[turns + 1])
     if turns.size < 2:
         return SpeedCourse("turns back")
     half = float(np.diff(zeros).mean())
-    tops = np.array([np.abs(speed[a + 1 : b + 1]).max() for a, b in zip(turns[:-1], turns[1:], strict=True)])
+    tops = np.array([np.abs(speed[a + 1 : b + 1]).max() for a, b in pairwise(turns)])
     if tops.size < 2:
         return SpeedCourse("swings", None, 2 * half)
     left = float((tops[-1] / tops[0]) ** (1.0 / (tops.size - 1)))

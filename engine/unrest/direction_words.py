@@ -33,8 +33,8 @@ def direction_words(mechanism: Mechanism, body: str, rotation: Array, direction:
     if abs(unit[largest]) > PARALLEL:
         sign = ("-" if unit[largest] < 0 else "+") if signed else ""
         return ", ".join(filter(None, (f"{sign}{'xyz'[largest]}", named)))
-    sign = 1.0 if signed else np.sign(unit[largest])
-    components = ", ".join(f"{round(float(x * sign), 3) + 0.0:g}" for x in unit)
+    unit = unit if signed or unit[largest] > 0.0 else -unit
+    components = ", ".join(f"{round(float(x), 3) + 0.0:g}" for x in unit)
     return named or f"({components})"
 
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from engine.arrays import Array
 from engine.assembly import Assembly
@@ -46,13 +47,13 @@ def find_mover(assembly: Assembly, control: Control, twist: Array, own: Array) -
     twist : (n, nb, 6) array
         What the bodies did then, in world axes, see `engine.unrest.continuation`.
     own : (n, nb, 6) array
-        The same in body axes: a body that turns by much moves in one direction there, and one that slides in the world.
+        The same in body axes. A body that slides keeps its direction in the world, one that turns far keeps it there.
     """
     bodies = assembly.model.bodies
     arms = np.sqrt(np.trace(bodies.inertia, axis1=1, axis2=2) / (2 * bodies.mass))
     squares = ((twist[..., :3] / np.abs(twist).max()) ** 2).sum(axis=2).mean(axis=0)
     squares += ((twist[..., 3:] / np.abs(twist).max() * arms[:, None]) ** 2).sum(axis=2).mean(axis=0)
-    squares[~_restless(assembly, control)] = -1.0
+    squares = np.where(_restless(assembly, control), squares, -1.0)
     body = int(squares.argmax())
     scale = np.repeat([1.0, arms[body]], 3)
     in_world, in_body = (_principal(motion[:, body] * scale) for motion in (twist, own))
@@ -75,7 +76,7 @@ def _principal(motion: Array) -> tuple[float, Array, Array]:
     return round(float(sizes[-1] / sizes.sum()), 9), sign * direction, sign * speed
 
 
-def _restless(assembly: Assembly, control: Control) -> Array:
+def _restless(assembly: Assembly, control: Control) -> NDArray[np.bool_]:
     """Return which bodies a response at the end measures, or slip under load; all bodies if that is none of them."""
     model, state = assembly.model, assembly.state
     responses, contacts, nb = model.responses, model.contacts, len(model.bodies.mass)

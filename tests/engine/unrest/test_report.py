@@ -143,7 +143,7 @@ def test_what_comes_to_rest_a_little_later_is_continued_until_it_does():
 
 
 def test_a_body_turns_about_the_axis_of_its_joint():
-    """A lever that hangs on a hinge away from its centre of mass, and that nothing slows: it turns, it does not slide."""
+    """A lever on a hinge away from its centre of mass, which nothing slows: it turns, it does not slide."""
     hinge = {"point": [0, 0, 0], "axis": [0, 1, 0]}
     lever = {"mass": 1.0, "inertia": [0.01, 0.02, 0.02], "center_of_mass": [0.3, 0, 0]}
     spin = 3.0
@@ -166,7 +166,7 @@ def test_the_body_that_is_measured_is_named_and_not_one_that_may_move():
 
 
 def test_a_step_too_long_for_a_damper_is_named_with_one_that_does():
-    """c h / m = 3: each step turns the speed round and doubles it; with half the step it comes to rest."""
+    """With c h / m = 3 each step turns the speed round and doubles it; with half the step it comes to rest."""
     dampers = {"d": {"type": "linear", **ENDS, "damping": 6000.0}}
     run = on_a_guide(horizon=0.05, body={"velocity": [1e-3, 0, 0]}, dampers=dampers)
     assert run.status == "not_at_rest"
