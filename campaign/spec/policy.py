@@ -42,7 +42,7 @@ class Failures(TableModel, strict=True):
 
     retry: Annotated[tuple[SimulationSettings, ...], Field(max_length=10, strict=False)] = Field(
         default=(),
-        description="Settings of further attempts at a run that did not come to rest, did not converge, jammed, diverged or"
+        description="Settings of further attempts at a run that did not come to rest or converge, jammed, diverged or"
         " took too long, in the order of the attempts; at most 10.",
     )
     max_failed: Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0.0, lt=1.0)] | None = Field(
