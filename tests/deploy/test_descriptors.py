@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from importlib import resources
 from pathlib import Path
 
@@ -177,6 +178,15 @@ def test_dockerfile():
 
 
 DIGEST = f"sha256:{'0123456789abcdef' * 4}"
+
+
+def test_an_image_has_every_package():
+    """What `pip install` installs is copied into the image, and is not hidden from the build."""
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    packages = {name.rstrip("*") for name in settings["tool"]["setuptools"]["packages"]["find"]["include"]}
+    copied = set(re.findall(r"^COPY (\w+) \w+$", (DEPLOY / "Dockerfile").read_text(), re.M))
+    shown = set(re.findall(r"^!(\w+)$", (DEPLOY / "Dockerfile.dockerignore").read_text(), re.M))
+    assert packages == copied == shown - {"LICENSE"}
 
 
 @pytest.mark.parametrize("image", [f"clearcap@{DIGEST}", f"registry.example:5000/a/clear-cap_1@{DIGEST}"])

@@ -24,7 +24,19 @@ from tests.campaign.storms.checks import bits
 COMMAND = Path(sys.executable).with_name("clearcap")
 
 MODULES = (
-    *("campaign", "engine", "reporting", "signal", "socket", "numpy", "numba", "pickle", "multiprocessing", "yaml"),
+    *(
+        "campaign",
+        "clearcap",
+        "engine",
+        "reporting",
+        "signal",
+        "socket",
+        "numpy",
+        "numba",
+        "pickle",
+        "multiprocessing",
+        "yaml",
+    ),
     *("dask", "distributed", "typing", "json", "sitecustomize", "usercustomize", "conftest", "rich", "typer"),
     *("matplotlib", "scipy", "pyarrow", "evil"),
 )
