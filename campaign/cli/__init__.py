@@ -5,9 +5,10 @@ options must not wait a second for them.
 """
 
 import sys
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from campaign.cli.bench import bench
 from campaign.cli.cancel import cancel
@@ -20,6 +21,7 @@ from campaign.cli.replay import replay
 from campaign.cli.rerun import rerun
 from campaign.cli.results.advise import advise
 from campaign.cli.results.compact import compact
+from campaign.cli.results.delete import delete
 from campaign.cli.results.design import design
 from campaign.cli.results.list_campaigns import list_campaigns
 from campaign.cli.results.report import report
@@ -32,11 +34,25 @@ from campaign.cli.schema import schema_app
 from campaign.cli.simulate import simulate
 from campaign.cli.submit import submit
 from campaign.cli.termination import terminated_in_order
-from campaign.interrupts import exit_at_interrupt
+from campaign.interrupts import INTERRUPTED, exit_at_interrupt
 from campaign.safe_path import leave_current_folder_out
+
+
+class _Verbs(TyperGroup):
+    """The verbs; Ctrl-C says which one it ended, unless that verb said so itself."""
+
+    def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override]  # typer's own context
+        """Call the verb that is named on the command line."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            say(f"interrupted: clearcap {ctx.invoked_subcommand} ended without a result")
+            raise typer.Exit(INTERRUPTED) from None
+
 
 app = typer.Typer(
     name="clearcap",
+    cls=_Verbs,
     help="From clearance to capability: what the play in a mechanism's joints does to its function.",
     epilog="Exit status: 0 done; 1 the work failed; 2 wrong input; 3 cancelled; 4 store, disk or cluster cannot be"
     " reached; 130 interrupted; 143 or 129 ended by SIGTERM or SIGHUP.",
@@ -53,6 +69,7 @@ app.command()(resume)
 app.command()(cancel)
 app.command("list")(list_campaigns)
 app.command()(compact)
+app.command()(delete)
 app.command()(rerun)
 app.command()(replay)
 app.command()(report)

@@ -23,4 +23,4 @@ def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) ->
     elif before == "completed":
         print_text(f"{campaign_id} is completed; nothing to cancel")
     else:
-        print_text(f"{campaign_id} was {before}; continue it with: clearcap resume {campaign_id} --store {opened.url}")
+        print_text(f"{campaign_id} was {before}; continue it with: {opened.command('resume', campaign_id)}")

@@ -1,6 +1,5 @@
 """What the verbs that compute a campaign share: plan it, show its progress, write its report, print its results."""
 
-import shlex
 from collections import Counter
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
@@ -35,7 +34,7 @@ def drive(
         with nullcontext(lambda _: None) if quiet else display(console(stderr=True)) as show:
             outcome = coordinate(store, plan, cluster, show)
     except (KeyboardInterrupt, SystemExit) as ending:
-        command = shlex.join(["clearcap", "resume", plan.campaign_id, "--store", store.url, *cluster.options()])
+        command = store.command("resume", plan.campaign_id, *cluster.options())
         say(f"interrupted; the finished rows are kept in {store.url}. Continue with:\n  {command}")
         raise typer.Exit(130 if isinstance(ending, KeyboardInterrupt) else int(str(ending.code))) from None
     finish(store, outcome, with_report=with_report, as_json=as_json)

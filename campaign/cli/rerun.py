@@ -6,6 +6,7 @@ import typer
 
 from campaign.cli.options import CampaignId, StoreUrl, on_cluster
 from campaign.cli.output import Json, print_json, print_text, say
+from campaign.run_status import FailedStatus
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
@@ -15,30 +16,39 @@ if TYPE_CHECKING:
 def rerun(
     where: "Cluster",
     campaign: CampaignId,
-    sample: Annotated[list[int] | None, typer.Option(help="Only the sample of this number; may be repeated.")] = None,
+    sample: Annotated[
+        list[int] | None, typer.Option(min=0, help="Also the sample of this number; may be repeated.")
+    ] = None,
     status: Annotated[
-        list[str] | None, typer.Option(help="Only runs with this status; may be repeated. By default all failed runs.")
+        list[FailedStatus] | None, typer.Option(help="All runs with this status; may be repeated.")
     ] = None,
     store: StoreUrl = "runs",
     json: Json = False,
 ) -> None:
-    """Compute failed rows again, after you have removed the cause of the failures."""
+    """Compute failed rows again, after you have removed the cause of the failures.
+
+    Without --sample and --status, all failed rows. Exit status 1 if no run has a status that --status names.
+    """
     from campaign.coordinator.rerun import failed_samples
     from campaign.coordinator.rerun import rerun as compute
     from campaign.store import open_store
 
     opened = open_store(store)
     plan = opened.plan(opened.find(campaign))
-    selected = sample or failed_samples(opened, plan, status or ())
+    by_status = failed_samples(opened, plan, status or ()) if status or not sample else []
+    selected = sorted({*(sample or ()), *by_status})
+    document = {"campaign": plan.campaign_id, "store": opened.url}
     if not selected:
-        print_json({"campaign": campaign, "samples": 0}) if json else print_text(
-            f"{campaign}: no failed run matches, nothing to compute"
+        wanted = f"has the status {' or '.join(status)}" if status else "failed"
+        print_json({**document, "samples": 0, "before": {}, "after": {}}) if json else print_text(
+            f"{plan.campaign_id}: no run {wanted}, nothing to compute"
         )
-        return
+        raise typer.Exit(1 if status else 0)
     say(f"computing {len(selected)} rows again")
     result = compute(opened, plan, selected, where)
     if json:
-        print_json({"campaign": campaign, "store": opened.url, **result.to_json()})
+        print_json({**document, **result.to_json()})
         return
     counts = ", ".join(f"{count} {status}" for status, count in result.after.items())
-    print_text(f"{result.samples} rows computed again: {counts}; update the report with: clearcap report {campaign}")
+    print_text(f"{result.samples} rows computed again: {counts}")
+    print_text(f"update the report with: {opened.command('report', plan.campaign_id)}")

@@ -35,6 +35,6 @@ def resume(
         drive(opened, plan, where, with_report=not no_report, as_json=json)
         return
     assignment = assign_coordinator(opened, plan, where.options())
-    say(assignment.text())
+    say(assignment.text(opened))
     if json:
         print_json({"campaign": plan.campaign_id, "store": opened.url, **assignment.to_json()})

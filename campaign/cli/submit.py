@@ -34,7 +34,7 @@ def submit(
 
     opened, plan = plan_campaign(campaign, store, samples, seed, batch_size)
     assignment = assign_coordinator(opened, plan, where.options(), queue_only=queue_only)
-    say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {opened.url}; {assignment.text()}")
+    say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {opened.url}; {assignment.text(opened)}")
     if json:
         print_json(
             {"campaign": plan.campaign_id, "store": opened.url, "samples": plan.spec.samples, **assignment.to_json()}

@@ -204,7 +204,9 @@ class Coordinator:
         """Check cancellation and lease, publish a heartbeat, and record the manifest."""
         campaign_id = self.plan.campaign_id
         if store.files.exists(f"{campaign_id}/{CANCEL}"):
-            raise Cancelled(f"campaign {campaign_id} is cancelled; clearcap resume {campaign_id} continues it")
+            raise Cancelled(
+                f"campaign {campaign_id} is cancelled; continue it with: {store.command('resume', campaign_id)}"
+            )
         check_lease(store, campaign_id, self._token)
         self.publish_heartbeat("running", store)
         if time.monotonic() - self._recorded_at > RECORD_INTERVAL:
@@ -247,7 +249,8 @@ class Coordinator:
         if self.progress.failed > most:
             raise TooManyFailed(
                 f"{self.progress.failed} of {self.progress.done} runs failed, and failures.max_failed allows {most:g};"
-                " look at their messages with clearcap status, remove the cause, or raise the limit"
+                f" look at them with: {self.store.command('report', self.plan.campaign_id)}; remove the cause, or raise"
+                " the limit"
             )
 
     def _stop_at_checkpoint(self) -> bool:

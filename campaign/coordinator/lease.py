@@ -16,7 +16,7 @@ from typing import Any
 
 from campaign.errors import CampaignError, StoreError
 from campaign.store import Store
-from campaign.store.layout import HEARTBEAT, LEASE
+from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
 
 HEARTBEAT_INTERVAL = 2.0  # s, between two heartbeats
 STALE_AFTER = 5 * HEARTBEAT_INTERVAL  # s without a new heartbeat
@@ -64,14 +64,26 @@ def take_lease(store: Store, campaign_id: str) -> str:
     other = store.read_json(campaign_id, LEASE)
     if other is not None and is_alive(store, campaign_id, other):
         raise LeaseHeld(
-            f"campaign {campaign_id} is computed by process {other.get('pid')} on {other.get('name')};"
-            " follow it with clearcap watch, or end it with clearcap cancel"
+            f"{_holding(store, campaign_id)} by process {other.get('pid')} on {other.get('name')};"
+            f" {_remedy(store, campaign_id)}"
         )
     store.write_json(campaign_id, LEASE, mine)
     time.sleep(RACE_WAIT)
     if lease_holder(store, campaign_id) != mine["token"]:
-        raise LeaseHeld(f"campaign {campaign_id} was taken by another process at the same time, which computes it")
+        raise LeaseHeld(f"{_holding(store, campaign_id)} by another process, which began at the same time")
     return str(mine["token"])
+
+
+def _holding(store: Store, folder: str) -> str:
+    """Return what the holder of a lease does."""
+    return f"store {store.url} is served" if folder == SERVICE else f"campaign {folder} is computed"
+
+
+def _remedy(store: Store, folder: str) -> str:
+    """Return what to do about a campaign that another process computes."""
+    if folder == SERVICE:
+        return "end that process first"
+    return f"follow it with: {store.command('watch', folder)}; or end it with: {store.command('cancel', folder)}"
 
 
 def lease_holder(store: Store, campaign_id: str) -> str | None:

@@ -141,7 +141,8 @@ def _by_batch(store: Store, plan: Plan, samples: Iterable[int]) -> dict[int, lis
         if batch not in parts or sample >= sum(plan.batches[batch]):
             raise SpecError(
                 f"sample {sample}: campaign {plan.campaign_id} has no row of this sample; allowed:"
-                f" computed samples from 0 to {plan.spec.samples - 1}; clearcap resume computes the others"
+                f" computed samples from 0 to {plan.spec.samples - 1}; compute the others with:"
+                f" {store.command('resume', plan.campaign_id)}"
             )
         batches[batch].append(sample)
     return dict(batches)

@@ -91,12 +91,12 @@ class Assignment:
     pid: int | None = None
     log: str | None = None
 
-    def text(self) -> str:
+    def text(self, store: Store) -> str:
         """Return the assignment in words."""
         if self.kind == "service":
             return "the coordinator that serves the store computes it"
         if self.kind == "none":
-            return "queued; clearcap coordinate, without an id, computes the queued campaigns of a store"
+            return f"queued; compute the queued campaigns of the store with: {store.command('coordinate')}"
         if self.pid is None:
             return "a coordinator computes it already"
         return f"started a coordinator (process {self.pid}, log {self.log})"

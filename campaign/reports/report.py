@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from campaign.errors import CampaignError, unwritable
+from campaign.errors import CampaignError, SpecError, unwritable
 from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
 from campaign.plan import Plan
@@ -21,6 +21,7 @@ from campaign.reports.fixed_assumptions import fixed_assumptions
 from campaign.reports.mechanism_drawing import mechanism_drawing
 from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.store import Store
+from campaign.store.command_line import store_option
 from campaign.store.layout import REPORT, STOPPED
 from campaign.version import clearcap_version
 from engine.arrays import Array
@@ -64,6 +65,8 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
         If it cannot be written.
     """
     other = None if against is None else store.plan(store.find(against))
+    if other is not None and other.campaign_id == plan.campaign_id:
+        raise SpecError(f"--against {against}: is the campaign itself; name another one, see: {store.command('list')}")
     comparison = None if other is None else (_rows(store, other), report_spec(other, store))
     options = {"kinds": kinds, "widen": partial(_scaled, plan), "against": comparison}
     try:
@@ -146,7 +149,7 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         Where its rows are; by default all its samples count as computed.
     """
     spec, sampler = plan.spec, sampler_named(plan.spec.sampler)
-    store_option = [] if store is None or store.url == "runs" else ["--store", store.url]
+    place = [] if store is None else store_option(store.files)
     drawing, note = mechanism_drawing(plan)
     return ReportSpec(
         title=spec.title or spec.name,
@@ -154,11 +157,11 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         header=dict(spec.header),
         responses=tuple(_response(plan, name) for name in plan.mechanism.responses),
         variables=tuple(_variable(plan, name) for name in spec.variables),
-        provenance=provenance(plan, store_option),
+        provenance=provenance(plan, place),
         requested=spec.samples if store is None else store.end(plan),
         simulate=_simulate_command(plan),
         sampler=spec.sampler,
-        replay=shlex.join(["clearcap", "replay", *store_option, plan.campaign_id]),
+        replay=shlex.join(["clearcap", "replay", *place, plan.campaign_id]),
         correlations=spec.correlations or (),
         production_batch_column=BATCH if _has_production_batches(plan) else "",
         stop=_stopping_rule(plan, store),
@@ -175,15 +178,15 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
     )
 
 
-def provenance(plan: Plan, store_option: Iterable[str] = ()) -> dict[str, str]:
+def provenance(plan: Plan, place: Iterable[str] = ()) -> dict[str, str]:
     """Return what is needed to get the same rows again.
 
     Parameters
     ----------
     plan : Plan
         The campaign.
-    store_option : iterable of str
-        Words of the command that name the store; none for the default store.
+    place : iterable of str
+        Words of a command that name the store.
     """
     spec = plan.spec
     simulation = plan.mechanism.simulation
@@ -202,7 +205,7 @@ def provenance(plan: Plan, store_option: Iterable[str] = ()) -> dict[str, str]:
         "clearcap": clearcap_version(),
         "python": platform.python_version(),
         "report written on": f"{platform.node()}, {platform.machine()}, {platform.system()}",
-        "command of this report": shlex.join(["clearcap", "report", plan.campaign_id, *store_option]),
+        "command of this report": shlex.join(["clearcap", "report", plan.campaign_id, *place]),
     }
 
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from campaign.plan_header import PlanHeader
+from campaign.store.command_line import command_line
 from campaign.store.files.files import Files
 from campaign.store.parts import ROW_GROUP, BadPart, batches_of, file_name, folder, part_name
 from campaign.store.survey import read_file
@@ -87,7 +88,8 @@ def _tables_of_files(files: Files, plan: PlanHeader, end: int, columns: Sequence
             by_batch[batch].remove(names[0])
             continue
         except BadPart as error:
-            logger.warning("%s %s: left out; clearcap resume computes its samples again", names[0], error)
+            command = command_line(files, "resume", plan.campaign_id)
+            logger.warning("%s %s: left out; compute its samples again with: %s", names[0], error, command)
             bad.add(names[0])
             continue
         yield table.slice(0, end - plan.batches[batch][0])

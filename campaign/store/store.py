@@ -5,9 +5,10 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from campaign.errors import SpecError, StoreError
+from campaign.errors import StoreError
 from campaign.plan_header import PlanHeader, parse_plan
 from campaign.store import manifest
+from campaign.store.command_line import command_line
 from campaign.store.files.files import Files
 from campaign.store.files.patience import PATIENT, Patience
 from campaign.store.layout import CAMPAIGN_FILE, MANIFEST, PLAN, STOPPED
@@ -15,6 +16,7 @@ from campaign.store.parts import Part, check, encode, file_name, part_name
 from campaign.store.quarantine import quarantine
 from campaign.store.rows import read_batch, stream
 from campaign.store.survey import Survey, read_file, survey
+from campaign.store.which_campaign import which_campaign
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -56,21 +58,13 @@ class Store:
         names = filter(_CAMPAIGN.fullmatch, self.files.names(""))
         return [name for name in names if self.files.exists(f"{name}/{PLAN}")]
 
-    def find(self, campaign_id: str | None) -> str:
-        """Return the id of a campaign that exists; None stands for the only one of the store.
+    def command(self, verb: str, *words: str) -> str:
+        """Return a command on this store, to be typed as it stands; see `command_line`."""
+        return command_line(self.files, verb, *words)
 
-        Raises
-        ------
-        SpecError
-            If there is no such campaign, or no id was given and there is not exactly one campaign.
-        """
-        ids = self.campaigns()
-        listed = f"its campaigns: {', '.join(ids) or 'none'}"
-        if campaign_id is None and len(ids) != 1:
-            raise SpecError(f"store {self.url}: name the campaign; {listed}")
-        if campaign_id is not None and campaign_id not in ids:
-            raise SpecError(f"store {self.url}: no campaign {campaign_id}; {listed}")
-        return campaign_id or ids[0]
+    def find(self, campaign_id: str | None) -> str:
+        """Return the id of a campaign by its first letters; None stands for the only one. See `which_campaign`."""
+        return which_campaign(self.files, self.campaigns(), campaign_id)
 
     def create_plan(self, plan: "Plan") -> "Plan":
         """Write a plan, unless the store has one of this id already; return the plan that the store then has."""

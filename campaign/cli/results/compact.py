@@ -11,8 +11,9 @@ def compact(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -
     opened = open_store(store)
     header = opened.plan_header(opened.find(campaign))
     result = opened.compact(header)
+    resume = opened.command("resume", header.campaign_id)
     for reason in dict.fromkeys(result.bad.values()):
-        say(f"{reason}: left as it is; clearcap resume computes its samples again")
+        say(f"{reason}: left as it is; compute its samples again with: {resume}")
     if json:
         document = {"campaign": header.campaign_id, "store": opened.url, "written": result.written}
         print_json({**document, "removed": result.removed, "files": result.files, "bad_batches": sorted(result.bad)})

@@ -45,7 +45,7 @@ def design(
         print_json({"campaign": plan.campaign_id, "store": opened.url, "file": str(path), **_plain(aimed)})
     else:
         _print(aimed)
-        print_text(f"wrote {path}; clearcap run {path} computes it")
+        print_text(f"wrote {path}; compute it with: {opened.command('run', str(path))}")
     if not any(target.centres for target in aimed.targets):
         say("nothing need aim at a limit: only a wide component is drawn, which bounds what nobody has seen")
 

@@ -1,5 +1,6 @@
 """``clearcap status``: the progress of a campaign."""
 
+from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from campaign.cli.options import Id, StoreUrl
@@ -10,16 +11,17 @@ if TYPE_CHECKING:
     from campaign.plan_header import PlanHeader
     from campaign.store import Store
 
+ENDED = ("cancelled", "failed", "interrupted", "incomplete")  # states that only `resume` changes
+
 
 def status(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
     """Show the progress of a campaign: state, rows done, failed and left, and the last message of its coordinator."""
-    from campaign.coordinator.state import state_of
     from campaign.store import open_store
     from campaign.store.files.patience import QUICK
 
     opened = open_store(store, QUICK)
     header = opened.plan_header(opened.find(campaign))
-    state, counts = state_of(opened, header.campaign_id), count_rows(opened, header)
+    state, counts = progress(opened, header)
     heartbeat = _heartbeat(opened, header.campaign_id) if state["state"] == "running" else None
     if state["fault"]:
         say(f"{header.campaign_id}: {state['fault']}")
@@ -28,8 +30,8 @@ def status(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) ->
         print_json({**document, "heartbeat": heartbeat and heartbeat.to_json()})
         return
     done, failed, left = counts["done"], counts["failed"], counts["left"]
-    progress = f"{done} of {counts['samples']} done, {failed} failed, {left} left"
-    print_text(f"{header.campaign_id}: {state['state']}, {progress}")
+    done_so_far = f"{done} of {counts['samples']} done, {failed} failed, {left} left"
+    print_text(f"{header.campaign_id}: {state['state']}, {done_so_far}")
     if state["message"]:
         print_text(f"  {state['message']}")
     if heartbeat:
@@ -39,6 +41,24 @@ def status(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) ->
     for status, count in counts["statuses"].items():
         if status != "ok":
             print_text(f"  {count} {status}")
+    if state["state"] in ENDED:
+        print_text(f"  continue it with: {opened.command('resume', header.campaign_id)}")
+
+
+def progress(store: "Store", header: "PlanHeader") -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the state of a campaign, its date as ISO 8601, and how many of its rows are done and how they ended.
+
+    A campaign that was completed and lost rows since is ``incomplete``.
+    """
+    from campaign.coordinator.state import state_of
+
+    state, counts = state_of(store, header.campaign_id), _count_rows(store, header)
+    if state["state"] == "completed" and counts["left"]:
+        message = f"{counts['left']} rows were lost after the campaign was completed"
+        state |= {"state": "incomplete", "message": message}
+    since = state["since"]
+    date = None if since is None else datetime.fromtimestamp(since).astimezone().isoformat(timespec="seconds")
+    return {**state, "since": date}, counts
 
 
 def _heartbeat(store: "Store", campaign_id: str) -> "Heartbeat | None":
@@ -55,11 +75,12 @@ def _heartbeat(store: "Store", campaign_id: str) -> "Heartbeat | None":
     return heartbeat
 
 
-def count_rows(store: "Store", header: "PlanHeader") -> dict[str, Any]:
+def _count_rows(store: "Store", header: "PlanHeader") -> dict[str, Any]:
     """Return how many rows of a campaign are done and how they ended; print which parts are bad."""
     survey = store.survey(header)
     for reason in dict.fromkeys(survey.bad.values()):
-        say(f"{header.campaign_id}: {reason}; clearcap resume computes its samples again")
+        command = store.command("resume", header.campaign_id)
+        say(f"{header.campaign_id}: {reason}; compute its samples again with: {command}")
     done, ok = survey.rows, survey.statuses.get("ok", 0)
     samples = store.end(header)
     counts = {"samples": samples, "done": done, "ok": ok, "failed": done - ok, "left": samples - done}

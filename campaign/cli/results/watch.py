@@ -3,7 +3,7 @@
 import typer
 
 from campaign.cli.options import Id, StoreUrl
-from campaign.cli.output import Json, console, print_json
+from campaign.cli.output import Json, console, print_json, say
 
 
 def watch(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
@@ -20,6 +20,7 @@ def watch(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> 
             for heartbeat in heartbeats(opened, campaign_id):
                 show(heartbeat)
     except KeyboardInterrupt:
+        say(f"no longer watching {campaign_id}, which goes on; watch it with: {opened.command('watch', campaign_id)}")
         raise typer.Exit(130) from None
     if json and heartbeat:
         print_json(heartbeat.to_json())

@@ -217,6 +217,10 @@ class Files:
         """Remove a file, if it exists."""
         self._do(self._backend.remove, name, "removed")
 
+    def remove_tree(self, name: str) -> None:
+        """Remove a file, or a folder with all that it holds, if it exists; a link is not followed."""
+        self._do(self._backend.remove_tree, name, "removed")
+
     def sweep(self, folder: str) -> None:
         """Remove the temporary files of dead writers from a folder."""
         self._do(lambda path: self._backend.sweep(path, TEMPORARY, DEAD_AFTER), folder, "swept")

@@ -11,6 +11,7 @@ import hashlib
 import os
 import re
 import secrets
+import shutil
 import socket
 import stat
 import tempfile
@@ -116,6 +117,14 @@ class LocalFolder:
     def remove(self, path: str) -> None:
         """Remove a file."""
         _discard(path)
+
+    def remove_tree(self, path: str) -> None:
+        """Remove a file, or a folder with all that it holds; of a link, the link."""
+        if os.path.isdir(path) and not os.path.islink(path):
+            self._check_within(path)
+            shutil.rmtree(path)
+        else:
+            _discard(path)
 
     def sweep(self, path: str, ending: str, dead_after: float) -> None:
         """Remove the temporary files of dead writers.

@@ -3,6 +3,7 @@
 import errno
 import secrets
 import threading
+from contextlib import suppress
 from typing import Any
 
 import fsspec
@@ -136,6 +137,11 @@ class ObjectStore:
         except Exception:  # every file system has its own error for a file that is not there
             if self._exists(path):
                 raise
+
+    def remove_tree(self, path: str) -> None:
+        """Remove a file, or all files whose names begin with a folder."""
+        with suppress(FileNotFoundError):
+            self._fs.rm(path, recursive=True)
 
     def sweep(self, path: str, ending: str, dead_after: float) -> None:
         """Do nothing: a PUT that does not finish leaves no file."""

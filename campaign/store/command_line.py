@@ -1,0 +1,37 @@
+"""Commands about a campaign that a message prints, to be typed again as they stand."""
+
+import os
+import shlex
+from typing import TYPE_CHECKING
+
+from campaign.environment import STORE
+from campaign.store.files.private_url import PrivateUrl
+
+if TYPE_CHECKING:
+    from campaign.store.files.files import Files
+
+
+def command_line(files: "Files", verb: str, *words: str) -> str:
+    """Return a command with all that it needs, the store included.
+
+    Parameters
+    ----------
+    files : Files
+        Files of the store.
+    verb : str
+        Verb of ``clearcap``.
+    *words : str
+        Its arguments and further options.
+    """
+    return shlex.join(["clearcap", verb, *words, *store_option(files)])
+
+
+def store_option(files: "Files") -> list[str]:
+    """Return the words of a command that name the store.
+
+    None are needed where the environment names it with a password, which no command line should hold.
+    """
+    named = os.environ.get(STORE)
+    if files.has_secrets and named is not None and PrivateUrl(named).shown == files.url:
+        return []
+    return ["--store", files.url]

@@ -1,0 +1,82 @@
+"""Which campaign of a store a user means: an id, the beginning of one, or none where the store has only one."""
+
+import os
+import stat
+from collections.abc import Sequence
+
+from campaign.errors import SpecError
+from campaign.store.command_line import command_line
+from campaign.store.files.files import Files
+from campaign.store.layout import PLAN
+
+MOST_LISTED = 10  # ids in a message
+
+
+def check_is_store(files: Files) -> None:
+    """Check that the folder of a store exists; behind a URL there need be no folder.
+
+    Raises
+    ------
+    SpecError
+        If there is none, or it is something else.
+    """
+    if not files.local:
+        return
+    try:
+        is_folder = stat.S_ISDIR(os.stat(files.full_url).st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        raise SpecError(
+            f"store {files.url}: no such folder; name the folder of your results with --store, or make one:"
+            f" {command_line(files, 'run', 'CAMPAIGN')}"
+        ) from None
+    except OSError:
+        return  # who reads it says why it cannot be read
+    if not is_folder:
+        raise SpecError(f"store {files.url}: is a file, not a folder of campaigns; name the folder with --store")
+    if files.exists(PLAN):
+        parent, name = os.path.split(files.url.rstrip("/"))
+        raise SpecError(
+            f"store {files.url}: is the folder of one campaign, not a store; write {name} --store {parent or '.'}"
+        )
+
+
+def which_campaign(files: Files, ids: Sequence[str], wanted: str | None) -> str:
+    """Return the id of the campaign that a user means.
+
+    Parameters
+    ----------
+    files : Files
+        Files of the store.
+    ids : sequence of str
+        The campaigns of the store.
+    wanted : str, optional
+        An id, or its first letters if no other id begins with them; None stands for the only campaign of the store.
+
+    Raises
+    ------
+    SpecError
+        If it is none of them, or could be several.
+    """
+    check_is_store(files)
+    if not ids:
+        raise SpecError(f"store {files.url}: holds no campaign; make one: {command_line(files, 'run', 'CAMPAIGN')}")
+    if wanted is not None and wanted in ids:
+        return wanted
+    matching = [each for each in ids if wanted is None or (wanted and each.startswith(wanted))]
+    if len(matching) == 1:
+        return matching[0]
+    if wanted is None:
+        raise SpecError(f"store {files.url}: name the campaign; its campaigns: {_listed(files, ids)}")
+    if matching:
+        raise SpecError(
+            f"store {files.url}: {wanted} could be several campaigns: {_listed(files, matching)}; write more of it"
+        )
+    raise SpecError(f"store {files.url}: no campaign {wanted or repr(wanted)}; its campaigns: {_listed(files, ids)}")
+
+
+def _listed(files: Files, ids: Sequence[str]) -> str:
+    """Return ids in one line, and how many others there are."""
+    others = len(ids) - MOST_LISTED
+    return ", ".join(ids[:MOST_LISTED]) + (
+        f" and {others} more, see: {command_line(files, 'list')}" if others > 0 else ""
+    )
