@@ -3,8 +3,11 @@
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
+import time
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 
@@ -49,8 +52,9 @@ BAD_INPUT = {
     "every none": (["simulate", "incline", "--trajectory", "a.h5", "--every", "0"], "--every"),
     "bad value, good file": (["simulate", "incline", "--set", "J1=1", "--plot", "a.svg"], "J1: unknown key"),
     "unknown mechanism": (["mechanism", "check", "c6"], "did you mean 'c60'?"),
-    "no store": (["status", "--store", "runs"], "its campaigns: none"),
-    "unknown id": (["report", "c60-0123456789", "--store", "runs"], "no campaign c60-0123456789"),
+    "no store": (["status", "--store", "runs"], "store runs: no such folder; name the folder"),
+    "typo in a status": (["rerun", "c60", "--status", "crased"], "'crased' is not one of"),
+    "unknown id": (["report", "c60-0123456789", "--store", "."], "store .: holds no campaign"),
     "unknown option": (["run", "c60", "--sampels", "3"], "No such option"),
     "no workers": (["run", "c60", "--workers", "0"], "--workers"),
 }
@@ -134,7 +138,7 @@ def test_interrupt_says_how_to_go_on(faked, campaign_file, monkeypatch):
         patch.setattr(campaign.coordinator.coordinate, "coordinate", interrupted)
         done = faked.invoke(app, ["run", str(campaign_file), "--seed", "9", "--workers", "1"])
     assert done.exit_code == 130
-    assert re.search(r"clearcap resume demo-[0-9a-f]{10} --store runs --workers 1", done.stderr)
+    assert re.search(r"clearcap resume demo-[0-9a-f]{10} --workers 1 --store runs", done.stderr)
     assert json.loads(faked.invoke(app, ["status", "--json"]).stdout)["left"] == 25
 
 
@@ -156,7 +160,7 @@ def test_status(faked, campaign_file):
     """``status`` counts rows done, failed and left."""
     document = json.loads(faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--json"]).stdout)
     status = json.loads(faked.invoke(app, ["status", document["campaign"], "--json"]).stdout)
-    assert status.pop("since") > 0
+    assert 0 < datetime.fromisoformat(status.pop("since")).timestamp() <= time.time()
     assert status.pop("fault") is None
     assert status == {
         "campaign": document["campaign"],
@@ -258,3 +262,30 @@ def test_pictures_of_mechanism_and_campaign(tmp_path):
     assert drawn.returncode == 0, drawn.stderr
     assert json.loads(drawn.stdout) == {"picture": "b.png", "samples": 1, "failed": 0}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.svg", "b.png"]
+
+
+@pytest.mark.parametrize("verb", ["simulate", "report"])
+def test_interrupted_verb_says_so(verb, store, plan, capsys, monkeypatch):
+    """Ctrl-C in a verb that has nothing to continue: exit 130 and one message."""
+
+    def interrupted(*_, **__):
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("engine.simulate", interrupted)
+    monkeypatch.setattr("campaign.reports.report.report", interrupted)
+    words = ["simulate", "incline"] if verb == "simulate" else ["report", "--store", store.url]
+    try:
+        code, output, messages = clearcap_here(capsys, monkeypatch, *words)
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # a command that ends hears no second Ctrl-C
+    assert (code, output) == (130, "")
+    assert messages.splitlines()[-1] == f"clearcap: interrupted: clearcap {verb} ended without a result"
+
+
+def test_campaign_against_itself(store, plan, capsys, monkeypatch):
+    """A comparison of a campaign with itself is refused, under any name of it."""
+    code, output, messages = clearcap_here(
+        capsys, monkeypatch, "report", "--store", store.url, "--against", plan.campaign_id[:-1]
+    )
+    assert (code, output) == (2, "")
+    assert "is the campaign itself; name another one, see: clearcap list --store" in messages

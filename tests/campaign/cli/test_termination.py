@@ -134,7 +134,7 @@ def test_run_ends_in_order_and_goes_on(tmp_path, campaign_file, number, status):
         running.wait()
     assert running.returncode == status
     assert "Traceback" not in said
-    assert re.search(r"Continue with:\n +clearcap resume \S+ --store \S+", said)
+    assert re.search(r"Continue with:\n +clearcap resume \S+ .*--store \S+", said)
     assert psutil.wait_procs(others, timeout=20.0)[1] == []
     assert list(temporary.iterdir()) == []
     store = open_store(str(tmp_path / "runs"))

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 import campaign.coordinator.coordinate
 import campaign.coordinator.submit
 from campaign.cli import app
+from campaign.coordinator.rerun import RerunResult
 from campaign.store import open_store
 from tests.campaign import fake_engine
 from tests.campaign.commands import ROOT, clearcap
@@ -106,8 +107,33 @@ def test_rerun_of_what_failed(there, monkeypatch):
     assert (document["samples"], document["before"]) == (len(failed), document["after"])
     table = open_store("runs").table().to_pylist()
     assert {row["sample"] for row in table if row["attempts"] == 2} == {row["sample"] for row in failed}
-    done = CliRunner().invoke(app, ["rerun", plan.campaign_id, "--status", "crashed"])
-    assert "no failed run matches" in done.stdout
+    assert done.stderr == f"clearcap: computing {len(failed)} rows again\n"
+    done = CliRunner().invoke(app, ["rerun", plan.campaign_id, "--status", "crashed", "--status", "invalid"])
+    assert (done.exit_code, "no run has the status crashed or invalid, nothing" in done.stdout) == (1, True)
+
+
+def test_rerun_prints_what_goes_on_and_takes_both_selections(faked, campaign_file, monkeypatch):
+    """``--sample`` and ``--status`` add up; the command that follows has the store; without failures all is done."""
+    campaign_id = json.loads(
+        faked.invoke(
+            app, ["run", str(campaign_file), "--workers", "1", "--no-report", "--json", "--store", "a b"]
+        ).stdout
+    )["campaign"]
+    seen = []
+
+    def rerun(store, plan, samples, cluster):
+        seen.append(samples)
+        return RerunResult(len(samples), {}, {"ok": len(samples)})
+
+    monkeypatch.setattr("campaign.coordinator.rerun.rerun", rerun)
+    monkeypatch.setattr("campaign.coordinator.rerun.failed_samples", lambda *_: [3, 5])
+    words = ["rerun", campaign_id[:9], "--store", "a b", "--sample", "5", "--sample", "1", "--status", "crashed"]
+    done = faked.invoke(app, words)
+    assert (done.exit_code, seen) == (0, [[1, 3, 5]])
+    assert f"update the report with: clearcap report {campaign_id} --store 'a b'" in done.stdout
+    monkeypatch.setattr("campaign.coordinator.rerun.failed_samples", lambda *_: [])
+    done = faked.invoke(app, ["rerun", campaign_id, "--store", "a b", "--json"])
+    assert (done.exit_code, json.loads(done.stdout)["samples"]) == (0, 0)
 
 
 def test_cancel_and_resume(faked, campaign_file):

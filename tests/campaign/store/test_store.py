@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from campaign.errors import SpecError, StoreError
+from campaign.errors import StoreError
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import BadPart, open_store, part_name
@@ -300,19 +300,6 @@ def test_leftovers_of_writers_are_not_parts(store, plan):
 def test_first_plan_wins(store, plan, campaign):
     """The same campaign with other batches finds the plan that is there."""
     assert store.create_plan(make_plan(campaign, 4)).batches == plan.batches
-
-
-def test_which_campaign(store, plan, campaign_file):
-    """The only campaign need not be named; several must be, and an unknown one is refused with the list."""
-    assert store.find(None) == plan.campaign_id
-    other = make_plan(load_campaign(str(campaign_file), seed=1))
-    store.create_plan(other)
-    assert store.find(other.campaign_id) == other.campaign_id
-    for campaign_id in (None, "../etc", "demo"):
-        with pytest.raises(SpecError, match=plan.campaign_id):
-            store.find(campaign_id)
-    with pytest.raises(SpecError, match="its campaigns: none"):
-        open_store(store.url + "-not-there").find(None)
 
 
 def test_plan_in_the_wrong_folder(store, plan):

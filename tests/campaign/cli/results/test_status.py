@@ -3,12 +3,14 @@
 import json
 import subprocess
 import sys
+from datetime import datetime
 
 import pyarrow as pa
 import pytest
 
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
+from campaign.store import part_name
 from tests.campaign.commands import clearcap_here
 from tests.campaign.store.test_store import fill
 
@@ -20,6 +22,25 @@ def test_status_of_a_stopped_campaign(store, plan, capsys, monkeypatch):
     _, output, _ = clearcap_here(capsys, monkeypatch, "status", "--store", store.url, "--json")
     document = json.loads(output)
     assert [document[key] for key in ("samples", "done", "ok", "failed", "left")] == [12, 12, 12, 0, 0]
+
+
+def test_rows_lost_after_the_end(store, plan, capsys, monkeypatch):
+    """A campaign that was completed and lost rows is incomplete, with the command that computes them again."""
+    fill(store, plan)
+    store.write_json(plan.campaign_id, "state.json", {"state": "completed", "since": 1795305213.8})
+    store.files.write(part_name(plan, 2), b"damaged")
+    code, output, messages = clearcap_here(capsys, monkeypatch, "status", "--store", store.url)
+    command = f"clearcap resume {plan.campaign_id} --store {store.url}"
+    assert code == 0
+    assert output.startswith(f"{plan.campaign_id}: incomplete, 20 of 25 done, 0 failed, 5 left\n")
+    assert "5 rows were lost after the campaign was completed" in output
+    assert command in output
+    assert command in messages
+    _, output, _ = clearcap_here(capsys, monkeypatch, "status", "--store", store.url, "--json")
+    document = json.loads(output)
+    assert (document["state"], document["left"]) == ("incomplete", 5)
+    since = datetime.fromisoformat(document["since"])
+    assert (since.timestamp(), since.tzinfo is not None) == (1795305213, True)
 
 
 @pytest.mark.slow
