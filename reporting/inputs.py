@@ -102,7 +102,7 @@ def analyse_variable(spec: VariableSpec, values: Array, sample: NDArray[np.int64
         min=float(finite.min()) if n else None,
         max=float(finite.max()) if n else None,
         outside=int(np.count_nonzero((finite < low) | (finite > high))) + values.size - n,
-        histogram=histogram(finite),
+        histogram=histogram(finite, *((spec.lower, spec.upper) if low < high else ())),
         mean_errors=mean_errors,
         std_errors=std_errors,
         distance=distance,

@@ -17,6 +17,7 @@ from reporting.content.tolerance_intervals import ToleranceIntervals, tolerance_
 from reporting.errors import ReportError
 from reporting.samples import Samples
 from reporting.sensitivity.influence import ResponseSensitivity
+from reporting.sensitivity.scatter import Scatter, scatters
 from reporting.shape.fits import Fits, fit_families, unfitted
 from reporting.shape.histogram import Histogram, histogram
 from reporting.shape.index_estimates import index_estimates
@@ -81,6 +82,8 @@ class ResponseAnalysis:
         How the index converges.
     sensitivity : ResponseSensitivity or None
         Which variables move it.
+    scatters : tuple of Scatter
+        Its values against its strongest inputs.
     """
 
     spec: ResponseSpec
@@ -104,6 +107,7 @@ class ResponseAnalysis:
     tolerance_intervals: ToleranceIntervals | None
     running: Convergence | None
     sensitivity: ResponseSensitivity | None
+    scatters: tuple[Scatter, ...]
 
 
 def analyse_response(
@@ -164,6 +168,7 @@ def analyse_response(
         tolerance_intervals=tolerance_intervals(x, shape, confidence, lots) if request.design.production else None,
         running=convergence(x, spec.lsl, spec.usl, confidence, lots),
         sensitivity=sensitivity,
+        scatters=scatters(sensitivity, {v.name: samples.values[v.name][samples.ok] for v in request.variables}, values),
     )
 
 

@@ -31,8 +31,8 @@ class Label(NamedTuple):
     away: Array
 
 
-def place_labels(labels: Sequence[Label], marked: Array, canvas: tuple[float, float]) -> list[Array]:
-    """Return the centre of each label, shape (2,): no two of them overlap.
+def place_labels(labels: Sequence[Label], marked: Array, canvas: Array) -> Array:
+    """Return the centre of each label, shape (n, 2): no two of them overlap.
 
     A label that finds no room on the canvas stands below it, under the others that found none.
 
@@ -42,48 +42,31 @@ def place_labels(labels: Sequence[Label], marked: Array, canvas: tuple[float, fl
         The first ones choose first.
     marked : ndarray, shape (m, 2)
         Points of lines that labels should not cover.
-    canvas : (float, float)
+    canvas : ndarray, shape (2,)
         Its width and height.
     """
-    placed: list[tuple[Array, Array]] = []
+    centres, halves = np.zeros((0, 2)), np.zeros((0, 2))
     for label in labels:
         half = 0.5 * np.array(label.size)
-        choices = [_place(label, half, placed, marked, candidate, canvas) for candidate in _candidates(label, half)]
-        best = min((choice for choice in choices if choice is not None), key=lambda choice: choice[0], default=None)
-        if best is None:
-            floor = max([canvas[1], *(float(centre[1] + size[1]) for centre, size in placed)])
-            placed.append((np.array([half[0], floor + GAP + half[1]]), half))
-        else:
-            placed.append((best[1], half))
-    return [centre for centre, _ in placed]
+        costs, places = _candidates(label, half)
+        inside = np.all((places >= half) & (places <= canvas - half), axis=1)
+        free = np.any(np.abs(places[:, None] - centres) >= half + halves + GAP, axis=2).all(axis=1)
+        covered = np.all(np.abs(places[:, None] - marked) < half, axis=2).sum(axis=1)
+        costs = np.where(inside & free, costs + CROSSED * covered, np.inf)
+        best = places[np.argmin(costs)]
+        if np.isinf(costs.min()):
+            floor = np.max(centres[:, 1] + halves[:, 1], initial=canvas[1])
+            best = np.array([half[0], floor + GAP + half[1]])
+        centres, halves = np.vstack([centres, best]), np.vstack([halves, half])
+    return centres
 
 
-def _candidates(label: Label, half: Array) -> list[tuple[float, Array]]:
-    """Return possible centres of a label with their cost: all around the anchor, best where it should stand."""
+def _candidates(label: Label, half: Array) -> tuple[Array, Array]:
+    """Return costs (k,) and centres (k, 2) of possible places: all around the anchor, best where a label should be."""
     first = float(np.arctan2(label.away[1], label.away[0])) if label.away.any() else -0.5 * np.pi
-    found = []
-    for distance in DISTANCES:
-        for i in range(DIRECTIONS):
-            turn = 2 * np.pi * i / DIRECTIONS
-            direction = np.array([np.cos(first + turn), np.sin(first + turn)])
-            reach = min(half[k] / abs(direction[k]) for k in (0, 1) if abs(direction[k]) > 1e-9)
-            found.append((distance + 3.0 * (1 - np.cos(turn)), label.anchor + (reach + distance) * direction))
-    return found
-
-
-def _place(
-    label: Label,
-    half: Array,
-    placed: list[tuple[Array, Array]],
-    marked: Array,
-    candidate: tuple[float, Array],
-    canvas: tuple[float, float],
-) -> tuple[float, Array] | None:
-    """Return the cost of a place and the place; None if it is taken or outside."""
-    cost, centre = candidate
-    if np.any(centre - half < 0) or np.any(centre + half > canvas):
-        return None
-    if any(np.all(np.abs(centre - other) < half + size + GAP) for other, size in placed):
-        return None
-    covered = np.count_nonzero(np.all(np.abs(marked - centre) < half, axis=1)) if len(marked) else 0
-    return cost + CROSSED * covered, centre
+    turn = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    direction = np.stack([np.cos(first + turn), np.sin(first + turn)], axis=1)
+    reach = np.min(half / np.maximum(np.abs(direction), 1e-9), axis=1)
+    distance = np.array(DISTANCES)[:, None]
+    centres = label.anchor + (reach + distance)[:, :, None] * direction
+    return (distance + 3.0 * (1 - np.cos(turn))).ravel(), centres.reshape(-1, 2)

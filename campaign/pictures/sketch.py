@@ -18,9 +18,9 @@ from campaign.pictures.view import View, choose_view, start_rotation
 from engine import Mechanism
 from engine.arrays import Array
 
-WIDTH, LOWEST, HIGHEST, TEXT = 480.0, 220.0, 460.0, 12.0
+WIDTH, LOWEST, HIGHEST, TEXT = 480.0, 220.0, 460.0, 13.0
 MARGIN = 38.0  # around the bodies, for arrows and names
-LETTER, LINE = 0.66, 1.2  # width of a letter and height of a line, in sizes of the text
+LETTER, LINE = 0.64, 1.2  # width of a letter and height of a line, in sizes of the text
 NAME, NAMES = 24, 4  # letters of a name, and names at one arrow, that are shown
 LEVEL, ARROW, SHORT = 16.0, 44.0, 14.0  # distance of parallel arrows; length of a force's; shortest with both heads
 LEVELS = 7  # of parallel arrows; further ones lie on the first
@@ -263,7 +263,7 @@ def _words(drawing: _Drawing) -> tuple[tuple[Word, ...], float]:
         labels.append(Label(middle, _size((_short(name),)), np.zeros(2)))
     marked = [_along(stroke.points) for stroke in drawing.strokes if stroke.style != "thin"]
     marked += [np.array([dot[:2] for dot in drawing.dots]).reshape(-1, 2)]
-    centres = place_labels(labels, np.vstack(marked), (WIDTH, drawing.height))
+    centres = place_labels(labels, np.vstack(marked), np.array([WIDTH, drawing.height]))
     words = []
     for label, centre, (lines, colour, bold) in zip(labels, centres, texts, strict=True):
         words.append(Word(round(float(centre[0]), 1), round(float(centre[1]), 1), lines, colour, bold))
@@ -295,5 +295,5 @@ def _along(points: Points) -> Array:
 def _rounded(points: Array) -> Points:
     """Return points to a tenth, without those that then repeat the one before."""
     found = np.round(points, 1) + 0.0
-    kept = [True, *(bool(np.any(a != b)) for a, b in pairwise(found))]
-    return tuple((float(x), float(y)) for (x, y), keep in zip(found, kept, strict=True) if keep)
+    kept = np.concatenate([[True], np.any(np.diff(found, axis=0) != 0, axis=1)])
+    return tuple((x, y) for x, y in found[kept].tolist())

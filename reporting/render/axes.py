@@ -1,7 +1,8 @@
 """What the figures of a report share: colours, sizes, and how an axis is named and how far it reaches."""
 
 BAR, REJECT, LIMIT, TARGET, FIT, OTHER = "#7fa6cc", "#c2371d", "#a61c00", "#1f6f43", "#7a3e9d", "#c9772b"
-WIDE, HALF = 720.0, 500.0
+# Figures are as wide as a telephone, so that their text can be read on one; wider screens show two beside each other.
+HALF, TALL = 480.0, 262.0
 
 
 def unit_suffix(unit: str) -> str:

@@ -7,11 +7,29 @@ from scipy.special import ndtri
 
 from reporting import format_numbers
 from reporting.capability.verdict import CAPABLE, FEWEST_FOR_A_VERDICT, MARGINAL
-from reporting.render.axes import HALF, LIMIT, around, axis_name
+from reporting.render.axes import HALF, LIMIT, TALL, around, axis_name
 from reporting.render.inset import inset, inset_area, is_sliver
-from reporting.render.svg import INK, MUTED, PlotArea, axis_x, axis_y, band, box, curve, dots, line, marker, svg, text
+from reporting.render.svg import (
+    INK,
+    MUTED,
+    PlotArea,
+    axis_x,
+    axis_y,
+    band,
+    box,
+    curve,
+    dots,
+    line,
+    marker,
+    shortened,
+    svg,
+    text,
+    text_width,
+    y_room,
+)
 from reporting.response import ResponseAnalysis
 
+_BARS = 15  # of a tornado; the table beside it has all
 _PROBABILITIES = (0.0001, 0.001, 0.01, 0.1, 0.5, 0.9, 0.99, 0.999, 0.9999)
 
 
@@ -24,7 +42,7 @@ def probability_figure(response: ResponseAnalysis) -> str | None:
     scores = np.asarray(plot.scores)
     reach = max(3.1, float(np.max(np.abs(scores))) + 0.2)
     fit = [c.mean - reach * c.std, c.mean + reach * c.std]
-    frame = PlotArea(HALF, 290, around([*limits, *plot.values, *fit]), (-reach, reach), left=70, top=28)
+    frame = PlotArea(HALF, TALL, around([*limits, *plot.values, *fit]), (-reach, reach), left=76, top=28)
     ticks = [(float(ndtri(p)), f"{100 * p:g}") for p in _PROBABILITIES if abs(ndtri(p)) < reach]
     marks = [
         axis_y(frame, "values below [%]", ticks),
@@ -59,9 +77,8 @@ def convergence_figure(response: ResponseAnalysis) -> str | None:
     bars = [CAPABLE, MARGINAL] if run.index == "Cpk" else []
     low, high = min(run.low[first:]), max(run.high[first:])
     near = [bar for bar in bars if low - 0.5 * (high - low) <= bar <= high + 0.5 * (high - low)]
-    frame = PlotArea(
-        HALF, 290, (math.log10(run.n[first]), math.log10(run.n[-1]) + 1e-9), around([low, high, *near]), left=70, top=28
-    )
+    x, y = (math.log10(run.n[first]), math.log10(run.n[-1]) + 1e-9), around([low, high, *near])
+    frame = PlotArea(HALF, TALL, x, y, left=y_room(*y), top=28)
     n = [math.log10(count) for count in run.n[first:]]
     powers = [10**p for p in range(1, 9) if run.n[first] <= 10**p <= run.n[-1]]
     if len(powers) < 3:
@@ -87,20 +104,23 @@ def convergence_figure(response: ResponseAnalysis) -> str | None:
 def tornado_figure(response: ResponseAnalysis) -> str | None:
     """Return a tornado chart: how far each variable moves the expected response; None without a sensitivity."""
     influences = response.sensitivity.ranked if response.sensitivity else ()
-    shown = [i for i in influences if i.low is not None and i.high is not None]
+    shown = [i for i in influences if i.low is not None and i.high is not None][:_BARS]
     c, spec = response.capability, response.spec
     if not shown or c.mean is None:
         return None
     lows, highs = [i.low or 0.0 for i in shown], [i.high or 0.0 for i in shown]
     height = 62.0 + 22 * len(shown)
-    left = 24 + max(0.6 * 12 * len(i.variable) for i in shown)
-    frame = PlotArea(HALF, height, around([*lows, *highs, c.mean]), (0, len(shown)), left=min(left, 180), top=8)
+    left = min(16 + max(text_width(i.variable) for i in shown), 170.0)
+    frame = PlotArea(HALF, height, around([*lows, *highs, c.mean]), (0, len(shown)), left=left, top=8)
     marks = []
     for row, (influence, low, high) in enumerate(zip(shown, lows, highs, strict=True)):
         y = frame.top + 22 * row
         x, end = frame.across(low), frame.across(high)
         colour = "#1b5f9e" if influence.verdict == "critical" else "#9db4cb"
-        marks += [box(x, y + 3, max(end - x, 0.8), 15, colour), text(frame.left - 6, y + 15, influence.variable, "end")]
+        marks += [
+            box(x, y + 3, max(end - x, 0.8), 15, colour),
+            text(frame.left - 6, y + 15, shortened(influence.variable, left - 8), "end"),
+        ]
     middle = frame.across(c.mean)
     marks.append(line([(middle, frame.top), (middle, frame.ground)], INK, 1, "3 3"))
     marks.append(axis_x(frame, f"expected {axis_name(spec.name, spec.unit)}"))

@@ -11,18 +11,19 @@ from reporting.inputs import VariableAnalysis
 from reporting.render.axes import (
     BAR,
     FIT,
+    HALF,
     LIMIT,
     OTHER,
     REJECT,
+    TALL,
     TARGET,
-    WIDE,
     around,
     axis_name,
     density_name,
     unit_suffix,
 )
 from reporting.render.inset import inset, inset_area, is_sliver
-from reporting.render.svg import INK, PlotArea, axis_x, axis_y, box, curve, line, marker, svg
+from reporting.render.svg import INK, PlotArea, axis_x, axis_y, box, curve, line, marker, svg, y_room
 from reporting.response import ResponseAnalysis
 from reporting.shape.fitting import distribution
 from reporting.shape.histogram import Histogram
@@ -48,7 +49,8 @@ def response_figure(response: ResponseAnalysis) -> str:
             kept = np.isfinite(density)
             curves.append((x[kept], density[kept], FIT, "5 3"))
     most = max([float(np.max(_density(bins)[1])) if bins else 0.0, *(_top(y) for _, y, _, _ in curves)])
-    frame = PlotArea(WIDE, 264, around(ends or [0.0]), (0.0, 1.06 * most or 1.0), top=42)
+    y = (0.0, 1.06 * most or 1.0)
+    frame = PlotArea(HALF, TALL, around(ends or [0.0]), y, left=y_room(*y), top=42)
     marks = [axis_y(frame, density_name(spec.unit))]
     marks += [_bars(frame, bins, spec.lsl, spec.usl)] if bins else []
     marks += _curves(frame, curves)
@@ -103,7 +105,8 @@ def variable_figure(variable: VariableAnalysis) -> str:
     points = np.asarray(spec.density, dtype=float).reshape(-1, 2)
     ends = [*((bins.edges[0], bins.edges[-1]) if bins else ()), *points[:, 0].tolist()]
     most = max(float(np.max(_density(bins)[1])) if bins else 0.0, _top(points[:, 1]))
-    frame = PlotArea(340, 210, around(ends or [0.0]), (0.0, 1.06 * most or 1.0), top=12)
+    y = (0.0, 1.06 * most or 1.0)
+    frame = PlotArea(340, 210, around(ends or [0.0]), y, left=y_room(*y), top=12)
     marks = [axis_y(frame, density_name(spec.unit))]
     marks += [_bars(frame, bins, spec.lower, spec.upper)] if bins else []
     if points.size:
@@ -121,7 +124,8 @@ def compared_figure(comparison: ResponseComparison) -> str | None:
         return None
     limits = [v for v in (comparison.capability.lsl, comparison.capability.usl) if v is not None]
     most = max(float(np.max(_density(b)[1])) for b in (bins, other))
-    frame = PlotArea(WIDE, 230, around([*limits, bins.edges[0], bins.edges[-1]]), (0.0, 1.06 * most), top=28)
+    x, y = around([*limits, bins.edges[0], bins.edges[-1]]), (0.0, 1.06 * most)
+    frame = PlotArea(HALF, TALL, x, y, left=y_room(*y), top=28)
     marks = [axis_y(frame, density_name(comparison.unit)), _bars(frame, bins, None, None)]
     edges, heights = _density(other)
     steps = [(edges[0], 0.0)]

@@ -19,8 +19,10 @@ from reporting.analysis import Analysis
 from reporting.capability.indices import NAMES, SIX_SIGMA_SHIFT, WHICH_SIGMA
 from reporting.capability.shares import largest_z, least_ppm, runs_to_claim
 from reporting.capability.verdict import CAPABLE, MARGINAL
-from reporting.render import axes, figures, histograms, overview
+from reporting.render import axes, figures, histograms, overview, scatter_figure
+from reporting.render.goal_plot import goal_figure
 from reporting.render.mechanism_figure import mechanism_figure
+from reporting.render.narrow import label_cells
 from reporting.response import CLAIM_PPM, ResponseAnalysis
 from reporting.sensitivity.influence import CRITICAL_SHARE
 
@@ -60,7 +62,7 @@ def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",
         Omitted files, and how to get them.
     """
     # Figures escape their own texts and are marked as safe; the templates escape everything else.
-    return (
+    return label_cells(
         _environment()
         .get_template("report.html.j2")
         .render(
@@ -77,7 +79,9 @@ def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",
             critical=CRITICAL_SHARE,
             claims=[(ppm, runs_to_claim(ppm, analysis.confidence)) for ppm in CLAIMS],
             overview=_markup(overview.overview_figure(analysis)),
-            goal=_markup(overview.goal_figure(analysis)),
+            goal=_markup(goal_figure(analysis)),
+            one_sided=overview.one_sided(analysis),
+            out_of_figures=overview.out_of_figures(analysis),
             mechanism=_markup(mechanism_figure(analysis.spec.drawing) if analysis.spec.drawing else None),
             files=files,
             missing=missing,
@@ -155,6 +159,8 @@ def _environment() -> Environment:
         convergence_plot=lambda r: _markup(figures.convergence_figure(r)),
         tornado=lambda r: _markup(figures.tornado_figure(r)),
         variable_histogram=lambda v: _markup(histograms.variable_figure(v)),
+        scatter_plot=lambda s, r, unit: _markup(scatter_figure.scatter_figure(r, s, unit)),
+        slope_unit=scatter_figure.slope_unit,
         compared=lambda c: _markup(histograms.compared_figure(c)),
     )
     return environment

@@ -6,7 +6,7 @@ from reporting.render.svg import MUTED, PlotArea, axis_x, box, line, text
 
 # Values that take less than this part of the axis are shown enlarged.
 SLIVER = 0.2
-_GAP, _WIDEST = 22.0, 320.0
+_GAP, _WIDEST = 18.0, 240.0
 
 
 def is_sliver(low: float, high: float, frame: PlotArea) -> bool:

@@ -16,6 +16,7 @@ _OF_SPEC = (
     *("requested", "sampler", "stop", "replay"),
 )
 _OF_VERDICT = {"certain": "certain", "verdict_by": "by", "verdict_reasons": "reasons", "verdict": "word"}
+_POINTS = ("x", "y")  # of a figure: the store has the samples
 _REPEATED = ("lsl", "usl", "target")  # inside a capability these are only what it was called with
 
 
@@ -33,6 +34,9 @@ def document(analysis: Analysis) -> dict[str, Any]:
         response["yield"] = response.pop("yield_")
         for name in _REPEATED:
             del response["capability"][name]
+        for scatter in response["scatters"]:
+            for name in _POINTS:
+                del scatter[name]
         response |= {name: response["verdict"][key] for name, key in _OF_VERDICT.items()}
     return {
         "format": FORMAT,
@@ -61,6 +65,9 @@ def report_schema() -> dict[str, Any]:
     of_verdict = models.pop("CapabilityVerdict")["properties"]
     response["properties"] |= {name: of_verdict[key] for name, key in _OF_VERDICT.items()}
     response["required"] += [name for name in _OF_VERDICT if name != "verdict"]
+    for name in _POINTS:
+        del models["Scatter"]["properties"][name]
+        models["Scatter"]["required"].remove(name)
     models["ComparedCapability"] = json.loads(json.dumps(models["Capability"]))
     for name in _REPEATED:
         del models["Capability"]["properties"][name]

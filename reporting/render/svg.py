@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from markupsafe import escape
 
 INK, MUTED, GRID = "#1d2733", "#4d5967", "#e3e7ec"
-SIZE = 12.0  # of text, in the figure's units
+SIZE = 13.0  # of text, in the figure's units
 _WIDTH_OF_A_LETTER = 0.56  # of its size, on average
 
 
@@ -40,7 +40,7 @@ class PlotArea:
     left: float = 64.0
     right: float = 16.0
     top: float = 24.0
-    bottom: float = 46.0
+    bottom: float = 48.0
 
     def across(self, value: float) -> float:
         """Return the horizontal position of a number."""
@@ -122,7 +122,9 @@ def axis_x(frame: PlotArea, label: str = "", ticks: Sequence[tuple[float, str]] 
         marks.append(line([(x, frame.ground), (x, frame.ground + 4)], MUTED, 1))
         marks.append(text(x, frame.ground + 17, words, colour=MUTED))
     if label:
-        marks.append(text(0.5 * (frame.left + frame.width - frame.right), frame.height - 8, label))
+        middle = 0.5 * (frame.left + frame.width - frame.right)
+        room = 2 * min(middle, frame.width - middle)
+        marks.append(text(middle, frame.height - 8, shortened(label, room)))
     return "\n".join(marks)
 
 
@@ -134,8 +136,20 @@ def axis_y(frame: PlotArea, label: str, ticks: Sequence[tuple[float, str]] | Non
         marks.append(line([(frame.left, y), (frame.width - frame.right, y)], GRID, 1))
         marks.append(text(frame.left - 6, y + 4, words, "end", MUTED))
     middle = 0.5 * (frame.top + frame.ground)
+    label = shortened(label, frame.ground - frame.top + 20)
     marks.append(text(13, middle, label, more=f'transform="rotate(-90 13 {middle:.1f})"'))
     return "\n".join(marks)
+
+
+def y_room(low: float, high: float) -> float:
+    """Return the margin that the numbers of an axis of y and its label need."""
+    return 30.0 + max((text_width(words) for _, words in labelled(low, high, 4)), default=0.0)
+
+
+def shortened(words: str, room: float) -> str:
+    """Return words that fit into a width; long ones without their middle."""
+    most = max(int(room / (_WIDTH_OF_A_LETTER * SIZE)), 4)
+    return words if len(words) <= most else f"{words[: most - most // 3 - 1]}…{words[-(most // 3) :]}"
 
 
 def text_width(words: str) -> float:

@@ -49,7 +49,8 @@ def histogram(x: Array, lsl: float | None = None, usl: float | None = None) -> H
             width = between / _MOST
         elif between > width:  # otherwise the limits become additional edges among wider bins
             width = between / round(between / width)
-    anchor = lsl if lsl is not None else usl if usl is not None else low
+    middle = low - 0.5 * width if high == low else low  # the bar of a constant has the constant in its middle
+    anchor = lsl if lsl is not None else usl if usl is not None else middle
     first, last = math.floor((low - anchor) / width), math.floor((high - anchor) / width) + 1
     edges: Array = anchor + width * np.arange(first, last + 1, dtype=np.float64)
     for limit in (lsl, usl):

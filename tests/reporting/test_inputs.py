@@ -70,3 +70,11 @@ def test_rank_correlations_are_scipys_with_ties_and_holes() -> None:
 def test_nothing_drawn_is_none(x) -> None:
     found = analyse_variable(NORMAL, x, np.arange(x.size))
     assert (found.distance, found.mean_errors) == (None, None)
+
+
+def test_no_bar_lies_beyond_the_bounds() -> None:
+    """Of a uniform variable whose values reach its bounds."""
+    spec = VariableSpec("P3", "mm", "uniform", 0.02, 0.08, 0.05, 0.0173, ())
+    values = np.random.default_rng(1).uniform(0.02, 0.08, 500)
+    edges = analyse_variable(spec, values, np.arange(500)).histogram.edges
+    assert (edges[0], edges[-1]) == (0.02, pytest.approx(0.08, abs=1e-12))

@@ -79,7 +79,7 @@ def test_the_page_needs_nothing_from_outside_and_no_script(page: Page) -> None:
 
 def test_every_figure_says_what_it_shows(page: Page) -> None:
     figures = page.all("svg")
-    assert len(figures) == 2 + 4 * 7 + 7  # two over all, four a response, one a variable
+    assert len(figures) == 2 + 6 * 7 + 7  # two over all, six a response, one a variable
     assert len(page.all("figcaption")) == len(figures)
     labels = [figure["aria-label"] for figure in figures]
     assert all(figure["role"] == "img" for figure in figures)

@@ -59,5 +59,7 @@ class Gamma(Skewed):
         return self.origin + shape * scale, float(np.sqrt(shape)) * scale
 
     def words(self) -> str:
+        if self.mean is not None:
+            return self.named(f"gamma, mean {self.mean:g}, sd {self.std:g}")
         shape, scale = self.parameters
         return self.named(f"gamma, shape {shape:g}, scale {scale:g}")

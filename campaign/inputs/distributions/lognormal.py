@@ -66,5 +66,7 @@ class Lognormal(Skewed):
         return self.origin + height, height * float(np.sqrt(np.expm1(std * std)))
 
     def words(self) -> str:
+        if self.mean is not None:
+            return self.named(f"lognormal, mean {self.mean:g}, sd {self.std:g}")
         mean, std = self.logarithm
         return self.named(f"lognormal, mean {mean:g} and sd {std:g} of the logarithm")

@@ -82,6 +82,8 @@ class Weibull(Skewed):
         return self.origin + height, height * _variation(shape)
 
     def words(self) -> str:
+        if self.mean is not None:
+            return self.named(f"Weibull, mean {self.mean:g}, sd {self.std:g}")
         shape, scale = self.parameters
         return self.named(f"Weibull, shape {shape:g}, scale {scale:g}")
 

@@ -67,6 +67,7 @@ def test_nothing_is_asked_from_outside_and_nothing_goes_wrong(browser, files) ->
 
 def test_every_figure_is_seen(browser) -> None:
     """Each has a size, stays within the page, and its texts lie within its box."""
+    browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
     sizes = browser.execute_script(
         "return [...document.querySelectorAll('svg')].map(s => {const r = s.getBoundingClientRect();"
         " return [r.width, r.height, r.right, s.querySelectorAll('rect,polyline,path').length]})"
@@ -93,6 +94,43 @@ def test_the_page_is_no_wider_than_its_window(browser) -> None:
         wide = browser.execute_script("return document.documentElement.scrollWidth - window.innerWidth")
         assert wide <= 0, width
     browser.set_window_size(1280, 1000)
+
+
+def test_nothing_is_cut_off_on_a_telephone(browser) -> None:
+    """At 400 px no table needs scrolling, every column has its name, and the text of figures can be read."""
+    browser.execute_cdp_cmd(
+        "Emulation.setDeviceMetricsOverride", {"width": 400, "height": 900, "deviceScaleFactor": 1, "mobile": True}
+    )
+    browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
+    try:
+        assert browser.execute_script("return innerWidth") == 400
+        cut = browser.execute_script(
+            "return [...document.querySelectorAll('.scroll')].filter(s => s.scrollWidth > s.clientWidth + 1)"
+            ".map(s => s.getAttribute('aria-label'))"
+        )
+        assert cut == []
+        sizes = browser.execute_script(
+            "return [...document.querySelectorAll('svg text')].map(t => parseFloat(getComputedStyle(t).fontSize)"
+            " * t.getScreenCTM().a || 99)"
+        )
+        assert min(sizes) >= 9
+        named = "return getComputedStyle(document.querySelector('table.summary td.n'), '::before').content"
+        assert browser.execute_script(named) == '"Mean"'
+    finally:
+        browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+
+
+def test_no_word_of_a_figure_covers_another(browser) -> None:
+    """Names in the goal plot keep clear of each other and of the lines' own names."""
+    browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
+    covered = browser.execute_script(
+        "return [...document.querySelectorAll('#summary ~ .split svg')].flatMap(s => {"
+        " const t = [...s.querySelectorAll('text')].map(e => [e.textContent, e.getBoundingClientRect()]);"
+        " return t.flatMap(([a, r], i) => t.slice(i + 1).filter(([b, q]) =>"
+        " r.left < q.right - 1 && q.left < r.right - 1 && r.top < q.bottom - 3 && q.top < r.bottom - 3)"
+        ".map(([b]) => a + ' / ' + b))})"
+    )
+    assert covered == []
 
 
 def test_a_keyboard_reaches_everything(browser) -> None:

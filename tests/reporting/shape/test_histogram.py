@@ -45,3 +45,10 @@ def test_a_constant_has_one_occupied_bin(value: float) -> None:
 
 def test_no_values_no_histogram() -> None:
     assert histogram(np.array([])) is None
+
+
+def test_a_constant_is_in_the_middle_of_its_bar() -> None:
+    """Not at the left end of a bar of values that do not occur."""
+    bins = histogram(np.full(20, 1.0))
+    assert bins.counts == (20,)
+    assert sum(bins.edges) / 2 == pytest.approx(1.0)

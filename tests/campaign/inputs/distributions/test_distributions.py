@@ -408,3 +408,10 @@ def test_the_deviation_of_a_narrow_weibull():
         mean, std = of_series.moments()
         exact = np.pi / np.sqrt(6.0) / shape * (1.0 - 1.2020569 / 1.6449341 / shape)
         assert std / mean == pytest.approx(exact, rel=share)
+
+
+@pytest.mark.parametrize("name", ["lognormal", "gamma", "weibull"])
+def test_a_distribution_is_described_as_it_was_asked_for(name):
+    """Who gives mean and std reads mean and sd, and not the parameters that follow from them."""
+    made = make(entry(name, mean=0.05, std=0.01))
+    assert made.text().lower().startswith(f"{name}, mean 0.05, sd 0.01")

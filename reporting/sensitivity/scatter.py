@@ -1,0 +1,123 @@
+"""A response against its strongest inputs: the points, the slope, and the mean over groups of samples."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reporting.arrays import Array, random_rows
+from reporting.sensitivity.influence import ResponseSensitivity
+
+STRONGEST = 2
+POINTS, EXTREMES = 800, 25  # drawn in random order, and of the smallest and the largest values each
+GROUPS, FEWEST = 12, 60  # of equal size, over which means are taken; samples from which they are
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """A response against one input.
+
+    Attributes
+    ----------
+    variable : str
+    share : float or None
+        Of the response's variance.
+    n : int
+        Number of samples with a value of both.
+    x, y : tuple of float
+        Input and response of the points to draw: all samples, or 800 of them in random order and those with the 25
+        smallest and largest values.
+    slope : float or None
+        Of the straight line through all samples (least squares), in the response's unit per that of the input.
+    mean_x, mean_y : tuple of float
+        Means over twelve groups of equal size, from the smallest inputs to the largest; empty below 60 samples.
+    """
+
+    variable: str
+    share: float | None
+    n: int
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    slope: float | None
+    mean_x: tuple[float, ...]
+    mean_y: tuple[float, ...]
+
+
+def scatters(
+    sensitivity: ResponseSensitivity | None, inputs: Mapping[str, Array], values: Array
+) -> tuple[Scatter, ...]:
+    """Return a response against its two strongest inputs: by share of the variance, else by correlation.
+
+    Parameters
+    ----------
+    sensitivity : ResponseSensitivity or None
+        Says which inputs are the strongest, where there are samples enough.
+    inputs : mapping of str to array, shape (n,)
+        The inputs of the ok samples.
+    values : array, shape (n,)
+        Values of the response; NaN where missing.
+    """
+    ranked = () if sensitivity is None else sensitivity.ranked
+    shares = {influence.variable: influence.share for influence in ranked if influence.share is not None}
+    found = []
+    for variable in list(shares or sorted(inputs, key=lambda name: -_correlation(inputs[name], values)))[:STRONGEST]:
+        both = np.isfinite(values) & np.isfinite(inputs[variable])
+        x, y = inputs[variable][both], values[both]
+        if y.size < 2 or np.ptp(x) == 0:
+            continue
+        rows = _shown(y)
+        mean_x, mean_y = _means(x, y)
+        found.append(
+            Scatter(
+                variable,
+                shares.get(variable),
+                int(y.size),
+                tuple(x[rows].tolist()),
+                tuple(y[rows].tolist()),
+                _slope(x, y),
+                mean_x,
+                mean_y,
+            )
+        )
+    return tuple(found)
+
+
+def _correlation(x: Array, y: Array) -> float:
+    """Return the size of the correlation of an input and a response; 0 where it is not defined."""
+    both = np.isfinite(x) & np.isfinite(y)
+    x, y = x[both], y[both]
+    if x.size < 2 or np.ptp(x) == 0 or np.ptp(y) == 0:
+        return 0.0
+    with np.errstate(all="ignore"):
+        found = float(abs(np.corrcoef(x, y)[0, 1]))
+    return found if np.isfinite(found) else 0.0
+
+
+def _shown(y: Array) -> NDArray[np.intp]:
+    """Return the rows to draw, in their order; the same ones for the same values."""
+    if y.size <= POINTS + 2 * EXTREMES:
+        return np.arange(y.size)
+    order = np.argsort(y, kind="stable")
+    return np.unique(np.concatenate([random_rows(y.size)[:POINTS], order[:EXTREMES], order[-EXTREMES:]]))
+
+
+def _slope(x: Array, y: Array) -> float | None:
+    """Return the slope of the straight line through points; None where it is not a finite number."""
+    scale = float(np.max(np.abs(x)))
+    with np.errstate(all="ignore"):
+        from_middle = (x - x.mean()) / scale
+        slope = float(from_middle @ (y - y.mean()) / (from_middle @ from_middle) / scale)
+    return slope if np.isfinite(slope) else None
+
+
+def _means(x: Array, y: Array) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the means of input and response over groups of equal size, in the order of the input."""
+    if x.size < FEWEST:
+        return (), ()
+    order = np.argsort(x, kind="stable")
+    groups = np.array_split(order, GROUPS)
+    with np.errstate(all="ignore"):
+        means = [(float(np.mean(x[g])), float(np.mean(y[g]))) for g in groups]
+    kept = [pair for pair in means if np.all(np.isfinite(pair))]
+    return tuple(a for a, _ in kept), tuple(b for _, b in kept)
