@@ -10,7 +10,8 @@ from reporting.arrays import Array, random_rows
 from reporting.capability.verdict import CAPABLE
 from reporting.comparison import Comparison, compare
 from reporting.designs import Design
-from reporting.failures import FailedSample, StatusCount, count_statuses, list_failures
+from reporting.failures import FailedSample, StatusCount, count_statuses, list_failures, why_no_verdict
+from reporting.headline import headline
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_correlations, analyse_variable
 from reporting.product.product_yield import ProductYield, product_yield
 from reporting.rare.rare_rejects import RareRejects, rare_estimates, rare_rejects
@@ -43,6 +44,8 @@ class Analysis:
     Attributes
     ----------
     spec : ReportSpec
+    headline : str
+        The outcome in a sentence or two: failures first where they decide, then what is bad.
     design : Design
         What the samples are.
     finished, ok, failed : int
@@ -77,6 +80,7 @@ class Analysis:
     """
 
     spec: ReportSpec
+    headline: str
     design: Design
     finished: int
     ok: int
@@ -130,11 +134,13 @@ def analyse(
     if other is corners:  # corners do not represent production: only their worst case is shown
         other = None
     drawn, rare = independent_draws(samples, spec), rare_rejects(samples, spec, CONFIDENCE)
-    influences = _sensitivity(drawn, spec, total_order(samples, spec))
+    statuses = count_statuses(samples)
+    counts = {status.status: status.count for status in statuses}
+    influences, withheld = _sensitivity(drawn, spec, total_order(samples, spec)), why_no_verdict(counts, spec.min_ok)
     by_response = {r.response: r for r in influences.responses} if influences else dict[str, ResponseSensitivity]()
     responses = tuple(
         analyse_response(
-            r, drawn, spec, by_response.get(r.name), corners, CONFIDENCE, rare_estimates(rare).get(r.name, ())
+            r, drawn, spec, by_response.get(r.name), corners, CONFIDENCE, rare_estimates(rare).get(r.name, ()), withheld
         )
         for r in spec.responses
     )
@@ -144,13 +150,14 @@ def analyse(
     advice, note = _advice(drawn, spec, responses, widen)
     return Analysis(
         spec=spec,
+        headline=headline(spec, counts, responses),
         design=spec.design,
         finished=samples.sample.size,
         ok=ok,
         failed=samples.sample.size - ok,
         used=int(np.count_nonzero(drawn.ok)),
         run_seconds=samples.run_seconds,
-        statuses=count_statuses(samples),
+        statuses=statuses,
         trust=(*trust_checks(spec, samples, responses, variables, correlations, CONFIDENCE), *rare_checks(rare)),
         responses=responses,
         rare=rare,

@@ -72,6 +72,11 @@ def percent(share: float | None) -> str:
     return NONE if share is None else f"{fixed(100 * share, 0 if share in (0, 1) else 2, (0.0, 100.0))}\u00a0%"
 
 
+def short_percent(share: float) -> str:
+    """Return a share as percent, without decimals if it is a whole number of percent, never 0 or 100 unless it is."""
+    return percent(share).replace(".00\u00a0", "\u00a0")
+
+
 def part(share: float | None) -> str:
     """Return an estimate of a share as percent with one decimal; below 0.05 % it is 0."""
     if share is None:

@@ -32,8 +32,6 @@ from reporting.tolerance.worst_case import WorstCase, worst_case
 
 # Share out of limits of a centred normal response with Cp 1.33.
 CLAIM_PPM = 64.0
-# With a larger share of failed samples they may decide the verdict.
-FAILED_BAR = 0.01
 _FEWEST_FOR_A_FIT = 20
 
 
@@ -118,10 +116,12 @@ def analyse_response(
     corners: tuple[Samples, ReportSpec] | None,
     confidence: float,
     further: tuple[IndexEstimate, ...] = (),
+    withheld: str = "",
 ) -> ResponseAnalysis:
     """Analyse one response over the ok samples, and its worst case over the corners if there are any.
 
-    The verdict also goes by `further` estimates, which do not come from these samples alone.
+    The verdict also goes by `further` estimates, which do not come from these samples alone; there is none if it is
+    `withheld` for a reason.
 
     Raises
     ------
@@ -145,11 +145,18 @@ def analyse_response(
     if numbers.lots is not None:
         methods, tails = without_intervals(methods, tails)
     with_failures = yield_with_failures(numbers, counted, samples.sample.size, confidence)
-    others = (*_by_failures(with_failures, numbers.n), *index_estimates(numbers.n, fits, methods, tails), *further)
+    others = (*index_estimates(numbers.n, fits, methods, tails), *further)
     return ResponseAnalysis(
         spec=spec,
         assumed=spec.source.lower().startswith("assumption"),
-        verdict=verdict(numbers, counted, others, production=request.design.production, heavy=_is_heavy(shape, spec)),
+        verdict=verdict(
+            numbers,
+            counted,
+            others,
+            production=request.design.production,
+            heavy=_is_heavy(shape, spec),
+            withheld=withheld,
+        ),
         capability=numbers,
         target_indices=target_indices(x, spec.lsl, spec.usl, spec.target, confidence, lots),
         subgroups=() if batches is None else subgroup_sigmas(x, batches[np.isfinite(values)], spec.lsl, spec.usl),
@@ -219,15 +226,3 @@ def _methods(x: Array, fits: Fits, spec: ResponseSpec, confidence: float) -> tup
 def _runs_to_claim(total: Share, confidence: float) -> int:
     """Return the number of runs that prove the usual share; with production lots a run proves less."""
     return math.ceil(runs_to_claim(CLAIM_PPM, confidence, total.count) * total.n / total.worth)
-
-
-def _by_failures(with_failures: Yield | None, n: int) -> tuple[IndexEstimate, ...]:
-    """Return what Cpk would be if every failure were a reject, where failures are many enough to matter."""
-    if with_failures is None or with_failures.cpk is None:
-        return ()
-    failed = with_failures.finished - n
-    if failed <= FAILED_BAR * with_failures.finished:
-        return ()
-    words = f"{failed} of {with_failures.finished} samples have no value; if they count as rejects"
-    cpk = with_failures.cpk
-    return (IndexEstimate("failures", -math.inf, cpk, math.inf, words),)

@@ -144,6 +144,8 @@ class ReportSpec:
     designed : tuple of str, or None
         The k variables of Saltelli's design, in its order; None if the samples are not such a design. Sample s belongs
         to row s // (k + 2). s % (k + 2) is the run within the row: 0 of A, 1 of B, 2 + j of A with variable j of B.
+    min_ok : float
+        Least share of ok samples, of the finished ones, for a verdict; 0 to 1.
     proposal : tuple of ProposalPart
         Components of importance sampling; empty if samples have no weights. The rows then have the columns
         "component" (number of a part, from 1; 0 for the distributions themselves), "log_weight" and "aimed" (beyond
@@ -185,6 +187,7 @@ class ReportSpec:
     assumptions: tuple[Assumption, ...] = ()
     drawing: MechanismDrawing | None = None
     drawing_note: str = ""
+    min_ok: float = 0.99
 
     def __post_init__(self) -> None:
         """Raise ReportError if samples that are not independent would pass for such."""

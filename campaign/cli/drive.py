@@ -1,12 +1,13 @@
 """What the verbs that compute a campaign share: plan it, show its progress, write its report, print its results."""
 
-from collections import Counter
+from collections.abc import Mapping
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
 import typer
 
 from campaign.cli.output import console, number, print_json, print_table, print_text, say
+from campaign.cli.results.verdicts import Verdicts, reported_verdicts, verdicts_without_report
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -24,11 +25,14 @@ def drive(
 
     Raises
     ------
+    TooManyFailed
+        If more runs failed than the campaign allows; the report of the others is written.
     typer.Exit
         1 if no run succeeded, or fewer than the campaign asks for; 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
     """
     from campaign.cli.progress import display
     from campaign.coordinator.coordinate import coordinate
+    from campaign.coordinator.failed_runs import TooManyFailed
 
     try:
         with nullcontext(lambda _: None) if quiet else display(console(stderr=True)) as show:
@@ -37,35 +41,45 @@ def drive(
         command = store.command("resume", plan.campaign_id, *cluster.options())
         say(f"interrupted; the finished rows are kept in {store.url}. Continue with:\n  {command}")
         raise typer.Exit(130 if isinstance(ending, KeyboardInterrupt) else int(str(ending.code))) from None
+    except TooManyFailed:
+        if with_report:
+            say(f"report of the runs so far: {_report(store, plan)['html']}")
+        raise
     finish(store, outcome, with_report=with_report, as_json=as_json)
 
 
 def finish(store: "Store", outcome: "Outcome", *, with_report: bool, as_json: bool) -> None:
     """Write the report, print the results, and fail if too few runs succeeded."""
-    plan, files = outcome.plan, {}
-    if with_report:
-        from campaign.reports.report import report
-
-        files = report(store, plan)
+    plan, statuses = outcome.plan, outcome.survey.statuses
+    files = _report(store, plan) if with_report else {}
+    verdicts = reported_verdicts(store, plan) if with_report else verdicts_without_report(plan, statuses)
     if as_json:
-        print_json(_summary(store, outcome, files))
+        print_json(_summary(store, outcome, files, verdicts))
     else:
-        _print_results(store, outcome)
+        _print_results(store, outcome, verdicts)
         if files:
             print_text(f"report: {files['html']}")
-    ok, least = outcome.survey.statuses.get("ok", 0), plan.spec.failures.min_ok
-    if ok == 0:
-        messages = Counter(text for rows in store.stream(plan, ["message"]) for text in rows["message"].to_pylist())
-        worst, count = messages.most_common(1)[0]
-        say(f"error: no run succeeded; the message of {count} of {messages.total()} runs: {worst}")
-    elif ok < least * outcome.samples:
-        say(f"error: {ok} of {outcome.samples} runs succeeded; failures.min_ok asks for {least:g} of them")
-    else:
-        return
-    raise typer.Exit(1)
+    fail_without_enough_ok(store, plan, statuses)
 
 
-def _summary(store: "Store", outcome: "Outcome", files: dict[str, str]) -> dict[str, Any]:
+def _report(store: "Store", plan: "Plan") -> dict[str, str]:
+    """Write the report; return the path of each file by kind."""
+    from campaign.reports.report import report
+
+    return report(store, plan)
+
+
+def fail_without_enough_ok(store: "Store", plan: "Plan", statuses: Mapping[str, int]) -> None:
+    """Say why and what to do, and end with exit status 1, if too few runs of a campaign are ok."""
+    from campaign.coordinator.failed_runs import lack_of_ok, what_to_do
+
+    lack = lack_of_ok(plan, statuses)
+    if lack:
+        say(f"error: {lack}\n{what_to_do(store, plan)}")
+        raise typer.Exit(1)
+
+
+def _summary(store: "Store", outcome: "Outcome", files: dict[str, str], verdicts: Verdicts) -> dict[str, Any]:
     statuses = outcome.survey.statuses
     ok = statuses.get("ok", 0)
     return {
@@ -77,18 +91,21 @@ def _summary(store: "Store", outcome: "Outcome", files: dict[str, str]) -> dict[
         "computed": outcome.computed,
         "wall_s": outcome.wall_s,
         "statuses": statuses,
+        "headline": verdicts.headline,
+        "verdicts": verdicts.words,
         "stop": outcome.verdict.to_json() if outcome.verdict else None,
         "report": files,
     }
 
 
-def _print_results(store: "Store", outcome: "Outcome") -> None:
-    """Print how the runs ended, and the capability of each response."""
+def _print_results(store: "Store", outcome: "Outcome", verdicts: Verdicts) -> None:
+    """Print the outcome in a sentence, how the runs ended, and the capability of each response."""
     import pyarrow as pa
 
     from campaign.inputs.sampling import sampler_named
     from campaign.worker.moments import plain_rows
     from reporting import capability
+    from reporting.format_numbers import index
 
     plan = outcome.plan
     names = list(plan.mechanism.responses)
@@ -105,9 +122,12 @@ def _print_results(store: "Store", outcome: "Outcome") -> None:
         ppm = "-" if c.ppm_observed is None else f"{c.ppm_observed:.0f}"
         if "log_weight" in columns and c.ppm_observed is not None:
             ppm = f"{_weighted_ppm(rows, name, lsl, usl):.3g}"
-        cells = (number(c.mean), number(c.std, 3), number(lsl), number(usl), number(c.cpk, 3), ppm)
-        table.append((name, units[name], *cells))
-    heads = ("response", "unit", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out")
+        cells = (number(c.mean), number(c.std, 3), number(lsl), number(usl), index(c.cpk), ppm)
+        label = name if units[name] in ("", "1") else f"{name} [{units[name]}]"
+        table.append((label, verdicts.words.get(name, "-"), *cells))
+    heads = ("response", "verdict", "mean", "sigma", "LSL", "USL", "Cpk", "ppm out")
+    if verdicts.headline:
+        print_text(verdicts.headline)
     print_table(plan.spec.title or plan.spec.name, heads, table, texts=2)
     counts = ", ".join(f"{count} {status}" for status, count in outcome.survey.statuses.items())
     print_text(f"{outcome.samples} runs: {counts}; {outcome.computed} computed in {outcome.wall_s:.1f} s")

@@ -10,6 +10,7 @@ from campaign.cluster.cluster import Cluster
 from campaign.cluster.dask_workers import connect_workers
 from campaign.cluster.workers import WorkerDied, Workers
 from campaign.coordinator.coordinator import Coordinator
+from campaign.coordinator.failed_runs import lack_of_ok
 from campaign.coordinator.heartbeat import Show
 from campaign.coordinator.lease import LeaseLost, hold_lease
 from campaign.coordinator.state import write_state
@@ -113,10 +114,12 @@ def coordinate(
             _write_failure(store, plan.campaign_id, error, is_served=is_served)
             raise
         verdict = coordinator.checkpoints.verdict
+        survey = store.survey(plan)
+        message = "; ".join(filter(None, (lack_of_ok(plan, survey.statuses), verdict.text() if verdict else "")))
         coordinator.publish_heartbeat("completed")  # first, for whoever watches until the state is this
-        write_state(store, plan.campaign_id, "completed", verdict.text() if verdict else "", is_open=report_due)
+        write_state(store, plan.campaign_id, "completed", message, is_open=report_due)
     wall = time.perf_counter() - start
-    return Outcome(plan, store.survey(plan), store.end(plan), coordinator.progress.computed, wall, verdict)
+    return Outcome(plan, survey, store.end(plan), coordinator.progress.computed, wall, verdict)
 
 
 @contextmanager

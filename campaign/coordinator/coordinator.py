@@ -21,6 +21,7 @@ from dataclasses import replace
 from campaign.cluster.workers import SchedulerLost, WorkerDied, Workers
 from campaign.coordinator.backoff import TRIES, Backoff
 from campaign.coordinator.dispatch import Window
+from campaign.coordinator.failed_runs import check_failures
 from campaign.coordinator.heartbeat import Progress, Show
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL, check_lease
 from campaign.coordinator.stopping_rule import Checkpoints
@@ -48,10 +49,6 @@ RECORD_INTERVAL = 30.0  # s between two manifests, which only save time
 STORE_TRIES = 3  # workers in a row for which the store fails, each after it has tried for minutes
 
 Connect = Callable[[], AbstractContextManager[Workers]]
-
-
-class TooManyFailed(CampaignError):
-    """More runs failed than the campaign allows."""
 
 
 class Coordinator:
@@ -245,13 +242,7 @@ class Coordinator:
             self.queue.complete(result.part)
             self.progress.add(result)
         window.batch_seconds = max((r.seconds for r in results if r.computed), default=window.batch_seconds)
-        most = self.plan.spec.failures.most_failed(self.plan.spec.samples)
-        if self.progress.failed > most:
-            raise TooManyFailed(
-                f"{self.progress.failed} of {self.progress.done} runs failed, and failures.max_failed allows {most:g};"
-                f" look at them with: {self.store.command('report', self.plan.campaign_id)}; remove the cause, or raise"
-                " the limit"
-            )
+        check_failures(self.store, self.plan, self.progress)
 
     def _stop_at_checkpoint(self) -> bool:
         """Ask the stopping rule, if a checkpoint is completed; return whether the campaign ends there."""

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 from campaign.cluster.cluster import Cluster
 from campaign.coordinator.coordinate import coordinate
+from campaign.coordinator.failed_runs import lack_of_ok
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseHeld, hold_lease
 from campaign.coordinator.state import close_campaign, state_of
 from campaign.errors import CampaignError, StoreError
@@ -78,6 +79,8 @@ def _coordinate(store: Store, campaign_id: str, cluster: Cluster, with_report: b
     """Coordinate one campaign and write its report; its failure is logged and does not end the service."""
     try:
         outcome = coordinate(store, store.plan(campaign_id), cluster, is_served=True, report_due=with_report)
+        if lack := lack_of_ok(outcome.plan, outcome.survey.statuses):
+            logger.warning("campaign %s: %s", campaign_id, lack)
         if with_report:
             _report(store, outcome.plan)
     except LeaseHeld as error:

@@ -9,6 +9,7 @@ from engine.mechanism.base import PositiveNumber, TableModel
 RETRIED = ("not_at_rest", "not_converged", "jammed", "diverged", "timeout")
 """Statuses that other settings could avoid. An ``invalid`` run is a result, and settings do not cause a crash."""
 
+FIRST_RUNS = 100  # if all of them fail, so will the others: of runs of which 5 % succeed, 100 fail in 0.6 % of cases
 GROWTH = 4  # from a checkpoint of n samples the next one is n / GROWTH samples away
 
 
@@ -47,12 +48,13 @@ class Failures(TableModel, strict=True):
     )
     max_failed: Annotated[int, Field(ge=0)] | Annotated[float, Field(ge=0.0, lt=1.0)] | None = Field(
         default=None,
-        description="The campaign fails as soon as more rows than this have failed: a number of rows or, below 1, a"
-        " share of all samples; no limit if absent.",
+        description="The campaign stops as soon as more rows than this have failed: a number of rows or, below 1, a"
+        f" share of all samples. If absent, it stops only when its first {FIRST_RUNS} runs have all failed.",
     )
     min_ok: Annotated[float, Field(ge=0.0, le=1.0)] = Field(
-        default=0.0,
-        description="Least share of successful rows, from 0 to 1; with fewer the campaign counts as failed.",
+        default=0.99,
+        description="Least share of ok runs of all that are done, from 0 to 1. With fewer, failed runs may decide every"
+        " verdict: the report gives none, and the command ends with exit status 1.",
     )
 
     def most_failed(self, samples: int) -> float:
@@ -60,6 +62,10 @@ class Failures(TableModel, strict=True):
         if self.max_failed is None:
             return float("inf")
         return self.max_failed if isinstance(self.max_failed, int) else self.max_failed * samples
+
+    def is_hopeless(self, ok: int, done: int) -> bool:
+        """Return whether so many runs have failed, without a single one ok, that no other is worth computing."""
+        return self.max_failed is None and ok == 0 and done >= FIRST_RUNS
 
 
 class Execution(TableModel, strict=True):

@@ -62,12 +62,15 @@ class Nonconforming:
         Both sides.
     with_failures : Share
         Like `total`, over all runs, with failed runs counted as rejects.
+    worse_with_failures : Share
+        Of the side with more rejects, over all runs, with every failed run counted as a reject of that side.
     """
 
     below: Share | None
     above: Share | None
     total: Share
     with_failures: Share
+    worse_with_failures: Share
 
 
 def nonconforming(
@@ -109,10 +112,12 @@ def nonconforming(
         effect = 1.0 if described is None or lots is None else design_effect(is_counted, lots, described, confidence)
         return counted(int(np.count_nonzero(is_counted)) + more, n + more, confidence, effect)
 
-    total, with_failures = share(is_out), share(is_out, failed)
+    worse = max(sides, key=np.count_nonzero)
+    total, with_failures, worse_with_failures = share(is_out), share(is_out, failed), share(worse, failed)
     assert total is not None
     assert with_failures is not None
-    return Nonconforming(below=share(is_below), above=share(is_above), total=total, with_failures=with_failures)
+    assert worse_with_failures is not None
+    return Nonconforming(share(is_below), share(is_above), total, with_failures, worse_with_failures)
 
 
 def counted(count: int, n: int, confidence: float, effect: float = 1.0) -> Share:

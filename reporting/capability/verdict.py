@@ -7,6 +7,9 @@ the count does not exclude the share that the index implies. So the verdict is n
 never certain where methods disagree. Where a tail is proven heavier than a normal one, Cpk and its interval say little
 of the share beyond that limit: then an estimate without the normal distribution must exclude every worse class with its
 whole interval.
+
+A failed sample has no value, and may be a reject. Too many of them leave no verdict at all; fewer take its certainty
+where as many rejects would prove a worse class.
 """
 
 import math
@@ -17,7 +20,7 @@ from scipy.special import ndtri
 
 from reporting.capability.shares import PPM, Nonconforming, Share, least_ppm
 from reporting.capability.summary import Capability
-from reporting.format_numbers import grouped, index, ppm
+from reporting.format_numbers import grouped, index, ppm, significant
 
 # A response is capable from the first Cpk on and marginal from the second on (AIAG; Montgomery, Introduction to
 # Statistical Quality Control).
@@ -57,8 +60,8 @@ class CapabilityVerdict:
     Attributes
     ----------
     word : str
-        "capable", "marginal", "not capable", "no limits", or "no verdict" (no index, too few values, or samples that
-        do not represent production).
+        "capable", "marginal", "not capable"; "constant" (all values are equal, and within the limits); "no limits";
+        or "no verdict" (too few values, too many failed samples, or samples that do not represent production).
     certain : bool or None
         Whether the interval of the estimate that decides has the same verdict at both ends and no other estimate
         contradicts; None without a verdict.
@@ -81,6 +84,7 @@ def verdict(
     *,
     production: bool = True,
     heavy: bool = False,
+    withheld: str = "",
 ) -> CapabilityVerdict:
     """Return the verdict on a response.
 
@@ -96,12 +100,16 @@ def verdict(
         The samples represent production.
     heavy : bool
         A tail beyond which there is a limit is proven heavier than that of a normal distribution.
+    withheld : str
+        Why no response of the campaign gets a verdict, in a sentence; empty if they may.
     """
     if capability.lsl is None and capability.usl is None:
         return CapabilityVerdict("no limits")
-    missing = _missing(capability, production=production)
+    missing = _missing(capability, NO_PRODUCTION if not production else withheld)
     if missing:
         return CapabilityVerdict("no verdict", reasons=(missing,))
+    if capability.std == 0:
+        return _on_constant(capability, counted)
     assert capability.cpk is not None
     if capability.cpk_interval is None:
         return _without_interval(capability.cpk, capability.interval_reason, counted)
@@ -127,16 +135,27 @@ def verdict(
             "A tail is heavier than that of a normal distribution, on which Cpk rests, and no estimate without it"
             " excludes a worse class."
         )
+    reasons += changed_by_failures(counted, word)
     overruled_only = decides is not of_index and len(reasons) == 1
     return CapabilityVerdict(word, not reasons or overruled_only, decides.by, tuple(reasons))
 
 
 def _without_interval(cpk: float, reason: str, counted: Nonconforming | None) -> CapabilityVerdict:
     """Return the verdict where the interval of Cpk is withheld, because there are too few production lots."""
+    word, by, reasons = class_of(cpk), "index", [reason]
     count = None if counted is None else _by_count(counted)
-    if count is not None and _worse(class_of(count.high), class_of(cpk)):
-        return CapabilityVerdict(class_of(count.high), False, count.by, (f"{count.words}.", reason))
-    return CapabilityVerdict(class_of(cpk), False, "index", (reason,))
+    if count is not None and _worse(class_of(count.high), word):
+        word, by, reasons = class_of(count.high), count.by, [f"{count.words}.", reason]
+    return CapabilityVerdict(word, False, by, (*reasons, *changed_by_failures(counted, word)))
+
+
+def _on_constant(capability: Capability, counted: Nonconforming | None) -> CapabilityVerdict:
+    """Return the verdict on values that are all equal: they keep the limits, or each of them is a reject."""
+    value = significant(capability.mean, 6)
+    if capability.ppm_observed:
+        return CapabilityVerdict("not capable", True, "count", (f"Every value is {value}, out of limits.",))
+    text = f"Every value is {value}, within the limits. Values without a spread have no index."
+    return CapabilityVerdict("constant", reasons=(text, *changed_by_failures(counted, "constant")))
 
 
 def class_of(cpk: float) -> str:
@@ -149,17 +168,33 @@ def index_of_share(share: float) -> float:
     return -float(ndtri(min(share, PPM) / PPM)) / 3
 
 
-def _missing(capability: Capability, *, production: bool) -> str:
+def changed_by_failures(counted: Nonconforming | None, word: str) -> list[str]:
+    """Return a sentence if the failed samples, were they rejects, would prove a worse class than `word`."""
+    if counted is None or word == _BEST_FIRST[-1]:
+        return []
+    failed, worse = counted.with_failures.count - counted.total.count, counted.worse_with_failures
+    least = class_of(index_of_share(worse.interval[0]))
+    if not failed or least == _BEST_FIRST[0] or (word in _BEST_FIRST and not _worse(least, word)):
+        return []
+    return [
+        f"{grouped(failed)} of {grouped(worse.n)} samples have no value. If they were rejects, {ppm(worse.ppm)} ppm "
+        f"would be out of limits, at least {ppm(worse.interval[0])}: {least}."
+    ]
+
+
+def _missing(capability: Capability, withheld: str) -> str:
     """Return why there is no verdict; empty if there is one."""
-    if not production:
-        return NO_PRODUCTION
-    if capability.cpk is None or (capability.cpk_interval is None and capability.lots is None):
-        return "There is no Cpk: " + ("all values are equal." if capability.n > 1 else "fewer than two values.")
+    if withheld:
+        return withheld
     if capability.n < FEWEST_FOR_A_VERDICT:
         return (
             f"{capability.n} values are too few for a verdict: below {FEWEST_FOR_A_VERDICT} a response with Cpk "
             f"{MARGINAL:.2f} passes for capable too often."
         )
+    if capability.std == 0:
+        return ""
+    if capability.cpk is None or (capability.cpk_interval is None and capability.lots is None):
+        return f"There is no Cpk. {' '.join(capability.notes)}"
     return ""
 
 

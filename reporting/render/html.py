@@ -31,6 +31,7 @@ MARKS = {
     "marginal": "!",
     "not capable": "✗",
     "no verdict": "?",
+    "constant": "=",
     "no limits": "–",
     "good": "✓",
     "attention": "!",
@@ -42,10 +43,6 @@ METHODS = {
     "z_score": "Z-scores (Minitab)",
     "empirical": "the values' own percentiles (Cnpk)",
 }
-_WORST_FIRST = (
-    *("not capable", "not capable, not certain", "marginal", "marginal, not certain"),
-    *("capable, not certain", "no verdict"),
-)
 CLAIMS = (1000.0, 100.0, CLAIM_PPM, 10.0, 1.0)
 
 
@@ -67,7 +64,6 @@ def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",
         .get_template("report.html.j2")
         .render(
             a=analysis,
-            headline=headline(analysis),
             weakest=weakest(analysis),
             marks=MARKS,
             methods=METHODS,
@@ -87,35 +83,6 @@ def render_html(analysis: Analysis, files: tuple[str, ...] = ("capability.json",
             missing=missing,
         )
     )
-
-
-def headline(analysis: Analysis) -> str:
-    """Return the outcome in one sentence."""
-    limited = [r for r in analysis.responses if r.spec.lsl is not None or r.spec.usl is not None]
-    corners = [r.worst for r in limited if r.worst is not None]
-    if analysis.ok == 0:
-        return "No sample succeeded, so there is nothing to judge."
-    if analysis.spec.corners and corners:
-        kept = sum(bool(worst.within) for worst in corners)
-        return f"Worst case: {kept} of {len(corners)} responses with limits stay within them at every corner."
-    if not limited:
-        return "No response has limits, so there is nothing to judge."
-    if not analysis.design.production:
-        return "The samples do not represent production, so there is no verdict on capability."
-    return _by_verdict(limited)
-
-
-def _by_verdict(limited: list[ResponseAnalysis]) -> str:
-    """Return the responses by their verdict, the worst first; an uncertain one counts as nothing but uncertain."""
-    groups: dict[str, list[str]] = {}
-    for r in limited:
-        word, certain = r.verdict.word, r.verdict.certain
-        groups.setdefault(word if certain is not False else f"{word}, not certain", []).append(r.spec.name)
-    if list(groups) == ["capable"]:
-        return f"Every response with limits is capable ({len(limited)} of {len(limited)})."
-    bad = [f"{word.capitalize()}: {', '.join(groups[word])}." for word in _WORST_FIRST if word in groups]
-    capable = len(groups.get("capable", ()))
-    return " ".join([*bad, f"Certainly capable: {capable or 'none'} of {len(limited)} responses with limits."])
 
 
 def weakest(analysis: Analysis) -> ResponseAnalysis | None:

@@ -36,7 +36,7 @@ def trust_checks(
         *([many_statements(responses, confidence)] if design.production else []),
         converged(responses, production=design.production),
         *([Check("Stopping rule", "info", spec.stop)] if spec.stop else []),
-        failures(samples),
+        failures(samples, spec.min_ok),
         failures_as_rejects(responses, samples),
         missing_values(responses),
         normal_shape(responses),

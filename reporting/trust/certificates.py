@@ -4,13 +4,13 @@ import numpy as np
 
 from reporting import format_numbers
 from reporting.arrays import Array
+from reporting.failures import too_few_ok
 from reporting.samples import OK, Samples
 from reporting.trust.check import Check
 
 # Promises for every ok row: relative residual of the friction problem; penetration, by unit.
 RESIDUAL_BAR = 1e-6
 PENETRATION_BAR = {"mm": 1e-6, "m": 1e-9}
-OK_SHARE_BAR = 0.99
 
 
 def complete(requested: int, samples: Samples) -> Check:
@@ -22,8 +22,8 @@ def complete(requested: int, samples: Samples) -> Check:
     return Check("Complete", "good" if done == requested else "attention", text, float(done))
 
 
-def failures(samples: Samples) -> Check:
-    """Check that few samples failed, and quote the most frequent failure."""
+def failures(samples: Samples, min_ok: float) -> Check:
+    """Check that no sample failed, or at least the share `min_ok` is ok, and quote the most frequent failure."""
     done, ok = samples.sample.size, int(np.count_nonzero(samples.ok))
     if done == 0:
         return Check("Failures", "bad", "No sample is computed yet.")
@@ -35,11 +35,14 @@ def failures(samples: Samples) -> Check:
     message = samples.messages.get(int(samples.sample[row]), "").strip() or "no message"
     text = (
         f"{format_numbers.grouped(done - ok)} of {format_numbers.grouped(done)} samples failed "
-        f"({format_numbers.percent((done - ok) / done)}) and are left out of all statistics; most often {worst}, "
-        f"first in sample {samples.sample[row]}: {message}"
+        f"({format_numbers.short_percent((done - ok) / done)}) and are left out of all statistics; most often {worst}, "
+        f"first in sample {samples.sample[row]}: {message.rstrip('.')}."
     )
-    level = "bad" if ok == 0 else "good" if ok / done >= OK_SHARE_BAR else "attention"
-    return Check("Failures", level, text, float(done - ok))
+    if too_few_ok(ok, done, min_ok):
+        needed = format_numbers.short_percent(min_ok)
+        text += f" No response has a verdict, as less than {needed} of the samples are ok (min_ok of the campaign)."
+        return Check("Failures", "bad", text, float(done - ok))
+    return Check("Failures", "attention", text, float(done - ok))
 
 
 def largest(name: str, samples: Samples, values: Array, unit: str, bar: float | None) -> Check:

@@ -6,7 +6,7 @@ from reporting import format_numbers
 from reporting.capability.convergence import DRIFT_BAR
 from reporting.capability.lots import FEW_LOTS
 from reporting.capability.summary import Capability
-from reporting.capability.verdict import class_of
+from reporting.capability.verdict import FEWEST_FOR_A_VERDICT, class_of
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
 from reporting.trust.check import Check
@@ -15,34 +15,45 @@ _NO_PRODUCTION = "The samples do not represent production."
 _TOO_FEW = "Too few samples to compare their halves."
 # Cpk to +-5 % is a usual requirement; at Cpk 1.33 it needs 874 samples.
 WANTED_HALF_WIDTH = 0.05
+# An interval of more than +-25 % tells little of Cpk, whatever class it lies in.
+LOOSE_HALF_WIDTH = 0.25
+FEW = 3  # responses that a line names
 
 
 def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool) -> Check:
-    """Check that the intervals of Cpk are narrow enough for the verdicts."""
+    """Check that there are values enough for a verdict, and that the intervals of Cpk are narrow enough for it."""
+    name = "Enough samples"
     indexed = [(r, r.capability) for r in responses if r.capability.cpk is not None]
     if not indexed or not production:
-        reason = _NO_PRODUCTION if indexed else "No response has a Cpk."
-        return Check("Enough samples", "info", reason)
+        return Check(name, "info", _NO_PRODUCTION if indexed else "No response has a Cpk.")
     withheld = [r.spec.name for r, c in indexed if c.cpk_interval is None]
     if withheld:
         reason = next(c.interval_reason for _, c in indexed if c.cpk_interval is None)
-        return Check("Enough samples", "attention", f"No interval of Cpk of {', '.join(withheld)}: {reason}")
+        return Check(name, "attention", f"No interval of Cpk of {', '.join(withheld)}: {reason}")
     # A width relative to a Cpk near 0 is meaningless: below 1 it is relative to 1.
     widths = [_width(c) / (2 * max(abs(c.cpk or 0.0), 1.0)) for _, c in indexed]
     at = widths.index(max(widths))
     response, c = indexed[at]
-    text = f"Cpk is known to ±{format_numbers.percent(widths[at])} or better (widest: {response.spec.name})"
+    counted, what = (c.n, "samples") if c.lots is None else (c.lots.count, "production lots")
+    text = f"Cpk is known to ±{_rounded(widths[at])} or better (widest: {response.spec.name})"
     if widths[at] > WANTED_HALF_WIDTH:
-        counted, what = (c.n, "samples") if c.lots is None else (c.lots.count, "production lots")
         needed = math.ceil(counted * (widths[at] / WANTED_HALF_WIDTH) ** 2)
         text += f"; about {format_numbers.grouped(round(needed, 2 - len(str(needed))))} {what} would give ±5 %"
-    uncertain = [
-        r.spec.name for r, c in indexed if c.cpk_interval and len({class_of(end) for end in c.cpk_interval}) > 1
-    ]
+    uncertain = [r.spec.name for r, c in indexed if len({class_of(end) for end in c.cpk_interval or ()}) > 1]
     if uncertain:
         what = "samples" if all(c.lots is None for _, c in indexed) else "production lots"
         text += f". The interval of {', '.join(uncertain)} includes another verdict: more {what} may decide"
-    return Check("Enough samples", "attention" if uncertain else "good", f"{text}.", widths[at])
+    fewest = min(c.n for _, c in indexed)
+    if fewest < FEWEST_FOR_A_VERDICT:
+        text = f"{fewest} values are too few for a verdict, which takes {FEWEST_FOR_A_VERDICT}. {text}"
+    enough = not uncertain and fewest >= FEWEST_FOR_A_VERDICT and widths[at] <= LOOSE_HALF_WIDTH
+    return Check(name, "good" if enough else "attention", f"{text}.", widths[at])
+
+
+def _rounded(share: float) -> str:
+    """Return a half width as percent with two digits, such as 44 %, 110 % or 4.9 %."""
+    two_digits = float(f"{100 * share:.2g}")
+    return f"{format_numbers.grouped(format_numbers.plain(two_digits))}\u00a0%"
 
 
 def _width(numbers: Capability) -> float:
@@ -89,15 +100,34 @@ def converged(responses: tuple[ResponseAnalysis, ...], *, production: bool) -> C
 
 
 def failures_as_rejects(responses: tuple[ResponseAnalysis, ...], samples: Samples) -> Check:
-    """Report Cpk with every failure counted as a reject."""
+    """Say what Cpk and share of rejects become if every failed sample is a reject."""
     name = "Failures as rejects"
     if samples.ok.all():
-        return Check(name, "good" if samples.ok.size else "info", "No sample failed, so Cpk is the same.")
-    indices = [(r.yield_.cpk, r.spec.name) for r in responses if r.yield_ and r.yield_.cpk is not None]
-    if not indices:
-        return Check(name, "info", "No response has a Cpk.")
-    lowest = ", ".join(f"{response} {format_numbers.index(cpk)}" for cpk, response in sorted(indices)[:3])
-    return Check(name, "info", f"Cpk if every failed sample were a reject on the worse side, lowest first: {lowest}.")
+        return Check(name, "good" if samples.ok.size else "info", "No sample failed, so nothing changes.")
+    judged = [r for r in responses if r.nonconforming and r.yield_]
+    if not judged:
+        text = "All samples failed." if not samples.ok.any() else "No response has limits."
+        return Check(name, "info", text)
+    lowest = sorted(judged, key=_with_failures)[:FEW]
+    each = "; ".join(f"{r.spec.name} {_as_rejects(r)}" for r in lowest)
+    text = f"If every failed sample were a reject on the worse side, worst first: {each}."
+    return Check(name, "attention", text, _with_failures(lowest[0]))
+
+
+def _with_failures(response: ResponseAnalysis) -> float:
+    """Return the yield of a response with failures as rejects."""
+    return response.yield_.share if response.yield_ else 1.0
+
+
+def _as_rejects(response: ResponseAnalysis) -> str:
+    """Return Cpk and share of rejects of a response, without and with failures as rejects."""
+    counted, of_yield, cpk = response.nonconforming, response.yield_, response.capability.cpk
+    assert counted is not None
+    assert of_yield is not None
+    shares = f"{format_numbers.ppm(counted.with_failures.ppm)} ppm in place of {format_numbers.ppm(counted.total.ppm)}"
+    if of_yield.cpk is None or cpk is None:
+        return shares
+    return f"Cpk {format_numbers.index(of_yield.cpk)} in place of {format_numbers.index(cpk)}, {shares}"
 
 
 def missing_values(responses: tuple[ResponseAnalysis, ...]) -> Check:

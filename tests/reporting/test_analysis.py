@@ -141,7 +141,7 @@ def test_every_family_is_tried_for_every_response(campaign) -> None:
 def test_failures_name_the_most_frequent_status_and_its_message(campaign) -> None:
     a = analysis_of(*campaign(60, 4))
     found = check(a, "Failures")
-    assert found.level == "attention"
+    assert found.level == "bad"
     assert "most often timeout, first in sample 56" in found.text
     assert "residual 3e-06 at contact C7" in found.text
 

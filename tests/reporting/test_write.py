@@ -17,7 +17,7 @@ import pytest
 from benchmarks.report import report_of
 from reporting import ReportError, ResponseSpec, write_report
 from reporting.render.histograms import response_figure
-from reporting.render.html import headline, render_html, weakest
+from reporting.render.html import render_html, weakest
 from reporting.render.json import render_json
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
@@ -124,7 +124,7 @@ def test_the_page_says_the_words_not_only_the_colours(page: Page) -> None:
 def test_the_headline_names_the_weakest(campaign) -> None:
     a = analysis_of(*campaign(500))
     bad = "Not capable: FC-4. Marginal: FC-3. Capable, not certain: FC-5."
-    assert headline(a) == f"{bad} Certainly capable: 3 of 6 responses with limits."
+    assert a.headline == f"{bad} Certainly capable: 3 of 6 responses with limits."
     assert weakest(a).spec.name == "FC-4"
 
 

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import typer
 
+from campaign.cli.drive import fail_without_enough_ok
 from campaign.cli.options import Id, StoreUrl
 from campaign.cli.output import Json, print_json, print_text
 
@@ -20,7 +21,10 @@ def report(
     excel: Annotated[bool, typer.Option("--excel/--no-excel", help="Also write report.xlsx.")] = True,
     json: Json = False,
 ) -> None:
-    """Write the report of a campaign from the rows computed so far; the campaign may be running."""
+    """Write the report of a campaign from the rows computed so far; the campaign may be running.
+
+    The exit status is 1 if too few of its runs are ok for a verdict.
+    """
     from campaign.errors import CampaignError
     from campaign.reports.report import report as write_report
     from campaign.store import open_store
@@ -33,11 +37,12 @@ def report(
         )
 
     opened = open_store(store, QUICK)
-    campaign_id = opened.find(campaign)
+    plan = opened.plan(opened.find(campaign))
     kinds = ["html", "json", "parquet", *(["pdf"] if pdf else []), *(["xlsx"] if excel else [])]
-    files = write_report(opened, opened.plan(campaign_id), kinds=kinds, against=against)
+    files = write_report(opened, plan, kinds=kinds, against=against)
     if json:
-        print_json({"campaign": campaign_id, "store": opened.url, "report": files})
-        return
-    for path in files.values():
-        print_text(f"report: {path}")
+        print_json({"campaign": plan.campaign_id, "store": opened.url, "report": files})
+    else:
+        for path in files.values():
+            print_text(f"report: {path}")
+    fail_without_enough_ok(opened, plan, opened.survey(plan).statuses)

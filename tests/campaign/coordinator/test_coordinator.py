@@ -11,7 +11,7 @@ from campaign.cluster import dask_workers
 from campaign.cluster.cluster import Cluster
 from campaign.coordinator import coordinate as coordinating
 from campaign.coordinator.coordinate import coordinate
-from campaign.coordinator.coordinator import TooManyFailed
+from campaign.coordinator.failed_runs import TooManyFailed
 from campaign.coordinator.lease import LeaseHeld, hold_lease
 from campaign.coordinator.state import state_of
 from campaign.coordinator.submit import submit

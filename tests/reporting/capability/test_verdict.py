@@ -111,10 +111,60 @@ def test_samples_that_are_no_production_have_no_verdict() -> None:
     assert (found.word, found.certain) == ("no verdict", None)
 
 
-def test_a_constant_response_is_not_asked_for_more_values() -> None:
-    found = judged(np.full(500, 3.0), 0.0, 5.0)
-    assert found.word == "no verdict"
-    assert "all values are equal" in found.reasons[0]
+@pytest.mark.parametrize(
+    ("lsl", "usl", "found"),
+    [
+        (0.0, 5.0, ("constant", None, "")),
+        (0.0, 3.0, ("constant", None, "")),
+        (4.0, 5.0, ("not capable", True, "count")),
+    ],
+)
+def test_a_constant_response_keeps_its_limits_or_not(lsl: float, usl: float, found: tuple) -> None:
+    """It has no index, and is not asked for more values."""
+    x = np.full(500, 3.0)
+    of = judged(x, lsl, usl)
+    assert (of.word, of.certain, of.by) == found
+    assert "Every value is 3" in of.reasons[0]
+    assert capability(x, lsl, usl).cpk is None
+
+
+@pytest.mark.parametrize(
+    ("failed", "finished", "word", "certain"),
+    [
+        (0, 5_000, "capable", True),
+        (1, 5_000, "capable", True),  # one reject among 5,000 speaks neither for nor against 33 ppm
+        (1, 700, "capable", False),  # among 700 it does
+        (9, 5_000, "capable", False),
+        (9, 30_000, "capable", False),
+    ],
+)
+def test_failures_take_certainty_where_as_many_rejects_would_prove_a_worse_class(
+    failed: int, finished: int, word: str, certain: bool
+) -> None:
+    """A failed sample has no value: it may be a reject, and is none for sure."""
+    x = spread(finished - failed, 1.0)
+    found = verdict(capability(x, -5.0, 5.0), nonconforming(x, -5.0, 5.0, 0.95, failed))
+    assert (found.word, found.certain, found.by) == (word, certain, "index")
+    assert any(f"{failed} of " in reason and "If they were rejects" in reason for reason in found.reasons) != certain
+
+
+def test_failures_cannot_make_the_worst_class_worse() -> None:
+    x = spread(1_000, 1.0)
+    found = verdict(capability(x, -1.5, 1.5), nonconforming(x, -1.5, 1.5, 0.95, 100))
+    assert (found.word, found.certain, found.reasons) == ("not capable", True, ())
+
+
+def test_failures_count_on_one_side_only() -> None:
+    """30 rejects on each side are 1,000 ppm of each; one failure more does not make 2,000 ppm of one side."""
+    x = np.concatenate((spread(30_000, 1.1, 30), -spread(30_000, 1.1, 30)))
+    counted = nonconforming(x, -3.0, 3.0, 0.95, 1)
+    assert (counted.worse_with_failures.count, counted.worse_with_failures.n) == (31, 60_001)
+
+
+def test_a_verdict_can_be_withheld_from_a_whole_campaign() -> None:
+    found = judged(spread(5_000, 1.0), -5.0, 5.0, withheld="Half of the samples failed.")
+    assert (found.word, found.certain, found.reasons) == ("no verdict", None, ("Half of the samples failed.",))
+    assert judged(spread(5_000, 1.0), withheld="Half of the samples failed.").word == "no limits"
 
 
 def test_a_share_in_the_scale_of_cpk() -> None:

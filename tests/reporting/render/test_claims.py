@@ -9,7 +9,7 @@ import pytest
 from scipy.special import ndtri
 
 from reporting.capability.shares import largest_z, least_ppm
-from reporting.render.html import headline, render_html
+from reporting.render.html import render_html
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 
@@ -70,18 +70,18 @@ def test_a_constant_response_is_not_asked_for_more_samples() -> None:
     a = with_column("FC-1", np.full(400, 3.0), lsl=0.0, usl=4.0)
     [enough] = [check for check in a.trust if check.name == "Enough samples"]
     assert "more samples" not in enough.text
-    assert a.responses[0].verdict.word == "no verdict"
+    assert a.responses[0].verdict.word == "constant"
     assert 'aria-label="open"' not in render_html(a)
 
 
 def test_the_headline_leads_with_what_is_bad() -> None:
     """Two values prove nothing, and what is not certain is not counted as capable."""
     a = analysis_of(c60_table(500), c60_spec(500))
-    assert headline(a).startswith("Not capable: FC-4. Marginal: FC-3. Capable, not certain: FC-5.")
+    assert a.headline.startswith("Not capable: FC-4. Marginal: FC-3. Capable, not certain: FC-5.")
     few = analysis_of(c60_table(2), c60_spec(2))
     assert {r.verdict.word for r in few.responses} == {"no verdict", "no limits"}
-    assert "No verdict: FC-1" in headline(few)
-    assert headline(few).endswith("Certainly capable: none of 6 responses with limits.")
+    assert "No verdict: FC-1" in few.headline
+    assert few.headline.endswith("Certainly capable: none of 6 responses with limits.")
 
 
 def test_a_normal_distribution_has_values_everywhere() -> None:

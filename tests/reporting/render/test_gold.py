@@ -45,7 +45,7 @@ def words() -> str:
     spec = replace(
         c60_spec(300), production_batch_column="", stop="Asked for: cpk.", replay="clearcap replay c60-0123456789"
     )
-    page = render_html(analysis_of(c60_table(300, 4), spec, against=(c60_table(200, seed=2), c60_spec(200))))
+    page = render_html(analysis_of(c60_table(300, 3), spec, against=(c60_table(200, seed=2), c60_spec(200))))
     lines = (" ".join(line.split()) for line in Lines(page).lines)
     return "\n".join(NUMBER.sub("#", line) for line in lines if line) + "\n"
 

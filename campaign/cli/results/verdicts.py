@@ -1,0 +1,50 @@
+"""The outcome of a campaign and the verdict on each response, as the terminal prints them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from campaign.plan import Plan
+    from campaign.store import Store
+
+
+@dataclass(frozen=True)
+class Verdicts:
+    """What a report concludes.
+
+    Attributes
+    ----------
+    headline : str
+        The outcome in a sentence or two; empty where no report was written and enough runs are ok.
+    words : dict of str to str
+        Verdict by response, such as "capable" or "capable, not certain"; empty where it is not known.
+    """
+
+    headline: str = ""
+    words: dict[str, str] = field(default_factory=dict)
+
+
+def reported_verdicts(store: "Store", plan: "Plan") -> Verdicts:
+    """Return the verdicts of the report that was just written."""
+    from campaign.store.files.files import LARGEST
+    from campaign.store.layout import REPORT
+    from reporting.write import NAMES
+
+    content = store.read_json(plan.campaign_id, f"{REPORT}/{NAMES['json']}", LARGEST) or {}
+    words = {
+        response["spec"]["name"]: response["verdict"] + (", not certain" if response["certain"] is False else "")
+        for response in content["responses"]
+    }
+    return Verdicts(content["headline"], words)
+
+
+def verdicts_without_report(plan: "Plan", statuses: Mapping[str, int]) -> Verdicts:
+    """Return what is known without a report: that there is no verdict, if too few runs are ok."""
+    from campaign.coordinator.failed_runs import lack_of_ok
+
+    lack = lack_of_ok(plan, statuses)
+    if not lack:
+        return Verdicts()
+    limits = {name: response.limits()[:2] for name, response in plan.spec.responses.items()}
+    return Verdicts(lack, {name: "no verdict" for name, ends in limits.items() if ends != (None, None)})

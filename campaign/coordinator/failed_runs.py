@@ -1,0 +1,92 @@
+"""Campaigns in which too few runs are ok: when they stop, and what to say: how many failed, how, and what to do."""
+
+from collections import Counter
+from collections.abc import Mapping
+
+import pyarrow.compute as pc
+
+from campaign.coordinator.heartbeat import Progress
+from campaign.errors import CampaignError
+from campaign.plan import Plan
+from campaign.store import Store
+
+
+class TooManyFailed(CampaignError):
+    """More runs failed than the campaign allows, or all of its first runs."""
+
+
+def check_failures(store: Store, plan: Plan, progress: Progress) -> None:
+    """End a campaign of which too many runs failed.
+
+    Without ``failures.max_failed`` these are the first runs that a coordinator computes, if no run at all is ok. So
+    a campaign that is resumed nevertheless computes as many again.
+
+    Parameters
+    ----------
+    store : Store
+        Where the rows are.
+    plan : Plan
+        The campaign.
+    progress : Progress
+        Counts of the rows.
+
+    Raises
+    ------
+    TooManyFailed
+        With the message of one of them, and what to do.
+    """
+    policy, end = plan.spec.failures, progress.samples
+    most = policy.most_failed(plan.spec.samples)
+    if progress.failed > most:
+        why = f"{progress.failed} of {progress.done} runs failed, and failures.max_failed allows {most:g}"
+        on = "raise failures.max_failed and run the campaign again"
+    elif progress.done < end and policy.is_hopeless(progress.statuses.get("ok", 0), progress.computed):
+        why = f"{lack_of_ok(plan, progress.statuses)}, so the campaign of {end} samples stops here"
+        resume = store.command("resume", plan.campaign_id)
+        on = f"{resume}; with failures.max_failed = {end} in the campaign file it never stops"
+    else:
+        return
+    raise TooManyFailed(f"{why}; the rows are kept\n{what_to_do(store, plan)}\nto go on all the same: {on}")
+
+
+def lack_of_ok(plan: Plan, statuses: Mapping[str, int]) -> str:
+    """Return that too few of the stored runs of a campaign are ok; empty if enough are, or if there is none.
+
+    Parameters
+    ----------
+    plan : Plan
+        The campaign, whose ``failures.min_ok`` says how many are enough.
+    statuses : mapping of str to int
+        Number of stored runs by status.
+    """
+    from reporting.failures import statuses_in_words, too_few_ok  # loads numpy, which `clearcap status` does without
+
+    done, ok, least = sum(statuses.values()), statuses.get("ok", 0), plan.spec.failures.min_ok
+    if done and not ok:
+        return f"none of {done} runs succeeded ({statuses_in_words(statuses)})"
+    if too_few_ok(ok, done, least):
+        return (
+            f"{done - ok} of {done} runs failed ({statuses_in_words(statuses)}); failures.min_ok asks for"
+            f" {100 * least:g} % of ok runs, so no response has a verdict"
+        )
+    return ""
+
+
+def what_to_do(store: Store, plan: Plan) -> str:
+    """Return the message of a run with the most frequent status of failure, how to look at it, and what may help."""
+    counts: Counter[str] = Counter()
+    first: dict[str, tuple[int, str]] = {}
+    for table in store.stream(plan, ["sample", "status", "message"]):
+        failed = table.filter(pc.field("status") != "ok").to_pylist()
+        counts.update(row["status"] for row in failed)
+        for row in failed:
+            first.setdefault(row["status"], (row["sample"], row["message"] or "no message"))
+    if not counts:  # their parts were damaged meanwhile
+        return "their messages cannot be read"
+    (status, _), *_ = counts.most_common(1)
+    sample, message = first[status]
+    look = store.command("replay", plan.campaign_id, str(sample))
+    return (
+        f"sample {sample}, {status}: {message}\nlook at it: {look}\nthen remove the cause in the mechanism or in the"
+        " inputs, give such runs other settings in failures.retry, or state in failures.min_ok how many may fail"
+    )

@@ -1,0 +1,80 @@
+"""Campaigns whose runs fail: they stop before their end, lose nothing, and say how many failed and what to do."""
+
+from functools import partial
+
+import pytest
+
+from campaign.coordinator.failed_runs import TooManyFailed, lack_of_ok, what_to_do
+from campaign.coordinator.state import state_of
+from campaign.plan import Plan
+from campaign.spec.load import load_campaign
+from campaign.spec.policy import FIRST_RUNS, Failures
+from campaign.store import open_store
+from reporting import ReportSpec
+from tests.campaign import fake_engine
+from tests.campaign.driving import computed, start
+
+SLIDES = partial(fake_engine.simulate, status="not_converged", message="not at rest at the horizon")
+
+
+def stored(folder) -> tuple[Plan, dict[str, int]]:
+    """Return the plan of the only campaign of a store, and its rows by status."""
+    store = open_store(str(folder))
+    plan = store.plan(store.find(None))
+    return plan, store.survey(plan).statuses
+
+
+def test_a_campaign_stops_when_its_first_runs_all_fail(tmp_path, campaign_file, workers):
+    """It keeps their rows and quotes one of them; resumed, it computes as many again, or all if one is ok."""
+    loaded = load_campaign(str(campaign_file), samples=3000)
+    with pytest.raises(TooManyFailed, match=r"none of \d+ runs succeeded \(\d+ not_converged\)") as stopped:
+        start(tmp_path / "s", loaded, batch_size=20, simulate=SLIDES)
+    plan, first = stored(tmp_path / "s")
+    assert FIRST_RUNS <= first["not_converged"] < 1000
+    assert "sample 0, not_converged: not at rest at the horizon" in str(stopped.value)
+    assert f"clearcap resume {plan.campaign_id} --store {tmp_path / 's'}" in str(stopped.value)
+    assert state_of(open_store(str(tmp_path / "s")), plan.campaign_id)["state"] == "failed"
+    with pytest.raises(TooManyFailed):
+        start(tmp_path / "s", loaded, batch_size=20, simulate=SLIDES)
+    again = stored(tmp_path / "s")[1]["not_converged"]
+    assert first["not_converged"] + FIRST_RUNS <= again < 2000
+    _, outcome = start(tmp_path / "s", loaded, batch_size=20)
+    assert outcome.survey.statuses == {"not_converged": again, "ok": 3000 - again}
+
+
+def test_a_stated_number_of_failures_has_all_samples_computed(tmp_path, campaign_file, workers):
+    campaign_file.write_text(campaign_file.read_text() + "\n[failures]\nmax_failed = 150\n")
+    _, outcome = start(tmp_path / "s", load_campaign(str(campaign_file), samples=150), batch_size=30, simulate=SLIDES)
+    assert outcome.survey.statuses == {"not_converged": 150}
+
+
+@pytest.mark.parametrize(
+    ("ok", "done", "most", "hopeless"),
+    [(0, FIRST_RUNS, None, True), (0, FIRST_RUNS - 1, None, False), (1, 5000, None, False), (0, 5000, 0.9, False)],
+)
+def test_first_runs_that_all_fail_are_hopeless(ok, done, most, hopeless):
+    assert Failures(max_failed=most).is_hopeless(ok, done) is hopeless
+
+
+def test_a_completed_campaign_says_that_too_few_runs_are_ok(tmp_path, campaign, workers):
+    """Its state has the message, which status and watch print."""
+    store, outcome = start(tmp_path / "s", campaign, simulate=partial(fake_engine.raises_above, 0.07))
+    failed = outcome.survey.statuses["crashed"]
+    assert 0 < failed < 25
+    message = f"{failed} of 25 runs failed ({failed} crashed); failures.min_ok asks for 99 % of ok runs"
+    state = state_of(store, outcome.plan.campaign_id)
+    assert state["state"] == "completed"
+    assert state["message"].startswith(message)
+    assert lack_of_ok(outcome.plan, {"ok": 99, "crashed": 1}) == ""
+    assert lack_of_ok(outcome.plan, {}) == ""
+
+
+def test_what_to_do_quotes_the_most_frequent_status(tmp_path, campaign):
+    store, plan = computed(tmp_path / "s", campaign, 25, fake_engine.needs_a_short_step)
+    said = what_to_do(store, plan)
+    assert said.startswith("sample 0, not_converged: residual 1e-3\n")
+    assert f"clearcap replay {plan.campaign_id} 0 --store {store.url}" in said
+
+
+def test_the_least_share_of_ok_runs_is_that_of_a_report():
+    assert Failures().min_ok == ReportSpec.min_ok == 0.99

@@ -1,0 +1,53 @@
+"""The card's lines on failures and on the number of samples."""
+
+import re
+
+import pytest
+
+from reporting.analysis import Analysis
+from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
+
+
+def line(analysis: Analysis, name: str):
+    """Return a line of the trust card."""
+    return next(check for check in analysis.trust if check.name == name)
+
+
+@pytest.mark.parametrize(("n", "level"), [(11, "attention"), (29, "attention"), (2000, "good")])
+def test_few_values_are_not_enough_whatever_class_their_interval_lies_in(n: int, level: str) -> None:
+    """The level agrees with the printed width: 11 values know a Cpk to some +-45 %."""
+    table, spec = c60_table(n), c60_spec(n)
+    wide = [r for r in spec.responses if r.name in ("FC-2", "FC-3")]
+    found = line(analysis_of(table, _with_limits(spec, wide, 2.0)), "Enough samples")
+    assert found.level == level
+    width = float(re.search(r"Cpk is known to ±([\d.]+)", found.text).group(1))
+    assert (width <= 25) == (level == "good")
+    assert ("too few for a verdict, which takes 30" in found.text) == (n < 30)
+
+
+def _with_limits(spec, responses, far: float):
+    """Return the spec with only these responses, their limits moved so far out that each is capable for sure."""
+    from dataclasses import replace
+
+    moved = tuple(replace(r, lsl=r.lsl - far, usl=r.usl + far) for r in responses)
+    return replace(spec, responses=moved)
+
+
+def test_failures_as_rejects_ask_for_attention_with_what_follows() -> None:
+    """Three of 300: Cpk 0.77 at best, and 10,000 ppm at least."""
+    found = line(analysis_of(c60_table(300, 3), c60_spec(300)), "Failures as rejects")
+    assert found.level == "attention"
+    shares = [float(text.replace("\u202f", "")) for text in re.findall(r"([\d\u202f]+) ppm in place of", found.text)]
+    assert min(shares) >= 10_000
+    indices = [float(text) for text in re.findall(r"Cpk (-?[\d.]+) in place of", found.text)]
+    assert len(indices) == 3
+    assert max(indices) < 0.776
+    assert line(analysis_of(c60_table(300), c60_spec(300)), "Failures as rejects").level == "good"
+
+
+@pytest.mark.parametrize(("failed", "level"), [(0, "good"), (2, "attention"), (3, "bad")])
+def test_failures_are_bad_where_they_leave_no_verdict(failed: int, level: str) -> None:
+    """Two of 200 leave 99 % ok, three do not."""
+    found = line(analysis_of(c60_table(200, failed), c60_spec(200)), "Failures")
+    assert found.level == level
+    assert ("No response has a verdict, as less than 99\u00a0% of the samples are ok" in found.text) == (level == "bad")
