@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from reporting.arrays import Array, random_rows
+from reporting.arrays import Array
 from reporting.capability.verdict import CAPABLE
 from reporting.comparison import Comparison, compare
 from reporting.designs import Design
@@ -21,8 +21,9 @@ from reporting.sensitivity.influence import ResponseSensitivity, Sensitivity
 from reporting.sensitivity.summary import sensitivity
 from reporting.sensitivity.total_order import TotalOrder, independent_draws, total_order
 from reporting.spec import ReportSpec
-from reporting.tolerance.advice import Advice, advise
+from reporting.tolerance.advice import Advice
 from reporting.tolerance.reweighting import Change
+from reporting.tolerance.tolerance_advice import AdvisedSamples, Shortfall, ToleranceAdvice, tolerance_advice
 from reporting.trust.card import trust_checks
 from reporting.trust.check import Check
 from reporting.trust.rare_shares import rare_checks
@@ -31,10 +32,8 @@ if TYPE_CHECKING:
     from reporting.samples import Rows
 
 CONFIDENCE = 0.95
-# Rows for the tolerance advice: they determine a Cpk of 1.33 to 0.6 %.
-_ADVISED_ROWS = 20_000
 
-Widen = Callable[[str, Mapping[str, Array], float], Change]
+Rescale = Callable[[Mapping[str, float], Mapping[str, Array]], Change]
 
 
 @dataclass(frozen=True)
@@ -68,9 +67,13 @@ class Analysis:
     never_critical : tuple of str
         Variables that are not critical for any response.
     advice : tuple of Advice
-        How far each variable's spread may grow; may be empty.
+        How far each variable's spread may grow while the responses `kept` keep Cpk 1.33; may be empty.
+    kept : tuple of str
+        Responses that have Cpk 1.33 now.
+    shortfalls : tuple of Shortfall
+        Responses with a lower Cpk, the worst first, and what must shrink for each.
     advice_note : str
-        Why there is no advice, or which responses it omits.
+        Why there is no advice; else empty.
     failures : tuple of FailedSample
         The first failed samples.
     comparison : Comparison or None
@@ -96,6 +99,8 @@ class Analysis:
     correlations: tuple[CorrelationAnalysis, ...]
     never_critical: tuple[str, ...]
     advice: tuple[Advice, ...]
+    kept: tuple[str, ...]
+    shortfalls: tuple[Shortfall, ...]
     advice_note: str
     failures: tuple[FailedSample, ...]
     comparison: Comparison | None
@@ -103,7 +108,7 @@ class Analysis:
 
 
 def analyse(
-    samples: Samples, spec: ReportSpec, widen: Widen | None = None, against: "tuple[Rows, ReportSpec] | None" = None
+    samples: Samples, spec: ReportSpec, rescale: Rescale | None = None, against: "tuple[Rows, ReportSpec] | None" = None
 ) -> Analysis:
     """Return the analysis of a finished or running campaign.
 
@@ -113,9 +118,9 @@ def analyse(
         The checked rows of the campaign.
     spec : ReportSpec
         Limits, requested distributions and provenance.
-    widen : callable (variable, columns, factor) -> Change, optional
-        The change of the density at each sample, given by the columns of all variables, when the standard deviation
-        of one variable is multiplied by a factor. Without it there is no tolerance advice.
+    rescale : callable (factors by variable, columns) -> Change, optional
+        The change of the density at each sample, given by the columns of all variables, when the standard deviations
+        of some variables are multiplied by factors. Without it there is no tolerance advice.
     against : (rows, ReportSpec), optional
         Another campaign to compare with. A worst-case campaign is not compared: its worst case is shown beside the
         statistics of this one.
@@ -147,7 +152,7 @@ def analyse(
     variables = tuple(analyse_variable(v, drawn.values[v.name], drawn.sample) for v in spec.variables)
     correlations = analyse_correlations(spec, drawn)
     ok = int(np.count_nonzero(samples.ok))
-    advice, note = _advice(drawn, spec, responses, widen)
+    advised = _advice(drawn, spec, responses, rescale)
     return Analysis(
         spec=spec,
         headline=headline(spec, counts, responses),
@@ -165,8 +170,10 @@ def analyse(
         variables=variables,
         correlations=correlations,
         never_critical=influences.never_critical() if influences else (),
-        advice=advice,
-        advice_note=note,
+        advice=advised.growth,
+        kept=advised.kept,
+        shortfalls=advised.shortfalls,
+        advice_note=advised.note,
         failures=list_failures(spec, samples),
         comparison=None if other is None else compare(drawn, spec, *other, CONFIDENCE),
         confidence=CONFIDENCE,
@@ -191,35 +198,25 @@ def _sensitivity(samples: Samples, spec: ReportSpec, designed: Mapping[str, Tota
 
 
 def _advice(
-    samples: Samples, spec: ReportSpec, responses: tuple[ResponseAnalysis, ...], widen: Widen | None
-) -> tuple[tuple[Advice, ...], str]:
-    """Return how far each variable's spread may grow with every Cpk at 1.33 or above, and a note."""
+    samples: Samples, spec: ReportSpec, responses: tuple[ResponseAnalysis, ...], rescale: Rescale | None
+) -> ToleranceAdvice:
+    """Return what must shrink for the responses below Cpk 1.33, and what may grow with the others."""
     if not spec.design.production:
-        return (), "The samples do not represent production, so they give no advice on tolerances."
-    limited = {r.spec.name: r for r in responses if r.capability.cpk is not None and r.sensitivity is not None}
-    judged = {name: r for name, r in limited.items() if (r.capability.cpk or 0.0) >= CAPABLE}
-    missed = [name for name in limited if name not in judged]
-    varied = [v.name for v in spec.variables if v.std > 0]
-    ok = np.flatnonzero(samples.ok)
-    if widen is None or not judged or not varied:
-        reason = (
-            "the distributions of the variables are not known" if widen is None else "no response has Cpk 1.33 or more"
-        )
-        return (), f"No advice: {reason}."
-    note = (
-        f"{', '.join(missed)}: already below Cpk 1.33 and left out here; the table above shows which variables move it."
-        if missed
-        else ""
+        return ToleranceAdvice(note="The samples do not represent production, so they give no advice on tolerances.")
+    if rescale is None:
+        return ToleranceAdvice(note="No advice: the distributions of the variables are not known.")
+    columns = {v.name: samples.values[v.name] for v in spec.variables}
+    limited = [r for r in responses if r.spec.lsl is not None or r.spec.usl is not None]
+    return tolerance_advice(
+        AdvisedSamples(
+            {r.spec.name: np.where(samples.ok, samples.values[r.spec.name], np.nan) for r in limited},
+            {r.spec.name: (r.spec.lsl, r.spec.usl) for r in limited},
+            columns,
+            [v.name for v in spec.variables if v.std > 0],
+            samples.lots,
+        ),
+        {r.spec.name: r.capability.cpk for r in limited},
+        CAPABLE,
+        lambda factors, rows: rescale(factors, {name: x[rows] for name, x in columns.items()}),
+        CONFIDENCE,
     )
-    rows = ok[random_rows(ok.size)[:_ADVISED_ROWS]]
-    columns = {v.name: samples.values[v.name][rows] for v in spec.variables}
-    advice = advise(
-        {name: samples.values[name][rows] for name in judged},
-        {name: (r.spec.lsl, r.spec.usl) for name, r in judged.items()},
-        dict.fromkeys(judged, CAPABLE),
-        columns,
-        varied,
-        lambda variable, factor, at: widen(variable, {name: x[at] for name, x in columns.items()}, factor),
-        lots=None if samples.lots is None else samples.lots[rows],
-    )
-    return advice, note

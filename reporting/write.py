@@ -7,7 +7,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from reporting.analysis import Analysis, Widen, analyse
+from reporting.analysis import Analysis, Rescale, analyse
 from reporting.errors import ReportError
 from reporting.render.excel import render_workbook
 from reporting.render.html import render_html
@@ -38,7 +38,7 @@ def write_report(
     folder: Path,
     *,
     kinds: Collection[str] = USUAL,
-    widen: Widen | None = None,
+    rescale: Rescale | None = None,
     against: "tuple[Rows, ReportSpec] | None" = None,
 ) -> dict[str, str]:
     """Analyse the samples and write the files of their report.
@@ -56,7 +56,7 @@ def write_report(
     kinds : collection of str
         Keys of `NAMES`; "html" and "json" are always written. A file whose package is not installed is omitted, and
         the page says how to get it.
-    widen, against
+    rescale, against
         See `reporting.analysis.analyse`.
 
     Returns
@@ -70,7 +70,7 @@ def write_report(
         The rows do not fit the spec, or the folder cannot be written.
     """
     samples = read_samples(rows, spec)
-    analysis = analyse(samples, spec, widen, against)
+    analysis = analyse(samples, spec, rescale, against)
     contents = _rendered(analysis, samples, {"html", "json", *kinds})
     folder = Path(folder)
     try:

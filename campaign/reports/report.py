@@ -3,8 +3,7 @@
 import platform
 import shlex
 import tempfile
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from functools import partial
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,21 +15,19 @@ from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
 from campaign.plan import Plan
 from campaign.reports.authorship import author, campaign_end, report_date
-from campaign.reports.changed_distributions import scale_spread
 from campaign.reports.fixed_assumptions import fixed_assumptions
 from campaign.reports.mechanism_drawing import mechanism_drawing
+from campaign.reports.spreads import Spreads
 from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.store import Store
 from campaign.store.command_line import store_option
 from campaign.store.layout import REPORT, STOPPED
 from campaign.version import clearcap_version
-from engine.arrays import Array
 from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
 from reporting.analysis import Analysis, analyse
 from reporting.samples import read_samples
 from reporting.spec import ProposalPart
-from reporting.tolerance.reweighting import Change
 from reporting.write import USUAL
 
 BATCH = "production batch"
@@ -68,7 +65,7 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
     if other is not None and other.campaign_id == plan.campaign_id:
         raise SpecError(f"--against {against}: is the campaign itself; name another one, see: {store.command('list')}")
     comparison = None if other is None else (_rows(store, other), report_spec(other, store))
-    options = {"kinds": kinds, "widen": partial(_scaled, plan), "against": comparison}
+    options = {"kinds": kinds, "rescale": Spreads(plan.spec, plan.mechanism).change, "against": comparison}
     try:
         return _write(store, plan, _with_production_batch(plan, _rows(store, plan)), options)
     except ReportError as error:
@@ -94,14 +91,9 @@ def analysis(store: Store, plan: Plan) -> Analysis:
     spec = report_spec(plan, store)
     try:
         samples = read_samples(_with_production_batch(plan, _rows(store, plan)), spec)
-        return analyse(samples, spec, partial(_scaled, plan))
+        return analyse(samples, spec, Spreads(plan.spec, plan.mechanism).change)
     except ReportError as error:
         raise CampaignError(f"analysis of {plan.campaign_id}: {error}") from error
-
-
-def _scaled(plan: Plan, variable: str, columns: Mapping[str, Array], factor: float) -> Change:
-    """Return what ``factor`` times the standard deviation of one variable makes of samples."""
-    return scale_spread(plan.spec, {variable: factor}, columns)
 
 
 def _rows(store: Store, plan: Plan) -> Iterator[pa.Table]:

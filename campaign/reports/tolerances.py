@@ -9,22 +9,23 @@ from numpy.typing import NDArray
 from campaign.errors import CampaignError
 from campaign.inputs.distributions import Distribution
 from campaign.plan import Plan
-from campaign.reports.changed_distributions import check_drawn, scale_spread, with_spread
+from campaign.reports.changed_distributions import check_drawn
 from campaign.reports.cost_file import Cost, Costs
 from campaign.reports.samples import Limits, independent_samples, limits_of
+from campaign.reports.spreads import Spreads
 from campaign.store import Store
 from engine.arrays import Array
 from reporting import ReportError, capability
 from reporting.capability.verdict import CAPABLE
 from reporting.sensitivity.summary import sensitivity
-from reporting.tolerance.advice import Advice, advise
 from reporting.tolerance.allocation import Allocation, allocate
 from reporting.tolerance.allocation_problem import CostedVariable, Requirement
 from reporting.tolerance.reweighting import Change
+from reporting.tolerance.tolerance_advice import AdvisedSamples, ToleranceAdvice, tolerance_advice
 
 
-def tolerance_advice(store: Store, plan: Plan) -> tuple[tuple[Advice, ...], dict[str, tuple[Advice, ...]]]:
-    """Return how far the spread of each variable may go, alone, for every Cpk to be 1.33.
+def advice_of(store: Store, plan: Plan) -> ToleranceAdvice:
+    """Return what must shrink for the responses below Cpk 1.33, and what may grow with the others.
 
     Parameters
     ----------
@@ -32,13 +33,6 @@ def tolerance_advice(store: Store, plan: Plan) -> tuple[tuple[Advice, ...], dict
         Where the campaign is.
     plan : Plan
         The campaign.
-
-    Returns
-    -------
-    tuple of Advice
-        How far each may grow while every response that is at 1.33 now stays there; none if no response is.
-    dict of str to tuple of Advice
-        By response below 1.33: how far each must shrink to lift it there.
 
     Raises
     ------
@@ -49,22 +43,17 @@ def tolerance_advice(store: Store, plan: Plan) -> tuple[tuple[Advice, ...], dict
     """
     samples, limits, lots = _samples_and_limits(store, plan)
     columns = {name: samples[name] for name in plan.spec.variables}
+    spreads = Spreads(plan.spec, plan.mechanism)
 
-    def scale_one(variable: str, factor: float, rows: NDArray[np.intp]) -> Change:
-        return scale_spread(plan.spec, {variable: factor}, _variables(plan, samples, rows))
-
-    def advice(names: list[str]) -> tuple[Advice, ...]:
-        responses = {name: samples[name] for name in names}
-        targets = dict.fromkeys(names, CAPABLE)
-        return advise(responses, limits, targets, columns, _varied(plan), scale_one, lots=lots)
+    def rescale(factors: Mapping[str, float], rows: NDArray[np.intp]) -> Change:
+        return spreads.change(factors, _variables(plan, samples, rows))
 
     with _advice_errors(plan):
         cpks = {name: capability(samples[name], lsl=pair[0], usl=pair[1]).cpk for name, pair in limits.items()}
-        capable = [name for name, cpk in cpks.items() if cpk is not None and cpk >= CAPABLE]
-        below = [name for name, cpk in cpks.items() if cpk is not None and cpk < CAPABLE]
-        if not cpks or not capable + below:
+        if all(cpk is None for cpk in cpks.values()):
             raise ReportError("no response has limits and values that vary; give limits to at least one")
-        return advice(capable) if capable else (), {name: advice([name]) for name in below}
+        responses = {name: samples[name] for name in limits}
+        return tolerance_advice(AdvisedSamples(responses, limits, columns, _varied(plan), lots), cpks, CAPABLE, rescale)
 
 
 def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
@@ -88,12 +77,13 @@ def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
     """
     samples, limits, _ = _samples_and_limits(store, plan)
     values = {name: samples[name][np.isfinite(samples[name])] for name in limits}
-    variables = [_costed(name, plan.spec.variables[name], cost) for name, cost in costs.variables.items()]
+    spreads = Spreads(plan.spec, plan.mechanism)
+    variables = [_costed(name, plan.spec.variables[name], cost, spreads) for name, cost in costs.variables.items()]
     free = {variable.variable for variable in variables if not variable.locked}
     correlated = any(free & {a, b} for a, b, rank in plan.spec.correlations or () if rank)
 
     def scale_all(factors: Mapping[str, float], rows: NDArray[np.intp]) -> Change:
-        return scale_spread(plan.spec, factors, _variables(plan, samples, rows))
+        return spreads.change(factors, _variables(plan, samples, rows))
 
     with _advice_errors(plan):
         shares = _shares(plan, samples, limits)
@@ -148,9 +138,9 @@ def _varied(plan: Plan) -> list[str]:
     return [name for name, variable in plan.spec.variables.items() if variable.moments()[1] > 0]
 
 
-def _costed(name: str, distribution: Distribution, cost: Cost) -> CostedVariable:
+def _costed(name: str, distribution: Distribution, cost: Cost, spreads: Spreads) -> CostedVariable:
     """Return between which standard deviations a variable may be made, and at what cost."""
     std = distribution.moments()[1]
     lower, upper = cost.lower or 0.1 * std, cost.upper or 10 * std
-    largest = with_spread(distribution, upper / std).moments()[1] if upper > std else upper
+    largest = spreads.of_variable(name, upper / std).factor * std if upper > std else upper
     return CostedVariable(name, std, cost.law(), lower, max(min(upper, largest), lower), cost.locked)

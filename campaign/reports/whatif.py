@@ -2,8 +2,9 @@
 
 from campaign.errors import CampaignError
 from campaign.plan import Plan
-from campaign.reports.changed_distributions import change_distributions, changed_variables, check_drawn
+from campaign.reports.changed_distributions import change_distributions, check_drawn
 from campaign.reports.samples import independent_samples, limits_of
+from campaign.reports.variable_settings import changed_variables
 from campaign.store import Store
 from reporting import ReportError
 from reporting.tolerance.whatif import WhatIf, what_if_all
@@ -19,7 +20,7 @@ def what_if(store: Store, plan: Plan, settings: list[str]) -> dict[str, WhatIf]:
     plan : Plan
         The campaign.
     settings : list of str
-        See `campaign.reports.changed_distributions.changed_variables`.
+        See `campaign.reports.variable_settings.changed_variables`.
 
     Returns
     -------
@@ -34,7 +35,7 @@ def what_if(store: Store, plan: Plan, settings: list[str]) -> dict[str, WhatIf]:
         If there are no samples.
     """
     check_drawn(plan.spec)
-    changed = changed_variables(plan.spec, settings)
+    changed = changed_variables(plan.spec, settings).variables
     samples, lots = independent_samples(store, plan)
     responses = {name: samples[name] for name in plan.mechanism.responses}
     try:

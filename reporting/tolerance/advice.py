@@ -8,7 +8,7 @@ The interval of a factor holds every factor at which the interval of the index h
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
@@ -24,7 +24,7 @@ REWEIGHTING, REGRESSION = "reweighting", "regression"
 MOST_FACTOR, LEAST_FACTOR = 4.0, 0.05
 BY_SAMPLES, BY_BOUNDS, BY_SEARCH = "samples", "bounds", "search"
 _PRECISION = 5e-4  # of a factor
-_ROWS = 20_000  # determine a Cpk of 1.33 to 0.6 %
+ADVISED_ROWS = 20_000  # determine a Cpk of 1.33 to 0.6 %
 
 Rows = NDArray[np.intp]
 Widen = Callable[[str, float, Rows], Change]
@@ -38,8 +38,9 @@ class Advice:
     ----------
     variable : str
     factor : float or None
-        Largest factor on the standard deviation that the variable has, its bounds included. Below 1 the spread must
+        Largest factor on the standard deviation that the variable has, cut at its bounds. Below 1 the spread must
         shrink for the responses to reach their targets; None: no factor down to `reach` makes them reach their targets.
+        It is never larger than the variable's bounds and the mechanism allow.
     interval : (float or None, float or None)
         Of the factor; an end is None where the samples do not show it.
     bounded : bool
@@ -47,11 +48,11 @@ class Advice:
         interval.
     ended_by : str
         Why an advice that is not bounded ends at `reach`: "samples" (they say nothing of a larger factor), "bounds" (of
-        the variable allow none), "search" (the largest that is tried); otherwise empty.
+        the variable, or the mechanism, allow none: `limit`), "search" (the largest that is tried); otherwise empty.
     reach : float
         Outermost factor, above or below 1, that could be answered.
     binding : str or None
-        The response that limits the factor, or that misses its target.
+        The response that limits the factor, or that misses its target; or "runs without a value".
     cpk : float or None
         Cpk of that response, at the factor.
     method : str
@@ -60,6 +61,13 @@ class Advice:
         Effective sample size at the factor; None without reweighting.
     refusal : str
         Why there is no advice; empty if there is.
+    limit : str
+        What allows no larger factor than `reach`, where bounds or the mechanism do.
+    settings : tuple of str
+        What to write in the campaign file for the factor, each ``VARIABLE.KEY=VALUE``, as ``clearcap whatif --set``
+        takes it.
+    below : dict of str to float
+        Cpk at the factor of the responses that miss their targets already, if it makes them worse.
     """
 
     variable: str
@@ -73,6 +81,9 @@ class Advice:
     method: str
     effective: float | None
     refusal: str = ""
+    limit: str = ""
+    settings: tuple[str, ...] = ()
+    below: dict[str, float] = field(default_factory=dict)
 
 
 def advise(
@@ -112,7 +123,27 @@ def advise(
     ReportError
         No response has both limits and a target.
     """
-    rows = random_rows(np.size(next(iter(responses.values()), np.zeros(0))))[:_ROWS]
+    rows = random_rows(np.size(next(iter(responses.values()), np.zeros(0))))[:ADVISED_ROWS]
+    question = asked(responses, limits, targets, columns, rows, confidence, lots)
+    return tuple(advise_one(variable, question, lambda f, v=variable: widen(v, f, rows)) for variable in variables)  # type: ignore[misc]
+
+
+def asked(
+    responses: Mapping[str, ArrayLike],
+    limits: Mapping[str, tuple[float | None, float | None]],
+    targets: Mapping[str, float],
+    columns: Mapping[str, ArrayLike],
+    rows: Rows,
+    confidence: float,
+    lots: LotLabels | None,
+) -> Question:
+    """Return what an advice is asked: the responses with limits, a target and values that vary, at some rows.
+
+    Raises
+    ------
+    ReportError
+        There is no such response.
+    """
     limited = {
         name: np.asarray(y, np.float64)[rows]
         for name, y in responses.items()
@@ -124,7 +155,7 @@ def advise(
             "advice: no response has limits, a target Cpk and values that vary; give limits to at least one"
         )
     inputs = {name: np.asarray(x, np.float64)[rows] for name, x in columns.items()}
-    question = Question(
+    return Question(
         responses=varying,
         limits=limits,
         targets=targets,
@@ -132,27 +163,58 @@ def advise(
         confidence=confidence,
         lots=None if lots is None else lots[rows],
     )
-    return tuple(_advice(variable, question, lambda f, v=variable: widen(v, f, rows)) for variable in variables)  # type: ignore[misc]
 
 
-def _advice(variable: str, question: Question, widen: Callable[[float], Change]) -> Advice:
-    """Return the factor by reweighting, or by regression where the samples cannot be reweighted so far."""
+def advise_one(variable: str, question: Question, widen: Callable[[float], Change]) -> Advice:
+    """Return the factor by reweighting, or by regression where the samples cannot be reweighted so far.
+
+    Parameters
+    ----------
+    variable : str
+        The variable that changes, or a name for several that change together.
+    question : Question
+    widen : callable (factor) -> Change
+        See `advise`.
+    """
     changed = cache(widen)
-    allowed = changed(MOST_FACTOR).spread or MOST_FACTOR
-    most = max(min(allowed, MOST_FACTOR), 1.0)
-    ended = BY_BOUNDS if most < MOST_FACTOR else BY_SEARCH
-    curve = IndexCurve(cache(lambda f: question.reweighted(changed(f))), LEAST_FACTOR, most)
-    weighted = _read(variable, curve, REWEIGHTING, most, ended)
+    most, least = _end(changed(MOST_FACTOR), MOST_FACTOR), _end(changed(LEAST_FACTOR), LEAST_FACTOR)
+    limit = changed(MOST_FACTOR).limit
+    if most == least == 1:
+        return _refused(variable, REWEIGHTING, limit)
+    found = _by_samples(variable, question, changed, (least, most))
+    if found.ended_by == BY_BOUNDS or (found.ended_by and most == 1):
+        found = replace(found, ended_by=BY_BOUNDS, limit=limit or "the variable's bounds allow no more")
+    return found if found.factor in (None, 1.0) else replace(found, settings=changed(found.factor).settings)
+
+
+def _by_samples(
+    variable: str, question: Question, changed: Callable[[float], Change], ends: tuple[float, float]
+) -> Advice:
+    """Return the factor between the ends that are possible, by reweighting or beyond its reach by regression."""
+    ended = BY_BOUNDS if ends[1] < MOST_FACTOR else BY_SEARCH
+    reweighted = IndexCurve(cache(lambda f: question.reweighted(changed(f))), *ends)
+    weighted = _read(variable, reweighted, REWEIGHTING, ends[1], ended)
     if weighted.factor is not None and (weighted.bounded or weighted.ended_by != BY_SAMPLES):
         return weighted
-    curve = IndexCurve(cache(lambda f: question.modelled(variable, changed(f), f)), LEAST_FACTOR, most)
-    modelled = _read(variable, curve, REGRESSION, most, ended)
-    if modelled.refusal or (not weighted.refusal and not _farther(modelled, weighted)):
+    curve = IndexCurve(cache(lambda f: question.modelled(variable, changed(f), f)), *ends)
+    modelled = _read(variable, curve, REGRESSION, ends[1], ended)
+    if modelled.refusal or (not weighted.refusal and not _farther(modelled, weighted, reweighted)):
         return weighted
     return modelled
 
 
-def _farther(modelled: Advice, weighted: Advice) -> bool:
+def _end(change: Change, asked: float) -> float:
+    """Return the factor that is possible where one is asked for: between 1 and it."""
+    possible = change.spread or asked
+    return min(max(possible, 1.0), asked) if asked > 1 else max(min(possible, 1.0), asked)
+
+
+def _refused(variable: str, method: str, refusal: str) -> Advice:
+    """Return that there is no advice."""
+    return Advice(variable, None, (None, None), True, "", 1.0, None, None, method, None, refusal)
+
+
+def _farther(modelled: Advice, weighted: Advice, reweighted: IndexCurve) -> bool:
     """Return whether regression answers beyond the reach of the weights, and does not contradict them within it."""
     if weighted.factor is None:
         return modelled.reach < weighted.reach and (modelled.factor is None or modelled.factor <= weighted.reach)
@@ -160,14 +222,14 @@ def _farther(modelled: Advice, weighted: Advice) -> bool:
         return False
     if not modelled.bounded:
         return modelled.factor > weighted.factor
-    high = modelled.interval[1]
-    return high is None or high > weighted.reach
+    # within their reach the weights must say the same of the factor: their interval of the index holds the target
+    return modelled.factor >= weighted.reach or reweighted.at(modelled.factor).low < 0
 
 
 def _read(variable: str, curve: IndexCurve, method: str, most: float, ended: str) -> Advice:
     """Return the advice that a curve gives."""
     if curve.refusal:
-        return Advice(variable, None, (None, None), True, "", 1.0, None, None, method, None, curve.refusal)
+        return _refused(variable, method, curve.refusal)
     keeps = curve.now.value >= 0
     reach = curve.ends[1] if keeps else curve.ends[0]
     low, value, high = (curve.crossing(level) for level in ("low", "value", "high"))
@@ -177,17 +239,19 @@ def _read(variable: str, curve: IndexCurve, method: str, most: float, ended: str
     if value is not None:
         value *= 1 - _PRECISION  # on the safe side of the crossing
     elif keeps:
-        value = low
+        value = max(low, 1.0)
     margin = curve.at(reach if value is None else value)
+    undecided = not bounded and low < 1
     return Advice(
         variable=variable,
         factor=value,
         interval=(None if value is None else low, high),
         bounded=bounded,
-        ended_by="" if bounded else ended if reach >= most else BY_SAMPLES,
+        ended_by="" if bounded else BY_SAMPLES if undecided or reach < most else ended,
         reach=reach,
         binding=margin.response,
         cpk=margin.cpk,
         method=method,
         effective=margin.effective,
+        limit=f"the interval of Cpk of {margin.response} holds its target already" if undecided else "",
     )

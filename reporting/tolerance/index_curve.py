@@ -11,12 +11,18 @@ from reporting.arrays import Array
 from reporting.tolerance.response_surface import MOST_BEYOND, Surface, beyond, fit_surface, moved_cpk
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.weighted_intervals import LotLabels
-from reporting.tolerance.whatif import too_few, what_if_all
+from reporting.tolerance.whatif import WhatIf, too_few, what_if_all
 
 _UP, _DOWN = 1.1, 0.85  # steps of the factor
 _REFINEMENTS = 3  # of a crossing, and of the end of what can be answered
+# A larger share of runs without a value decides more than any index of the others.
+MOST_FAILED = 0.01
+FAILURES = "runs without a value"
+_ROUNDING = 1e-9  # of a share
 
 Limits = Mapping[str, tuple[float | None, float | None]]
+# Low end, value and high end of Cpk by response.
+Indices = dict[str, tuple[float, float, float]]
 
 
 @dataclass(frozen=True)
@@ -28,9 +34,9 @@ class Margin:
     low, value, high : float
         Each the least of all responses.
     response : str
-        The response with the least margin.
-    cpk : float
-        Its Cpk.
+        The response with the least margin, or "runs without a value".
+    cpk : float or None
+        Its Cpk; None of runs without a value.
     effective : float or None
         Effective sample size; None without reweighting.
     """
@@ -39,7 +45,7 @@ class Margin:
     value: float
     high: float
     response: str
-    cpk: float
+    cpk: float | None
     effective: float | None
 
 
@@ -66,39 +72,63 @@ class Question:
     confidence: float
     lots: LotLabels | None
 
-    def reweighted(self, change: Change) -> Margin | str:
-        """Return the margin by reweighting, or why there is none."""
+    def weighted(self, change: Change) -> tuple[Indices, WhatIf] | str:
+        """Return the indices by reweighting and the answer that misses most runs, or why there is none."""
         answers = what_if_all(self.responses, change, self.limits, self.confidence, self.lots)
-        indices = {}
-        for name, answer in answers.items():
+        for answer in answers.values():
             if answer.refusal:
                 return answer.refusal
-            if answer.cpk is not None:  # a response without spread keeps its target
-                indices[name] = (answer.cpk.interval[0], answer.cpk.value, answer.cpk.interval[1])
-        return self._least(indices, next(iter(answers.values())).effective)
+        indices = {
+            name: (answer.cpk.interval[0], answer.cpk.value, answer.cpk.interval[1])
+            for name, answer in answers.items()
+            if answer.cpk is not None  # a response without spread keeps its target
+        }
+        return indices, max(answers.values(), key=lambda answer: answer.missing or 0.0)
+
+    def reweighted(self, change: Change) -> Margin | str:
+        """Return the margin by reweighting, or why there is none.
+
+        Runs without a value have a margin too: their share must not exceed 1 %, or what it is now.
+        """
+        found = self.weighted(change)
+        if isinstance(found, str):
+            return found
+        indices, worst = found
+        allowed = max(MOST_FAILED, worst.dropped / max(worst.n + worst.dropped, 1)) + _ROUNDING
+        return self._least(indices, worst.effective, allowed - (worst.missing or 0.0))
 
     def modelled(self, variable: str, change: Change, factor: float) -> Margin | str:
         """Return the margin by moving the samples with the responses' polynomials, or why there is none."""
-        if change.moved is None or variable not in self.columns:
+        indices = self.moved(variable, change, factor)
+        return indices if isinstance(indices, str) else self._least(indices, None)
+
+    def moved(self, variable: str, change: Change, factor: float) -> Indices | str:
+        """Return the indices by moving the samples with the responses' polynomials, or why there is none."""
+        moved = {name: np.asarray(x, np.float64) for name, x in change.moved_to(variable).items()}
+        if not moved or not moved.keys() <= self.columns.keys():
             return f"{variable} has no density"
         if isinstance(self._surfaces, str):
             return self._surfaces
-        x, to = self.columns[variable], np.asarray(change.moved, np.float64)
-        if beyond(x, to) > MOST_BEYOND:
-            return (
-                f"more than {100 * MOST_BEYOND:g} % of the values of {variable} would lie beyond those of the campaign"
-            )
-        at, indices = list(self.columns).index(variable), {}
+        far = next((name for name, to in moved.items() if beyond(self.columns[name], to) > MOST_BEYOND), "")
+        if far:
+            return f"more than {100 * MOST_BEYOND:g} % of the values of {far} would lie beyond those of the campaign"
+        if factor > 1 and not all(np.isfinite(y).all() for y in self.responses.values()):
+            return "some runs have no value, and no polynomial tells how many more would have none"
+        indices: Indices = {}
         for name, surface in self._surfaces.items():
             has = np.isfinite(self.responses[name])
-            standard = (to[has] - x[has].mean()) / x[has].std()
+            standard = {
+                list(self.columns).index(v): (to[has] - self.columns[v][has].mean()) / self.columns[v][has].std()
+                for v, to in moved.items()
+            }
             lots = None if self.lots is None else self.lots[has]
-            if refusal := too_few(standard.size, np.ones(standard.size), lots):
+            count = int(np.count_nonzero(has))
+            if refusal := too_few(count, np.ones(count), lots):
                 return refusal
-            found = moved_cpk(surface, (at, standard, factor), self.limits[name], self.confidence, lots)
+            found = moved_cpk(surface, (standard, factor), self.limits[name], self.confidence, lots)
             if found is not None:
                 indices[name] = (found[1][0], found[0], found[1][1])
-        return self._least(indices, None)
+        return indices
 
     @cached_property
     def _surfaces(self) -> dict[str, Surface] | str:
@@ -112,13 +142,15 @@ class Question:
             surfaces[name] = surface
         return surfaces
 
-    def _least(self, indices: Mapping[str, tuple[float, float, float]], effective: float | None) -> Margin | str:
-        """Return the least margins of responses with the low end, value and high end of Cpk."""
+    def _least(self, indices: Indices, effective: float | None, spare: float = math.inf) -> Margin | str:
+        """Return the least margins of responses with the low end, value and high end of Cpk, and of failures."""
         if not indices:
             return "no response has a spread"
         low, value, high = (
             min(ends[level] - self.targets[name] for name, ends in indices.items()) for level in range(3)
         )
+        if spare < min(value, 0.0):  # a share is no index: it counts where it is exceeded
+            return Margin(min(low, spare), spare, min(high, spare), FAILURES, None, effective)
         response = min(indices, key=lambda name: indices[name][1] - self.targets[name])
         return Margin(low, value, high, response, indices[response][1], effective)
 

@@ -57,20 +57,22 @@ class Surface:
     quadratic: bool
     unexplained: float
 
-    def moved(self, variable: int, to: Array) -> tuple[NDArray[np.intp], Array]:
-        """Return which terms change where one standardised variable has other values, and by how much.
+    def moved(self, to: Mapping[int, Array]) -> tuple[NDArray[np.intp], Array]:
+        """Return which terms change where some standardised variables have other values, and by how much.
 
         The change has shape (n, changed terms).
         """
-        by = to - self.x[:, variable]
+        x = self.x.copy()
+        x[:, list(to)] = np.column_stack(list(to.values()))
+        columns = 1 + np.array(list(to), np.intp)
+        by = x[:, columns - 1] - self.x[:, columns - 1]
         if not self.quadratic:
-            return np.array([1 + variable]), by[:, None]
-        i, j = np.triu_indices(self.x.shape[1])
-        changed = np.flatnonzero((i == variable) | (j == variable))
-        others = i[changed] + j[changed] - variable
-        partner = np.where(others == variable, (to + self.x[:, variable])[:, None], self.x[:, others])
-        columns = np.concatenate([[1 + variable], 1 + self.x.shape[1] + changed])
-        return columns, np.column_stack([by, by[:, None] * partner])
+            return columns, by
+        i, j = np.triu_indices(x.shape[1])
+        changed = np.flatnonzero(np.isin(i, list(to)) | np.isin(j, list(to)))
+        i, j = i[changed], j[changed]
+        products = x[:, i] * x[:, j] - self.x[:, i] * self.x[:, j]
+        return np.concatenate([columns, 1 + x.shape[1] + changed]), np.column_stack([by, products])
 
 
 def fit_surface(y: Array, variables: Mapping[str, Array]) -> Surface | None:
@@ -102,21 +104,21 @@ def fit_surface(y: Array, variables: Mapping[str, Array]) -> Surface | None:
 
 def moved_cpk(
     surface: Surface,
-    change: tuple[int, Array, float],
+    change: tuple[Mapping[int, Array], float],
     limits: tuple[float | None, float | None],
     confidence: float,
     lots: LotLabels | None,
 ) -> tuple[float, Interval] | None:
-    """Return Cpk with one variable moved, and its interval; None if there is no spread.
+    """Return Cpk with some variables moved, and its interval; None if there is no spread.
 
     The interval allows for the error of the samples and of the coefficients, and its lower end for an unexplained part
-    that grows with the variable.
+    that grows with the variables.
 
     Parameters
     ----------
     surface : Surface
-    change : (int, array of shape (n,), float)
-        Number of the variable, its new standardised values, and the factor on its standard deviation.
+    change : (mapping of int to array of shape (n,), float)
+        New standardised values by number of the variable, and the factor on their standard deviations.
     limits : (lsl, usl)
         At least one.
     confidence : float
@@ -124,8 +126,8 @@ def moved_cpk(
     lots : array, shape (n,), or None
         Production lot of each sample.
     """
-    variable, to, factor = change
-    columns, difference = surface.moved(variable, to)
+    to, factor = change
+    columns, difference = surface.moved(to)
     # sums without a matrix product: on so few columns the threads of one would cost more than they save
     y = surface.y + np.einsum("ij,j->i", difference, surface.coefficients[columns])
     n, mean, std = y.size, float(y.mean()), float(y.std(ddof=1))

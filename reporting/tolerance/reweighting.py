@@ -12,6 +12,7 @@ refused above ``HILL_BAR`` where the fitted shape exceeds ``CLEAR_TAIL`` too, an
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,15 +46,28 @@ class Change:
         Probability of new values outside the range of the old distribution.
     spread : float or None
         Ratio of the new to the old standard deviation of the changed variable; only `reporting.tolerance.advice` uses
-        it and `moved`.
-    moved : array, shape (n,), or None
-        The changed variable's values at the same ranks under the new distribution, if it has a density.
+        it and what follows.
+    moved : array, shape (n,), or mapping of str to such an array, or None
+        The changed variable's values at the same ranks under the new distribution, if it has a density; of several
+        changed variables by name.
+    limit : str
+        Why `spread` is nearer to 1 than was asked for; empty if it is what was asked for.
+    settings : tuple of str
+        What to write in the campaign file for this change, each ``VARIABLE.KEY=VALUE``.
     """
 
     log_ratio: ArrayLike
     outside: float = 0.0
     spread: float | None = None
-    moved: ArrayLike | None = None
+    moved: ArrayLike | Mapping[str, ArrayLike] | None = None
+    limit: str = ""
+    settings: tuple[str, ...] = ()
+
+    def moved_to(self, variable: str) -> Mapping[str, ArrayLike]:
+        """Return the new values by variable, if `variable` is the one that changes where only one does."""
+        if self.moved is None:
+            return {}
+        return self.moved if isinstance(self.moved, Mapping) else {variable: self.moved}
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import pyarrow as pa
 
 from campaign.inputs.sampling import sampler_named
 from reporting import Design, ReportSpec, ResponseSpec, VariableSpec
-from reporting.analysis import Analysis, Widen, analyse
+from reporting.analysis import Analysis, Rescale, analyse
 from reporting.samples import read_samples
 
 if TYPE_CHECKING:
@@ -88,10 +88,10 @@ def c60_table(n: int, failures: int = 0, seed: int = 7) -> pa.Table:
 
 
 def analysis_of(
-    rows: "Rows", spec: ReportSpec, widen: Widen | None = None, against: "tuple[Rows, ReportSpec] | None" = None
+    rows: "Rows", spec: ReportSpec, rescale: Rescale | None = None, against: "tuple[Rows, ReportSpec] | None" = None
 ) -> Analysis:
     """Return the analysis of a table of samples."""
-    return analyse(read_samples(rows, spec), spec, widen, against)
+    return analyse(read_samples(rows, spec), spec, rescale, against)
 
 
 def drawn_by(sampler: str) -> dict[str, object]:

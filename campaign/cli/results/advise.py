@@ -1,7 +1,7 @@
 """``clearcap advise``: how far tolerances may grow, answered by the samples of a campaign without new runs."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,12 +11,7 @@ from campaign.cli.output import Json, number, print_json, print_table, print_tex
 if TYPE_CHECKING:
     from reporting.tolerance.advice import Advice
     from reporting.tolerance.allocation import Allocation
-
-_ENDS = {
-    "samples": "the samples, which say nothing of more",
-    "bounds": "its bounds, which allow no more",
-    "search": "nothing that was tried",
-}
+    from reporting.tolerance.tolerance_advice import ToleranceAdvice
 
 
 def advise(
@@ -27,11 +22,11 @@ def advise(
     store: StoreUrl = "runs",
     json: Json = False,
 ) -> None:
-    """Show how far each tolerance may grow, or with --cost which set of tolerances is cheapest."""
+    """Show which tolerances must shrink and which may grow, or with --cost which set of tolerances is cheapest."""
     from dataclasses import asdict
 
     from campaign.reports.cost_file import read_costs
-    from campaign.reports.tolerances import cheapest_tolerances, tolerance_advice
+    from campaign.reports.tolerances import advice_of, cheapest_tolerances
     from campaign.store import open_store
     from campaign.store.files.patience import QUICK
 
@@ -39,12 +34,13 @@ def advise(
     plan = opened.plan(opened.find(campaign))
     document = {"campaign": plan.campaign_id, "store": opened.url}
     if cost is None:
-        advice, below = tolerance_advice(opened, plan)
+        advised = advice_of(opened, plan)
         if json:
-            lifting = {name: [asdict(each) for each in needed] for name, needed in below.items()}
-            print_json({**document, "advice": [asdict(each) for each in advice], "below": lifting})
+            print_json({**document, **_advice_document(advised)})
         else:
-            _print_advice(advice, below)
+            _print_advice(advised)
+        if advised.note:
+            say(advised.note)
         return
     proposal = cheapest_tolerances(opened, plan, read_costs(cost, plan))
     if json:
@@ -56,29 +52,58 @@ def advise(
         raise typer.Exit(1)
 
 
-def _print_advice(advice: "tuple[Advice, ...]", below: "dict[str, tuple[Advice, ...]]") -> None:
-    """Print one row a variable: how far it may grow, and how far it must shrink for each response below Cpk 1.33."""
-    heads = ("variable", "factor", "95 % interval", "limited by", "Cpk at the factor", "method")
-    if advice:
-        title = "factor on the present sigma of each variable alone with which no response falls below Cpk 1.33"
-        print_table(title, heads, [_row(each) for each in advice])
-    for response, needed in below.items():
-        title = f"{response} is below Cpk 1.33: factor on the present sigma of each variable alone that reaches 1.33"
-        print_table(title, heads, [_row(each) for each in needed])
+def _advice_document(advised: "ToleranceAdvice") -> dict[str, Any]:
+    """Return the advice as data."""
+    from dataclasses import asdict
+
+    return {
+        "advice": [asdict(each) for each in advised.growth],
+        "kept": advised.kept,
+        "below": {each.response: [asdict(a) for a in each.alone] for each in advised.shortfalls},
+        "together": {each.response: each.together and asdict(each.together) for each in advised.shortfalls},
+        "remedies": {each.response: each.text for each in advised.shortfalls},
+        "note": advised.note,
+    }
+
+
+def _print_advice(advised: "ToleranceAdvice") -> None:
+    """Print what must shrink for each response below Cpk 1.33, then how far each variable may grow with the others."""
+    heads = ("variable", "factor", "95 % interval", "limited by", "Cpk then", "write, or ask whatif --set", "method")
+    for short in advised.shortfalls:
+        title = (
+            f"{short.response} is below Cpk 1.33: factor on the present sigma of each variable alone that reaches 1.33"
+        )
+        together = () if short.together is None else (short.together,)
+        print_table(title, heads, [_row(each) for each in (*short.alone, *together)])
+        print_text(short.text)
+    if not advised.growth:
+        return
+    title = f"factor on the present sigma of each variable alone with which {', '.join(advised.kept)} keep Cpk 1.33"
+    print_table(title, heads, [_row(each) for each in advised.growth])
+    print_text("Each factor holds while all other variables stay as they are; two at once are another question.")
+    for each in advised.growth:
+        for response, cpk in each.below.items():
+            print_text(f"{each.variable} at {each.factor:.3g}: {response}, already below Cpk 1.33, falls to {cpk:.4g}")
 
 
 def _row(advice: "Advice") -> tuple[str, ...]:
     """Return the cells of one variable."""
     if advice.refusal:
-        return advice.variable, "no answer", "-", advice.refusal, "-", "-"
-    numbers = number(advice.cpk, 4), advice.method
+        return advice.variable, "no answer", "-", advice.refusal, "-", "-", "-"
+    ends = number(advice.cpk, 4), " ".join(advice.settings) or "-", advice.method
     if advice.factor is None:
-        return advice.variable, "no factor", "-", f"{advice.binding}, down to {advice.reach:.3g}", *numbers
+        return advice.variable, "no factor", "-", f"{advice.binding}, down to {advice.reach:.3g}", *ends
     low, high = advice.interval
     if not advice.bounded:
-        return advice.variable, f"at least {advice.factor:.3g}", "-", f"{_ENDS[advice.ended_by]}", *numbers
+        return advice.variable, f"at least {advice.factor:.3g}", "-", _end_of(advice), *ends
     interval = f"{number(low, 3)} {'or more' if high is None else f'to {high:.3g}'}"
-    return advice.variable, f"{advice.factor:.3g}", interval, advice.binding or "-", *numbers
+    return advice.variable, f"{advice.factor:.3g}", interval, advice.binding or "-", *ends
+
+
+def _end_of(advice: "Advice") -> str:
+    """Return why an advice ends without a response that limits it."""
+    words = {"samples": "the samples, which say nothing of more", "search": "nothing that was tried"}
+    return advice.limit or words[advice.ended_by]
 
 
 def _print_allocation(proposal: "Allocation") -> None:

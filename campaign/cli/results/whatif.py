@@ -1,5 +1,6 @@
 """``clearcap whatif``: other distributions, answered by the samples of a campaign without new runs."""
 
+import math
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -23,11 +24,13 @@ Settings = Annotated[
 def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs", json: Json = False) -> None:  # noqa: B006
     """Estimate the capability under other distributions by weighting the computed samples, without new runs.
 
-    Exit status 1 if the samples are too few for an answer; a message then says how many new runs it takes.
+    Exit status 1 if a response has no answer; a message then says which, why, and how many new runs it takes. The
+    answers of the other responses are printed all the same.
     """
     from dataclasses import asdict
 
     from campaign.errors import SpecError
+    from campaign.reports.variable_settings import changed_variables
     from campaign.reports.whatif import what_if
     from campaign.store import open_store
     from campaign.store.files.patience import QUICK
@@ -37,18 +40,41 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
     opened = open_store(store, QUICK)
     plan = opened.plan(opened.find(campaign))
     answers = what_if(opened, plan, settings)
+    assumptions = changed_variables(plan.spec, settings).assumptions
     if json:
         responses = {name: asdict(answer) for name, answer in answers.items()}
-        print_json({"campaign": plan.campaign_id, "store": opened.url, "set": settings, "responses": responses})
+        document = {"campaign": plan.campaign_id, "store": opened.url, "set": settings, "assumed": assumptions}
+        print_json({**document, "responses": responses})
     else:
         _print(answers, plan.mechanism.response_units())
-    refused = {answer.refusal: answer.runs for answer in answers.values() if answer.refusal}
-    for note in dict.fromkeys(f"{name}: {note}" for name, answer in answers.items() for note in answer.notes):
-        say(note)
-    for reason, runs in refused.items():
-        say(f"no answer: {reason}; run a campaign with these distributions; {runs} samples determine Cpk to 5 %")
+    for assumption in assumptions:
+        say(assumption)
+    for words in _failures(answers):
+        say(words)
+    for note in dict.fromkeys(note for answer in answers.values() for note in answer.notes):
+        say(f"{', '.join(name for name, answer in answers.items() if note in answer.notes)}: {note}")
+    refused = {name: answer for name, answer in answers.items() if answer.refusal}
+    for reason in dict.fromkeys(answer.refusal for answer in refused.values()):
+        names = [name for name, answer in refused.items() if answer.refusal == reason]
+        runs = max(refused[name].runs for name in names)
+        of = "any response" if len(names) == len(answers) > 1 else ", ".join(names)
+        say(
+            f"no answer for {of}: {reason}; run a campaign with these distributions;"
+            f" {runs} samples determine Cpk, or sigma without limits, to 5 %"
+        )
     if refused:
         raise typer.Exit(1)
+
+
+def _failures(answers: "dict[str, WhatIf]") -> list[str]:
+    """Return how many runs would have no value, once for all responses of which that is the same."""
+    by_words: dict[str, list[str]] = {}
+    for name, answer in answers.items():
+        if answer.missing is not None and answer.dropped:
+            now = answer.dropped / (answer.n + answer.dropped)
+            words = f"{100 * answer.missing:.3g} % of the runs would have no value (now {100 * now:.3g} %)"
+            by_words.setdefault(words, []).append(name)
+    return [f"{', '.join(names)}: {words}; the numbers are those of the others" for words, names in by_words.items()]
 
 
 def _print(answers: "dict[str, WhatIf]", units: dict[str, str]) -> None:
@@ -67,7 +93,14 @@ def _cell(estimate: "Estimate | None") -> str:
     if estimate is None:
         return "-"
     low, high = estimate.interval
-    return f"{number(estimate.value)} ({number(low, 4)} to {number(high, 4)})"
+    if not high > low:
+        return number(estimate.value)
+    if not math.isfinite(high - low):
+        return f"{number(estimate.value)} (no interval)"
+    # as many digits as tell the ends of the interval from each other
+    digits = 2 + math.floor(math.log10(max(abs(low), abs(high))) - math.log10(high - low))
+    places = min(max(digits + 1, 5), 17)
+    return f"{number(estimate.value, places)} ({number(low, places)} to {number(high, places)})"
 
 
 def _ppm(answer: "WhatIf") -> str:

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from campaign.cli import app
 from campaign.errors import CampaignError, SpecError
 from campaign.plan import make_plan
-from campaign.reports.tolerances import tolerance_advice
+from campaign.reports.tolerances import advice_of
 from campaign.reports.whatif import what_if
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
@@ -39,7 +39,7 @@ def test_samples_of_no_distribution_are_not_weighted(filled):
     with pytest.raises(SpecError, match="do not follow distributions"):
         what_if(store, corners, ["J1.std=0.01"])
     with pytest.raises(SpecError, match="do not follow distributions"):
-        tolerance_advice(store, corners)
+        advice_of(store, corners)
 
 
 def test_a_campaign_without_rows_is_one_message(store, plan):

@@ -21,8 +21,9 @@ def odd_analyses():
     """Yield analyses of campaigns with as much, and as little, in them as there can be."""
     table, spec = c60_table(400, 9), c60_spec(400)
 
-    def flat(variable, columns, factor):
-        return Change(0.0 * columns[variable], 0.0, factor)
+    def flat(factors, columns):
+        (name, factor), *_ = factors.items()
+        return Change(0.0 * columns[name], 0.0, factor)
 
     yield analysis_of(table, spec, flat, (c60_table(300, seed=1), c60_spec(300)))
     yield analysis_of(table, replace(spec, production_batch_column="steps", correlations=(("J1", "J2", 0.1),)))

@@ -1,0 +1,229 @@
+"""What the samples advise on tolerances: what must shrink for the responses below their target, and what may grow.
+
+Three questions, each of one variable while the others stay:
+
+1. Of each response below the target: how far must the variable's spread shrink to lift it there? And how far must the
+   spreads of all variables shrink together?
+2. Of the responses at the target: how far may the variable's spread grow while all of them stay there?
+3. What would that growth make of those below?
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from reporting.arrays import Array, random_rows
+from reporting.tolerance.advice import ADVISED_ROWS, LEAST_FACTOR, REWEIGHTING, Advice, Rows, advise_one, asked
+from reporting.tolerance.index_curve import MOST_FAILED, Limits, Question
+from reporting.tolerance.reweighting import Change
+from reporting.tolerance.weighted_intervals import LotLabels
+
+ALL_TOGETHER = "all variables together"
+_KEPT_CHANGES = 64  # of one variable, for the next question
+_SAME_INDEX = 1e-3  # a smaller loss of Cpk is no loss
+
+Rescale = Callable[[Mapping[str, float], Rows], Change]
+
+
+@dataclass(frozen=True)
+class Shortfall:
+    """What lifts one response to its target.
+
+    Attributes
+    ----------
+    response : str
+    cpk, target : float
+        Its index now, and the one it must have.
+    centred : float or None
+        Its Cpk with the mean in the middle between the limits; None with one limit.
+    alone : tuple of Advice
+        How far the spread of each variable must shrink while the others stay.
+    together : Advice or None
+        By what factor the spreads of all variables must shrink; None where there is nothing to shrink.
+    text : str
+        What to do, in words.
+    """
+
+    response: str
+    cpk: float
+    target: float
+    centred: float | None
+    alone: tuple[Advice, ...]
+    together: Advice | None
+    text: str
+
+
+@dataclass(frozen=True)
+class ToleranceAdvice:
+    """What the samples advise.
+
+    Attributes
+    ----------
+    kept : tuple of str
+        Responses at their target, which the growth keeps there.
+    growth : tuple of Advice
+        How far the spread of each variable may grow; empty if no response is at its target.
+    shortfalls : tuple of Shortfall
+        Responses below their target, the worst first.
+    note : str
+        Why there is no advice, or what it leaves out.
+    """
+
+    kept: tuple[str, ...] = ()
+    growth: tuple[Advice, ...] = ()
+    shortfalls: tuple[Shortfall, ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class AdvisedSamples:
+    """The samples that are asked.
+
+    Attributes
+    ----------
+    responses : mapping of str to array, each of shape (n,)
+        Values of all samples drawn independently, failed ones too; NaN where a run has none.
+    limits : mapping of str to (lsl, usl)
+    columns : mapping of str to array, each of shape (n,)
+        The variables.
+    varied : sequence of str
+        Variables whose spread may change.
+    lots : array, shape (n,), or None
+        Production lot of each sample.
+    """
+
+    responses: Mapping[str, ArrayLike]
+    limits: Limits
+    columns: Mapping[str, Array]
+    varied: Sequence[str]
+    lots: LotLabels | None = None
+
+
+def tolerance_advice(
+    samples: AdvisedSamples, cpks: Mapping[str, float | None], target: float, rescale: Rescale, confidence: float = 0.95
+) -> ToleranceAdvice:
+    """Return what the samples advise.
+
+    Parameters
+    ----------
+    samples : AdvisedSamples
+    cpks : mapping of str to float or None
+        Cpk of the responses with limits, over the samples with a value; None where it is undefined.
+    target : float
+        Cpk that every response must have.
+    rescale : callable (factors by variable, rows) -> Change
+        What the standard deviations of some variables, each times a factor, make of these rows.
+    confidence : float
+        Of the intervals, two-sided.
+    """
+    known = {name: cpk for name, cpk in cpks.items() if cpk is not None}
+    if not known:
+        return ToleranceAdvice(note="No advice: no response has limits and values that vary.")
+    if not samples.varied:
+        return ToleranceAdvice(note="No advice: no variable varies.")
+    values = {name: np.asarray(samples.responses[name], np.float64) for name in known}
+    failed = max(float(np.mean(~np.isfinite(y))) for y in values.values())
+    if failed > MOST_FAILED:
+        return ToleranceAdvice(note=_too_many_failed(failed))
+    below = sorted((name for name, cpk in known.items() if cpk < target), key=lambda name: known[name])
+    kept = tuple(name for name in known if name not in below)
+    rows = random_rows(next(iter(values.values())).size)[:ADVISED_ROWS]
+
+    def question(names: Sequence[str]) -> Question:
+        of = {name: values[name] for name in names}
+        return asked(of, samples.limits, dict.fromkeys(of, target), samples.columns, rows, confidence, samples.lots)
+
+    free = [v for v in samples.varied if rescale({v: LEAST_FACTOR}, rows[:1]).spread in (None, LEAST_FACTOR)]
+    together = [ALL_TOGETHER] if len(free) > 1 else []
+    alone: dict[str, list[Advice]] = {name: [] for name in below}
+    growth: list[Advice] = []
+    questions = {name: question([name]) for name in below}
+    of_kept, of_missed = (question(names) if names else None for names in (kept, below))
+    for variable in [*samples.varied, *together]:  # the changes of one variable serve all questions
+        names = free if variable == ALL_TOGETHER else [variable]
+        change = lru_cache(_KEPT_CHANGES)(partial(_scaled, rescale, tuple(names), rows))
+        for name, asked_of in questions.items():
+            alone[name].append(advise_one(variable, asked_of, change))
+        if of_kept is not None and variable != ALL_TOGETHER:
+            found = advise_one(variable, of_kept, change)
+            growth.append(
+                found if of_missed is None else replace(found, below=_losses(found, of_missed, change, known))
+            )
+    shortfalls = []
+    for name, found_of in alone.items():
+        single, all_of = tuple(found_of[: len(samples.varied)]), next(iter(found_of[len(samples.varied) :]), None)
+        centred = _centred(values[name], *samples.limits[name])
+        text = _remedy(name, values[name], samples.limits[name], (known[name], target, centred), single, all_of)
+        shortfalls.append(Shortfall(name, known[name], target, centred, single, all_of, text))
+    return ToleranceAdvice(kept, tuple(growth), tuple(shortfalls))
+
+
+def _scaled(rescale: Rescale, names: Sequence[str], rows: Rows, factor: float) -> Change:
+    """Return what one factor on the standard deviations of some variables makes of rows."""
+    return rescale(dict.fromkeys(names, factor), rows)
+
+
+def _too_many_failed(failed: float) -> str:
+    """Return why there is no advice where many runs failed."""
+    return (
+        f"No advice: {100 * failed:.3g} % of the runs have no value, more than {100 * MOST_FAILED:g} %. They may be "
+        "the rejects, and no index of the other runs says what tolerances do to them. Find out why they failed first."
+    )
+
+
+def _losses(
+    advice: Advice, missed: Question, change: Callable[[float], Change], now: Mapping[str, float]
+) -> dict[str, float]:
+    """Return the Cpk of responses that miss their targets already and that a growth makes worse."""
+    if advice.factor is None or advice.factor <= 1:
+        return {}
+    changed = change(advice.factor)
+    if advice.method == REWEIGHTING:
+        found = missed.weighted(changed)
+        indices = found if isinstance(found, str) else found[0]
+    else:
+        indices = missed.moved(advice.variable, changed, advice.factor)
+    if isinstance(indices, str):
+        return {}
+    return {name: cpk for name, (_, cpk, _) in indices.items() if cpk < now[name] - _SAME_INDEX}
+
+
+def _centred(y: Array, lsl: float | None, usl: float | None) -> float | None:
+    """Return Cpk with the mean in the middle between two limits."""
+    if lsl is None or usl is None:
+        return None
+    return (usl - lsl) / (6 * float(np.nanstd(y, ddof=1)))
+
+
+def _remedy(
+    name: str,
+    y: Array,
+    limits: tuple[float | None, float | None],
+    indices: tuple[float, float, float | None],
+    alone: Sequence[Advice],
+    together: Advice | None,
+) -> str:
+    """Return what to do for a response below its target, in words."""
+    cpk, target, centred = indices
+    words = [f"{name} has Cpk {cpk:.4g}, below {target:g}."]
+    lsl, usl = limits
+    if cpk < 0:
+        return " ".join([*words, "Its mean lies beyond a limit: no smaller tolerance helps. Move the mean."])
+    if centred is not None and lsl is not None and usl is not None and centred >= target:
+        shift = (lsl + usl) / 2 - float(np.nanmean(y))
+        words.append(
+            f"It is off centre: a mean moved by {shift:+.3g}, to the middle between the limits, gives Cpk {centred:.4g}"
+            " with the tolerances as they are."
+        )
+    helps = sorted((each for each in alone if each.factor is not None), key=lambda each: -(each.factor or 0.0))
+    if helps:
+        first = helps[0]
+        words.append(f"The least change is {first.variable}: {first.factor:.3g} times its σ.")
+    elif not all(each.refusal for each in alone):
+        words.append("No variable alone lifts it there.")
+    if not helps and together is not None and together.factor is not None:
+        words.append(f"All variables together do at {together.factor:.3g} times their σ.")
+    return " ".join(words)
