@@ -13,8 +13,8 @@ from campaign.row_build import UNKNOWN, row_build
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.load import Campaign
 from campaign.spec.result_columns import results_schema
-from engine import build_id
-from engine.mechanism import Mechanism
+from engine import MechanismError, build_id
+from engine.mechanism import Mechanism, mechanism_from
 
 BATCH_TIME = 10.0  # s: the most a killed worker loses, and the most a cancelled campaign goes on
 LARGEST_BATCH = 500  # runs
@@ -84,9 +84,9 @@ class Plan(PlanHeader):
         header, document = parse_plan(text)
         try:
             spec = CampaignSpec.model_validate(document["spec"])
-            mechanism = Mechanism.model_validate_json(json.dumps(document["mechanism"]))
+            mechanism = mechanism_from(document["mechanism"], "mechanism")
             build, engine = document.get("row_build", UNKNOWN), document["engine_build"]
-        except (ValueError, KeyError, TypeError, RecursionError) as error:
+        except (ValueError, KeyError, TypeError, RecursionError, AttributeError, MechanismError) as error:
             raise unreadable_plan(error) from error
         if document["format"] != FORMAT:  # it has no digest
             campaign_id = _identity(spec, mechanism, {"engine": engine})

@@ -10,8 +10,8 @@ from engine.errors import MechanismError
 from engine.kernels.bilateral import row_violations
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.model import SLIDE, TURN, Contacts, Scratch, State
+from engine.mechanism.keys.values import get_value
 from engine.mechanism.models import Mechanism
-from engine.mechanism.values import get_value
 
 JOINT_TOLERANCE = 1e-5  # largest violation of an ideal joint at the start, in arms of its bodies (hence also in rad)
 

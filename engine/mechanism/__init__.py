@@ -1,8 +1,9 @@
 """The description of a mechanism: a TOML file, checked, and the mechanisms shipped with clearcap."""
 
+from engine.mechanism.keys.schema import mechanism_schema
+from engine.mechanism.keys.values import full_key, get_value, set_values, settable_keys, unit_of
 from engine.mechanism.load import library_names, load_mechanism
-from engine.mechanism.models import Mechanism, mechanism_from, mechanism_schema
-from engine.mechanism.values import full_key, get_value, set_values, settable_keys, unit_of
+from engine.mechanism.models import Mechanism, mechanism_from
 
 __all__ = [
     "Mechanism",

@@ -3,6 +3,7 @@
 import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import (
@@ -12,11 +13,16 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    PlainSerializer,
     StringConstraints,
+    ValidationError,
+    ValidationInfo,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
+from pydantic_core import InitErrorDetails, PydanticCustomError
 
+from engine.mechanism.keys.components import Axes, holds_numbers, written
+from engine.mechanism.parameters.expression import ExpressionFault, evaluate, parse
 from engine.mechanism.quantities import Quantity
 
 LARGEST_NUMBER = 1e100  # in a file: squares and products of such numbers are finite
@@ -35,6 +41,23 @@ class TableModel(BaseModel):
 
     kind_key: ClassVar[str] = "type"
     smallest: ClassVar[float] = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _expressions_become_numbers(cls, data: Any, info: ValidationInfo) -> Any:
+        """Put numbers in the place of expressions, in the keys that hold numbers, where a file may have parameters."""
+        if info.context is None or not isinstance(data, Mapping):
+            return data
+        numbers: dict[str, Any] = {}
+        refused: list[InitErrorDetails] = []
+        for key in sorted(_number_keys(cls) & data.keys()):
+            try:
+                numbers[key] = with_numbers(data[key], info.context)
+            except PydanticCustomError as error:
+                refused.append(InitErrorDetails(type=error, loc=(key,), input=data[key]))
+        if refused:
+            raise ValidationError.from_exception_data(cls.__name__, refused)
+        return {**data, **numbers}
 
     @model_validator(mode="after")
     def _numbers_have_a_real_size(self) -> Self:
@@ -67,6 +90,49 @@ def refuse(text: str, *, key: str = "", value: Any = None) -> PydanticCustomErro
         The error, for the validator to raise.
     """
     return PydanticCustomError("refused", "{text}", {"text": text, "key": key, "value": value})
+
+
+@cache
+def _number_keys(model: type[BaseModel]) -> frozenset[str]:
+    """Return the keys of a table that hold a number, or lists of numbers."""
+    fields = model.model_fields.items()
+    return frozenset(field.alias or name for name, field in fields if holds_numbers(field.annotation))
+
+
+def with_numbers(value: Any, parameters: Mapping[str, float], key: str = "") -> Any:
+    """Return a value of a file with a number in the place of each expression.
+
+    Parameters
+    ----------
+    value
+        A number, an expression, or lists of them; anything else, and a number in quotes, stays as it is.
+    parameters : mapping
+        The number of each parameter.
+    key : str
+        Where in the lists the value stands, dotted.
+
+    Raises
+    ------
+    PydanticCustomError
+        If an expression has no value.
+    """
+    if isinstance(value, list | tuple):
+        return [with_numbers(item, parameters, f"{key}.{i}" if key else str(i)) for i, item in enumerate(value)]
+    if not isinstance(value, str) or is_quoted_number(value):
+        return value
+    try:
+        return evaluate(parse(value), parameters)
+    except ExpressionFault as fault:
+        raise refuse(str(fault), key=key, value=value) from None
+
+
+def is_quoted_number(text: str) -> bool:
+    """Return whether a text is nothing but a number, which belongs into the file without quotes."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _numbers(value: Any) -> Iterator[float]:
@@ -116,19 +182,29 @@ def is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
+class UnitVector(tuple[float, float, float]):
+    """A direction of length 1; ``written`` is the vector of the file, of any length, whose components have keys."""
+
+    written: tuple[float, float, float]
+
+
 def _three_numbers(value: Any) -> tuple[float, float, float]:
+    value = written(value)
     if not isinstance(value, list | tuple) or len(value) != 3 or not all(map(is_number, value)):
         raise refuse("not a vector; allowed: three finite numbers [x, y, z]; write all three")
     return (float(value[0]), float(value[1]), float(value[2]))
 
 
-def _unit(value: tuple[float, float, float]) -> tuple[float, float, float]:
+def _unit(value: tuple[float, float, float]) -> UnitVector:
     length = math.hypot(*value)
     if not 0 < length < math.inf:
         raise refuse("has no direction; allowed: any vector but [0, 0, 0]; write the direction")
-    if abs(length - 1) < 1e-14:  # already of unit length: dividing again would change its last bits
-        return value
-    return (value[0] / length, value[1] / length, value[2] / length)
+    if abs(length - 1) >= 1e-14:  # otherwise dividing would only change its last bits
+        direction = UnitVector((value[0] / length, value[1] / length, value[2] / length))
+    else:
+        direction = UnitVector(value)
+    direction.written = value
+    return direction
 
 
 def _divisible(value: float) -> float:
@@ -139,8 +215,8 @@ def _divisible(value: float) -> float:
 
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 PositiveNumber = Annotated[Number, Field(gt=0), AfterValidator(_divisible)]
-Vector = Annotated[tuple[float, float, float], BeforeValidator(_three_numbers)]
-Direction = Annotated[Vector, AfterValidator(_unit)]
+Vector = Annotated[tuple[float, float, float], BeforeValidator(_three_numbers), Axes()]
+Direction = Annotated[Vector, AfterValidator(_unit), PlainSerializer(written, return_type=tuple[float, float, float])]
 Point = Annotated[Vector, Quantity("length")]
 Name = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*$")]
 

@@ -37,6 +37,7 @@ class Bench(TableModel):
     simulation: Table = Field(default={}, description="keys of [simulation] that differ")
     phases: tuple[Table, ...] | None = Field(default=None, description="the parts of the run, in the place of those")
     validity: tuple[str, ...] | None = Field(default=None, description="the conditions, in the place of those")
+    parameters: dict[Name, Any] = Field(default={}, description="parameters that are added, or replace those here")
     materials: Tables
     bodies: Tables
     joints: Tables
@@ -74,6 +75,8 @@ def with_bench(data: Mapping[str, Any], name: str, bench: Bench) -> dict[str, An
     for table in NAMED:
         tables[table].update(getattr(bench, table))
     merged |= {table: entries for table, entries in tables.items() if entries or table in data}
+    if parameters := {**data.get("parameters", {}), **bench.parameters}:
+        merged["parameters"] = parameters
     merged["simulation"] = {**data["simulation"], **bench.simulation}
     own = bench.model_dump(include={"title", "plot", "phases", "validity"}, exclude_unset=True)
     return merged | own

@@ -17,6 +17,7 @@ from engine.mechanism.base import (
     is_number,
     refuse,
 )
+from engine.mechanism.keys.components import Tensor
 from engine.mechanism.quantities import Quantity
 
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
@@ -81,7 +82,7 @@ class Body(TableModel):
         default=None, description="the mass of the body, a positive number"
     )
     inertia: Annotated[
-        Matrix | None, BeforeValidator(_inertia), WithJsonSchema(_INERTIA_SCHEMA), Quantity("inertia")
+        Matrix | None, BeforeValidator(_inertia), WithJsonSchema(_INERTIA_SCHEMA), Quantity("inertia"), Tensor()
     ] = Field(
         default=None,
         description="the inertia about the centre of mass in body axes: 3 x 3, or three principal moments",

@@ -3,7 +3,6 @@
 Where an error lies is found here for every file format (`locate`); each format has its own wording.
 """
 
-import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -12,6 +11,8 @@ from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
 from engine.mechanism.base import is_number
+from engine.mechanism.keys.closest import closest
+from engine.mechanism.keys.components import declared
 from engine.mechanism.quantities import Quantity, UnitSystem
 
 MOST_FAULTS = 50  # that are listed of one file
@@ -87,14 +88,9 @@ def listed(faults: Sequence[Any], count: int) -> list[Any]:
 
 
 def did_you_mean(word: str, words: Iterable[str]) -> str:
-    """Return `; did you mean 'x'?` for the one of ``words`` closest to ``word``, or nothing if none is close."""
-    close = difflib.get_close_matches(word[:100], list(words), n=1, cutoff=0.6)
-    return f"; did you mean '{close[0]}'?" if close else ""
-
-
-def field_quantity(field: FieldInfo) -> Quantity | None:
-    """Return the physical quantity a field was declared with."""
-    return next((item for item in field.metadata if isinstance(item, Quantity)), None)
+    """Return `; did you mean 'x'?` for the one of ``words`` that ``word`` is likely meant to be, or nothing."""
+    meant = closest(word, words)
+    return f"; did you mean '{meant}'?" if meant else ""
 
 
 def field_of(model: type[BaseModel], key: str) -> FieldInfo | None:
@@ -155,7 +151,7 @@ def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem
 
 def _unit(field: FieldInfo | None, system: UnitSystem) -> str:
     """Return the unit of a key's value; empty if it has none."""
-    quantity = field_quantity(field) if field else None
+    quantity = declared(field, Quantity)
     return quantity.unit(system) if quantity else ""
 
 

@@ -2,24 +2,21 @@
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import (
+    Field,
+    PrivateAttr,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from engine.errors import MechanismError
-from engine.mechanism.base import (
-    Friction,
-    Name,
-    Number,
-    PositiveNumber,
-    Restitution,
-    TableModel,
-    Vector,
-    is_number,
-    refuse,
-)
+from engine.mechanism.base import Friction, Name, Number, Restitution, TableModel, Vector, refuse
 from engine.mechanism.benches import Bench, Plot, Preset, with_bench
 from engine.mechanism.bodies import Body
 from engine.mechanism.conditions import ValidityCondition
@@ -27,88 +24,17 @@ from engine.mechanism.contacts import Contact
 from engine.mechanism.derived import ResponseDifference
 from engine.mechanism.faults import Fault, did_you_mean, faults_of, listed
 from engine.mechanism.joints import AnyJoint, Joint
+from engine.mechanism.keys.places import Place, along
 from engine.mechanism.loads import Damper, Force, Spring, Torque
 from engine.mechanism.motions import Motion
+from engine.mechanism.parameters.formulas import formulas_in, with_formulas
+from engine.mechanism.parameters.parameter_table import parameter_values
+from engine.mechanism.parameters.usage import Uses, conflicting_units, parameter_units, unused_parameters
 from engine.mechanism.quantities import Quantity, UnitSystem
 from engine.mechanism.readout import Event
 from engine.mechanism.references import pair_between, reference_faults
 from engine.mechanism.responses import Response
-
-
-class Rest(TableModel):
-    """The criterion of rest: nothing that is measured, and no contact that carries load, moves for a while."""
-
-    window: Annotated[PositiveNumber, Quantity("time")] = Field(description="how long nothing may move, a number > 0")
-    drift: Annotated[PositiveNumber, Quantity("length")] = Field(
-        description="what a measured length may change, and a loaded contact slip, meanwhile: a number > 0"
-    )
-
-
-class Adaptive(TableModel):
-    """Longer steps while everything is slow."""
-
-    longest: Annotated[PositiveNumber, Quantity("time")] = Field(
-        description="the longest time step, a number > 0; the shortest is step"
-    )
-    travel: Annotated[PositiveNumber, Quantity("length")] = Field(
-        description="how far a contact point may move in a step longer than the shortest, a number > 0"
-    )
-
-
-class Simulation(TableModel):
-    """Defaults of a run."""
-
-    step: Annotated[PositiveNumber, Quantity("time")] = Field(description="the time step, a number > 0")
-    horizon: Annotated[PositiveNumber, Quantity("time")] = Field(description="the longest simulated time, a number > 0")
-    tolerance: Annotated[PositiveNumber, Field(le=1e-3), Quantity("number")] = Field(
-        default=1e-8, description="the relative residual of the friction problem at each step, 0 to 1e-3"
-    )
-    penetration: Annotated[PositiveNumber, Quantity("length")] = Field(
-        description="the largest gap violation after a step, a number > 0"
-    )
-    wall_limit: Annotated[PositiveNumber, Quantity("real time")] = Field(
-        default=60.0, description="the longest real time of a run, a number > 0; then its status is timeout"
-    )
-    joint_violation: Annotated[PositiveNumber, Quantity("length")] = Field(
-        default=0.0,
-        validate_default=False,
-        description="the largest violation of an ideal joint after a step, a number > 0; default: penetration / 100",
-    )
-    scheme: Literal["combined", "moreau_jean"] = Field(
-        default="combined",
-        description="combined: impact law and projection of positions; moreau_jean: velocities only, gaps may drift",
-    )
-    theta: Annotated[Number, Field(ge=0.5, le=1), Quantity("number")] = Field(
-        default=0.5, description="where in a step loads and contacts are taken, 0.5 (second order) to 1 from its end"
-    )
-    adaptive: Adaptive | None = Field(
-        default=None,
-        description="longer steps while everything is slow: { longest, travel }; default: one fixed step",
-    )
-    rest: Rest = Field(description="the stop criterion: { window, drift }")
-
-    @model_validator(mode="before")
-    @classmethod
-    def _default_violation(cls, data: Any) -> Any:
-        if isinstance(data, dict) and "joint_violation" not in data and is_number(data.get("penetration")):
-            return {**data, "joint_violation": 0.01 * data["penetration"]}
-        return data
-
-
-class Phase(TableModel):
-    """A part of the run; it ends at rest, or after ``duration`` or at the event ``until``, whichever is first."""
-
-    name: Name = Field(description="what forces and torques call it")
-    duration: Annotated[PositiveNumber | None, Quantity("time")] = Field(
-        default=None, description="how long it lasts, a number > 0; default: until its event, or rest"
-    )
-    until: Event | None = Field(
-        default=None, description="the event that ends it: { response, above } or { response, below }; default: none"
-    )
-    damping: Annotated[Number, Field(ge=0), Quantity("rate")] = Field(
-        default=0.0,
-        description="rate of a drag on every body in proportion to its mass, a number >= 0; default: 0, none",
-    )
+from engine.mechanism.simulation import Phase, Simulation
 
 
 class Material(TableModel):
@@ -141,6 +67,9 @@ class Mechanism(TableModel):
     validity: tuple[ValidityCondition, ...] = Field(
         default=(), description='the conditions a valid result meets, such as "latch_overlap > 0"'
     )
+    parameters: dict[Name, Number] = Field(
+        default={}, description="numbers with a name, used in expressions in the place of other numbers"
+    )
     simulation: Simulation = Field(description="the defaults of a run")
     phases: Annotated[tuple[Phase, ...], Field(min_length=1)] = Field(
         default=(Phase(name="run"),), description="the parts of a run, in order"
@@ -161,6 +90,25 @@ class Mechanism(TableModel):
         default={}, description="test benches: tables of this file that are added to it, and what is taken away"
     )
     presets: dict[Name, Preset] = Field(default={}, description="named sets of values, such as a measured prototype's")
+
+    _formulas: dict[str, str] = PrivateAttr(default_factory=dict)
+
+    @property
+    def formulas(self) -> dict[str, str]:
+        """Key -> expression, of each number that its file gives as one."""
+        return self._formulas
+
+    def with_tables(self, tables: Mapping[str, Any], formulas: dict[str, str]) -> "Mechanism":
+        """Return the mechanism with some of its tables, checked before, and other formulas."""
+        changed = self.model_copy(update=tables)
+        changed._formulas = formulas
+        return changed
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Dump with expressions in the place of their numbers; without the table of parameters if there is none."""
+        dump: dict[str, Any] = with_formulas(self, self._formulas, handler(self))
+        return dump if self.parameters else {key: entry for key, entry in dump.items() if key != "parameters"}
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -199,6 +147,36 @@ class Mechanism(TableModel):
             material.friction if pair.friction is None else pair.friction,
             material.restitution if pair.restitution is None else pair.restitution,
         )
+
+    def unit_at(self, place: Place) -> str:
+        """Return the unit of the number at a place that is no parameter; ``"1"`` for a pure number."""
+        if isinstance(place.owner, Event):
+            return self.response_units()[place.owner.response]
+        quantity = place.quantity()
+        return quantity.unit(self.units) if quantity else "1"
+
+    def parameter_unit(self, name: str) -> str:
+        """Return the unit of a parameter, as far as its use tells; ``"1"`` for a pure number, or if it does not."""
+        uses = [*self._uses(scaled=False).get(name, ()), *self._uses(scaled=True).get(name, ())]
+        return next((unit for unit in uses if unit != "1"), "1")
+
+    def parameter_faults(self) -> list[Fault]:
+        """Return what is wrong with how parameters are used: in two units, or not at all."""
+        unused = (
+            ()
+            if self.bench
+            else unused_parameters(
+                self.parameters, self._formulas, [bench.model_dump() for bench in self.benches.values()]
+            )
+        )
+        return [*unused, *conflicting_units(self._uses(scaled=False), self.parameters)]
+
+    def _uses(self, *, scaled: bool) -> Uses:
+        """Return the units in which each parameter is used, and a key for each."""
+        places = {key: along(self, key.split("."))[-1] for key in self._formulas}
+        told = {key: place for key, place in places.items() if place.quantity() or isinstance(place.owner, Event)}
+        units = {key: self.unit_at(place) for key, place in told.items()}
+        return parameter_units(self._formulas, units, scaled=scaled)
 
     def unit(self, quantity: str) -> str:
         """Return the unit of a quantity, such as ``"length"`` or ``"time"``, in this mechanism's system."""
@@ -271,20 +249,28 @@ def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
     MechanismError
         With one line for each fault of the file, not only the first.
     """
+    table = data.get("parameters", {})
+    values, faults = parameter_values(table) if isinstance(table, dict) else ({}, [])
+    if faults:  # whatever uses a parameter would be a fault, too
+        raise _refused(source, faults, len(faults))
     try:
-        return Mechanism.model_validate(data)
+        read = {**data, "parameters": values} if values else data
+        mechanism = Mechanism.model_validate(read, context=values)
     except ValidationError as error:
         system: UnitSystem = "SI" if data.get("units") == "SI" else "mm-g-ms"
-        faults: list[Fault] = faults_of(error, Mechanism, system)
-        count = error.error_count()
+        faults, count = faults_of(error, Mechanism, system), error.error_count()
         if error.errors()[0]["type"] == "references":
             faults, count = [], 0
         references = reference_faults(data)
-        faults, count = faults + references, count + len(references)
+        raise _refused(source, faults + references, count + len(references)) from None
+    formulas = dict(formulas_in(Place(mechanism), data))
+    mechanism = mechanism.with_tables({}, formulas)
+    if faults := mechanism.parameter_faults():
+        raise _refused(source, faults, len(faults))
+    return mechanism
+
+
+def _refused(source: str, faults: list[Fault], count: int) -> MechanismError:
+    """Return the error that lists the faults of a file; there are ``count``, if some are not among them."""
     lines = "\n".join(f"  {fault}" for fault in listed(faults, count))
-    raise MechanismError(f"{source}: {count} fault{'s' if count > 1 else ''}\n{lines}") from None
-
-
-def mechanism_schema() -> dict[str, Any]:
-    """Return the JSON Schema of the mechanism file, for editors and other programs."""
-    return Mechanism.model_json_schema(by_alias=True)
+    return MechanismError(f"{source}: {count} fault{'s' if count > 1 else ''}\n{lines}")

@@ -20,6 +20,7 @@ from engine.mechanism.base import (
     is_number,
     refuse,
 )
+from engine.mechanism.keys.components import Each
 from engine.mechanism.quantities import Quantity
 
 _TWO_SIZES = {"type": "array", "items": {"type": "number", "exclusiveMinimum": 0}, "minItems": 2, "maxItems": 2}
@@ -125,7 +126,7 @@ class Rectangle(TableModel):
     normal: Direction = Field(description="the normal of the face, pointing to the free side")
     along: Direction = Field(description="the direction of the face's first side")
     half_lengths: Annotated[
-        tuple[float, float], BeforeValidator(_two_sizes), WithJsonSchema(_TWO_SIZES), Quantity("length")
+        tuple[float, float], BeforeValidator(_two_sizes), WithJsonSchema(_TWO_SIZES), Quantity("length"), Each(gt=0.0)
     ] = Field(description="half the sides of the face, along `along` and across it, two numbers > 0")
     depth: Annotated[PositiveLength | None, Quantity("length")] = Field(
         default=None,

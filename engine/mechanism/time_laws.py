@@ -37,9 +37,18 @@ class TableLaw(TableModel):
         description="the points [time, value], two or more, at increasing times",
         json_schema_extra={"minItems": 2},
     )
+    value_quantity: ClassVar[str]
+    """The quantity of the values."""
+
     interpolation: Literal["linear", "smooth"] = Field(
         default="linear", description="between the points: linear, or smooth (monotone cubics, flat at both ends)"
     )
+
+
+class FactorTable(TableLaw):
+    """A table of factors."""
+
+    value_quantity: ClassVar[str] = "number"
 
 
 class MotionTable(TableLaw):
@@ -55,6 +64,18 @@ class MotionTable(TableLaw):
                 key="table",
             )
         return self
+
+
+class TravelTable(MotionTable):
+    """A table of a translation."""
+
+    value_quantity: ClassVar[str] = "length"
+
+
+class TurnTable(MotionTable):
+    """A table of a rotation."""
+
+    value_quantity: ClassVar[str] = "angle"
 
 
 class Sine(TableModel):
@@ -124,17 +145,17 @@ class TurnRamp(TableModel):
 _TABLE, _SINE, _RAMP = "points of time", "a sine", "a constant speed"
 
 FactorLaw = Annotated[
-    Annotated[TableLaw, Tag("table")] | Annotated[FactorSine, Tag("amplitude")],
+    Annotated[FactorTable, Tag("table")] | Annotated[FactorSine, Tag("amplitude")],
     one_of(table=_TABLE, amplitude=_SINE),
 ]
 TravelLaw = Annotated[
-    Annotated[MotionTable, Tag("table")]
+    Annotated[TravelTable, Tag("table")]
     | Annotated[TravelSine, Tag("amplitude")]
     | Annotated[TravelRamp, Tag("speed")],
     one_of(table=_TABLE, amplitude=_SINE, speed=_RAMP),
 ]
 TurnLaw = Annotated[
-    Annotated[MotionTable, Tag("table")] | Annotated[TurnSine, Tag("amplitude")] | Annotated[TurnRamp, Tag("speed")],
+    Annotated[TurnTable, Tag("table")] | Annotated[TurnSine, Tag("amplitude")] | Annotated[TurnRamp, Tag("speed")],
     one_of(table=_TABLE, amplitude=_SINE, speed=_RAMP),
 ]
 Law = TableLaw | FactorSine | TravelSine | TurnSine | TravelRamp | TurnRamp

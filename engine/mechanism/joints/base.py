@@ -1,5 +1,6 @@
 """The base of all joints: two sides, the word that makes a joint ideal or loose, and the law of its contacts."""
 
+from collections.abc import Sequence
 from typing import Any, ClassVar, Self
 
 from pydantic import Field, model_validator
@@ -20,6 +21,9 @@ class Joint(PairLaw):
     CLEARANCE: ClassVar[str] = ""
     """The key a joint's name alone stands for; empty when the joint exists as an ideal one only."""
 
+    DIRECTION: ClassVar[str] = "axis"
+    """What the direction of a side is called."""
+
     type: str = Field(description="the kind of joint")
 
     @property
@@ -37,6 +41,12 @@ class Joint(PairLaw):
         """The joint's axis in the frames of its two sides; None when it has none."""
         first, second = self.sides
         return (first.axis, second.axis) if isinstance(first, Line) and isinstance(second, Line) else None
+
+    def acts(self, keys: Sequence[str]) -> bool:
+        """Return whether what stands under these keys has an effect: of an ideal joint only its points and axes."""
+        if not self.ideal or not keys:
+            return True
+        return keys[0] in self.SIDES and (len(keys) == 1 or keys[1] in ("point", self.DIRECTION))
 
     def face_clearance(self, face: str) -> str:
         """Return the key of the clearance at one of the joint's contacts, ``JOINT.face`` without the joint's name."""

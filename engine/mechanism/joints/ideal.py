@@ -28,6 +28,7 @@ class Planar(Joint):
     """Two planes that stay on each other: free are two displacements and the rotation about the normal."""
 
     SIDES: ClassVar[tuple[str, str]] = ("a", "b")
+    DIRECTION: ClassVar[str] = "normal"
 
     type: Literal["planar"] = Field(description="the kind of joint")
     a: Face = Field(description="the plane of one body: { body, point, normal }")

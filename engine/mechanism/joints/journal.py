@@ -6,6 +6,7 @@ from pydantic import BeforeValidator, Field
 
 from engine.mechanism.base import Length, Number, PositiveLength, TableModel, is_number, refuse
 from engine.mechanism.joints.base import Joint, Line, stations
+from engine.mechanism.keys.components import Each
 from engine.mechanism.quantities import Quantity
 
 
@@ -32,8 +33,8 @@ def _ends(value: Any) -> tuple[float, float] | None:
 class Journal(Line):
     """The pin; centred in the bearing, its ``point`` is at the bearing's."""
 
-    radius: Annotated[float | tuple[float, ...] | None, BeforeValidator(_radii), Quantity("length")] = Field(
-        default=None, description="the radius of the pin, a number > 0, or a list with one for each ring"
+    radius: Annotated[float | tuple[float, ...] | None, BeforeValidator(_radii), Quantity("length"), Each(gt=0.0)] = (
+        Field(default=None, description="the radius of the pin, a number > 0, or a list with one for each ring")
     )
 
 

@@ -107,10 +107,15 @@ def test_further_clearances_have_keys_of_their_own():
 
 
 @pytest.mark.parametrize("kind", [*JOINTS, *IDEAL])
-def test_an_ideal_joint_has_nothing_to_set(kind):
-    """Its clearance is refused with the word to change, and none of its numbers is among the keys."""
+def test_of_an_ideal_joint_only_points_and_axes_can_be_set(kind):
+    """Its clearance is refused with the word to change: of its numbers only those that have an effect are keys."""
     mechanism = loaded(kind)
-    assert not [key for key in settable_keys(mechanism) if "J1" in key]
+    keys = [key.split(".") for key in settable_keys(mechanism) if "J1" in key]
+    direction = "normal" if kind == "planar" else "axis"
+    assert {(side, what) for _, _, side, what, _ in keys} <= {
+        (side, what) for side in mechanism.joints["J1"].SIDES for what in ("point", direction)
+    }
+    assert len(keys) == (6 if kind in ("spherical", "fixed") else 12)
     for key in ("J1", "joints.J1.radial_clearance", "joints.J1.journal.radius"):
         with pytest.raises(MechanismError, match=f"{key}: a {kind} joint is ideal and has no play to set; ") as caught:
             set_values(mechanism, {key: 0.1})

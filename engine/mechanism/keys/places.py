@@ -1,0 +1,134 @@
+"""Places of a mechanism: a table, a list or a number, the field that declares it, and what lies below it."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from pydantic.fields import FieldInfo
+
+from engine.mechanism.base import TableModel
+from engine.mechanism.joints import Joint
+from engine.mechanism.keys.components import Components, declared, item, with_item, written
+from engine.mechanism.quantities import Quantity
+from engine.mechanism.time_laws import TableLaw
+
+HIDDEN = ("benches", "presets", "plot")  # what a file says about other mechanisms, or about pictures
+
+
+@dataclass(frozen=True)
+class Place:
+    """A value of a mechanism, and where it stands.
+
+    Attributes
+    ----------
+    value
+        The table, dict of tables, list or number there.
+    owner : TableModel or None
+        The table that has it as one of its keys, or that has the list it stands in.
+    field : FieldInfo or None
+        That key's declaration.
+    inside : tuple of str
+        Its tokens inside the list it stands in.
+    """
+
+    value: Any
+    owner: TableModel | None = None
+    field: FieldInfo | None = None
+    inside: tuple[str, ...] = ()
+
+    def below(self) -> dict[str, "Place"]:
+        """Return the places below by the tokens of their keys."""
+        value = self.value
+        if isinstance(value, TableModel):
+            fields = type(value).model_fields.items()
+            named = {field.alias or name: Place(getattr(value, name), value, field) for name, field in fields}
+            return {token: place for token, place in named.items() if token not in HIDDEN}
+        if isinstance(value, Mapping):
+            return {token: Place(entry) for token, entry in value.items()}
+        if not isinstance(value, tuple):
+            return {}
+        if value and isinstance(value[0], TableModel):
+            return {str(i): Place(entry) for i, entry in enumerate(value)}
+        return {
+            token: replace(self, value=item(written(value), at[0]), inside=(*self.inside, token))
+            for token, at in self._components().items()
+        }
+
+    def with_below(self, changes: Mapping[str, Any]) -> Any:
+        """Return the value with some of what lies below replaced, by token; a table is checked.
+
+        Raises
+        ------
+        ValidationError
+            If the table refuses the change.
+        """
+        value = self.value
+        if isinstance(value, TableModel):
+            return type(value).model_validate({**value.entries(), **changes})
+        if isinstance(value, Mapping):
+            return {**value, **changes}
+        if value and isinstance(value[0], TableModel):
+            return tuple(changes.get(str(i), entry) for i, entry in enumerate(value))
+        items, components = written(value), self._components()
+        for token, new in changes.items():
+            for at in components[token]:
+                items = with_item(items, at, new)
+        return items
+
+    def quantity(self) -> Quantity | None:
+        """Return what a number measures, if it has been declared."""
+        if isinstance(self.owner, TableLaw) and self.inside:
+            return Quantity("time" if self.inside[-1] == "0" else self.owner.value_quantity)
+        return declared(self.field, Quantity)
+
+    def _components(self) -> Mapping[str, tuple[tuple[int, ...], ...]]:
+        return components(self.field, written(self.value))
+
+
+def components(field: FieldInfo | None, items: Sequence[Any]) -> Mapping[str, tuple[tuple[int, ...], ...]]:
+    """Return the name of each component of a list that a field declares, and where it stands."""
+    return (declared(field, Components) or Components()).places(items)
+
+
+def along(mechanism: TableModel, tokens: Sequence[str]) -> list[Place]:
+    """Return the places along a path, the mechanism first; those that exist."""
+    places = [Place(mechanism)]
+    for token in tokens:
+        below = places[-1].below()
+        if token not in below:
+            break
+        places.append(below[token])
+    return places
+
+
+def numbers(place: Place, prefix: str = "") -> Iterator[tuple[str, Place]]:
+    """Yield every number below a place, with its key."""
+    for token, child in place.below().items():
+        if isinstance(child.value, float):
+            yield prefix + token, child
+        else:
+            yield from numbers(child, f"{prefix}{token}.")
+
+
+def without_effect(places: Sequence[Place], tokens: Sequence[str]) -> str:
+    """Return why setting a number would have no effect, and what to do; empty if it has one."""
+    for depth, place in enumerate(places):
+        joint, below = place.value, tuple(tokens[depth:])
+        if isinstance(joint, Joint) and joint.ideal and not joint.acts(below):
+            loose = f'write type = "clearance_{joint.type}" into the file first'
+            remedy = loose if joint.CLEARANCE else "set another number"
+            return f"a {joint.type} joint is ideal and has no play to set; {remedy}"
+    if list(tokens[:1]) == ["bodies"] and list(tokens[2:3]) == ["outline"]:
+        return "an outline is drawn, and has no effect on the motion; set another number"
+    return ""
+
+
+def settable_places(mechanism: TableModel, below: str = "") -> list[tuple[str, Place]]:
+    """Return key and place of every number that may be set, in the order of the file; or of those below a key."""
+    start = along(mechanism, below.split(".") if below else ())[-1]
+    keys = [(f"{below}.{key}" if below else key, place) for key, place in numbers(start)]
+    return [(key, place) for key, place in keys if not _reason(mechanism, key.split("."))]
+
+
+def _reason(mechanism: TableModel, tokens: Sequence[str]) -> str:
+    return without_effect(along(mechanism, tokens[:2]), tokens)

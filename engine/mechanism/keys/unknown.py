@@ -1,0 +1,63 @@
+"""The message that no number of a mechanism has a key: what there is instead, and which key may be meant."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+from engine.mechanism.keys.closest import closest
+from engine.mechanism.keys.places import Place, along, settable_places
+from engine.mechanism.models import Mechanism
+
+MOST_NAMED = 20
+
+
+def unknown_key(mechanism: Mechanism, key: str) -> str:
+    """Return that no number has this key, what stands where it goes wrong, and the key that may be meant."""
+    meant = meant_key(mechanism, key)
+    question = f"; did you mean '{meant}'?" if meant else ""
+    places = along(mechanism, key.split("."))
+    if len(places) > 1:
+        known = ".".join(key.split(".")[: len(places) - 1])
+        below = list(places[-1].below())
+        names = ", ".join(below[:MOST_NAMED]) + (", ..." if len(below) > MOST_NAMED else "")
+        return f"{key}: unknown key; {f'{known} has {names}' if below else f'{known} has nothing inside'}{question}"
+    joints = ", ".join(mechanism.joints) or "there is none"
+    return (
+        f"{key}: unknown key; allowed: a joint ({joints}), whose clearance it sets, "
+        f"or the dotted path of a number in the file, as clearcap mechanism show --keys lists them{question}"
+    )
+
+
+def meant_key(mechanism: Mechanism, key: str) -> str:
+    """Return the key of a number that is likely meant by one that does not exist; empty if none is.
+
+    Table by table: a token that is wrong stands for the one there that differs by a slip, an index for the component at
+    its place; without its table a name stands for that of any table, and a last token for the first number so named.
+    """
+    tokens = key.split(".")
+    root = Place(mechanism)
+    for start in (root, *(place for place in root.below().values() if isinstance(place.value, Mapping))):
+        table = [token for token, place in root.below().items() if place.value is start.value][:1]
+        if found := next(_followed(start, tokens, exact=start is not root), None):
+            return ".".join([*(table if start is not root else []), *found])
+    return _of_this_name(mechanism, tokens[-1]) if len(tokens) == 1 else ""
+
+
+def _followed(place: Place, tokens: Sequence[str], *, exact: bool) -> Iterator[list[str]]:
+    """Yield the path to a number below a place, like the tokens; with ``exact`` the first token is right."""
+    if not tokens:
+        if isinstance(place.value, float):
+            yield []
+        return
+    below, token = place.below(), tokens[0]
+    by_index = dict(zip(map(str, range(len(below))), below, strict=True)) if isinstance(place.value, tuple) else {}
+    twins = {f"{axis}{axis}": axis for axis in "xyz"} | {name: name[::-1] for name in ("xy", "xz", "yz")}
+    likely = [name for name in below if name == token or twins.get(name) == token]
+    if not exact:
+        likely += [name for name in (by_index.get(token), closest(token, below)) if name]
+    for name in likely:
+        for rest in _followed(below[name], tokens[1:], exact=False):
+            yield [name, *rest]
+
+
+def _of_this_name(mechanism: Mechanism, token: str) -> str:
+    """Return the first key that ends with a token."""
+    return next((key for key, _ in settable_places(mechanism) if key.rpartition(".")[2] == token), "")

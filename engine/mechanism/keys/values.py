@@ -1,0 +1,246 @@
+"""Read one number of a mechanism by its key, or its unit, or set it.
+
+A key is a joint's name, which stands for its clearance, or the dotted path of a number in the file, such as
+`springs.A3.preload`, `joints.J1.bearing.point.x` or `parameters.arm`. Of an ideal joint only points and axes have keys:
+its other numbers have no effect. Setting a number does what typing it into the file would do: the expressions that use
+a parameter get new values. It happens once for each sample of a campaign, so only the tables on the way to a number are
+checked again, not the whole mechanism.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from numbers import Real
+from typing import Any
+
+from pydantic import ValidationError
+
+from engine.errors import MechanismError
+from engine.mechanism.base import LARGEST_NUMBER
+from engine.mechanism.faults import Fault, faults_of
+from engine.mechanism.keys.places import Place, along, settable_places, without_effect
+from engine.mechanism.keys.unknown import unknown_key
+from engine.mechanism.models import Mechanism
+from engine.mechanism.parameters.expression import ExpressionFault, evaluate, parse
+from engine.mechanism.parameters.formulas import PREFIX, following
+
+
+def get_value(mechanism: Mechanism, key: str) -> float:
+    """Return the number that a key stands for.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    key : str
+        A joint's name, which stands for its clearance, or a dotted path.
+
+    Returns
+    -------
+    float
+        In the unit of the key, see `unit_of`; a direction's components are those of the file.
+
+    Raises
+    ------
+    MechanismError
+        If no number has this key; the message suggests the one that may be meant.
+    """
+    return float(_places(mechanism, key)[-1].value)
+
+
+def unit_of(mechanism: Mechanism, key: str) -> str:
+    """Return the unit of the number that a key stands for; ``"1"`` for a pure number.
+
+    Raises
+    ------
+    MechanismError
+        If no number has this key.
+    """
+    place = _places(mechanism, key)[-1]
+    return mechanism.parameter_unit(key.removeprefix(PREFIX)) if key.startswith(PREFIX) else mechanism.unit_at(place)
+
+
+def full_key(mechanism: Mechanism, key: str) -> str:
+    """Return the dotted path that a key stands for: a joint's name stands for its clearance."""
+    return f"joints.{key}.{mechanism.joints[key].CLEARANCE}" if key in mechanism.joints else key
+
+
+def settable_keys(mechanism: Mechanism) -> list[str]:
+    """Return every key that may be set: the names of the joints with play first, then all dotted paths."""
+    return [*mechanism.loose_joints(), *(key for key, _ in settable_places(mechanism))]
+
+
+def overridden(mechanism: Mechanism, first: str, second: str) -> str:
+    """Return the key that two keys both set, one of them by a parameter that it follows from; empty if there is none.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    first, second : str
+        Keys of numbers; neither stands for the other.
+    """
+    for parameter, key in ((first, second), (second, first)):
+        if parameter.startswith(PREFIX):
+            followers = following(mechanism.formulas, [parameter.removeprefix(PREFIX)])
+            if full_key(mechanism, key) in followers:
+                return full_key(mechanism, key)
+    return ""
+
+
+def set_values(mechanism: Mechanism, changes: Mapping[str, float]) -> Mechanism:
+    """Return the mechanism with some of its numbers replaced.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Left as it is.
+    changes : mapping
+        Key -> number, in the unit of the key; a joint's name (its clearance) or a dotted path. A number that its file
+        gives as an expression follows its parameters no longer once it is set itself.
+
+    Returns
+    -------
+    Mechanism
+
+    Raises
+    ------
+    MechanismError
+        One line for each key that is unknown or whose number is not allowed.
+    """
+    faults: list[tuple[str, str]] = []  # the key that was set, and what is wrong with it
+    settings: dict[str, _Setting] = {}
+    for key, given in changes.items():
+        try:
+            unit = unit_of(mechanism, key)
+            number = _finite(key, given, unit)
+            settings[full_key(mechanism, key)] = _Setting(number, key, number, unit)
+        except MechanismError as error:
+            faults.append((key, str(error)))
+    formulas = mechanism.formulas
+    if formulas:
+        formulas = {key: text for key, text in formulas.items() if key not in settings}
+        settings |= _followers(mechanism, formulas, settings, faults)
+    tree, root = _by_tokens(settings), Place(mechanism).below()
+    update = {token: _rebuilt(mechanism, root[token], [token], below, faults) for token, below in tree.items()}
+    if faults:
+        order = list(changes)
+        lines = [f"  {text}" for _, text in sorted(faults, key=lambda fault: order.index(fault[0]))]
+        raise MechanismError("\n".join([f"mechanism {mechanism.name}: values that cannot be set", *lines]))
+    return mechanism.with_tables(update, formulas)
+
+
+@dataclass(frozen=True)
+class _Setting:
+    """A number that is set, and the key, the number and the unit of the change from which it follows."""
+
+    number: float
+    key: str
+    given: float
+    unit: str
+
+    def fault(self, text: str) -> tuple[str, str]:
+        return self.key, str(Fault(self.key, text, self.given, self.unit))
+
+
+def _finite(key: str, number: Any, unit: str) -> float:
+    """Return ``number`` as a float; numpy's numbers are welcome, texts and booleans are not."""
+    if isinstance(number, Real) and not isinstance(number, bool):
+        try:
+            finite = float(number)
+        except OverflowError:  # a whole number beyond the range of floats
+            finite = math.inf
+        if math.isfinite(finite):
+            if abs(finite) > LARGEST_NUMBER:
+                text = f"no size of a real quantity; allowed: sizes up to {LARGEST_NUMBER:g}; correct it"
+                raise MechanismError(str(Fault(key, text, number, unit)))
+            return finite
+    raise MechanismError(str(Fault(key, f"not a finite number; allowed: a number in {unit}; give one", number)))
+
+
+def _followers(
+    mechanism: Mechanism,
+    formulas: Mapping[str, str],
+    settings: Mapping[str, _Setting],
+    faults: list[tuple[str, str]],
+) -> dict[str, _Setting]:
+    """Return the settings of the numbers that follow from the parameters that are set."""
+    changed = {key.removeprefix(PREFIX): setting for key, setting in settings.items() if key.startswith(PREFIX)}
+    values = {**mechanism.parameters, **{name: setting.number for name, setting in changed.items()}}
+    found: dict[str, _Setting] = {}
+    for key, origins in following(formulas, changed).items():
+        origin = next(setting for name, setting in changed.items() if name in origins)
+        try:
+            number = values[key.removeprefix(PREFIX)] = evaluate(parse(formulas[key]), values)
+        except ExpressionFault as fault:
+            faults.append(origin.fault(f"then {key} = {formulas[key]!r}: {fault}"))
+        else:
+            found[key] = _Setting(number, origin.key, origin.given, origin.unit)
+    return found
+
+
+def _by_tokens(settings: Mapping[str, _Setting]) -> dict[str, Any]:
+    """Return settings by the tokens of their keys: dicts in each other, with the settings at their ends."""
+    tree: dict[str, Any] = {}
+    for key, setting in settings.items():
+        *tables, last = key.split(".")
+        node = tree
+        for token in tables:
+            node = node.setdefault(token, {})
+        node[last] = setting
+    return tree
+
+
+def _rebuilt(mechanism: Mechanism, place: Place, path: list[str], settings: Any, faults: list[tuple[str, str]]) -> Any:
+    """Return the value of a place with settings below it, every table on the way checked; note what is refused."""
+    if isinstance(settings, _Setting):
+        return settings.number
+    below = place.below()
+    new = {token: _rebuilt(mechanism, below[token], [*path, token], inner, faults) for token, inner in settings.items()}
+    try:
+        return place.with_below(new)
+    except ValidationError as error:
+        for fault in faults_of(error, type(place.value), mechanism.units):
+            faults.append(_refusal(mechanism, fault, path, dict(_ends(settings))))
+        return place.value
+
+
+def _ends(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, _Setting]]:
+    """Yield each setting below a table with its key in the table."""
+    for token, inner in settings.items():
+        if isinstance(inner, _Setting):
+            yield prefix + token, inner
+        else:
+            yield from _ends(inner, f"{prefix}{token}.")
+
+
+def _refusal(mechanism: Mechanism, fault: Fault, path: list[str], settings: Mapping[str, _Setting]) -> tuple[str, str]:
+    """Return the key that was set and the line that says why a table refuses it, or another number after it."""
+    table = ".".join(path)
+    for key, setting in settings.items():
+        if key == fault.key or key.startswith(f"{fault.key}."):
+            itself = full_key(mechanism, setting.key) == f"{table}.{key}"
+            return setting.fault(fault.text if itself else f"then {table}.{key} = {setting.number:g}: {fault.text}")
+    then = f"then {table}.{fault}" if fault.key else f"then {table}: {fault.text}"
+    first, *others = {setting.key: setting for setting in settings.values()}.values()
+    if others:
+        keys = ", ".join([first.key, *(other.key for other in others)])
+        return first.key, str(Fault(keys, then))
+    return first.fault(then)
+
+
+def _places(mechanism: Mechanism, key: str) -> list[Place]:
+    """Return the places on the path of a key: the mechanism first, the number last."""
+    tokens = full_key(mechanism, key).split(".")
+    places = along(mechanism, tokens)
+    if reason := without_effect(places, tokens):
+        raise MechanismError(f"{key}: {reason}")
+    if len(places) <= len(tokens):
+        raise MechanismError(unknown_key(mechanism, key))
+    if places[-1].value is None:
+        raise MechanismError(f"{key}: has no number in this mechanism; write one into the file first")
+    if not isinstance(places[-1].value, float):
+        inside = sorted(
+            (key for key, _ in settable_places(mechanism, ".".join(tokens))), key=lambda key: key.count(".")
+        )
+        inner_keys = f"; inside it: {', '.join(inside[:8])}{', ...' if len(inside) > 8 else ''}" if inside else ""
+        raise MechanismError(f"{key}: not a single number; allowed: single numbers{inner_keys}")
+    return places

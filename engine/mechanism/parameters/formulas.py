@@ -1,0 +1,93 @@
+"""The numbers of a mechanism that its file gives as expressions: which they are, and what follows from a parameter.
+
+A formula is a key and the expression that gives its number, such as ``joints.J1.bearing.point.x`` and ``arm / 2``. The
+key of a parameter is ``parameters.NAME``.
+"""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any
+
+from engine.mechanism.base import TableModel
+from engine.mechanism.keys.components import item, with_item, written
+from engine.mechanism.keys.places import Place, components
+from engine.mechanism.parameters.expression import names_in, parse
+from engine.mechanism.parameters.parameter_table import order_of
+
+PREFIX = "parameters."
+
+
+def formulas_in(place: Place, data: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Yield key and expression of every number below a place that the file gives as an expression.
+
+    Parameters
+    ----------
+    place : Place
+        A value of the mechanism.
+    data
+        The same as it was read from the file.
+    prefix : str
+        Key of the place, with a dot at its end.
+    """
+    for token, child in place.below().items():
+        read = _read(place, data, token)
+        if isinstance(read, str) and isinstance(child.value, float):
+            yield prefix + token, read
+        elif isinstance(read, Mapping | list | tuple):
+            yield from formulas_in(child, read, f"{prefix}{token}.")
+
+
+def _read(place: Place, data: Any, token: str) -> Any:
+    """Return what the file has under a token of a place; None if nothing."""
+    if isinstance(data, Mapping):
+        return data.get(token)
+    if isinstance(place.value, tuple) and place.value and isinstance(place.value[0], TableModel):
+        return data[int(token)]
+    at = components(place.field, data).get(token)
+    return item(data, at[0]) if at else None
+
+
+def with_formulas(mechanism: TableModel, formulas: Mapping[str, str], dump: Any) -> Any:
+    """Return a mechanism dumped by the keys of its file, with the expressions in the place of their numbers."""
+    for key, text in formulas.items():
+        dump = _with_formula(Place(mechanism), dump, key.split("."), text)
+    return dump
+
+
+def _with_formula(place: Place, data: Any, tokens: Sequence[str], text: str) -> Any:
+    """Return dumped data with an expression at the place of a number below."""
+    if not tokens:
+        return text
+    token, child = tokens[0], place.below()[tokens[0]]
+    if isinstance(data, Mapping):  # without what the dump leaves out
+        return {**data, token: _with_formula(child, data[token], tokens[1:], text)} if token in data else data
+    places = components(place.field, written(place.value))[token] if child.inside else ((int(token),),)
+    for at in places:
+        data = with_item(data, at, _with_formula(child, item(data, at), tokens[1:], text))
+    return data
+
+
+def following(formulas: Mapping[str, str], changed: Collection[str]) -> dict[str, set[str]]:
+    """Return the keys whose expressions follow from changed parameters, and from which of these; parameters first.
+
+    Parameters
+    ----------
+    formulas : mapping
+        Key -> expression.
+    changed : collection of str
+        Names of parameters.
+    """
+    origins: dict[str, set[str]] = {name: {name} for name in changed}
+    own = {key.removeprefix(PREFIX): text for key, text in formulas.items() if key.startswith(PREFIX)}
+    found: dict[str, set[str]] = {}
+    for name in order_of(own):
+        if name not in origins and (from_ := _origins(own[name], origins)):
+            origins[name] = found[PREFIX + name] = from_
+    for key, text in formulas.items():
+        if not key.startswith(PREFIX) and (from_ := _origins(text, origins)):
+            found[key] = from_
+    return found
+
+
+def _origins(text: str, origins: Mapping[str, set[str]]) -> set[str]:
+    """Return the changed parameters from which an expression follows."""
+    return set().union(*(origins.get(name, set()) for name in names_in(parse(text))))

@@ -1,0 +1,105 @@
+"""How a mechanism uses its parameters: where, in which unit, or not at all."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from engine.mechanism.faults import Fault
+from engine.mechanism.parameters.expression import ExpressionFault, Node, names_in, parse
+from engine.mechanism.parameters.formulas import PREFIX
+from engine.mechanism.parameters.parameter_table import order_of
+
+_KEEPS_THE_UNIT = ("+", "-", "abs", "min", "max", "hypot")
+_OF_AN_ANGLE = ("sin", "cos", "tan")
+
+
+Uses = dict[str, dict[str, str]]
+"""Name of a parameter -> unit in which it is used -> one of the keys where it is."""
+
+
+def parameter_units(formulas: Mapping[str, str], units: Mapping[str, str], *, scaled: bool) -> Uses:
+    """Return the units in which each parameter is used, as far as the expressions tell.
+
+    A parameter by itself or in a sum has the unit of the whole, and in a sine it is an angle. In products and quotients
+    of parameters it has none that could be known.
+
+    Parameters
+    ----------
+    formulas : mapping
+        Key -> expression.
+    units : mapping
+        Unit of the number of each of these keys that has one and is no parameter.
+    scaled : bool
+        Take it that a number which multiplies or divides a parameter has no unit, which is likely but not certain.
+
+    Returns
+    -------
+    Uses
+    """
+    found: Uses = {}
+    own = {key.removeprefix(PREFIX): text for key, text in formulas.items() if key.startswith(PREFIX)}
+    for key, text in formulas.items():
+        if not key.startswith(PREFIX):
+            _note(found, key, _units_in(parse(text), units.get(key, ""), scaled))
+    for name in reversed(list(order_of(own))):
+        for unit in found.get(name, ()) or ("",):
+            _note(found, PREFIX + name, _units_in(parse(own[name]), unit, scaled))
+    return found
+
+
+def users(formulas: Mapping[str, str], parameter: str) -> list[str]:
+    """Return the keys whose expressions name a parameter."""
+    return [key for key, text in formulas.items() if parameter in names_in(parse(text))]
+
+
+def conflicting_units(units: Uses, values: Mapping[str, float]) -> Iterator[Fault]:
+    """Yield a fault for each parameter that is used in two units; an angle is a pure number, too."""
+    for name, uses in units.items():
+        if len(uses) > 1 and uses.keys() != {"1", "rad"}:
+            (first, at), (second, there) = list(uses.items())[:2]
+            text = f"is in {first} in {at} and in {second} in {there}; allowed: one unit; write two parameters"
+            yield Fault(f"{PREFIX}{name}", text, values.get(name))
+
+
+def unused_parameters(values: Mapping[str, float], formulas: Mapping[str, str], benches: Any) -> Iterator[Fault]:
+    """Yield a fault for each parameter that no expression uses, neither here nor, as plain data, on a test bench."""
+    used = {name for text in [*formulas.values(), *_texts(benches)] for name in _names(text)}
+    for name, value in values.items():
+        if name not in used:
+            text = f"is used nowhere; allowed: parameters that are; write {name!r} in place of a number, or remove it"
+            yield Fault(f"{PREFIX}{name}", text, value)
+
+
+def _texts(data: Any) -> Iterator[str]:
+    """Yield every text in plain data."""
+    if isinstance(data, str):
+        yield data
+    elif isinstance(data, Mapping | list | tuple):
+        for inner in data.values() if isinstance(data, Mapping) else data:
+            yield from _texts(inner)
+
+
+def _names(text: str) -> list[str]:
+    """Return the names in a text if it is an expression."""
+    try:
+        return list(names_in(parse(text)))
+    except ExpressionFault:
+        return []
+
+
+def _note(found: Uses, key: str, uses: Iterable[tuple[str, str]]) -> None:
+    for name, unit in uses:
+        found.setdefault(name, {}).setdefault(unit, key)
+
+
+def _units_in(node: Node, unit: str, scaled: bool) -> Iterator[tuple[str, str]]:
+    """Yield the names in an expression whose unit follows from that of the whole, which may not be known: ``""``."""
+    if isinstance(node, str) and unit:
+        yield node, unit
+    if not isinstance(node, tuple):
+        return
+    operation, *operands = node
+    for i, operand in enumerate(operands):
+        others = [name for j, other in enumerate(operands) if j != i for name in names_in(other)]
+        factor = scaled and not others and (operation == "*" or (operation == "/" and i == 0))
+        own = "rad" if operation in _OF_AN_ANGLE else unit if operation in _KEEPS_THE_UNIT or factor else ""
+        yield from _units_in(operand, own, scaled)
