@@ -1,5 +1,6 @@
 """``clearcap mechanism``: list, show and check mechanisms."""
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -29,23 +30,45 @@ def list_mechanisms(json: Json = False) -> None:
 @mechanism_app.command()
 def show(
     mechanism: MechanismName,
+    pattern: Annotated[
+        str,
+        typer.Argument(
+            metavar="[FILTER]", help="With --keys: a part of the keys to list, or a pattern with *, ? or [...]."
+        ),
+    ] = "",
+    keys: Annotated[
+        bool, typer.Option("--keys", help="List every number that can be set: key, value, unit, limits, meaning.")
+    ] = False,
+    bench: Annotated[str | None, typer.Option(help="Show the mechanism on one of its test benches.")] = None,
     picture: Annotated[
         Path | None, typer.Option(help="Draw the mechanism and what its responses measure: .png, .svg or .pdf.")
     ] = None,
     json: Json = False,
 ) -> None:
     """Show the content of a mechanism: inputs with value and unit, responses, validity conditions."""
+    from campaign.errors import SpecError
     from engine import load_mechanism
+    from engine.mechanism import settable_keys
 
+    if pattern and not keys:
+        raise SpecError(f"{pattern}: a filter is for the list of keys; add --keys, or leave it out")
     loaded = load_mechanism(mechanism)
+    loaded = loaded.on_bench(bench) if bench else loaded
     if picture:
         _draw(loaded, picture)
+    if keys:
+        _print_keys(loaded, pattern, json)
+        return
     document = _description(loaded)
     if json:
         print_json(document)
         return
     print_text(f"{document['name']}: {document['title']}\n{document['description']}\n", lines=True)
     print_text(f"units {document['units']}; {document['bodies']} bodies, {document['contacts']} contacts\n", lines=True)
+    if document["parameters"]:
+        print_text("parameters:")
+    for name, entry in document["parameters"].items():
+        print_text(f"  {name} = {entry['value']:g} {entry['unit']}")
     print_text("clearances:")
     for name, entry in document["clearances"].items():
         print_text(f"  {name} = {entry['value']:g} {entry['unit']}")
@@ -54,6 +77,7 @@ def show(
         print_text(f"  {name} [{entry['unit']}]  {entry['title']}")
     for condition in document["validity"]:
         print_text(f"valid only if {condition}")
+    print_text(f"{len(settable_keys(loaded))} numbers can be set: --keys lists them")
     for kind in ("benches", "presets"):
         for name, title in document[kind].items():
             print_text(f"--{kind.removesuffix('es' if kind == 'benches' else 's')} {name}  {title}")
@@ -75,6 +99,33 @@ def check(mechanism: MechanismName, json: Json = False) -> None:
         print_json({"mechanism": loaded.name, "ok": True, "digest": loaded.digest()})
     else:
         print_text(f"{mechanism}: no errors")
+
+
+def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:
+    """Print the numbers that can be set, each with value, unit, limits and meaning."""
+    from campaign.errors import SpecError
+    from engine.mechanism.keys.listing import settable_numbers
+    from engine.mechanism.keys.unknown import meant_key
+
+    entries = settable_numbers(mechanism, pattern)
+    if not entries:
+        meant = meant_key(mechanism, pattern)
+        question = f"; did you mean '{meant}'?" if meant else ""
+        raise SpecError(f"{pattern}: no key of {mechanism.name} has this in it; leave it out to list all{question}")
+    if json:
+        print_json([asdict(entry) for entry in entries])
+        return
+    width = max(len(entry.key) for entry in entries)
+    for entry in entries:
+        unit = "" if entry.unit == "1" else f" {entry.unit}"
+        notes = [
+            f"= {entry.expression}" if entry.expression else "",
+            f"also called {entry.short}" if entry.short else "",
+            entry.limits,
+            entry.description,
+            "" if entry.varies else "not by variables of a campaign",
+        ]
+        print_text(f"{entry.key:{width}}  {entry.value:.10g}{unit}  {'; '.join(filter(None, notes))}")
 
 
 def _draw(mechanism: Any, picture: Path) -> None:
@@ -100,6 +151,10 @@ def _description(mechanism: Any) -> dict[str, Any]:
         "digest": mechanism.digest(),
         "bodies": len(mechanism.bodies),
         "contacts": len(mechanism.contacts),
+        "parameters": {
+            name: {"value": value, "unit": mechanism.parameter_units[name]}
+            for name, value in mechanism.parameters.items()
+        },
         "clearances": {
             name: {"value": get_value(mechanism, name), "unit": unit_of(mechanism, name)}
             for name in mechanism.loose_joints()

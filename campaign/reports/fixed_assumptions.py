@@ -13,7 +13,9 @@ from campaign.plan import Plan
 from engine.errors import MechanismError
 from engine.mechanism import Mechanism, full_key, set_values, unit_of
 from engine.mechanism.base import TableModel
-from engine.mechanism.faults import field_of, field_quantity
+from engine.mechanism.faults import field_of
+from engine.mechanism.keys.components import declared
+from engine.mechanism.quantities import Quantity
 from engine.mechanism.references import pair_between
 from reporting import Assumption
 
@@ -184,7 +186,7 @@ def _entries(mechanism: Mechanism, table: TableModel, group: str, owner: str, ke
     """Yield the numbers and vectors of a table and of the tables in it; zeros that are the default say nothing."""
     for field, value in table.entries().items():
         info = field_of(type(table), field)
-        quantity = field_quantity(info) if info else None
+        quantity = declared(info, Quantity)
         name, path = f"{_in_words(field)} of {owner}", f"{key}.{field}"
         if isinstance(value, TableModel):
             yield from _entries(mechanism, value, group, name if field != "law" else f"the law of {owner}", path)

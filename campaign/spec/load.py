@@ -11,23 +11,21 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from campaign.errors import SpecError
-from campaign.inputs.distributions import Distribution, Empirical, Variable
 from campaign.inputs.sampling import SAMPLERS
-from campaign.spec.campaign_file import MOST_VARIABLES, CampaignSpec
+from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.data_files import read_data_files
 from campaign.spec.faults import fault, structure_faults
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
-from engine import EngineError, MechanismError, check, load_mechanism
-from engine.mechanism import Mechanism, full_key, get_value
-from engine.mechanism.base import is_number
+from campaign.spec.targets import target_faults
+from engine import EngineError, load_mechanism
+from engine.mechanism import Mechanism
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, listed
 from engine.toml_file import UnfitToml, read_toml
 
 Source = str | Path | Mapping[str, Any]  # a shipped campaign's name, a file, or the tables of a file
-_DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(Variable)
 
 
 @dataclass(frozen=True)
@@ -115,15 +113,7 @@ def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[s
     """
     yield from _name_faults(raw, mechanism)
     yield from _stop_faults(raw, mechanism)
-    by_target: dict[str, str] = {}
-    for name, variable in islice(_sound_variables(raw.get("variables")), MOST_VARIABLES):
-        target = variable.target or name
-        other = by_target.setdefault(full_key(mechanism, target), name)
-        if other == name:
-            yield from _target_faults(name, target, {*variable.ends(), *_extremes(raw, name)}, mechanism)
-        else:
-            text = f"{other} and {name} both set {target}; keep one of them"
-            yield fault(["variables", name], None, text)
+    yield from target_faults(raw, mechanism)
 
 
 def _locate(name_or_path: str) -> Path:
@@ -156,17 +146,6 @@ def _mechanism(name: Any, folder: Path) -> Mechanism | None:
         return None
     is_path = Path(name).suffix == ".toml" or len(Path(name).parts) > 1
     return load_mechanism(folder / name if is_path else name)
-
-
-def _sound_variables(table: Any) -> Iterator[tuple[str, Distribution]]:
-    """Yield the variables that are sound by themselves."""
-    for name, entry in table.items() if isinstance(table, dict) else ():
-        try:
-            variable = _DISTRIBUTION.validate_python(entry)
-        except ValidationError:
-            continue
-        if not isinstance(variable, Empirical) or variable.values:  # an unreadable file is a fault already
-            yield name, variable
 
 
 def _name_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
@@ -209,33 +188,3 @@ def _no_response(name: str, mechanism: Mechanism) -> str:
     """Return that a mechanism has no response of a name, and which ones it has."""
     allowed = ", ".join(mechanism.responses)
     return f"{mechanism.name} has no response of this name; allowed: {allowed}{did_you_mean(name, mechanism.responses)}"
-
-
-def _extremes(raw: Mapping[str, Any], name: str) -> list[float]:
-    """Return the smallest and the largest value that the user lists for a variable, if any is listed."""
-    grid, table = raw.get("grid"), raw.get("table")
-    columns = table.get("columns") if isinstance(table, dict) else None
-    listed = [entry.get(name) for entry in (grid, columns) if isinstance(entry, dict)]
-    numbers = [x for values in listed if isinstance(values, list) for x in values if is_number(x)]
-    return [min(numbers), max(numbers)] if numbers else []
-
-
-def _target_faults(name: str, target: str, values: set[float], mechanism: Mechanism) -> Iterator[str]:
-    """Yield the faults of a variable whose target does not exist, or of values that the mechanism refuses."""
-    keys = ["variables", name]
-    try:
-        get_value(mechanism, target)
-    except MechanismError as error:
-        yield fault(keys, None, f"does not set a number of {mechanism.name}: {_reason(error)}")
-        return
-    for value in sorted(values):
-        try:
-            check(mechanism, {target: value})
-        except MechanismError as error:
-            yield fault(keys, None, f"reaches {target} = {value:g}, which {mechanism.name} refuses: {_reason(error)}")
-
-
-def _reason(error: MechanismError) -> str:
-    """Return the faults of an error of the engine in one line, without its heading."""
-    heading, *lines = str(error).splitlines()
-    return "; ".join(line.strip() for line in lines) or heading

@@ -3,6 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
+from functools import cached_property
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
@@ -102,6 +103,7 @@ class Mechanism(TableModel):
         """Return the mechanism with some of its tables, checked before, and other formulas."""
         changed = self.model_copy(update=tables)
         changed._formulas = formulas
+        changed.__dict__.pop("parameter_units", None)  # the copy has what its original had computed
         return changed
 
     @model_serializer(mode="wrap")
@@ -155,10 +157,12 @@ class Mechanism(TableModel):
         quantity = place.quantity()
         return quantity.unit(self.units) if quantity else "1"
 
-    def parameter_unit(self, name: str) -> str:
-        """Return the unit of a parameter, as far as its use tells; ``"1"`` for a pure number, or if it does not."""
-        uses = [*self._uses(scaled=False).get(name, ()), *self._uses(scaled=True).get(name, ())]
-        return next((unit for unit in uses if unit != "1"), "1")
+    @cached_property
+    def parameter_units(self) -> dict[str, str]:
+        """Unit of each parameter, as far as its use tells; ``"1"`` for a pure number, or where it does not."""
+        certain, likely = self._uses(scaled=False), self._uses(scaled=True)
+        told = {name: [*certain.get(name, ()), *likely.get(name, ())] for name in self.parameters}
+        return {name: next((unit for unit in units if unit != "1"), "1") for name, units in told.items()}
 
     def parameter_faults(self) -> list[Fault]:
         """Return what is wrong with how parameters are used: in two units, or not at all."""

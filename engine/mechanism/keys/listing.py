@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from engine.mechanism.joints.journal import JournalJoint
 from engine.mechanism.keys.components import limits
-from engine.mechanism.keys.places import Place, settable_places
+from engine.mechanism.keys.places import SETTINGS, Place, settable_places
 from engine.mechanism.models import Mechanism
 from engine.mechanism.parameters.formulas import PREFIX
 from engine.mechanism.parameters.usage import users
@@ -35,6 +35,8 @@ class SettableNumber:
         What it means.
     short : str
         The name of the joint, if that stands for the key; otherwise empty.
+    varies : bool
+        Whether a variable of a campaign may set it; the settings of a simulation are the same for all its runs.
     """
 
     key: str
@@ -46,6 +48,7 @@ class SettableNumber:
     expression: str
     description: str
     short: str
+    varies: bool
 
 
 def settable_numbers(mechanism: Mechanism, pattern: str = "") -> list[SettableNumber]:
@@ -83,13 +86,14 @@ def _number(mechanism: Mechanism, key: str, place: Place, short: str) -> Settabl
     return SettableNumber(
         key=key,
         value=place.value,
-        unit=mechanism.parameter_unit(name) if name else mechanism.unit_at(place),
+        unit=mechanism.parameter_units[name] if name else mechanism.unit_at(place),
         lower=found.get("gt", found.get("ge")),
         upper=found.get("lt", found.get("le")),
         limits=", ".join(f"{_RELATIONS[relation]} {bound:.6g}" for relation, bound in found.items()),
         expression=mechanism.formulas.get(key, ""),
         description=_use(mechanism, name) if name else (place.field.description or "") if place.field else "",
         short=short,
+        varies=not key.startswith(SETTINGS),
     )
 
 

@@ -14,6 +14,9 @@ from engine.mechanism.time_laws import TableLaw
 
 HIDDEN = ("benches", "presets", "plot")  # what a file says about other mechanisms, or about pictures
 
+_OF_A_MOTION = ("mass", "inertia", "center_of_mass", "velocity", "angular_velocity")  # no effect on a fixed body
+SETTINGS = "simulation."  # how a run is computed, which is no property of the mechanism
+
 
 @dataclass(frozen=True)
 class Place:
@@ -110,16 +113,19 @@ def numbers(place: Place, prefix: str = "") -> Iterator[tuple[str, Place]]:
             yield from numbers(child, f"{prefix}{token}.")
 
 
-def without_effect(places: Sequence[Place], tokens: Sequence[str]) -> str:
-    """Return why setting a number would have no effect, and what to do; empty if it has one."""
-    for depth, place in enumerate(places):
-        joint, below = place.value, tuple(tokens[depth:])
-        if isinstance(joint, Joint) and joint.ideal and not joint.acts(below):
-            loose = f'write type = "clearance_{joint.type}" into the file first'
-            remedy = loose if joint.CLEARANCE else "set another number"
-            return f"a {joint.type} joint is ideal and has no play to set; {remedy}"
-    if list(tokens[:1]) == ["bodies"] and list(tokens[2:3]) == ["outline"]:
+def without_effect(mechanism: Any, tokens: Sequence[str]) -> str:
+    """Return why a number would have no effect, and what to set instead; empty if it has one, or does not exist."""
+    table, name, *inner = [*tokens, "", ""][: max(len(tokens), 2)]
+    joint = mechanism.joints.get(name) if table == "joints" else None
+    if isinstance(joint, Joint) and not joint.acts(inner):
+        loose = f'write type = "clearance_{joint.type}" into the file first'
+        remedy = loose if joint.CLEARANCE else "set another number"
+        return f"a {joint.type} joint is ideal and has no play to set; {remedy}"
+    if table == "bodies" and inner[:1] == ["outline"]:
         return "an outline is drawn, and has no effect on the motion; set another number"
+    body = mechanism.bodies.get(name) if table == "bodies" else None
+    if body is not None and body.fixed and inner[:1] and inner[0] in _OF_A_MOTION:
+        return f"the body {name} is fixed, and its {inner[0]} has no effect; set its origin, axis or angle"
     return ""
 
 
@@ -127,8 +133,4 @@ def settable_places(mechanism: TableModel, below: str = "") -> list[tuple[str, P
     """Return key and place of every number that may be set, in the order of the file; or of those below a key."""
     start = along(mechanism, below.split(".") if below else ())[-1]
     keys = [(f"{below}.{key}" if below else key, place) for key, place in numbers(start)]
-    return [(key, place) for key, place in keys if not _reason(mechanism, key.split("."))]
-
-
-def _reason(mechanism: TableModel, tokens: Sequence[str]) -> str:
-    return without_effect(along(mechanism, tokens[:2]), tokens)
+    return [(key, place) for key, place in keys if not without_effect(mechanism, key.split("."))]

@@ -56,7 +56,7 @@ def unit_of(mechanism: Mechanism, key: str) -> str:
         If no number has this key.
     """
     place = _places(mechanism, key)[-1]
-    return mechanism.parameter_unit(key.removeprefix(PREFIX)) if key.startswith(PREFIX) else mechanism.unit_at(place)
+    return mechanism.parameter_units[key.removeprefix(PREFIX)] if key.startswith(PREFIX) else mechanism.unit_at(place)
 
 
 def full_key(mechanism: Mechanism, key: str) -> str:
@@ -67,23 +67,6 @@ def full_key(mechanism: Mechanism, key: str) -> str:
 def settable_keys(mechanism: Mechanism) -> list[str]:
     """Return every key that may be set: the names of the joints with play first, then all dotted paths."""
     return [*mechanism.loose_joints(), *(key for key, _ in settable_places(mechanism))]
-
-
-def overridden(mechanism: Mechanism, first: str, second: str) -> str:
-    """Return the key that two keys both set, one of them by a parameter that it follows from; empty if there is none.
-
-    Parameters
-    ----------
-    mechanism : Mechanism
-    first, second : str
-        Keys of numbers; neither stands for the other.
-    """
-    for parameter, key in ((first, second), (second, first)):
-        if parameter.startswith(PREFIX):
-            followers = following(mechanism.formulas, [parameter.removeprefix(PREFIX)])
-            if full_key(mechanism, key) in followers:
-                return full_key(mechanism, key)
-    return ""
 
 
 def set_values(mechanism: Mechanism, changes: Mapping[str, float]) -> Mechanism:
@@ -231,7 +214,7 @@ def _places(mechanism: Mechanism, key: str) -> list[Place]:
     """Return the places on the path of a key: the mechanism first, the number last."""
     tokens = full_key(mechanism, key).split(".")
     places = along(mechanism, tokens)
-    if reason := without_effect(places, tokens):
+    if reason := without_effect(mechanism, tokens):
         raise MechanismError(f"{key}: {reason}")
     if len(places) <= len(tokens):
         raise MechanismError(unknown_key(mechanism, key))

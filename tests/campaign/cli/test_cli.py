@@ -51,6 +51,13 @@ BAD_INPUT = {
     "every of nothing": (["simulate", "incline", "--every", "5"], "give --trajectory, --plot or --animate"),
     "every none": (["simulate", "incline", "--trajectory", "a.h5", "--every", "0"], "--every"),
     "bad value, good file": (["simulate", "incline", "--set", "J1=1", "--plot", "a.svg"], "J1: unknown key"),
+    "unknown component": (
+        ["simulate", "lever", "--set", "joints.pin.bearing.point.0=1"],
+        "mean 'joints.pin.bearing.poi",
+    ),
+    "unknown parameter": (["simulate", "lever", "--set", "parameters.lnog=1"], "did you mean 'parameters.long'?"),
+    "keys of nothing": (["mechanism", "show", "lever", "--keys", "stifness"], "no key of lever has this in it"),
+    "filter of nothing": (["mechanism", "show", "lever", "stop"], "a filter is for the list of keys; add --keys"),
     "unknown mechanism": (["mechanism", "check", "c6"], "did you mean 'c60'?"),
     "no store": (["status", "--store", "runs"], "store runs: no such folder; name the folder"),
     "typo in a status": (["rerun", "c60", "--status", "crased"], "'crased' is not one of"),
@@ -233,6 +240,11 @@ def test_mechanism_verbs(capsys, monkeypatch):
     assert shown["validity"]
     assert printed("check", "c60") == "c60: no errors\n"
     assert "FC-1 [N]" in printed("show", "c60")
+    (preload,) = json.loads(printed("show", "c60", "--keys", "A3.preload", "--json"))
+    assert (preload["key"], preload["value"], preload["unit"]) == ("springs.A3.preload", 0.9599, "rad")
+    assert "joints.J1.radial_clearance" in printed("show", "c60", "--keys", "joints.J1.*")
+    assert "motions.push.law.table.1.1" in printed("show", "c60", "--keys", "table", "--bench", "trip_pin")
+    assert re.search(r"long += 30 mm", printed("show", "lever"))
 
 
 def test_version(tmp_path):

@@ -97,5 +97,5 @@ def put(data: dict[str, Any], path: str, value: Any) -> dict[str, Any]:
     if value is ...:
         del table[key]
     else:
-        table[key] = value
+        table[int(key) if isinstance(table, list) else key] = value
     return data

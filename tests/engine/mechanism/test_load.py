@@ -52,6 +52,7 @@ def test_the_shipped_ones_load():
         "double_pendulum",
         "four_bar",
         "incline",
+        "lever",
         "slider_crank",
         "sphere_roll",
         "spinning_top",

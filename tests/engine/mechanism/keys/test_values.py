@@ -110,8 +110,16 @@ def test_a_clearance_outside_the_bore_is_refused_with_the_range(clearance):
         ("format", "not a single number"),
         ("name", "not a single number"),
         ("joints.J1", "inside it: joints.J1.radial_clearance"),
-        ("bodies.link.inertia", "not a single number"),
-        ("bodies.link.origin.0", "unknown key"),
+        ("bodies.link.inertia", "inside it: bodies.link.inertia.xx, bodies.link.inertia.xy, "),
+        ("bodies.link.origin.0", "bodies.link.origin has x, y, z; did you mean 'bodies.link.origin.x'?"),
+        ("bodies.link.inertia.zy", "did you mean 'bodies.link.inertia.yz'?"),
+        ("bodies.link.inertia.y", "did you mean 'bodies.link.inertia.yy'?"),
+        ("joints.J1.rings.2", "joints.J1.rings has 0, 1"),
+        ("J1.bearing.point.x", "did you mean 'joints.J1.bearing.point.x'?"),
+        ("pull.stifness", "did you mean 'springs.pull.stiffness'?"),
+        ("stiffness", "did you mean 'springs.pull.stiffness'?"),
+        ("bodies.link.mass.x", "bodies.link.mass has nothing inside"),
+        ("bodies.ground.center_of_mass.x", "the body ground is fixed, and its center_of_mass has no effect"),
         ("joints.J1.journal.radius", "not a single number"),
         ("joints.J1.friction", "has no number in this mechanism"),
         ("phases.1.duration", "has no number in this mechanism"),
@@ -125,6 +133,77 @@ def test_what_is_no_single_number_is_refused(key, text):
     for read in (get_value, unit_of):
         with pytest.raises(MechanismError, match=text.split(" (")[0].replace("?", r"\?")):
             read(MECHANISM, key)
+
+
+COMPONENTS = {
+    "gravity.y": "mm/ms2",
+    "bodies.link.origin.z": "mm",
+    "bodies.link.center_of_mass.y": "mm",
+    "bodies.link.velocity.x": "mm/ms",
+    "bodies.link.axis.x": "1",
+    "bodies.link.inertia.xy": "g mm2",
+    "joints.J1.bearing.point.x": "mm",
+    "joints.J1.bearing.axis.x": "1",
+    "joints.J1.journal.radius.1": "mm",
+    "joints.J1.rings.0": "mm",
+    "contacts.stop.a.plane.normal.x": "1",
+    "contacts.stop.b.point.y": "mm",
+    "springs.turn.axis.y": "1",
+    "forces.weight.force.x": "N",
+    "torques.brake.torque.z": "N mm",
+    "motions.lift.law.table.1.0": "ms",
+    "motions.lift.law.table.1.1": "mm",
+    "responses.height.from.axis.point.x": "mm",
+    "responses.height.direction.vector.z": "1",
+}
+
+
+@pytest.mark.parametrize("key", COMPONENTS)
+def test_a_component_is_set_as_if_it_were_typed_in(key):
+    """A mechanism with the number in its file is the same, bit for bit; the other components stay as written."""
+    *tables, last = key.split(".")
+    data, typed = pendulum(), pendulum()
+    owner = ".".join(tables)
+    if owner in ("gravity", "bodies.link.velocity", "bodies.link.center_of_mass", "bodies.link.axis"):
+        for one in (data, typed):
+            put(one, owner, [0.0, 0.0, 0.5])
+    if owner == "bodies.link.inertia":
+        put(typed, owner, [[3.0, 0.7, 0.0], [0.7, 1.0, 0.0], [0.0, 0.0, 3.0]])
+    else:
+        put(typed, f"{owner}.{'xyz'.index(last) if last in 'xyz' else last}", 0.7)
+    mechanism = mechanism_from(data, "FILE")
+    changed = set_values(mechanism, {key: 0.7})
+    assert changed == mechanism_from(typed, "FILE")
+    assert changed.digest() == mechanism_from(typed, "FILE").digest() != mechanism.digest()
+    assert (get_value(changed, key), unit_of(mechanism, key)) == (0.7, COMPONENTS[key])
+    assert key in settable_keys(mechanism)
+
+
+def test_components_of_a_direction_are_those_of_the_file():
+    """A direction has length 1 for the engine; it is set by the vector that was written, all components at once."""
+    mechanism = mechanism_from(pendulum(), "FILE")
+    assert get_value(mechanism, "joints.J1.bearing.axis.z") == 2.0
+    changed = set_values(mechanism, {"joints.J1.bearing.axis.x": 3.0, "joints.J1.bearing.axis.z": 4.0})
+    assert changed.joints["J1"].bearing.axis == (3.0 / 5.0, 0.0, 4.0 / 5.0)
+    assert refused({"joints.J1.bearing.axis.z": 0.0}) == [
+        "joints.J1.bearing.axis.z = 0.0: has no direction; allowed: any vector but [0, 0, 0]; write the direction"
+    ]
+
+
+def test_components_that_only_fit_together_are_set_together():
+    """An inertia that would break the triangle inequality on the way, and directions that are perpendicular."""
+    moments = {"bodies.link.inertia.xx": 30.0, "bodies.link.inertia.yy": 10.0, "bodies.link.inertia.zz": 30.0}
+    assert np.diag(np.array(set_values(MECHANISM, moments).bodies["link"].inertia)).tolist() == [30.0, 10.0, 30.0]
+    (line,) = refused({"bodies.link.inertia.xx": 30.0})
+    assert line.startswith("bodies.link.inertia.xx = 30.0 g mm2: breaks the triangle inequality")
+
+
+def test_an_outline_is_no_number_of_the_motion():
+    """It is refused with the reason, and not listed."""
+    drawn = mechanism_from(put(pendulum(), "bodies.link.outline", [[0, 0], [1, 0], [1, 1]]), "FILE")
+    (line,) = refused({"bodies.link.outline.1.0": 2.0}, drawn)
+    assert "an outline is drawn, and has no effect on the motion" in line
+    assert not [key for key in settable_keys(drawn) if "outline" in key]
 
 
 def test_a_value_that_breaks_another_names_both():
