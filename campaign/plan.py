@@ -9,6 +9,7 @@ from typing import Any
 
 from campaign.inputs.sampling import sampler_named
 from campaign.plan_header import FORMAT, PlanHeader, changed_plan, parse_plan, seal_plan, unreadable_plan
+from campaign.repeat_plan import usual_share
 from campaign.row_build import UNKNOWN, row_build
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.load import Campaign
@@ -58,6 +59,7 @@ class Plan(PlanHeader):
             "spec": dump_spec(self.spec),
             "schema": self.columns,
             "batches": self.batches,
+            "repeats": self.repeats,
             "mechanism": json.loads(self.mechanism.model_dump_json(by_alias=True, exclude_none=True)),
         }
         return seal_plan(content)
@@ -92,7 +94,8 @@ class Plan(PlanHeader):
             campaign_id = _identity(spec, mechanism, {"engine": engine})
             if campaign_id != header.campaign_id or _columns(spec, mechanism, campaign_id) != header.columns:
                 raise changed_plan()
-        return cls(header.campaign_id, header.title, header.batches, header.columns, spec, mechanism, build, engine)
+        content = (header.campaign_id, header.title, header.batches, header.columns, spec, mechanism, build, engine)
+        return cls(*content, repeats=header.repeats)
 
 
 def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run: float | None = None) -> Plan:
@@ -113,7 +116,8 @@ def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run
     batches = tuple((first, min(size, spec.samples - first)) for first in range(0, spec.samples, size))
     campaign_id = _identity(spec, mechanism, {"build": build})
     columns = _columns(spec, mechanism, campaign_id)
-    return Plan(campaign_id, spec.title or spec.name, batches, columns, spec, mechanism, build, build_id())
+    content = (campaign_id, spec.title or spec.name, batches, columns, spec, mechanism, build, build_id())
+    return Plan(*content, repeats=_repeated_share(spec))
 
 
 def batch_size_is_fixed(samples: int) -> bool:
@@ -125,6 +129,14 @@ def _size(samples: int, seconds: float | None) -> int:
     """Return the number of samples in a batch."""
     most = UNTRIED_BATCH if seconds is None else min(BATCH_TIME / max(seconds, 1e-6), LARGEST_BATCH)
     return max(int(min(most, samples // LEAST_BATCHES)), 1)
+
+
+def _repeated_share(spec: CampaignSpec) -> float:
+    """Return the share of its samples that a campaign repeats with half the step."""
+    if spec.repeats is not None:
+        return spec.repeats.share
+    has_weights = "log_weight" in sampler_named(spec.sampler).columns  # most of its runs are no production
+    return 0.0 if has_weights else usual_share(spec.samples)
 
 
 def dump_spec(spec: CampaignSpec) -> dict[str, Any]:

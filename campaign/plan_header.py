@@ -6,7 +6,7 @@ A digest in the file covers all of it, to the byte. Files of format 1, which ear
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -35,17 +35,43 @@ class PlanHeader:
         First sample and number of samples of each batch; the position in the tuple is the batch number.
     columns : list of dict
         Name, type, unit and whether it may be null, of each column of the table.
+    repeats : float
+        Share of the samples that are simulated a second time, with half the step; see `campaign.repeat_plan`.
     """
 
     campaign_id: str
     title: str
     batches: tuple[tuple[int, int], ...]
     columns: list[dict[str, Any]]
+    repeats: float = field(default=0.0, kw_only=True)
 
     @property
     def samples(self) -> int:
         """Number of samples that are planned."""
         return sum(self.batches[-1])
+
+    @property
+    def folder(self) -> str:
+        """Name of the folder of the parts."""
+        return "parts"
+
+    @property
+    def all_samples(self) -> int:
+        """Number of samples of the campaign."""
+        return self.samples
+
+    @property
+    def sealed_as(self) -> str:
+        """What seals name the table."""
+        return self.campaign_id
+
+    def numbers_of(self, begin: int, end: int) -> list[int]:
+        """Return the samples of some successive rows."""
+        return list(range(begin, end))
+
+    def rows_before(self, end: int) -> int:
+        """Return how many rows are of samples below ``end``."""
+        return end
 
     @cached_property
     def schema(self) -> "pa.Schema":
@@ -103,7 +129,8 @@ def parse_plan(text: str) -> tuple[PlanHeader, dict[str, Any]]:
             raise StoreError(f"plan.json has format {document['format']!r:.20}; this version reads {formats}")
         if document["format"] == FORMAT or document.keys() & {"sha256", "row_build"}:
             _check_digest(text, document.get("sha256"))
-        header = PlanHeader(document["campaign"], _title(document), _batches(document), _columns(document))
+        content = (document["campaign"], _title(document), _batches(document), _columns(document))
+        header = PlanHeader(*content, repeats=_repeats(document))
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise unreadable_plan(error) from error
     return header, document
@@ -164,3 +191,11 @@ def _columns(document: Mapping[str, Any]) -> list[dict[str, Any]]:
         if not named or column["type"] not in TYPES or not isinstance(column["nullable"], bool):
             raise ValueError(f"its table has a column {column['name']!r:.40} of unknown type")
     return columns
+
+
+def _repeats(document: Mapping[str, Any]) -> float:
+    """Return the share of the samples that a plan repeats; plans of earlier versions repeat none."""
+    share = document.get("repeats", 0.0)
+    if not isinstance(share, float | int) or isinstance(share, bool) or not 0.0 <= share <= 1.0:
+        raise ValueError(f"it repeats a share of {share!r:.20} of its samples")
+    return float(share)

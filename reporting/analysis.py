@@ -1,7 +1,7 @@
 """The analysis of a campaign as frozen data; every file of the report renders this one model."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,11 +15,14 @@ from reporting.headline import headline
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_correlations, analyse_variable
 from reporting.product.product_yield import ProductYield, product_yield
 from reporting.rare.rare_rejects import RareRejects, rare_estimates, rare_rejects
+from reporting.repeats import Repeats
 from reporting.response import ResponseAnalysis, analyse_response
 from reporting.samples import Samples, read_samples
 from reporting.sensitivity.influence import ResponseSensitivity, Sensitivity
+from reporting.sensitivity.repeatability import repeatabilities
 from reporting.sensitivity.summary import sensitivity
-from reporting.sensitivity.total_order import TotalOrder, independent_draws, total_order
+from reporting.sensitivity.total_order import independent_draws, total_order
+from reporting.sensitivity.unexplained import Known
 from reporting.spec import ReportSpec
 from reporting.tolerance.advice import Advice
 from reporting.tolerance.reweighting import Change
@@ -27,6 +30,7 @@ from reporting.tolerance.tolerance_advice import AdvisedSamples, Shortfall, Tole
 from reporting.trust.card import trust_checks
 from reporting.trust.check import Check
 from reporting.trust.rare_shares import rare_checks
+from reporting.trust.repeated_runs import repeatable
 
 if TYPE_CHECKING:
     from reporting.samples import Rows
@@ -108,7 +112,11 @@ class Analysis:
 
 
 def analyse(
-    samples: Samples, spec: ReportSpec, rescale: Rescale | None = None, against: "tuple[Rows, ReportSpec] | None" = None
+    samples: Samples,
+    spec: ReportSpec,
+    rescale: Rescale | None = None,
+    against: "tuple[Rows, ReportSpec] | None" = None,
+    repeats: Repeats | None = None,
 ) -> Analysis:
     """Return the analysis of a finished or running campaign.
 
@@ -124,6 +132,8 @@ def analyse(
     against : (rows, ReportSpec), optional
         Another campaign to compare with. A worst-case campaign is not compared: its worst case is shown beside the
         statistics of this one.
+    repeats : Repeats, optional
+        Samples that were simulated a second time with half the step.
 
     Returns
     -------
@@ -141,11 +151,23 @@ def analyse(
     drawn, rare = independent_draws(samples, spec), rare_rejects(samples, spec, CONFIDENCE)
     statuses = count_statuses(samples)
     counts = {status.status: status.count for status in statuses}
-    influences, withheld = _sensitivity(drawn, spec, total_order(samples, spec)), why_no_verdict(counts, spec.min_ok)
+    scatter, totals = repeatabilities(repeats, samples, drawn, spec, CONFIDENCE), total_order(samples, spec)
+    known = {r.name: Known(totals.get(r.name), scatter.get(r.name)) for r in spec.responses}
+    influences, withheld = _sensitivity(drawn, spec, known), why_no_verdict(counts, spec.min_ok)
     by_response = {r.response: r for r in influences.responses} if influences else dict[str, ResponseSensitivity]()
     responses = tuple(
-        analyse_response(
-            r, drawn, spec, by_response.get(r.name), corners, CONFIDENCE, rare_estimates(rare).get(r.name, ()), withheld
+        replace(
+            analyse_response(
+                r,
+                drawn,
+                spec,
+                by_response.get(r.name),
+                corners,
+                CONFIDENCE,
+                rare_estimates(rare).get(r.name, ()),
+                withheld,
+            ),
+            repeatability=scatter.get(r.name),
         )
         for r in spec.responses
     )
@@ -163,7 +185,11 @@ def analyse(
         used=int(np.count_nonzero(drawn.ok)),
         run_seconds=samples.run_seconds,
         statuses=statuses,
-        trust=(*trust_checks(spec, samples, responses, variables, correlations, CONFIDENCE), *rare_checks(rare)),
+        trust=(
+            *trust_checks(spec, samples, responses, variables, correlations, CONFIDENCE),
+            repeatable(responses, repeats),
+            *rare_checks(rare),
+        ),
         responses=responses,
         rare=rare,
         product=product_yield(drawn, spec, CONFIDENCE),
@@ -180,7 +206,7 @@ def analyse(
     )
 
 
-def _sensitivity(samples: Samples, spec: ReportSpec, designed: Mapping[str, TotalOrder | str]) -> Sensitivity | None:
+def _sensitivity(samples: Samples, spec: ReportSpec, known: Mapping[str, Known]) -> Sensitivity | None:
     """Return which variables move the responses; None without variables, responses or ok samples."""
     if not spec.variables or not spec.responses or not np.any(samples.ok):
         return None
@@ -191,7 +217,7 @@ def _sensitivity(samples: Samples, spec: ReportSpec, designed: Mapping[str, Tota
         limits,
         samples.sample[samples.ok],
         CONFIDENCE,
-        designed,
+        known,
         spec.correlations if spec.design.production else None,
         None if samples.lots is None else samples.lots[samples.ok],
     )

@@ -17,6 +17,7 @@ from reporting.content.tolerance_intervals import ToleranceIntervals, tolerance_
 from reporting.errors import ReportError
 from reporting.samples import Samples
 from reporting.sensitivity.influence import ResponseSensitivity
+from reporting.sensitivity.repeatability import Repeatability
 from reporting.sensitivity.scatter import Scatter, scatters
 from reporting.shape.fits import Fits, fit_families, unfitted
 from reporting.shape.histogram import Histogram, histogram
@@ -82,6 +83,8 @@ class ResponseAnalysis:
         Which variables move it.
     scatters : tuple of Scatter
         Its values against its strongest inputs.
+    repeatability : Repeatability or None
+        How far it scatters between runs of the same sample with different steps; None without repeats.
     """
 
     spec: ResponseSpec
@@ -106,6 +109,7 @@ class ResponseAnalysis:
     running: Convergence | None
     sensitivity: ResponseSensitivity | None
     scatters: tuple[Scatter, ...]
+    repeatability: Repeatability | None = None
 
 
 def analyse_response(

@@ -14,6 +14,7 @@ from reporting.render.html import render_html
 from reporting.render.json import render_json
 from reporting.render.parquet import render_parquet
 from reporting.render.pdf import render_pdf
+from reporting.repeats import Repeats
 from reporting.samples import Samples, read_samples
 from reporting.spec import ReportSpec
 
@@ -40,6 +41,7 @@ def write_report(
     kinds: Collection[str] = USUAL,
     rescale: Rescale | None = None,
     against: "tuple[Rows, ReportSpec] | None" = None,
+    repeats: Repeats | None = None,
 ) -> dict[str, str]:
     """Analyse the samples and write the files of their report.
 
@@ -56,7 +58,7 @@ def write_report(
     kinds : collection of str
         Keys of `NAMES`; "html" and "json" are always written. A file whose package is not installed is omitted, and
         the page says how to get it.
-    rescale, against
+    rescale, against, repeats
         See `reporting.analysis.analyse`.
 
     Returns
@@ -70,7 +72,7 @@ def write_report(
         The rows do not fit the spec, or the folder cannot be written.
     """
     samples = read_samples(rows, spec)
-    analysis = analyse(samples, spec, rescale, against)
+    analysis = analyse(samples, spec, rescale, against, repeats)
     contents = _rendered(analysis, samples, {"html", "json", *kinds})
     folder = Path(folder)
     try:

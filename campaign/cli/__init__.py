@@ -24,6 +24,7 @@ from campaign.cli.results.compact import compact
 from campaign.cli.results.delete import delete
 from campaign.cli.results.design import design
 from campaign.cli.results.list_campaigns import list_campaigns
+from campaign.cli.results.repeat import repeat
 from campaign.cli.results.report import report
 from campaign.cli.results.status import status
 from campaign.cli.results.watch import watch
@@ -70,6 +71,7 @@ app.command()(cancel)
 app.command("list")(list_campaigns)
 app.command()(compact)
 app.command()(delete)
+app.command()(repeat)
 app.command()(rerun)
 app.command()(replay)
 app.command()(report)

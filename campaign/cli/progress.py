@@ -57,7 +57,8 @@ class Lines:
 
 def line(heartbeat: "Heartbeat") -> str:
     """Return one line about the progress of a campaign."""
-    head = f"{heartbeat.done}/{heartbeat.samples} runs, {heartbeat.failed} failed"
+    repeats = f", {heartbeat.repeated}/{heartbeat.repeats} repeats" if heartbeat.repeats else ""
+    head = f"{heartbeat.done}/{heartbeat.samples} runs, {heartbeat.failed} failed{repeats}"
     if heartbeat.state != "running":
         return f"{head}, {visible(heartbeat.state)}"
     idle = f", nothing finished for {heartbeat.idle_s:.0f} s" if heartbeat.idle_s > IDLE_AFTER else ""

@@ -32,23 +32,29 @@ def rerun(
     from campaign.coordinator.rerun import failed_samples
     from campaign.coordinator.rerun import rerun as compute
     from campaign.store import open_store
+    from campaign.store.repeat_sets import repeat_plans
 
     opened = open_store(store)
     plan = opened.plan(opened.find(campaign))
     by_status = failed_samples(opened, plan, status or ()) if status or not sample else []
     selected = sorted({*(sample or ()), *by_status})
+    repeated = {*(sample or ())}
+    for table in repeat_plans(opened, plan) if status or not sample else ():
+        repeated.update(failed_samples(opened, table, status or ()))
     document = {"campaign": plan.campaign_id, "store": opened.url}
-    if not selected:
+    if not selected and not repeated:
         wanted = f"has the status {' or '.join(status)}" if status else "failed"
-        print_json({**document, "samples": 0, "before": {}, "after": {}}) if json else print_text(
-            f"{plan.campaign_id}: no run {wanted}, nothing to compute"
-        )
+        nothing = {**document, "samples": 0, "before": {}, "after": {}, "repeats": {}}
+        print_json(nothing) if json else print_text(f"{plan.campaign_id}: no run {wanted}, nothing to compute")
         raise typer.Exit(1 if status else 0)
     say(f"computing {len(selected)} rows again")
-    result = compute(opened, plan, selected, where)
+    result = compute(opened, plan, selected, where, repeated=repeated)
     if json:
         print_json({**document, **result.to_json()})
         return
-    counts = ", ".join(f"{count} {status}" for status, count in result.after.items())
+    counts = ", ".join(f"{count} {status}" for status, count in result.after.items()) or "none"
+    if result.repeats:
+        counts += f"; {sum(result.repeats.values())} repeats with half the step: "
+        counts += ", ".join(f"{count} {status}" for status, count in result.repeats.items())
     print_text(f"{result.samples} rows computed again: {counts}")
     print_text(f"update the report with: {opened.command('report', plan.campaign_id)}")

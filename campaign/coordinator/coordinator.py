@@ -13,14 +13,13 @@ What happens when something fails:
 import logging
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from contextlib import AbstractContextManager
-from dataclasses import replace
 
 from campaign.cluster.workers import SchedulerLost, WorkerDied, Workers
 from campaign.coordinator.backoff import TRIES, Backoff
-from campaign.coordinator.dispatch import Window
+from campaign.coordinator.dispatch import Window, isolated
 from campaign.coordinator.failed_runs import check_failures
 from campaign.coordinator.heartbeat import Progress, Show
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL, check_lease
@@ -28,9 +27,11 @@ from campaign.coordinator.stopping_rule import Checkpoints
 from campaign.coordinator.work_queue import WorkQueue
 from campaign.errors import CampaignError, StoreError, UnreachableError
 from campaign.plan import Plan
-from campaign.store import Store, Survey
+from campaign.store import Part, Store, Survey
 from campaign.store.files.patience import Outage
-from campaign.store.layout import CANCEL, HEARTBEAT, PARTS
+from campaign.store.layout import CANCEL, HEARTBEAT
+from campaign.store.parts import folder
+from campaign.store.repeat_sets import repeat_plans, repeated_shares, survey_repeats
 from campaign.worker.messages import (
     BatchRequest,
     BatchResult,
@@ -70,7 +71,7 @@ class Coordinator:
     Attributes
     ----------
     queue : WorkQueue
-        The batches to compute, and the parts of those that are completed.
+        The batches to compute, with the repeats of their samples, and the parts of those that are completed.
     progress : Progress
         Counts and moments of the rows.
     checkpoints : Checkpoints
@@ -79,11 +80,12 @@ class Coordinator:
 
     def __init__(self, store: Store, plan: Plan, token: str, show: Show, simulate: Simulate = simulate) -> None:
         self.store, self.plan = store, plan
-        self.address = CampaignAddress.of(store, plan, simulate)
+        self.repeats = repeat_plans(store, plan)
+        self.address = CampaignAddress.of(store, plan, simulate, repeated_shares(store, plan))
         self.show = show
         survey = self._survey(verify=True)
-        self.queue = WorkQueue(plan, survey.parts, store.end(plan))
         self.progress = Progress(store, plan, survey)
+        self.queue = self._queue_missing(survey.parts)
         self.checkpoints = Checkpoints(store, plan)
         self._token = token
         self._heartbeats = 0
@@ -118,8 +120,8 @@ class Coordinator:
             )
         check_lease(self.store, self.plan.campaign_id, self._token)
         self.store.record(self.plan, self.queue.parts.values())
-        for folder in (self.plan.campaign_id, f"{self.plan.campaign_id}/{PARTS}"):
-            self.store.files.sweep(folder)
+        for name in (self.plan.campaign_id, *map(folder, (self.plan, *self.repeats))):
+            self.store.files.sweep(name)
 
     def compute(self, workers: Workers) -> None:
         """Keep batches in flight until all are completed, or the stopping rule ends the campaign.
@@ -218,7 +220,7 @@ class Coordinator:
             logger.warning(
                 "%s was given to %s; its runs are repeated in a process of their own", _text(requests), error
             )
-            self.queue.requeue([_isolated(request) for request in requests])
+            self.queue.requeue([isolated(request) for request in requests])
         except WrongBuild as error:
             logger.warning("worker %s: %s; it gets no more batches", window.refuse(future), error)
             self.queue.requeue(requests)
@@ -239,7 +241,8 @@ class Coordinator:
         """Count batches whose rows are in the store."""
         self._store_failures = 0
         for result in results:
-            self.queue.complete(result.part)
+            if result.part is not None:
+                self.queue.complete(result.part)
             self.progress.add(result)
         window.batch_seconds = max((r.seconds for r in results if r.computed), default=window.batch_seconds)
         check_failures(self.store, self.plan, self.progress)
@@ -248,24 +251,29 @@ class Coordinator:
         """Ask the stopping rule, if a checkpoint is completed; return whether the campaign ends there."""
         if not self.checkpoints.reached_end(self.queue):
             return False
-        self.queue = WorkQueue(self.plan, self.queue.parts, self.store.end(self.plan))
+        self.queue = self._queue_missing(self.queue.parts)
         self.progress.recount(self.store, self.store.survey(self.plan))
         return True
 
     def _rescan(self, *, verify: bool = False) -> None:
         """Survey the store anew; what was in flight is forgotten."""
         survey = self._survey(verify=verify)
-        end = self.store.end(self.plan)
         if self.queue.parts.keys() <= survey.parts.keys():
-            needed = range(self.queue.batches_for(end))
+            needed = range(self.queue.batches_for(self.store.end(self.plan)))
             for batch in (survey.parts.keys() - self.queue.parts.keys()).intersection(needed):
                 rows = self.store.read_part(self.plan, batch)  # written while the connection was lost
                 moments_of = moments(rows, self.plan.mechanism.responses)
                 self.progress.add(BatchResult(survey.parts[batch], moments_of, computed=False))
         else:
             self.progress.recount(self.store, survey)
-        self.queue = WorkQueue(self.plan, survey.parts, end)
+        self.queue = self._queue_missing(survey.parts)
         self._stop_at_checkpoint()
+
+    def _queue_missing(self, parts: Mapping[int, Part]) -> WorkQueue:
+        """Return the batches of which rows or repeats are missing; damaged files of repeats are quarantined."""
+        repeats = survey_repeats(self.store, self.repeats, verify=True, mend=True)
+        self.progress.repeats, self.progress.repeated = repeats.planned, repeats.done
+        return WorkQueue(self.plan, parts, self.store.end(self.plan), repeats.missing)
 
     def _survey(self, *, verify: bool) -> Survey:
         """Return what the store holds; files that are damaged are quarantined."""
@@ -278,13 +286,3 @@ def _text(requests: list[BatchRequest]) -> str:
     """Return what messages call batches that travelled together."""
     first, last = requests[0].batch, requests[-1].batch
     return f"batch {first}" if first == last else f"one of batches {first} to {last}"
-
-
-def _isolated(request: BatchRequest) -> BatchRequest:
-    """Return the next attempt at a batch that killed its worker."""
-    if request.attempt >= TRIES:
-        raise CampaignError(
-            f"batch {request.batch} ended each of the {TRIES} workers that computed it, although its runs had a process"
-            " of their own; look at the workers' logs and their memory, then resume"
-        )
-    return replace(request, attempt=request.attempt + 1, isolated=True)

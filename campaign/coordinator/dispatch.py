@@ -3,8 +3,10 @@
 import logging
 import time
 from concurrent.futures import Future
+from dataclasses import replace
 
 from campaign.cluster.workers import NoWorkerLeft, Workers
+from campaign.coordinator.backoff import TRIES
 from campaign.coordinator.work_queue import WorkQueue
 from campaign.errors import CampaignError
 from campaign.worker.batch import run_batches
@@ -108,3 +110,13 @@ class Window:
         while len(requests) < most and (request := queue.next()) is not None:
             requests.append(request)
         return requests
+
+
+def isolated(request: BatchRequest) -> BatchRequest:
+    """Return the next attempt at a batch that killed its worker."""
+    if request.attempt >= TRIES:
+        raise CampaignError(
+            f"batch {request.batch} ended each of the {TRIES} workers that computed it, although its runs had a process"
+            " of their own; look at the workers' logs and their memory, then resume"
+        )
+    return replace(request, attempt=request.attempt + 1, isolated=True)

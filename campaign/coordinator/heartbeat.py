@@ -51,6 +51,8 @@ class Heartbeat:
         When it was written [s since 1970].
     message : str
         Details of the state, if there are any.
+    repeats, repeated : int
+        Samples that are to be repeated with half the step, and those that are; no row counts them.
     """
 
     campaign: str
@@ -71,6 +73,8 @@ class Heartbeat:
     beat: int = 0
     time: float = 0.0
     message: str = ""
+    repeats: int = 0
+    repeated: int = 0
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data."""
@@ -89,6 +93,7 @@ class Heartbeat:
         """Return whether all fields have the types that they are declared with."""
         texts = (self.campaign, self.state, self.token, self.message)
         counts = (self.samples, self.done, self.ok, self.failed, self.left, self.workers, self.pid, self.beat)
+        repeats = (self.repeats, self.repeated)
         tables = isinstance(self.statuses, dict) and isinstance(self.responses, dict)
         if not tables or not all(isinstance(r, dict) and r.keys() >= RESPONSE for r in self.responses.values()):
             return False
@@ -96,7 +101,7 @@ class Heartbeat:
         numbers += [value for r in self.responses.values() for value in r.values() if value is not None]
         return (
             all(isinstance(text, str) for text in texts)
-            and all(_is_count(count) for count in (*counts, *self.statuses.values()))
+            and all(_is_count(count) for count in (*counts, *repeats, *self.statuses.values()))
             and all(_is_number(value) for value in numbers)
         )
 
@@ -137,10 +142,13 @@ class Progress:
         Rows computed since the start.
     workers : int
         Number of workers when they were last counted.
+    repeats, repeated : int
+        Samples that are to be repeated, and those that are.
     """
 
     def __init__(self, store: Store, plan: Plan, survey: Survey) -> None:
         self.plan = plan
+        self.repeats = self.repeated = 0
         self.statuses: Counter[str] = Counter()
         self.moments: dict[str, Moments] = {}
         self.samples = plan.spec.samples
@@ -160,10 +168,12 @@ class Progress:
                 add_moments(self.moments, moments(table, names))
 
     def add(self, result: BatchResult) -> None:
-        """Count the rows of a batch."""
-        self.statuses.update(result.part.statuses)
+        """Count the rows of a batch, and its repeats."""
+        self.repeated += result.repeats
+        if result.part is not None:
+            self.statuses.update(result.part.statuses)
+            self.computed += result.part.rows if result.computed else 0
         add_moments(self.moments, result.moments)
-        self.computed += result.part.rows if result.computed else 0
         self._times.append((time.monotonic(), self.computed))
         while len(self._times) > 2 and self._times[0][0] < self._times[-1][0] - RATE_WINDOW:
             self._times.popleft()
@@ -194,11 +204,13 @@ class Progress:
             left=left,
             statuses=dict(sorted(self.statuses.items())),
             rate=rate,
-            eta_s=left / rate if rate else None,
+            eta_s=left / rate if rate and (left or self.repeated >= self.repeats) else None,
             workers=self.workers,
             idle_s=time.monotonic() - self._times[-1][0],
             responses={name: self._response(name, m) for name, m in self.moments.items()},
             time=time.time(),
+            repeats=self.repeats,
+            repeated=min(self.repeated, self.repeats),
             **of_coordinator,
         )
 

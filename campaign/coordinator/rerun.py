@@ -3,7 +3,7 @@
 from bisect import bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from campaign.cluster.cluster import Cluster
@@ -11,10 +11,13 @@ from campaign.cluster.dask_workers import connect_workers
 from campaign.coordinator.lease import hold_lease
 from campaign.errors import SpecError
 from campaign.plan import Plan
+from campaign.plan_header import PlanHeader
+from campaign.repeat_plan import RepeatPlan, plan_repeats
 from campaign.store import Store
+from campaign.store.repeat_sets import repeated_shares
 from campaign.worker.messages import CampaignAddress, Simulate
-from campaign.worker.row import Row, rows_to_table
-from campaign.worker.runs import open_campaign
+from campaign.worker.row import Row, repeats_to_table, rows_to_table
+from campaign.worker.runs import open_campaign, open_repeats
 from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import simulate
 
@@ -31,19 +34,25 @@ class RerunResult:
         Number of rows.
     before, after : dict of str to int
         Number of rows by status, before and after.
+    repeats : dict of str to int
+        Number of repeats that were computed again by status, after.
     """
 
     samples: int
     before: Counts
     after: Counts
+    repeats: Counts
 
     def to_json(self) -> dict[str, Any]:
         """Return plain data."""
         return asdict(self)
 
 
-def failed_samples(store: Store, plan: Plan, statuses: Iterable[str] = ()) -> list[int]:
-    """Return the samples whose run has one of ``statuses``, or by default any but ``ok``, in order."""
+def failed_samples(store: Store, plan: PlanHeader, statuses: Iterable[str] = ()) -> list[int]:
+    """Return the samples whose run has one of ``statuses``, or by default any but ``ok``, in order.
+
+    Of a set of repeats these are the samples whose repeat has.
+    """
     selected, samples = set(statuses), []
     for table in store.stream(plan, ["sample", "status"]):
         rows = zip(table["sample"].to_pylist(), table["status"].to_pylist(), strict=True)
@@ -52,7 +61,12 @@ def failed_samples(store: Store, plan: Plan, statuses: Iterable[str] = ()) -> li
 
 
 def rerun(
-    store: Store, plan: Plan, samples: Iterable[int], cluster: Cluster, simulate: Simulate = simulate
+    store: Store,
+    plan: Plan,
+    samples: Iterable[int],
+    cluster: Cluster,
+    simulate: Simulate = simulate,
+    repeated: Iterable[int] = (),
 ) -> RerunResult:
     """Compute rows again, those of each batch in an isolated subprocess, and replace the batch's part.
 
@@ -68,6 +82,8 @@ def rerun(
         Where to compute.
     simulate : callable
         `engine.simulate`, or a function with the same parameters that takes its place.
+    repeated : iterable of int
+        Samples whose repeats are computed again, as far as there are any.
 
     Returns
     -------
@@ -86,18 +102,27 @@ def rerun(
         If a worker, the cluster or the store fails; the parts that are replaced stay.
     """
     batches = _by_batch(store, plan, samples)
-    address = CampaignAddress.of(store, plan, simulate)
-    before: Counter[str] = Counter()
-    after: Counter[str] = Counter()
+    address = CampaignAddress.of(store, plan, simulate, repeated_shares(store, plan))
+    sets = plan_repeats(plan, address.repeats)
+    wanted = set(repeated)
+    again = [_by_batch(store, repeats, _there(store, repeats, wanted)) for repeats in sets]
+    before, after, of_repeats = Counter[str](), Counter[str](), Counter[str]()
     with hold_lease(store, plan.campaign_id), connect_workers(cluster) as workers:
         for batch, selected in batches.items():
             workers.submit(f"rerun-{batch:06d}", rerun_batch, address, batch, tuple(selected))
+        for at, of_set in enumerate(again):
+            for batch, selected in of_set.items():
+                workers.submit(f"rerun-{at}-{batch:06d}", rerun_repeats, address, at, batch, tuple(selected))
         while (future := workers.next_finished()) is not None:
-            statuses_before, statuses_after = future.result()
-            before.update(statuses_before)
-            after.update(statuses_after)
-        store.record(plan, store.survey(plan).parts.values())
-    return RerunResult(sum(after.values()), dict(sorted(before.items())), dict(sorted(after.items())))
+            if isinstance(done := future.result(), dict):
+                of_repeats.update(done)
+            else:
+                before.update(done[0])
+                after.update(done[1])
+        for table in (plan, *sets):
+            store.record(table, store.survey(table).parts.values())
+    counts = [dict(sorted(counted.items())) for counted in (before, after, of_repeats)]
+    return RerunResult(sum(after.values()), *counts)
 
 
 def rerun_batch(address: CampaignAddress, batch: int, samples: tuple[int, ...]) -> tuple[Counts, Counts]:
@@ -113,12 +138,28 @@ def rerun_batch(address: CampaignAddress, batch: int, samples: tuple[int, ...]) 
         Samples of the batch, in order.
     """
     store, plan = open_campaign(address)
-    rows = {row["sample"]: row for row in store.read_part(plan, batch).to_pylist()}
+    rows, counts = _replaced(store, plan, batch, samples, address)
+    store.write_part(plan, batch, rows_to_table(plan, rows))
+    return counts
+
+
+def rerun_repeats(address: CampaignAddress, at: int, batch: int, samples: tuple[int, ...]) -> Counts:
+    """Compute some repeats of a batch of the set at position ``at`` again; return how many have which status."""
+    (store, plan), repeats = open_campaign(address), open_repeats(address)[at]
+    rows, (_, after) = _replaced(store, repeats, batch, samples, replace(address, halved=True))
+    store.write_part(repeats, batch, repeats_to_table(plan, repeats, rows))
+    return after
+
+
+def _replaced(
+    store: Store, table: PlanHeader, batch: int, samples: tuple[int, ...], address: CampaignAddress
+) -> tuple[list[Row], tuple[Counts, Counts]]:
+    """Return the rows of a batch, some of them computed again, and how many of these had and have which status."""
+    rows = {row["sample"]: row for row in store.read_part(table, batch).to_pylist()}
     old_rows = [rows[sample] for sample in samples]
     for old, new in zip(old_rows, rows_in_subprocess(address, samples, 1), strict=True):
         rows[new["sample"]] = _with_history(old, new)
-    store.write_part(plan, batch, rows_to_table(plan, list(rows.values())))
-    return _count_statuses(old_rows), _count_statuses([rows[sample] for sample in samples])
+    return list(rows.values()), (_count_statuses(old_rows), _count_statuses([rows[sample] for sample in samples]))
 
 
 def _with_history(old: Row, new: Row) -> Row:
@@ -132,17 +173,25 @@ def _count_statuses(rows: list[Row]) -> Counts:
     return dict(Counter(row["status"] for row in rows))
 
 
-def _by_batch(store: Store, plan: Plan, samples: Iterable[int]) -> dict[int, list[int]]:
+def _there(store: Store, repeats: RepeatPlan, wanted: set[int]) -> list[int]:
+    """Return those of the wanted samples of which a set has a repeat in the store."""
+    if not wanted:
+        return []
+    return [s for table in store.stream(repeats, ["sample"]) for s in table["sample"].to_pylist() if s in wanted]
+
+
+def _by_batch(store: Store, table: PlanHeader, samples: Iterable[int]) -> dict[int, list[int]]:
     """Return the samples by batch, each once and in order."""
-    parts, batches = store.survey(plan).parts, defaultdict(list)
-    first_samples = [first for first, _ in plan.batches]
+    parts, batches = store.survey(table).parts, defaultdict(list)
+    firsts = [first for first, _ in table.batches]
     for sample in sorted(set(samples)):
-        batch = bisect_right(first_samples, sample) - 1
-        if batch not in parts or sample >= sum(plan.batches[batch]):
+        row = table.rows_before(sample)
+        batch = bisect_right(firsts, row) - 1
+        if batch not in parts or row >= sum(table.batches[batch]):
             raise SpecError(
-                f"sample {sample}: campaign {plan.campaign_id} has no row of this sample; allowed:"
-                f" computed samples from 0 to {plan.spec.samples - 1}; compute the others with:"
-                f" {store.command('resume', plan.campaign_id)}"
+                f"sample {sample}: campaign {table.campaign_id} has no row of this sample; allowed:"
+                f" computed samples from 0 to {table.all_samples - 1}; compute the others with:"
+                f" {store.command('resume', table.campaign_id)}"
             )
         batches[batch].append(sample)
     return dict(batches)

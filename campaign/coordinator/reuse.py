@@ -18,22 +18,20 @@ from campaign.plan import Plan
 from campaign.store import Store
 from campaign.store.files.files import LARGEST
 from campaign.store.layout import PLAN
+from campaign.store.repeat_sets import read_repeats, repeat_plans
 
 logger = logging.getLogger(__name__)
 
-IRRELEVANT = ("name", "title", "header", "samples", "responses", "stop", "format")  # keys that no row depends on
-DETERMINED = (
-    "ok",
-    "not_at_rest",
-    "not_converged",
-    "jammed",
-    "diverged",
-    "invalid",
-)  # statuses that do not depend on the machine
+# Keys that no row depends on.
+IRRELEVANT = ("name", "title", "header", "samples", "responses", "stop", "repeats", "format")
+# Statuses that do not depend on the machine.
+DETERMINED = ("ok", "not_at_rest", "not_converged", "jammed", "diverged", "invalid")
 
 
 def reuse_rows(store: Store, plan: Plan) -> int:
-    """Write the parts of a new plan whose rows another campaign of the store has; return the number of rows.
+    """Write the parts of a new plan whose rows another campaign of the store has, and their repeats.
+
+    Return the number of rows.
 
     With a sampler whose first samples change with their number, nothing is reused, and a message says why.
     """
@@ -43,6 +41,7 @@ def reuse_rows(store: Store, plan: Plan) -> int:
             logger.info("the rows of %s cannot be reused: %s", other.campaign_id, reason)
             return 0
         reused += _copy(store, other, plan)
+        _copy_repeats(store, other, plan)
     return reused
 
 
@@ -82,3 +81,17 @@ def _copy(store: Store, other: Plan, plan: Plan) -> int:
             kept = kept.filter(pc.field("sample") >= first + count)
             batch = next(waiting, None)
     return copied
+
+
+def _copy_repeats(store: Store, other: Plan, plan: Plan) -> None:
+    """Write the parts of a plan's repeats that the repeats of another campaign fill."""
+    rows, sets = read_repeats(store, other), repeat_plans(store, plan)
+    if rows is None or not sets:
+        return
+    usable = rows.filter(pc.field("status").isin(DETERMINED)).sort_by("sample")
+    for repeats in sets:
+        for batch in store.survey(repeats).missing:
+            first, count = repeats.batches[batch]
+            part = usable.filter(pc.field("sample").isin(repeats.numbers_of(first, first + count)))
+            if part.num_rows == count:
+                store.write_part(repeats, batch, part.replace_schema_metadata(repeats.schema.metadata))

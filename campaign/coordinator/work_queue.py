@@ -2,7 +2,7 @@
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 
 from campaign.plan import Plan
 from campaign.store import Part
@@ -20,6 +20,8 @@ class WorkQueue:
         What the store has, by batch number.
     end : int
         Number of samples to compute; batches beyond them are left out.
+    unrepeated : set of int
+        Batches of whose samples a repeat is missing.
 
     Attributes
     ----------
@@ -29,12 +31,16 @@ class WorkQueue:
         No batch from this number on is handed out yet.
     """
 
-    def __init__(self, plan: Plan, parts: Mapping[int, Part], end: int) -> None:
+    def __init__(self, plan: Plan, parts: Mapping[int, Part], end: int, unrepeated: Set[int] = frozenset()) -> None:
         self._first_samples = [first for first, _ in plan.batches]
         self.parts = dict(parts)
         self._complete_prefix = 0  # number of batches from the first on that are completed without a gap
         self.limit = self.batches_for(end)
-        self._waiting = deque(BatchRequest(batch) for batch in range(self.limit) if batch not in self.parts)
+        self._waiting = deque(
+            BatchRequest(batch, has_rows=batch in self.parts)
+            for batch in range(self.limit)
+            if batch not in self.parts or batch in unrepeated
+        )
 
     def batches_for(self, samples: int) -> int:
         """Return how many batches from the first on hold the first ``samples`` samples."""

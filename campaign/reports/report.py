@@ -17,6 +17,7 @@ from campaign.plan import Plan
 from campaign.reports.authorship import author, campaign_end, report_date
 from campaign.reports.fixed_assumptions import fixed_assumptions
 from campaign.reports.mechanism_drawing import mechanism_drawing
+from campaign.reports.reported_repeats import repeats_of
 from campaign.reports.spreads import Spreads
 from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.store import Store
@@ -65,8 +66,13 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
     if other is not None and other.campaign_id == plan.campaign_id:
         raise SpecError(f"--against {against}: is the campaign itself; name another one, see: {store.command('list')}")
     comparison = None if other is None else (_rows(store, other), report_spec(other, store))
-    options = {"kinds": kinds, "rescale": Spreads(plan.spec, plan.mechanism).change, "against": comparison}
+    options: dict[str, Any] = {
+        "kinds": kinds,
+        "rescale": Spreads(plan.spec, plan.mechanism).change,
+        "against": comparison,
+    }
     try:
+        options["repeats"] = repeats_of(store, plan)
         return _write(store, plan, _with_production_batch(plan, _rows(store, plan)), options)
     except ReportError as error:
         message = f"report of {plan.campaign_id}: {error}"

@@ -68,6 +68,15 @@ class Failures(TableModel, strict=True):
         return self.max_failed is None and ok == 0 and done >= FIRST_RUNS
 
 
+class RepeatSettings(TableModel, strict=True):
+    """Samples that are simulated a second time, with half the step, to see how far results depend on it."""
+
+    share: Annotated[float, Field(ge=0.0, le=1.0, allow_inf_nan=False)] = Field(
+        description="Share of the samples to repeat, from 0 (none) to 1 (all). A repeat takes about twice the time of"
+        " its run, and enters no statistic but the report's repeatability."
+    )
+
+
 class Execution(TableModel, strict=True):
     """What one run may cost."""
 

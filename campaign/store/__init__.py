@@ -6,6 +6,8 @@ STORE/CAMPAIGN_ID/campaign.toml   the spec
                   stopped.json    where the table ends, if the stopping rule ended the campaign
                   parts/part-000123.parquet          the rows of batch 123, written whole or not at all
                         rows-000000-000999.parquet   the rows of batches 0 to 999, merged from their parts
+                  repeats-1/  the same files with the repeats that the plan asks for; their manifest is repeats-1.json
+                  repeats.json    shares of further repeats, which are in repeats-2/ and so on
                   report/         the report
 """
 

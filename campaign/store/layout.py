@@ -1,14 +1,17 @@
 """Names of the files and folders of a store; each is written here once.
 
-``STORE/CAMPAIGN_ID/`` holds what a campaign is (its plan), what has been computed (its parts), what is computed now
-(state, lease, heartbeat, cancel marker), and its report.
+``STORE/CAMPAIGN_ID/`` holds what a campaign is (its plan), what has been computed (its parts and those of its repeats),
+what is computed now (state, lease, heartbeat, cancel marker), and its report.
 """
+
+from campaign.plan_header import PlanHeader
 
 PLAN = "plan.json"
 CAMPAIGN_FILE = "campaign.toml"
 SUBMISSION = "submission.json"  # who submitted it, and when
 PARTS = "parts"
 MANIFEST = "manifest.json"
+REPEATS = "repeats.json"  # exists once somebody has asked for more repeats than the plan
 STOPPED = "stopped.json"  # exists once the stopping rule has ended the campaign
 STATE = "state.json"
 LEASE = "lease.json"
@@ -18,3 +21,8 @@ REPORT = "report"
 LOG = "coordinator.log"
 
 SERVICE = "service"  # beside the campaigns: the lease and the heartbeat of a coordinator that serves the store
+
+
+def manifest_name(plan: PlanHeader) -> str:
+    """Return the name of the manifest of a campaign's rows, or of a set of its repeats, relative to the store."""
+    return f"{plan.campaign_id}/{MANIFEST if plan.folder == PARTS else f'{plan.folder}.json'}"

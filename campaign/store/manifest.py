@@ -21,7 +21,7 @@ def dump(plan: PlanHeader, parts: Iterable[Part]) -> bytes:
     for part in sorted(parts, key=lambda part: part.batch):
         entry = files.setdefault(part.file, {"size": part.size, "sha256": part.sha256, "statuses": {}})
         entry["statuses"][str(part.batch)] = part.statuses
-    document = {"format": FORMAT, "campaign": plan.campaign_id, "digest": _digest(files), "files": files}
+    document = {"format": FORMAT, "campaign": plan.sealed_as, "digest": _digest(files), "files": files}
     return (json.dumps(document, separators=(",", ":")) + "\n").encode()
 
 
@@ -43,7 +43,7 @@ def load(plan: PlanHeader, content: bytes) -> dict[str, list[Part]]:
     """
     document = json.loads(content)
     try:
-        if (document["format"], document["campaign"]) != (FORMAT, plan.campaign_id):
+        if (document["format"], document["campaign"]) != (FORMAT, plan.sealed_as):
             raise ValueError("it belongs to another campaign or has another format")
         if document["digest"] != _digest(document["files"]):
             raise ValueError("its content was changed after it was written")

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 
 from campaign.plan_header import PlanHeader
 from campaign.store.decoded_size import MOST, check_decoded_size
-from campaign.store.layout import PARTS
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -69,7 +68,7 @@ class Part:
 
 def folder(plan: PlanHeader) -> str:
     """Return the folder of a campaign's parts, relative to the store."""
-    return f"{plan.campaign_id}/{PARTS}"
+    return f"{plan.campaign_id}/{plan.folder}"
 
 
 def part_name(plan: PlanHeader, batch: int) -> str:
@@ -116,7 +115,7 @@ def encode(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> bytes:
     rows = table if table.schema.equals(plan.schema, check_metadata=True) else table.cast(plan.schema)
     buffer = io.BytesIO()
     seal = {
-        "campaign": plan.campaign_id,
+        "campaign": plan.sealed_as,
         "columns": plan.columns,
         "first": plan.batches[first][0],
         "statuses": _statuses(plan, rows, first, last),
@@ -155,13 +154,13 @@ def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bo
     """
     digest, seal = _seal(content)
     begin, batches = plan.batches[first][0], plan.batches[first : last + 1]
-    if seal["campaign"] != plan.campaign_id:
+    if seal["campaign"] != plan.sealed_as:
         raise BadPart(f"belongs to campaign {str(seal['campaign'])[:100]}")
     if seal["columns"] != plan.columns:
         raise BadPart("has other columns or units than the plan")
     rows = [sum(statuses.values()) for statuses in seal["statuses"]]
     if seal["first"] != begin or rows != [count for _, count in batches]:
-        raise BadPart(f"does not hold exactly the samples {begin} to {sum(batches[-1]) - 1}")
+        raise BadPart(f"does not hold exactly the samples {_span(plan, begin, sum(batches[-1]))}")
     span = (first, last) if merged else None
     return [
         Part(first + position, count, statuses, len(content), digest, span)
@@ -254,11 +253,17 @@ def _seal(content: bytes) -> tuple[str, dict[str, Any]]:
 def _statuses(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> list[dict[str, int]]:
     """Return how many rows of each batch ended in which status; ValueError if they are not the batches' rows."""
     begin, end = plan.batches[first][0], sum(plan.batches[last])
-    if table["sample"].to_pylist() != list(range(begin, end)):
-        raise ValueError(f"the rows are not those of samples {begin} to {end - 1}")
+    if table["sample"].to_pylist() != plan.numbers_of(begin, end):
+        raise ValueError(f"the rows are not those of samples {_span(plan, begin, end)}")
     statuses = table["status"].to_pylist()
     spans = (plan.batches[batch] for batch in range(first, last + 1))
     return [dict(sorted(Counter(statuses[at - begin : at - begin + count]).items())) for at, count in spans]
+
+
+def _span(plan: PlanHeader, begin: int, end: int) -> str:
+    """Return the first and the last sample of some successive rows."""
+    numbers = plan.numbers_of(begin, end)
+    return f"{numbers[0]} to {numbers[-1]}"
 
 
 def total(counts: Iterable[Mapping[str, int]]) -> dict[str, int]:

@@ -11,7 +11,7 @@ from campaign.store import manifest
 from campaign.store.command_line import command_line
 from campaign.store.files.files import Files
 from campaign.store.files.patience import PATIENT, Patience
-from campaign.store.layout import CAMPAIGN_FILE, MANIFEST, PLAN, STOPPED
+from campaign.store.layout import CAMPAIGN_FILE, PLAN, STOPPED, manifest_name
 from campaign.store.parts import Part, check, encode, file_name, part_name
 from campaign.store.quarantine import quarantine
 from campaign.store.rows import read_batch, stream
@@ -151,7 +151,7 @@ class Store:
 
     def record(self, plan: PlanHeader, parts: Iterable[Part]) -> None:
         """Write the manifest, so that the next survey need not read these parts."""
-        self.files.write(f"{plan.campaign_id}/{MANIFEST}", manifest.dump(plan, parts))
+        self.files.write(manifest_name(plan), manifest.dump(plan, parts))
 
     def quarantine(self, plan: PlanHeader, bad: Iterable[int]) -> list[str]:
         """Rename the files of bad batches to ``.bad``, with a warning, so that the batches are computed again.
@@ -183,24 +183,24 @@ class Store:
         return compacted
 
     def end(self, plan: PlanHeader) -> int:
-        """Return the number of samples in the table: all that are planned, unless the stopping rule ended the campaign.
+        """Return the number of rows in the table: all that are planned, unless the stopping rule ended the campaign.
 
         Raises
         ------
         StoreError
             If ``stopped.json`` does not say where the campaign ended.
         """
-        samples = sum(plan.batches[-1])
         stopped = self.read_json(plan.campaign_id, STOPPED)
         if stopped is None:
-            return samples
+            return sum(plan.batches[-1])
+        samples = plan.all_samples
         end = stopped.get("samples")
         if not isinstance(end, int) or isinstance(end, bool) or not 0 < end <= samples:
             raise StoreError(
                 f"store {self.url}: {plan.campaign_id}/{STOPPED} says samples = {end!r}; allowed: 1 to {samples};"
                 " restore it, or remove it to compute all samples"
             )
-        return end
+        return plan.rows_before(end)
 
     def stream(self, plan: PlanHeader, columns: Sequence[str] | None = None) -> "Iterator[pa.Table]":
         """Yield the rows of a campaign in the order of the samples, some ten thousand at a time.

@@ -10,7 +10,7 @@ from campaign.errors import StoreError
 from campaign.plan_header import PlanHeader
 from campaign.store import manifest
 from campaign.store.files.files import Files, OddFile
-from campaign.store.layout import MANIFEST
+from campaign.store.layout import manifest_name
 from campaign.store.parts import BadPart, Part, batches_of, check, decode, folder, total
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def survey(files: Files, plan: PlanHeader, end: int, *, verify: bool) -> Survey:
 
 def load_manifest(files: Files, plan: PlanHeader) -> dict[str, list[Part]]:
     """Return the parts that the manifest knows, by file; nothing, with a warning, if it cannot be used."""
-    name = f"{plan.campaign_id}/{MANIFEST}"
+    name = manifest_name(plan)
     try:
         return manifest.load(plan, files.read(name))
     except FileNotFoundError:

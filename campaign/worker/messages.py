@@ -62,6 +62,10 @@ class CampaignAddress:
         `engine.simulate`, or a function of a module with the same parameters that takes its place.
     patience : Patience
         For how long a worker tries again what the store refuses.
+    repeats : tuple of float
+        Shares of the samples that are repeated; see `campaign.repeat_plan.plan_repeats`.
+    halved : bool
+        Whether runs have half the step: repeats.
     """
 
     store: str = field(repr=False)
@@ -69,11 +73,15 @@ class CampaignAddress:
     row_build: str
     simulate: Simulate = simulate
     patience: Patience = PATIENT
+    repeats: tuple[float, ...] = ()
+    halved: bool = False
 
     @classmethod
-    def of(cls, store: Store, plan: Plan, simulate: Simulate = simulate) -> "CampaignAddress":
+    def of(
+        cls, store: Store, plan: Plan, simulate: Simulate = simulate, repeats: tuple[float, ...] = ()
+    ) -> "CampaignAddress":
         """Return the address of a plan in a store; a folder's path becomes absolute, for workers elsewhere."""
-        return cls(store.files.full_url, plan.campaign_id, plan.row_build, simulate, store.files.patience)
+        return cls(store.files.full_url, plan.campaign_id, plan.row_build, simulate, store.files.patience, repeats)
 
 
 def check_build(campaign_id: str, planned: str) -> None:
@@ -103,30 +111,36 @@ class BatchRequest:
         Attempt number, from 1.
     isolated : bool
         Whether its runs are computed in an isolated subprocess, because an earlier attempt killed its worker.
+    has_rows : bool
+        Whether the store has its rows, so that only repeats of its samples are missing.
     """
 
     batch: int
     attempt: int = 1
     isolated: bool = False
+    has_rows: bool = False
 
 
 @dataclass(frozen=True)
 class BatchResult:
-    """A batch whose rows are in the store.
+    """A batch whose rows, and the repeats of its samples, are in the store.
 
     Attributes
     ----------
-    part : Part
-        The part that was written.
+    part : Part or None
+        The part that was written; None if the request was for repeats only.
     moments : dict of str to Moments
         Moments of each response over the rows of the batch.
     computed : bool
         Whether the rows were computed now; otherwise the store had them already.
     seconds : float
         How long the batch took [s].
+    repeats : int
+        Number of repeats of its samples.
     """
 
-    part: Part
+    part: Part | None
     moments: dict[str, Moments] = field(default_factory=dict)
     computed: bool = True
     seconds: float = 0.0
+    repeats: int = 0

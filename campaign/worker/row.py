@@ -10,7 +10,9 @@ import pyarrow as pa
 
 from campaign.inputs.sampling import draw, sampler_named
 from campaign.plan import Plan
+from campaign.repeat_plan import SETTINGS, RepeatPlan
 from campaign.spec.policy import RETRIED, SimulationSettings
+from campaign.worker.halved_step import what_differs
 from campaign.worker.limits import time_limit
 from campaign.worker.messages import Simulate
 from engine import Run
@@ -98,13 +100,19 @@ def crashed_row(
     return {"sample": sample, **values, **empty, **ending, "attempts": attempts, "earlier_attempts": ""}
 
 
-def rows_to_table(plan: Plan, rows: list[Row]) -> pa.Table:
-    """Return rows as a table of the plan's schema, with the columns that the sampler adds."""
+def rows_to_table(plan: Plan, rows: list[Row], schema: pa.Schema | None = None) -> pa.Table:
+    """Return rows as a table of the plan's schema, or another one, with the columns that the sampler adds."""
+    schema = plan.schema if schema is None else schema
     sample = np.array([row["sample"] for row in rows], np.int64)
     added = sampler_named(plan.spec.sampler).own_columns(plan.spec, sample)
-    columns = zip(plan.schema.names, plan.schema.types, strict=True)
+    columns = zip(schema.names, schema.types, strict=True)
     values = [pa.array(added[name] if name in added else [r[name] for r in rows], kind) for name, kind in columns]
-    return pa.table(values, schema=plan.schema)
+    return pa.table(values, schema=schema)
+
+
+def repeats_to_table(plan: Plan, repeats: RepeatPlan, rows: list[Row]) -> pa.Table:
+    """Return repeats as a table that also says what differed from the runs of their rows."""
+    return rows_to_table(plan, [row | {SETTINGS: what_differs(plan, row)} for row in rows], repeats.schema)
 
 
 def sample_inputs(plan: Plan, samples: Sequence[int]) -> Iterator[tuple[int, dict[str, float]]]:

@@ -4,8 +4,10 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 
 from campaign.plan import Plan
+from campaign.repeat_plan import RepeatPlan, plan_repeats
 from campaign.store import Store, open_store
 from campaign.store.layout import CANCEL
+from campaign.worker.halved_step import HalvedStep
 from campaign.worker.limits import cancelled_by, memory_limit
 from campaign.worker.messages import CampaignAddress, Cancelled, DoubtfulRun, check_build
 from campaign.worker.row import DoubtfulRow, Row, compute_row, sample_inputs
@@ -28,6 +30,12 @@ def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
         warm_up()  # compiling must not count as time of a run
     store = open_store(address.store, address.patience)
     return store, store.plan(address.campaign_id)
+
+
+@lru_cache(maxsize=4)
+def open_repeats(address: CampaignAddress) -> tuple[RepeatPlan, ...]:
+    """Return the sets of repeats of a campaign; errors as of `open_campaign`."""
+    return plan_repeats(open_campaign(address)[1], address.repeats)
 
 
 def rows_in_process(
@@ -66,12 +74,12 @@ def rows_in_process(
     from engine.loop import Cancel  # loads numba, which a coordinator that only requests batches does not need
 
     store, plan = open_campaign(address)
-    cancel = Cancel()
+    run, cancel = HalvedStep(address.simulate) if address.halved else address.simulate, Cancel()
     marker, files = f"{plan.campaign_id}/{CANCEL}", store.files.hasty
     with memory_limit(plan.spec.execution.memory_limit), cancelled_by(lambda: files.exists(marker), cancel):
         for sample, values in sample_inputs(plan, samples):
             begin(sample)
-            row = compute_row(plan, address.simulate, sample, values, attempt, cancel)
+            row = compute_row(plan, run, sample, values, attempt, cancel)
             if cancel.flag[0]:
                 raise Cancelled(f"campaign {plan.campaign_id} is cancelled")
             if isinstance(row, DoubtfulRow):

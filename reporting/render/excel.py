@@ -23,7 +23,7 @@ Table = tuple[Sequence[str], Iterable[Sequence[Any]]]
 
 
 def render_workbook(analysis: Analysis, samples: Samples) -> bytes:
-    """Return the workbook: trust, summary, indices, causes, inputs, failures, provenance and the first samples.
+    """Return the workbook: summary, trust, indices, causes, inputs, failures, provenance, first samples and more.
 
     Parameters
     ----------
@@ -55,6 +55,7 @@ def _tables(analysis: Analysis, samples: Samples) -> dict[str, Table]:
     return {
         "Summary": _summary(analysis),
         "Trust": (("check", "result", "finding"), [(c.name, c.level, c.text) for c in analysis.trust]),
+        "Repeatability": _repeatability(analysis.responses),
         "Product": _product(analysis),
         "Indices": _indices(analysis.responses),
         "Tolerance intervals": _tolerance_intervals(analysis.responses),
@@ -81,6 +82,19 @@ def _summary(analysis: Analysis) -> Table:
         low, high = c.cpk_interval or (None, None)
         rows.append((spec.name, spec.unit, r.verdict.word, *_basis(r), spec.lsl, spec.usl, c.mean, c.std, c.min, c.max,
                      c.cp, c.cpk, low, high, c.cc, c.ppm_observed, c.ppm_upper, c.ppm_expected))  # fmt: skip
+    return heads, rows
+
+
+def _repeatability(responses: tuple[ResponseAnalysis, ...]) -> Table:
+    """Return how far each response scatters between runs of the same sample with different steps."""
+    heads = ("response", "unit", "pairs", "one run failed", "sigma of the scatter", "low", "high",
+             "share of the variance", "low", "high", "inputs explain at most", "half the step moves the mean by",
+             "low", "high")  # fmt: skip
+    rows = [
+        (r.spec.name, r.spec.unit, f.pairs, f.lost, f.sigma, *(f.sigma_interval or (None, None)), f.share,
+         *(f.share_interval or (None, None)), f.removable, f.shift, *(f.shift_interval or (None, None)))
+        for r in responses if (f := r.repeatability)
+    ]  # fmt: skip
     return heads, rows
 
 

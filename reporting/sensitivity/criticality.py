@@ -98,8 +98,11 @@ def with_total_order(influence: Influence, totals: TotalOrder, confidence: float
     )
 
 
-def with_shapley(influence: Influence, at: int, measures: Measures, confidence: float) -> Influence:
-    """Return the influence of a correlated variable with its Shapley effect, which then decides the verdict."""
+def with_shapley(influence: Influence, at: int, measures: Measures, scatter: float, confidence: float) -> Influence:
+    """Return the influence of a correlated variable with its Shapley effect, which then decides the verdict.
+
+    Of what the regression leaves, the share `scatter` of the variance is no variable's.
+    """
     if measures.independent or influence.variable not in measures.variables:
         return influence
     if measures.shapley is None:
@@ -108,7 +111,7 @@ def with_shapley(influence: Influence, at: int, measures: Measures, confidence: 
     quantile, errors_needed = jackknife_quantile(GROUPS, confidence), needed_errors(len(measures.variables), confidence)
     share, half = float(effects.share[at, i]), quantile * float(effects.share_error[at, i])
     own, own_half = float(effects.own[at, i]), quantile * float(effects.own_error[at, i])
-    left = max(float(effects.remainder[at]), 0.0)
+    left = max(float(effects.remainder[at]) - scatter, 0.0)
     most_left = left + quantile * float(effects.remainder_error[at])
     low, high = share_interval(share, half)
     interval = low, as_share(high + left)

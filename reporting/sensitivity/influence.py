@@ -38,7 +38,8 @@ class Influence:
     carriers : float
         Number of samples that carry the first-order index; few make its interval too narrow.
     total, total_interval : float, (float, float)
-        Total-order Sobol' index, which includes all interactions; None without a design.
+        Total-order Sobol' index, which includes all interactions; None without a design. Measured scatter is
+        subtracted.
     interactions, interactions_interval : float, (float, float)
         Total-order less first-order index, both from the design: the share of the variable's interactions.
     shapley, shapley_interval : float, (float, float)
@@ -113,7 +114,7 @@ class ResponseSensitivity:
     r2, r2_rank : float or None
         Share of the variance explained by linear regression (adjusted), and by the regression of ranks.
     interaction, interaction_interval : float, (float, float), or None
-        Share of the variance that is not a sum of functions of single variables.
+        Share of the variance that is not a sum of functions of single variables, scatter included.
     influences : tuple of Influence
         One for each variable, in their order.
     verdict : str
@@ -125,6 +126,11 @@ class ResponseSensitivity:
         Why numbers are None, and cautions.
     attribution : RejectAttribution or None
         Which variable costs how much of the reject share; None without a reject.
+    scatter, scatter_interval : float, (float, float), or None
+        What of `interaction` is scatter between runs of the same sample with different steps, which no input causes;
+        None if no repeat measures it.
+    rest, rest_interval : float, (float, float), or None
+        `interaction` without the scatter: interactions of variables, and jumps; None if scatter is not measured.
     """
 
     response: str
@@ -141,6 +147,10 @@ class ResponseSensitivity:
     worst: tuple[WorstSample, ...]
     notes: tuple[str, ...]
     attribution: RejectAttribution | None = None
+    scatter: float | None = None
+    scatter_interval: Interval | None = None
+    rest: float | None = None
+    rest_interval: Interval | None = None
 
     @property
     def ranked(self) -> tuple[Influence, ...]:

@@ -19,7 +19,6 @@ from reporting.sensitivity.criticality import (
     influence_of,
     needed_errors,
     response_verdict,
-    share_interval,
     with_shapley,
     with_total_order,
 )
@@ -40,6 +39,7 @@ from reporting.sensitivity.regression import MOST_SHARED
 from reporting.sensitivity.reject_attribution import reject_attribution
 from reporting.sensitivity.rejects import reject_causes, worst_samples
 from reporting.sensitivity.total_order import TotalOrder
+from reporting.sensitivity.unexplained import Known, Unexplained, note_on, split, without_scatter
 
 
 def sensitivity(
@@ -48,7 +48,7 @@ def sensitivity(
     limits: Mapping[str, tuple[float | None, float | None]] | None = None,
     sample: NDArray[np.int64] | None = None,
     confidence: float = 0.95,
-    designed: Mapping[str, TotalOrder | str] | None = None,
+    known: Mapping[str, Known] | None = None,
     correlations: Sequence[tuple[str, str, float]] | None = None,
     lots: NDArray[np.int64] | None = None,
 ) -> Sensitivity:
@@ -64,8 +64,8 @@ def sensitivity(
         Numbers of the samples; the row numbers by default.
     confidence : float
         Of all intervals.
-    designed : mapping of str to TotalOrder or str, optional
-        Total-order indices by response, or why there are none.
+    known : mapping of str to Known, optional
+        What is known by response beyond these columns: total-order indices of a design, scatter between repeats.
     correlations : sequence of (str, str, float), optional
         The requested rank correlations of the variables. Without it the samples decide whether variables are
         correlated.
@@ -95,8 +95,8 @@ def sensitivity(
         measures = measure(columns, values, confidence, correlations, count)
         for name in names:
             lsl, usl = (limits or {}).get(name, (None, None))
-            totals = (designed or {}).get(name)
-            found = _response(name, columns, values[name], sample[at], (lsl, usl), measures, totals, confidence)
+            more = (known or {}).get(name, Known())
+            found = _response(name, columns, values[name], sample[at], (lsl, usl), measures, more, confidence)
             out = _out_of_limits(values[name], lsl, usl)
             costs = reject_attribution(columns, out, confidence, of_rows) if np.any(out) else None
             done[name] = replace(found, attribution=costs, notes=(*found.notes, *_of_lots(count, int(at.sum()))))
@@ -110,7 +110,7 @@ def _response(
     sample: NDArray[np.int64],
     limits: tuple[float | None, float | None],
     measures: Measures | None,
-    designed: TotalOrder | str | None,
+    known: Known,
     confidence: float,
 ) -> ResponseSensitivity:
     """Return the sensitivity of one response."""
@@ -128,15 +128,18 @@ def _response(
     unexplained, error = float(shares.unexplained[at]), float(shares.unexplained_error[at])
     if shapley is not None:
         unexplained, error = float(shapley.interaction[at]), float(shapley.interaction_error[at])
-    interaction_interval = share_interval(unexplained, quantile * error)
-    totals = designed if isinstance(designed, TotalOrder) else None
-    influences = tuple(influence_of(v, at, measures, interaction_interval[1], confidence) for v in columns)
-    influences = tuple(with_shapley(i, at, measures, confidence) for i in influences)
+    left_over = split(unexplained, quantile * error, known)
+    totals = without_scatter(known.totals, known, quantile) if isinstance(known.totals, TotalOrder) else None
+    scatter = left_over.scatter or 0.0
+    influences = tuple(influence_of(v, at, measures, left_over.most_interactions, confidence) for v in columns)
+    influences = tuple(with_shapley(i, at, measures, scatter, confidence) for i in influences)
     if totals is not None:
         influences = tuple(with_total_order(i, totals, confidence) for i in influences)
-    uncovered = interaction_interval[1]
+    uncovered = left_over.most_interactions
     if shapley is not None:
-        uncovered = float(shapley.remainder[at]) + quantile * float(shapley.remainder_error[at])
+        uncovered = split(
+            float(shapley.remainder[at]), quantile * float(shapley.remainder_error[at]), known
+        ).most_interactions
     return ResponseSensitivity(
         response=name,
         n=y.size,
@@ -145,18 +148,22 @@ def _response(
         r2=float(measures.linear.r2[at]),
         r2_rank=float(measures.rank.r2[at]),
         interaction=as_share(unexplained),
-        interaction_interval=interaction_interval,
+        interaction_interval=left_over.interval,
         influences=influences,
         verdict=response_verdict(influences, uncovered if totals is None else 0.0),
         rejects=reject_causes(y, varying, *limits, confidence),
         worst=worst,
         notes=(
             *notes,
-            *_notes(measures, at, unexplained, designed),
+            *_notes(measures, at, left_over, known),
             *_only_correlated(influences),
             *_interacting(influences, totals, confidence),
             *_carried(influences),
         ),
+        scatter=left_over.scatter,
+        scatter_interval=left_over.scatter_interval,
+        rest=left_over.rest,
+        rest_interval=left_over.rest_interval,
     )
 
 
@@ -176,21 +183,12 @@ def _out_of_limits(y: Array, lsl: float | None, usl: float | None) -> NDArray[np
     return np.asarray(below | (y > (np.inf if usl is None else usl)))
 
 
-def _notes(measures: Measures, at: int, unexplained: float, designed: TotalOrder | str | None) -> tuple[str, ...]:
+def _notes(measures: Measures, at: int, found: Unexplained, known: Known) -> tuple[str, ...]:
     """Return cautions about the numbers of a response."""
     collinear = [v for v, i in measures.variables.items() if not np.isfinite(measures.linear.inflation[i])]
     shapley = measures.shapley
-    left = 0.0 if shapley is None else float(shapley.remainder[at])
-    together = f"{100 * unexplained:.0f} % of the variance is not a sum of effects of single variables. "
-    if isinstance(designed, TotalOrder):
-        together += "The shares with interactions show which variables cause it."
-    elif not measures.independent:
-        together += "No design tells whose it is: total-order indices need independent variables."
-    else:
-        together += (
-            "A variable without an effect of its own may still matter together with others; a designed sample"
-            " (sampler saltelli) gives total-order indices."
-        )
+    left = 0.0 if shapley is None else float(shapley.remainder[at]) - (found.scatter or 0.0)
+    together = note_on(found, known, independent=measures.independent)
     notes = (
         (
             not measures.independent and shapley is not None,
@@ -205,13 +203,13 @@ def _notes(measures: Measures, at: int, unexplained: float, designed: TotalOrder
             bool(collinear),
             f"{', '.join(collinear)}: determined by the other variables, so coefficients are not unique.",
         ),
-        (unexplained >= CRITICAL_SHARE and (shapley is None or left >= CRITICAL_SHARE), together),
+        (bool(together) and (shapley is None or float(shapley.remainder[at]) >= CRITICAL_SHARE), together),
         (
             left >= CRITICAL_SHARE,
             f"{100 * left:.0f} % of the variance is in no Shapley effect: it acts in ways that the regression does not"
             " follow, and widens the intervals.",
         ),
-        (isinstance(designed, str), str(designed)),
+        (isinstance(known.totals, str), str(known.totals)),
     )
     return tuple(text for holds, text in notes if holds)
 

@@ -179,3 +179,30 @@ def needs_a_short_step(mechanism, values, *, step=None, **settings):
     if values["J1"] > 0.09:
         return simulate(mechanism, values, status="diverged", message="speed 1e9")
     return simulate(mechanism, values)
+
+
+def step_of(mechanism, values, step):
+    """Return the step of a run: the fixed one, or the shortest."""
+    return step or values.get("simulation.step", mechanism.simulation.step)
+
+
+def depends_on_step(mechanism, values, *, step=None, horizon=None, cancel=None):
+    """Return the first response less by a half in a run with half the step."""
+    run = simulate(mechanism, values)
+    name = next(iter(mechanism.responses))
+    run.responses[name] += step_of(mechanism, values, step) / mechanism.simulation.step
+    return run
+
+
+def kills_below_its_step(mechanism, values, *, step=None, horizon=None, cancel=None):
+    """Kill the process with signal 11 in a run with half the step if J1 is above its mean."""
+    if step_of(mechanism, values, step) < mechanism.simulation.step and values["J1"] > 0.07:
+        os.kill(os.getpid(), signal.SIGSEGV)
+    return depends_on_step(mechanism, values, step=step)
+
+
+def counts(counter, mechanism, values, *, step=None, horizon=None, cancel=None):
+    """Count the run in a file."""
+    with open(counter, "ab") as file:
+        file.write(b"x")
+    return depends_on_step(mechanism, values, step=step)

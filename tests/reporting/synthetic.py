@@ -8,6 +8,7 @@ import pyarrow as pa
 from campaign.inputs.sampling import sampler_named
 from reporting import Design, ReportSpec, ResponseSpec, VariableSpec
 from reporting.analysis import Analysis, Rescale, analyse
+from reporting.repeats import Repeats
 from reporting.samples import read_samples
 
 if TYPE_CHECKING:
@@ -88,10 +89,26 @@ def c60_table(n: int, failures: int = 0, seed: int = 7) -> pa.Table:
 
 
 def analysis_of(
-    rows: "Rows", spec: ReportSpec, rescale: Rescale | None = None, against: "tuple[Rows, ReportSpec] | None" = None
+    rows: "Rows",
+    spec: ReportSpec,
+    rescale: Rescale | None = None,
+    against: "tuple[Rows, ReportSpec] | None" = None,
+    repeats: Repeats | None = None,
 ) -> Analysis:
     """Return the analysis of a table of samples."""
-    return analyse(read_samples(rows, spec), spec, rescale, against)
+    return analyse(read_samples(rows, spec), spec, rescale, against, repeats)
+
+
+def repeats_of(table: pa.Table, every: int, scatter: dict[str, float], seed: int = 5) -> Repeats:
+    """Return repeats of every so many samples; each response differs by the square root of 2 times its scatter."""
+    rng, picked = np.random.default_rng(seed), table.take(np.arange(0, table.num_rows, every))
+    values = {
+        name: picked[name].to_numpy() + np.sqrt(2) * sigma * rng.normal(size=picked.num_rows)
+        for name, sigma in scatter.items()
+    }
+    ok = np.array(picked["status"].to_pylist()) == "ok"
+    remedy = "More are repeated by clearcap repeat c60-0123456789 --share 0.2."
+    return Repeats(picked["sample"].to_numpy(), ok, values, picked.num_rows, remedy)
 
 
 def drawn_by(sampler: str) -> dict[str, object]:

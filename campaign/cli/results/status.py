@@ -31,7 +31,8 @@ def status(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) ->
         return
     done, failed, left = counts["done"], counts["failed"], counts["left"]
     done_so_far = f"{done} of {counts['samples']} done, {failed} failed, {left} left"
-    print_text(f"{header.campaign_id}: {state['state']}, {done_so_far}")
+    repeats = f", {counts['repeated']} of {counts['repeats']} repeats" if counts["repeats"] else ""
+    print_text(f"{header.campaign_id}: {state['state']}, {done_so_far}{repeats}")
     if state["message"]:
         print_text(f"  {state['message']}")
     if heartbeat:
@@ -77,11 +78,13 @@ def _heartbeat(store: "Store", campaign_id: str) -> "Heartbeat | None":
 
 def _count_rows(store: "Store", header: "PlanHeader") -> dict[str, Any]:
     """Return how many rows of a campaign are done and how they ended; print which parts are bad."""
-    survey = store.survey(header)
-    for reason in dict.fromkeys(survey.bad.values()):
+    from campaign.store.repeat_sets import repeat_plans, survey_repeats
+
+    survey, repeats = store.survey(header), survey_repeats(store, repeat_plans(store, header))
+    for reason in dict.fromkeys([*survey.bad.values(), *repeats.bad]):
         command = store.command("resume", header.campaign_id)
         say(f"{header.campaign_id}: {reason}; compute its samples again with: {command}")
     done, ok = survey.rows, survey.statuses.get("ok", 0)
     samples = store.end(header)
     counts = {"samples": samples, "done": done, "ok": ok, "failed": done - ok, "left": samples - done}
-    return {**counts, "statuses": survey.statuses}
+    return {**counts, "statuses": survey.statuses, "repeats": repeats.planned, "repeated": repeats.done}

@@ -183,8 +183,10 @@ def test_status(faked, campaign_file):
         "failed": 0,
         "left": 0,
         "statuses": {"ok": 25},
+        "repeats": 1,
+        "repeated": 1,
     }
-    assert "25 of 25 done, 0 failed, 0 left" in faked.invoke(app, ["status"]).stdout
+    assert "25 of 25 done, 0 failed, 0 left, 1 of 1 repeats" in faked.invoke(app, ["status"]).stdout
 
 
 def test_simulate_writes_what_is_asked_for(monkeypatch, tmp_path):

@@ -6,6 +6,7 @@ from scipy import stats
 
 from campaign.coordinator.stopping_rule import judge
 from campaign.errors import SpecError
+from campaign.plan import Plan
 from campaign.spec.load import load_campaign
 from campaign.spec.policy import Stop
 from campaign.store import Store
@@ -65,8 +66,9 @@ def test_rows_that_arrive_after_the_end_do_not_count(tmp_path, campaign_file, wo
     record = Store.record
 
     def late(self, plan, parts):
-        address = CampaignAddress(self.url, plan.campaign_id, plan.row_build, fake_engine.simulate)
-        run_batch(address, BatchRequest(len(plan.batches) - 1))
+        if isinstance(plan, Plan):
+            address = CampaignAddress(self.url, plan.campaign_id, plan.row_build, fake_engine.simulate)
+            run_batch(address, BatchRequest(len(plan.batches) - 1))
         record(self, plan, parts)
 
     monkeypatch.setattr(Store, "record", late)

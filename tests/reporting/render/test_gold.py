@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 from reporting.render.html import render_html
-from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
+from tests.reporting.synthetic import analysis_of, c60_spec, c60_table, repeats_of
 
 GOLD = Path(__file__).parent / "gold" / "report.txt"
 BLOCKS = {"p", "h1", "h2", "h3", "tr", "caption", "li", "dt", "dd", "figcaption", "summary", "title", "small", "svg"}
@@ -45,7 +45,10 @@ def words() -> str:
     spec = replace(
         c60_spec(300), production_batch_column="", stop="Asked for: cpk.", replay="clearcap replay c60-0123456789"
     )
-    page = render_html(analysis_of(c60_table(300, 3), spec, against=(c60_table(200, seed=2), c60_spec(200))))
+    table = c60_table(300, 3)
+    scatter = {r.name: 0.0 for r in spec.responses} | {"FC-1": 0.2, "FC-4": 0.02}
+    against = (c60_table(200, seed=2), c60_spec(200))
+    page = render_html(analysis_of(table, spec, against=against, repeats=repeats_of(table, 12, scatter)))
     lines = (" ".join(line.split()) for line in Lines(page).lines)
     return "\n".join(NUMBER.sub("#", line) for line in lines if line) + "\n"
 

@@ -1,0 +1,125 @@
+"""The repeats of a campaign in its store: which there are to be, how far they are, and their rows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from campaign.errors import StoreError
+from campaign.plan_header import PlanHeader
+from campaign.repeat_plan import RepeatPlan, plan_repeats
+from campaign.store.layout import REPEATS
+from campaign.store.parts import total
+from campaign.store.store import Store
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+MOST_SETS = 20
+
+
+@dataclass(frozen=True)
+class RepeatSurvey:
+    """What a store holds of a campaign's repeats.
+
+    Attributes
+    ----------
+    missing : frozenset of int
+        Batches of the campaign of which a repeat is missing; none beyond the end of its table.
+    bad : list of str
+        What is wrong with files that are not sound.
+    statuses : dict of str to int
+        Number of repeats by status.
+    planned, done : int
+        Number of repeats that there are to be, and that there are.
+    """
+
+    missing: frozenset[int]
+    bad: list[str]
+    statuses: dict[str, int]
+    planned: int
+    done: int
+
+
+def repeated_shares(store: Store, plan: PlanHeader) -> tuple[float, ...]:
+    """Return the share of samples that a campaign's plan repeats, and the larger ones that were asked for later.
+
+    Raises
+    ------
+    StoreError
+        If ``repeats.json`` holds anything but rising shares.
+    """
+    document = store.read_json(plan.campaign_id, REPEATS) or {"shares": []}
+    added = document.get("shares")
+    shares = (plan.repeats, *(added if isinstance(added, list) else [None]))
+    numbers = [share for share in shares if isinstance(share, float | int) and not isinstance(share, bool)]
+    if len(numbers) < len(shares) or not all(a < b <= 1.0 for a, b in pairwise(numbers)):
+        raise StoreError(
+            f"store {store.url}: {plan.campaign_id}/{REPEATS} says shares = {added!r:.60}; allowed: rising numbers"
+            f" above {plan.repeats:g}, up to 1; restore it, or remove it and repeat samples anew with clearcap repeat"
+        )
+    return tuple(map(float, numbers))
+
+
+def add_share(store: Store, plan: PlanHeader, share: float) -> None:
+    """Have a campaign repeat a larger share of its samples; those that it repeats already count."""
+    shares = repeated_shares(store, plan)
+    if share > shares[-1] and len(shares) <= MOST_SETS:
+        store.write_json(plan.campaign_id, REPEATS, {"shares": [*shares[1:], share]})
+
+
+def repeat_plans(store: Store, plan: PlanHeader) -> tuple[RepeatPlan, ...]:
+    """Return the sets of repeats of a campaign."""
+    return plan_repeats(plan, repeated_shares(store, plan))
+
+
+def survey_repeats(
+    store: Store, sets: Sequence[RepeatPlan], *, verify: bool = False, mend: bool = False
+) -> RepeatSurvey:
+    """Return what a store holds of some sets of repeats.
+
+    Parameters
+    ----------
+    store : Store
+        Where they are.
+    sets : sequence of RepeatPlan
+        The sets.
+    verify : bool
+        Read every file; see `Store.survey`.
+    mend : bool
+        Quarantine files that are not sound, so that they are computed again, and write the manifests.
+    """
+    missing, bad, statuses = set[int](), list[str](), list[dict[str, int]]()
+    for repeats in sets:
+        survey = store.survey(repeats, verify)
+        missing.update(repeats.campaign_batches[batch] for batch in survey.missing)
+        bad += dict.fromkeys(survey.bad.values())
+        statuses.append(survey.statuses)
+        if mend:
+            store.quarantine(repeats, survey.bad)
+            store.record(repeats, survey.parts.values())
+    counts = total(statuses)
+    planned = sum(store.end(repeats) for repeats in sets)
+    return RepeatSurvey(frozenset(missing), bad, counts, planned, sum(counts.values()))
+
+
+def read_repeats(store: Store, plan: PlanHeader, columns: Sequence[str] | None = None) -> "pa.Table | None":
+    """Return the repeats of a campaign that there are, set by set; None if there are to be none.
+
+    Parameters
+    ----------
+    store : Store
+        Where they are.
+    plan : PlanHeader
+        The campaign.
+    columns : sequence of str, optional
+        Columns to read; by default all.
+    """
+    import pyarrow as pa
+
+    sets = repeat_plans(store, plan)
+    if not sets:
+        return None
+    names = sets[0].schema.names if columns is None else list(columns)
+    empty = sets[0].schema.empty_table().select(names)
+    return pa.concat_tables([empty, *(table for repeats in sets for table in store.stream(repeats, names))])

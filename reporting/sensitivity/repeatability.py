@@ -1,0 +1,174 @@
+"""How far a response depends on more than its inputs: two runs of the same sample with different steps.
+
+A run with half the step has the same inputs, and another history of sticking, sliding and impacts. Half the variance of
+the difference of two such runs is the variance that the history alone gives the response, its *scatter*; the mean
+difference is no scatter but what the length of the step does to all runs.
+
+The interval of the scatter is that of a variance whose errors follow from the differences' own fourth moment
+(`reporting.capability.precision`), and never narrower than that of normal differences. The interval of its share of the
+response's variance adds the squared distances of both, on a logarithmic scale. Measured coverage of 95 % intervals of
+the share is in ``docs/report.md``; with few pairs, a scatter that only some samples show may be missed altogether:
+`unseen` is the largest share of such samples, of which no pair would be.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri, stdtrit
+
+from reporting.arrays import Array
+from reporting.capability.intervals import Interval
+from reporting.capability.moments import location_and_shape
+from reporting.capability.precision import precision_of_values
+from reporting.capability.summary import capability
+from reporting.repeats import Repeats
+from reporting.samples import Samples
+from reporting.spec import ReportSpec
+
+FEWEST_PAIRS = 5  # for an interval
+NOTABLE_SHARE = 0.10  # of the variance: as much as makes a variable critical
+
+
+@dataclass(frozen=True)
+class Repeatability:
+    """What repeats tell of a response.
+
+    Attributes
+    ----------
+    pairs : int
+        Number of samples with a value of both runs.
+    lost : int
+        Number of repeated samples of which one run succeeded and the other did not.
+    sigma : float or None
+        Standard deviation of the scatter, in the response's unit; None with less than two pairs.
+    sigma_interval : (float, float) or None
+        None with less than five pairs.
+    share, share_interval : float, (float, float), or None
+        Share of the response's variance that is scatter; None where the samples do not stand for production, or the
+        response does not vary.
+    shift, shift_interval : float, (float, float), or None
+        Mean of the runs with half the step less that of the others, in the response's unit.
+    unseen : float or None
+        Largest share of samples, at this confidence, that may scatter without one of them being among the pairs.
+    """
+
+    pairs: int
+    lost: int
+    sigma: float | None = None
+    sigma_interval: Interval | None = None
+    share: float | None = None
+    share_interval: Interval | None = None
+    shift: float | None = None
+    shift_interval: Interval | None = None
+    unseen: float | None = None
+
+    @property
+    def removable(self) -> float | None:
+        """Share of the variance that the inputs explain at most: 1 less the scatter."""
+        return None if self.share is None else 1 - self.share
+
+
+def repeatability(
+    first: Array, second: Array, std: float | None, std_interval: Interval | None, confidence: float
+) -> Repeatability:
+    """Return the scatter between the two runs of some samples.
+
+    Parameters
+    ----------
+    first, second : array, shape (m,)
+        The response in the runs of the campaign and in those with half the step; NaN where a run has no value.
+    std : float or None
+        Standard deviation of the response over all samples; None if no share is to be told.
+    std_interval : (float, float) or None
+        Its interval.
+    confidence : float
+        Of all intervals.
+    """
+    both = np.isfinite(first) & np.isfinite(second)
+    pairs, lost = int(both.sum()), int(np.sum(np.isfinite(first) ^ np.isfinite(second)))
+    if pairs < 2:
+        return Repeatability(pairs, lost)
+    difference = second[both] - first[both]
+    shape = location_and_shape(difference)
+    shift, spread = shape["mean"], shape["std"]
+    level = max(float(np.abs(first[both]).max()), float(np.abs(second[both]).max()))
+    if spread <= _ROUNDING * level:
+        spread = 0.0
+    ratios = _ratios(difference, shape, spread, confidence)
+    sigma = spread / math.sqrt(2)
+    half = float(stdtrit(pairs - 1, 0.5 + confidence / 2)) * spread / math.sqrt(pairs)
+    share = share_interval = None
+    if std:
+        share = min((sigma / std) ** 2, 1.0)
+        share_interval = None if ratios is None else _share_interval((sigma / std) ** 2, ratios, std, std_interval)
+    return Repeatability(
+        pairs=pairs,
+        lost=lost,
+        sigma=sigma,
+        sigma_interval=None if ratios is None else (sigma * math.sqrt(ratios[0]), sigma * math.sqrt(ratios[1])),
+        share=share,
+        share_interval=share_interval,
+        shift=shift,
+        shift_interval=(shift - half, shift + half),
+        unseen=1 - (1 - confidence) ** (1 / pairs),
+    )
+
+
+_ROUNDING = 64 * float(np.finfo(np.float64).eps)  # of differences of two numbers that are the same but for rounding
+
+
+def _ratios(difference: Array, shape: dict[str, float], spread: float, confidence: float) -> Interval | None:
+    """Return the ends of the interval of the variance of the differences, as shares of it."""
+    freedom, tail = difference.size - 1, 0.5 - confidence / 2
+    if difference.size < FEWEST_PAIRS:
+        return None
+    low, high = freedom / float(chdtri(freedom, tail)), freedom / float(chdtri(freedom, 1 - tail))
+    if spread == 0.0 or "kurtosis" not in shape:
+        return low, high
+    own = precision_of_values(difference, shape["kurtosis"], confidence).std_interval
+    return min(low, (own[0] / spread) ** 2), max(high, (own[1] / spread) ** 2)
+
+
+def _share_interval(share: float, ratios: Interval, std: float, std_interval: Interval | None) -> Interval:
+    """Return the interval of a share of a variance that is itself known to an interval only."""
+    low, high = std_interval or (std, std)
+    below = math.hypot(math.log(ratios[0]), 2 * math.log(high / std))
+    above = math.hypot(math.log(ratios[1]), 2 * math.log(std / low)) if low > 0 else math.inf
+    return min(share * math.exp(-below), 1.0), min(share * math.exp(min(above, 700.0)), 1.0)
+
+
+def repeatabilities(
+    repeats: Repeats | None, samples: Samples, drawn: Samples, spec: ReportSpec, confidence: float
+) -> dict[str, Repeatability]:
+    """Return what repeats tell of each response; empty without repeats.
+
+    Parameters
+    ----------
+    repeats : Repeats or None
+        The repeats.
+    samples : Samples
+        All samples; those of importance sampling that are aimed at rejects do not count.
+    drawn : Samples
+        The independent draws, whose variance is that of the production.
+    spec : ReportSpec
+        The responses.
+    confidence : float
+        Of all intervals.
+    """
+    if repeats is None or not repeats.sample.size:
+        return {}
+    pool = drawn if spec.proposal else samples
+    place = np.searchsorted(pool.sample, repeats.sample)
+    at = np.minimum(place, max(pool.sample.size - 1, 0))
+    there = pool.sample[at] == repeats.sample if pool.sample.size else np.zeros(place.size, np.bool_)
+    found = {}
+    for response in spec.responses:
+        y = drawn.values[response.name][drawn.ok]
+        lots = None if drawn.lots is None else drawn.lots[drawn.ok]
+        numbers = capability(y, confidence=confidence, lots=lots)
+        known = (numbers.std, numbers.std_interval) if spec.design.production else (None, None)
+        first = np.where(pool.ok, pool.values[response.name], np.nan)[at[there]]
+        second = np.where(repeats.ok, repeats.values[response.name], np.nan)[there]
+        found[response.name] = repeatability(first, second, *known, confidence)
+    return found

@@ -1,0 +1,151 @@
+"""What is left of a response's variance when every variable has its own effect: scatter, and the rest.
+
+No sum of functions of single variables follows it. Repeats with half the step measure how much of it is scatter, which
+no input causes; only the rest can be interactions or jumps. `docs/sensitivity.md` has the derivation and its test.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from reporting.capability.intervals import Interval
+from reporting.sensitivity.influence import CRITICAL_SHARE
+from reporting.sensitivity.repeatability import Repeatability
+from reporting.sensitivity.total_order import TotalOrder
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of a response beyond one run of each sample.
+
+    Attributes
+    ----------
+    totals : TotalOrder or str, optional
+        Total-order indices of a design, or why there are none.
+    repeatability : Repeatability, optional
+        What repeats with half the step tell.
+    """
+
+    totals: TotalOrder | str | None = None
+    repeatability: Repeatability | None = None
+
+    @property
+    def scatter(self) -> tuple[float, Interval] | None:
+        """Share of the variance that is scatter, and its interval; None if it is not measured."""
+        found = self.repeatability
+        if found is None or found.share is None or found.share_interval is None:
+            return None
+        return found.share, found.share_interval
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """A share of the variance that no sum of functions of single variables explains.
+
+    Attributes
+    ----------
+    share, interval : float, (float, float)
+        All of it; the estimate may lie outside 0 to 1 by chance.
+    scatter, scatter_interval : float, (float, float), or None
+        What of it no input causes; None if it is not measured.
+    rest, rest_interval : float, (float, float), or None
+        Without the scatter: interactions and jumps; None if scatter is not measured.
+    """
+
+    share: float
+    interval: Interval
+    scatter: float | None = None
+    scatter_interval: Interval | None = None
+    rest: float | None = None
+    rest_interval: Interval | None = None
+
+    @property
+    def most_interactions(self) -> float:
+        """The largest share that interactions may hold."""
+        return self.interval[1] if self.rest_interval is None else self.rest_interval[1]
+
+
+def split(share: float, half: float, known: Known) -> Unexplained:
+    """Return an unexplained share, whose interval has the half width `half`, with its parts.
+
+    The distance of each end of the rest's interval adds the squared distances of both shares (method of variance
+    estimates recovery: their errors are independent, as repeats are runs of their own).
+    """
+    interval = _within(share - half), _within(share + half)
+    if known.scatter is None:
+        return Unexplained(share, interval)
+    scatter, (low, high) = known.scatter
+    rest = share - scatter
+    ends = _within(rest - math.hypot(half, high - scatter)), _within(rest + math.hypot(half, scatter - low))
+    return Unexplained(share, interval, scatter, (low, high), _within(rest), ends)
+
+
+def without_scatter(totals: TotalOrder, known: Known, quantile: float) -> TotalOrder:
+    """Return total-order indices without the scatter that each of them contains.
+
+    A total-order index is half the mean squared difference of two runs that differ in one variable, over the variance.
+    Each run scatters by itself, so that scatter adds its whole share of the variance to the total-order index of every
+    variable, and to its interactions, but none to the first-order index. A variable whose two runs are equal has no
+    effect, and no scatter is taken off.
+
+    Parameters
+    ----------
+    totals : TotalOrder
+        As estimated.
+    known : Known
+        The scatter.
+    quantile : float
+        Half the width of intervals in standard errors.
+    """
+    if known.scatter is None:
+        return totals
+    share, (low, high) = known.scatter
+    error = (high - low) / (2 * quantile)
+    off = np.minimum(share, np.maximum(totals.total, 0.0))
+    return replace(
+        totals,
+        total=totals.total - off,
+        total_error=np.hypot(totals.total_error, np.where(off > 0, error, 0.0)),
+        interactions=totals.interactions - off,
+        interactions_error=np.hypot(totals.interactions_error, np.where(off > 0, error, 0.0)),
+    )
+
+
+def note_on(found: Unexplained, known: Known, *, independent: bool) -> str:
+    """Return what an unexplained share of at least a tenth is, and how to learn more; empty for less."""
+    if found.share < CRITICAL_SHARE:
+        return ""
+    text = f"{_percent(found.share)} of the variance is not a sum of effects of single variables"
+    if found.rest is None or found.scatter is None or found.scatter_interval is None:
+        return f"{text}: interactions, jumps, or scatter that no repeat has measured. {_advice(known, independent)}"
+    low, high = map(_percent, found.scatter_interval)
+    text += f"; {_percent(found.scatter)} ({low} to {high}) is scatter that no input causes (repeatability)"
+    if found.rest < CRITICAL_SHARE:
+        return f"{text}, which explains it: no design of samples finds a variable that causes it."
+    if found.rest_interval is not None and found.rest_interval[0] <= 0.0:
+        return f"{text}, which may explain it all: samples and repeats do not tell whether variables act together."
+    return f"{text}. The rest, {_percent(found.rest)}, is interactions or jumps. {_advice(known, independent)}"
+
+
+def _advice(known: Known, independent: bool) -> str:
+    """Return how to learn which variables interact."""
+    if isinstance(known.totals, TotalOrder):
+        return "The shares with interactions show which variables cause it."
+    if not independent:
+        return "No design tells whose it is: total-order indices need independent variables."
+    first = "First repeat some samples (clearcap repeat). " if known.scatter is None else ""
+    return (
+        f"{first}A variable without an effect of its own may still matter together with others; a designed sample"
+        " (sampler saltelli) gives total-order indices."
+    )
+
+
+def _percent(share: float) -> str:
+    """Return a share as percent without decimals."""
+    return f"{100 * _within(share):.0f} %"
+
+
+def _within(value: float) -> float:
+    """Return an estimate of a share, within 0 and 1."""
+    return min(max(value, 0.0), 1.0)

@@ -1,0 +1,118 @@
+"""Whether runs of the same sample with different steps give the same results."""
+
+from reporting import format_numbers
+from reporting.repeats import Repeats
+from reporting.response import ResponseAnalysis
+from reporting.sensitivity.repeatability import FEWEST_PAIRS, NOTABLE_SHARE, Repeatability
+from reporting.trust.check import Check
+
+NAME = "Repeatability"
+NOTABLE_SHIFT = 0.3  # of the response's sigma: so far the mean may move when the step is halved
+_ENOUGH = 60  # pairs, of which one shows a scatter that a twentieth of the samples have
+
+
+def repeatable(responses: tuple[ResponseAnalysis, ...], repeats: Repeats | None) -> Check:
+    """Check how much of the variance of the responses remains when nothing but the step changes."""
+    remedy = f" {repeats.remedy}" if repeats and repeats.remedy else ""
+    if repeats is None or not repeats.planned:
+        text = "No sample was simulated a second time with half the step: how far results scatter by themselves is not"
+        return Check(NAME, "info", f"{text} known.{remedy}")
+    found = {r.spec.name: (r, r.repeatability) for r in responses if r.repeatability and r.repeatability.pairs > 1}
+    if not found:
+        text = (
+            f"{repeats.sample.size} of {repeats.planned} repeats with half the step are computed, too few to compare."
+        )
+        return Check(NAME, "info", f"{text}{remedy}")
+    scattering = {name for name, (_, f) in found.items() if (f.share or 0.0) >= NOTABLE_SHARE}
+    moving = {name for name, (r, f) in found.items() if _is_moved(r, f)}
+    sentences = [f"{repeats.sample.size} samples were simulated a second time, with half the step."]
+    sentences += _scatter([found[name] for name in found if name in scattering])
+    sentences += _others([(r, f) for name, (r, f) in found.items() if name not in scattering], bool(scattering))
+    sentences += [_shift(*found[name]) for name in found if name in moving]
+    sentences += _lost(repeats, found)
+    pairs = min(f.pairs for _, f in found.values())
+    unseen = max(f.unseen or 0.0 for _, f in found.values())
+    if pairs < _ENOUGH:
+        sentences.append(f"So few may miss scatter that up to {_percent(unseen)} of the samples show.{remedy}")
+    unsure = any(f.share_interval is None or f.share_interval[1] >= NOTABLE_SHARE for _, f in found.values())
+    is_attention = scattering or moving or any(f.lost for _, f in found.values())
+    level = "attention" if is_attention else "info" if unsure else "good"
+    shares = [f.share for _, f in found.values() if f.share is not None]
+    return Check(NAME, level, " ".join(sentences), max(shares, default=None))
+
+
+def _scatter(some: list[tuple[ResponseAnalysis, Repeatability]]) -> list[str]:
+    """Return how much of the variance of some responses is scatter, and what follows."""
+    if not some:
+        return []
+    shares = [f"{_percent(f.share)}{_interval(f)} of that of {r.spec.name} (sigma {_sigma(r, f)})" for r, f in some]
+    least, name = min((f.removable or 0.0, r.spec.name) for r, f in some)
+    return [
+        f"Of the variance this much is scatter, which no input causes: {', '.join(shares)}. No tolerance and no sample"
+        f" size removes it, and all variables together explain at most the rest, {_percent(least)} of {name}."
+    ]
+
+
+def _interval(found: Repeatability) -> str:
+    """Return the interval of a share in brackets; empty without one."""
+    if found.share_interval is None:
+        return ""
+    return f" ({_percent(found.share_interval[0])} to {_percent(found.share_interval[1])})"
+
+
+def _others(rest: list[tuple[ResponseAnalysis, Repeatability]], some: bool) -> list[str]:
+    """Return how much the other responses scatter at most."""
+    known = [(f.share, r, f) for r, f in rest if f.share is not None]
+    sentences = []
+    if known:
+        share, response, found = max(known, key=lambda each: each[0])
+        to = "" if found.share_interval is None else f" (up to {_percent(found.share_interval[1])})"
+        which = "of the other responses" if some else "of any response"
+        sentences.append(f"At most {_percent(share)}{to} of the variance {which} is scatter: {response.spec.name}.")
+    unknown = [f"{r.spec.name} {_sigma(r, f)}" for r, f in rest if f.share is None and f.sigma]
+    if unknown:
+        sentences.append(f"Sigma of the scatter: {', '.join(unknown)}.")
+    few = [f.pairs for _, f in rest if f.pairs < FEWEST_PAIRS]
+    if few:
+        sentences.append(f"{min(few)} pairs are too few for an interval.")
+    return sentences
+
+
+def _is_moved(response: ResponseAnalysis, found: Repeatability) -> bool:
+    """Return whether half the step moves the mean of a response, beyond chance and by more than a little."""
+    if found.shift is None or found.shift_interval is None or not response.capability.std:
+        return False
+    low, high = found.shift_interval
+    return not low <= 0.0 <= high and abs(found.shift) >= NOTABLE_SHIFT * response.capability.std
+
+
+def _shift(response: ResponseAnalysis, found: Repeatability) -> str:
+    """Return that half the step moves the mean of a response."""
+    unit = "" if response.spec.unit == "1" else f" {response.spec.unit}"
+    shift = f"{format_numbers.significant(found.shift or 0.0)}{unit}"
+    return f"Half the step moves the mean of {response.spec.name} by {shift}: the step is too long for it."
+
+
+def _lost(repeats: Repeats, found: dict[str, tuple[ResponseAnalysis, Repeatability]]) -> list[str]:
+    """Return how many repeats failed, and of how many samples only one of the two runs succeeded."""
+    failed = int(repeats.sample.size - repeats.ok.sum())
+    lost = max(f.lost for _, f in found.values())
+    if lost:
+        samples = "one sample" if lost == 1 else f"{lost} samples"
+        return [f"Of {samples} only one of the two runs succeeded: whether a run succeeds depends on the step."]
+    if failed:
+        return [f"{failed} repeat{'' if failed == 1 else 's'} failed, as the run of the same sample did."]
+    return []
+
+
+def _sigma(response: ResponseAnalysis, found: Repeatability) -> str:
+    """Return the sigma of the scatter with its unit."""
+    unit = "" if response.spec.unit == "1" else f" {response.spec.unit}"
+    return f"{format_numbers.significant(found.sigma or 0.0)}{unit}"
+
+
+def _percent(share: float | None) -> str:
+    """Return a share as percent, with one decimal below 10 %."""
+    if share is None:
+        return format_numbers.NONE
+    return f"{100 * share:.{1 if 0 < share < 0.0995 else 0}f} %"
