@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from reporting.samples import Rows
 
 CONFIDENCE = 0.95
+_WORSE = ("marginal", "not capable")  # than what Cpk at the target says
 
 Rescale = Callable[[Mapping[str, float], Mapping[str, Array]], Change]
 
@@ -233,16 +234,22 @@ def _advice(
         return ToleranceAdvice(note="No advice: the distributions of the variables are not known.")
     columns = {v.name: samples.values[v.name] for v in spec.variables}
     limited = [r for r in responses if r.spec.lsl is not None or r.spec.usl is not None]
-    return tolerance_advice(
+    found = tolerance_advice(
         AdvisedSamples(
             {r.spec.name: np.where(samples.ok, samples.values[r.spec.name], np.nan) for r in limited},
             {r.spec.name: (r.spec.lsl, r.spec.usl) for r in limited},
             columns,
             [v.name for v in spec.variables if v.std > 0],
             samples.lots,
+            1 - spec.min_ok,
         ),
         {r.spec.name: r.capability.cpk for r in limited},
         CAPABLE,
         lambda factors, rows: rescale(factors, {name: x[rows] for name, x in columns.items()}),
         CONFIDENCE,
     )
+    doubtful = [r.spec.name for r in limited if r.spec.name in found.kept and r.verdict.word in _WORSE]
+    if not doubtful or not found.growth:
+        return found
+    note = "Cpk is at the target, but the verdict is worse. The advice goes by Cpk alone, so do not use it for them."
+    return replace(found, note=f"{', '.join(doubtful)}: {note}")

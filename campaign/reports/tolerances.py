@@ -52,8 +52,10 @@ def advice_of(store: Store, plan: Plan) -> ToleranceAdvice:
         cpks = {name: capability(samples[name], lsl=pair[0], usl=pair[1]).cpk for name, pair in limits.items()}
         if all(cpk is None for cpk in cpks.values()):
             raise ReportError("no response has limits and values that vary; give limits to at least one")
-        responses = {name: samples[name] for name in limits}
-        return tolerance_advice(AdvisedSamples(responses, limits, columns, _varied(plan), lots), cpks, CAPABLE, rescale)
+        responses, most_failed = {name: samples[name] for name in limits}, 1 - plan.spec.failures.min_ok
+        return tolerance_advice(
+            AdvisedSamples(responses, limits, columns, _varied(plan), lots, most_failed), cpks, CAPABLE, rescale
+        )
 
 
 def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:

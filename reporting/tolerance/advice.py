@@ -209,6 +209,14 @@ def _end(change: Change, asked: float) -> float:
     return min(max(possible, 1.0), asked) if asked > 1 else max(min(possible, 1.0), asked)
 
 
+def _undecided(response: str, reach: float) -> str:
+    """Return why a factor is 1 although the estimate keeps the targets farther."""
+    return (
+        f"the interval of Cpk of {response} reaches below its target now; by the estimate alone all keep theirs up to"
+        f" {reach:.3g}"
+    )
+
+
 def _refused(variable: str, method: str, refusal: str) -> Advice:
     """Return that there is no advice."""
     return Advice(variable, None, (None, None), True, "", 1.0, None, None, method, None, refusal)
@@ -253,5 +261,5 @@ def _read(variable: str, curve: IndexCurve, method: str, most: float, ended: str
         cpk=margin.cpk,
         method=method,
         effective=margin.effective,
-        limit=f"the interval of Cpk of {margin.response} holds its target already" if undecided else "",
+        limit=_undecided(margin.response, reach) if undecided else "",
     )

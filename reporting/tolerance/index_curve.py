@@ -15,10 +15,11 @@ from reporting.tolerance.whatif import WhatIf, too_few, what_if_all
 
 _UP, _DOWN = 1.1, 0.85  # steps of the factor
 _REFINEMENTS = 3  # of a crossing, and of the end of what can be answered
-# A larger share of runs without a value decides more than any index of the others.
-MOST_FAILED = 0.01
+# No change may make a larger share of runs fail: such a share decides more than any index of the others. Where more do
+# now, not a tenth more.
+MOST_FAILED, _MORE_FAILED = 0.01, 1.1
 FAILURES = "runs without a value"
-_ROUNDING = 1e-9  # of a share
+ROUNDING = 1e-9  # of a share
 
 Limits = Mapping[str, tuple[float | None, float | None]]
 # Low end, value and high end of Cpk by response.
@@ -88,13 +89,13 @@ class Question:
     def reweighted(self, change: Change) -> Margin | str:
         """Return the margin by reweighting, or why there is none.
 
-        Runs without a value have a margin too: their share must not exceed 1 %, or what it is now.
+        Runs without a value have a margin too: their share must not exceed 1 %, or a tenth more than it is now.
         """
         found = self.weighted(change)
         if isinstance(found, str):
             return found
         indices, worst = found
-        allowed = max(MOST_FAILED, worst.dropped / max(worst.n + worst.dropped, 1)) + _ROUNDING
+        allowed = max(MOST_FAILED, _MORE_FAILED * worst.dropped / max(worst.n + worst.dropped, 1)) + ROUNDING
         return self._least(indices, worst.effective, allowed - (worst.missing or 0.0))
 
     def modelled(self, variable: str, change: Change, factor: float) -> Margin | str:

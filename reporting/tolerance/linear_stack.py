@@ -197,8 +197,8 @@ def linear_stack(
 
 def tolerance_of(spec: VariableSpec) -> tuple[float, float]:
     """Return the ends of a variable's tolerance: its bounds, or three standard deviations where it has none."""
-    low = spec.mean - _REACH * spec.std if spec.lower is None else spec.lower
-    return low, spec.mean + _REACH * spec.std if spec.upper is None else spec.upper
+    low, high = (float(f"{spec.mean + sign * _REACH * spec.std:.12g}") for sign in (-1, 1))  # as one writes it
+    return low if spec.lower is None else spec.lower, high if spec.upper is None else spec.upper
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from reporting.arrays import Array, random_rows
 from reporting.tolerance.advice import ADVISED_ROWS, LEAST_FACTOR, REWEIGHTING, Advice, Rows, advise_one, asked
-from reporting.tolerance.index_curve import MOST_FAILED, Limits, Question
+from reporting.tolerance.index_curve import MOST_FAILED, ROUNDING, Limits, Question
 from reporting.tolerance.reweighting import Change
 from reporting.tolerance.weighted_intervals import LotLabels
 
@@ -93,6 +93,8 @@ class AdvisedSamples:
         Variables whose spread may change.
     lots : array, shape (n,), or None
         Production lot of each sample.
+    most_failed : float
+        Share of runs without a value above which there is no verdict, and no advice.
     """
 
     responses: Mapping[str, ArrayLike]
@@ -100,6 +102,7 @@ class AdvisedSamples:
     columns: Mapping[str, Array]
     varied: Sequence[str]
     lots: LotLabels | None = None
+    most_failed: float = MOST_FAILED
 
 
 def tolerance_advice(
@@ -126,8 +129,8 @@ def tolerance_advice(
         return ToleranceAdvice(note="No advice: no variable varies.")
     values = {name: np.asarray(samples.responses[name], np.float64) for name in known}
     failed = max(float(np.mean(~np.isfinite(y))) for y in values.values())
-    if failed > MOST_FAILED:
-        return ToleranceAdvice(note=_too_many_failed(failed))
+    if failed > samples.most_failed + ROUNDING:
+        return ToleranceAdvice(note=_too_many_failed(failed, samples.most_failed))
     below = sorted((name for name, cpk in known.items() if cpk < target), key=lambda name: known[name])
     kept = tuple(name for name in known if name not in below)
     rows = random_rows(next(iter(values.values())).size)[:ADVISED_ROWS]
@@ -166,10 +169,10 @@ def _scaled(rescale: Rescale, names: Sequence[str], rows: Rows, factor: float) -
     return rescale(dict.fromkeys(names, factor), rows)
 
 
-def _too_many_failed(failed: float) -> str:
+def _too_many_failed(failed: float, most: float) -> str:
     """Return why there is no advice where many runs failed."""
     return (
-        f"No advice: {100 * failed:.3g} % of the runs have no value, more than {100 * MOST_FAILED:g} %. They may be "
+        f"No advice: {100 * failed:.3g} % of the runs have no value, more than {100 * most:.3g} %. They may be "
         "the rejects, and no index of the other runs says what tolerances do to them. Find out why they failed first."
     )
 

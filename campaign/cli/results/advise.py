@@ -94,6 +94,8 @@ def _row(advice: "Advice") -> tuple[str, ...]:
     if advice.factor is None:
         return advice.variable, "no factor", "-", f"{advice.binding}, down to {advice.reach:.3g}", *ends
     low, high = advice.interval
+    if not advice.bounded and advice.factor == 1:
+        return advice.variable, "1", "-", _end_of(advice), *ends
     if not advice.bounded:
         return advice.variable, f"at least {advice.factor:.3g}", "-", _end_of(advice), *ends
     interval = f"{number(low, 3)} {'or more' if high is None else f'to {high:.3g}'}"

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from campaign.cli import app
+from campaign.cli.results.whatif import _cell
 from campaign.errors import CampaignError, SpecError
 from campaign.plan import make_plan
 from campaign.reports.tolerances import advice_of
@@ -17,6 +18,7 @@ from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
+from reporting.tolerance.whatif import Estimate
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
 
@@ -105,3 +107,53 @@ def test_two_campaigns_are_compared_on_one_page(filled, campaign_file):
     assert content["comparison"]["campaign"] == other.campaign_id
     assert content["comparison"]["samples"] == 25
     assert content["replay"] == f"clearcap replay --store {store.url} {plan.campaign_id}"
+
+
+def fails_where_wide(mechanism, values, **settings):
+    """Fail where J1 is wide."""
+    return fake_engine.simulate(mechanism, values, status="ok" if values["J1"] < 0.1 else "not_converged")
+
+
+def test_a_refusal_names_its_response_and_the_others_are_answered(campaign_file, tmp_path, monkeypatch):
+    """Exit status 1 for a partial answer; the one without is named once; the share of failures is said."""
+    store, plan = computed(tmp_path / "s", load_campaign(str(campaign_file), samples=400), 200, fails_where_wide)
+
+    def partly(*question):
+        answers = what_if(*question)
+        return answers | {"FC-5": replace(answers["FC-5"], refusal="no sample with a value")}
+
+    monkeypatch.setattr("campaign.reports.whatif.what_if", partly)
+    words = ["whatif", plan.campaign_id, "--set", "J1.std=0.016", "--store", store.url]
+    asked = CliRunner().invoke(app, words, env={"COLUMNS": "200"})
+    assert asked.exit_code == 1
+    assert "no answer for FC-5: no sample with a value" in asked.stderr
+    assert asked.stderr.count("no answer") == 1
+    assert "% of the runs would have no value (now" in asked.stderr
+    (row,) = (line for line in asked.stdout.splitlines() if "FC-2" in line)
+    assert "to" in row
+    monkeypatch.undo()
+    nobody = CliRunner().invoke(app, ["whatif", plan.campaign_id, "--set", "J1.std=0.0001", "--store", store.url])
+    assert "no answer for any response: " in nobody.stderr
+
+
+def test_another_distribution_needs_no_further_key(filled):
+    """J1.distribution=triangular keeps the bounds, and says so; in JSON too."""
+    store, plan = filled
+    words = ["whatif", plan.campaign_id, "--set", "J1.distribution=triangular", "--store", store.url]
+    told = CliRunner().invoke(app, words)
+    assert "J1 is now triangular, mode 0.07, between 0.01 and 0.13" in told.stderr
+    assert "no longer used: mean, std" in told.stderr
+    assert "its sigma was 0.01743 and is 0.02449" in told.stderr
+    assert "unknown key" not in told.stderr
+    assert json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)["assumed"][0].startswith(
+        "J1 is now triangular"
+    )
+
+
+def test_the_ends_of_an_interval_differ_in_print():
+    """As many digits as tell the ends of an interval from each other and from the value."""
+    assert _cell(Estimate(10.793, (10.7921, 10.7939), 100.0)) == "10.793 (10.7921 to 10.7939)"
+    assert _cell(Estimate(1e6 + 0.5, (1e6, 1e6 + 1), 100.0)) == "1000000.5 (1000000 to 1000001)"
+    assert _cell(Estimate(0.0, (0.0, 0.0), 100.0)) == "0"
+    assert _cell(Estimate(1.5, (1.0, 2.0), 100.0)) == "1.5 (1 to 2)"
+    assert "no interval" in _cell(Estimate(1.5, (-np.inf, np.inf), 100.0))
