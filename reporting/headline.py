@@ -12,7 +12,7 @@ from reporting.spec import ReportSpec
 if TYPE_CHECKING:
     from reporting.response import ResponseAnalysis
 
-_WORST_FIRST = (
+WORST_FIRST = (
     *("not capable", "not capable, not certain", "marginal", "marginal, not certain"),
     *("capable, not certain", "no verdict"),
 )
@@ -65,7 +65,7 @@ def _by_verdict(limited: Sequence["ResponseAnalysis"]) -> str:
         groups.setdefault(word if certain is not False else f"{word}, not certain", []).append(r.spec.name)
     if list(groups) == ["capable"]:
         return f"Every response with limits is capable ({len(limited)} of {len(limited)})."
-    words = [f"{word.capitalize()}: {', '.join(groups[word])}." for word in _WORST_FIRST if word in groups]
+    words = [f"{word.capitalize()}: {', '.join(groups[word])}." for word in WORST_FIRST if word in groups]
     if "constant" in groups:
         words.append(f"Constant, within the limits: {', '.join(groups['constant'])}.")
     capable = len(groups.get("capable", ()))

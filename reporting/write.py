@@ -12,6 +12,7 @@ from reporting.errors import ReportError
 from reporting.render.excel import render_workbook
 from reporting.render.html import render_html
 from reporting.render.json import render_json
+from reporting.render.one_page import render_one_page
 from reporting.render.parquet import render_parquet
 from reporting.render.pdf import render_pdf
 from reporting.repeats import Repeats
@@ -24,13 +25,15 @@ if TYPE_CHECKING:
 NAMES = {
     "html": "report.html",
     "pdf": "report.pdf",
+    "summary": "summary.html",
+    "summary_pdf": "summary.pdf",
     "xlsx": "report.xlsx",
     "json": "capability.json",
     "parquet": "capability.parquet",
 }
 USUAL = ("html", "json", "parquet", "xlsx")
 # Package that a file needs beyond those clearcap always needs, and the extra that installs it.
-EXTRAS = {"pdf": ("weasyprint", "pdf"), "xlsx": ("xlsxwriter", "excel")}
+EXTRAS = {"pdf": ("weasyprint", "pdf"), "summary_pdf": ("weasyprint", "pdf"), "xlsx": ("xlsxwriter", "excel")}
 
 
 def write_report(
@@ -92,6 +95,8 @@ def _rendered(analysis: Analysis, samples: Samples, kinds: set[str]) -> dict[str
     render: dict[str, Callable[[], bytes]] = {
         "html": page.encode,
         "pdf": lambda: render_pdf(page),
+        "summary": lambda: render_one_page(analysis).encode(),
+        "summary_pdf": lambda: render_pdf(render_one_page(analysis)),
         "xlsx": lambda: render_workbook(analysis, samples),
         "json": lambda: render_json(analysis).encode(),
         "parquet": lambda: render_parquet(analysis),

@@ -18,6 +18,9 @@ def report(
     pdf: Annotated[
         bool, typer.Option("--pdf/--no-pdf", help="Also write report.pdf, which takes most of the time.")
     ] = False,
+    summary: Annotated[
+        bool, typer.Option("--summary", help="Also write summary.html, one page to sign; with --pdf summary.pdf too.")
+    ] = False,
     excel: Annotated[bool, typer.Option("--excel/--no-excel", help="Also write report.xlsx.")] = True,
     json: Json = False,
 ) -> None:
@@ -38,7 +41,8 @@ def report(
 
     opened = open_store(store, QUICK)
     plan = opened.plan(opened.find(campaign))
-    kinds = ["html", "json", "parquet", *(["pdf"] if pdf else []), *(["xlsx"] if excel else [])]
+    asked = {"pdf": pdf, "xlsx": excel, "summary": summary, "summary_pdf": summary and pdf}
+    kinds = ["html", "json", "parquet", *(kind for kind, is_asked in asked.items() if is_asked)]
     files = write_report(opened, plan, kinds=kinds, against=against)
     if json:
         print_json({"campaign": plan.campaign_id, "store": opened.url, "report": files})

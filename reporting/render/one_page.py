@@ -1,0 +1,84 @@
+"""The summary to sign: what a report says, on one page of A4 whatever the number of responses."""
+
+from collections import Counter
+
+from reporting.analysis import Analysis
+from reporting.format_numbers import index, part
+from reporting.headline import WORST_FIRST
+from reporting.render.html import MARKS
+from reporting.render.mechanism_figure import mechanism_figure
+from reporting.render.narrow import label_cells
+from reporting.render.templating import as_markup, environment
+from reporting.response import ResponseAnalysis
+
+# What fits on the page, in rows and in letters; the rest is counted, and is in the report.
+ROWS, CHECKS, FIELDS, CAUSES = 8, 4, 4, 3
+LONGEST = {"title": 90, "headline": 220, "field": 60, "check": 160, "name": 26}
+_ORDER = ("no verdict", *WORST_FIRST, "constant", "capable")
+
+
+def render_one_page(analysis: Analysis) -> str:
+    """Return the summary of an analysis as one page of HTML, for the browser and for paper.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        What the page says.
+    """
+    limited = [r for r in analysis.responses if r.spec.lsl is not None or r.spec.usl is not None]
+    ranked = sorted(limited, key=_how_bad)
+    shown, others = ranked[:ROWS], ranked[ROWS:]
+    concerns = [check for check in analysis.trust if check.level in ("bad", "attention")]
+    concerns.sort(key=lambda check: check.level != "bad")
+    drawing = analysis.spec.drawing
+    return label_cells(
+        environment()
+        .get_template("one_page.html.j2")
+        .render(
+            a=analysis,
+            headline=_cut(analysis.headline, "headline"),
+            title=_cut(analysis.spec.title, "title"),
+            fields=[(_cut(n, "name"), _cut(text, "field")) for n, text in analysis.spec.header.items()][:FIELDS],
+            author=_cut(analysis.spec.author, "field"),
+            shown=[(r, _cut(r.spec.name, "name"), _cut(r.spec.title, "name")) for r in shown],
+            others=_counted(others),
+            unlimited=len(analysis.responses) - len(limited),
+            concerns=[(check, _cut(check.text, "check")) for check in concerns[:CHECKS]],
+            more_concerns=len(concerns) - CHECKS,
+            checked=len(analysis.trust),
+            causes=_causes(ranked),
+            mechanism=as_markup(mechanism_figure(drawing) if drawing else None),
+            marks=MARKS,
+        )
+    )
+
+
+def _how_bad(response: ResponseAnalysis) -> tuple[int, float]:
+    """Return the place of a response: by its verdict, the worst first, then by its index."""
+    word = response.verdict.word + (", not certain" if response.verdict.certain is False else "")
+    place = _ORDER.index(word) if word in _ORDER else 0
+    return place, float("-inf") if response.capability.cpk is None else response.capability.cpk
+
+
+def _counted(others: list[ResponseAnalysis]) -> str:
+    """Return how many of the responses that find no place have which verdict."""
+    counts = Counter(r.verdict.word for r in others)
+    return ", ".join(f"{count} {word}" for word, count in counts.items())
+
+
+def _causes(ranked: list[ResponseAnalysis]) -> list[str]:
+    """Return what moves the worst responses most."""
+    found = []
+    for r in ranked:
+        known = [i for i in (r.sensitivity.ranked if r.sensitivity else ()) if i.share][:2]
+        if known:
+            shares = ", ".join(f"{_cut(i.variable, 'name')} {part(i.share)}" for i in known)
+            cpk = "" if r.capability.cpk is None else f" (Cpk {index(r.capability.cpk)})"
+            found.append(f"{_cut(r.spec.name, 'name')}{cpk}: {shares}")
+    return found[:CAUSES]
+
+
+def _cut(words: str, kind: str) -> str:
+    """Return words that have room on the page; longer ones end in dots."""
+    most = LONGEST[kind]
+    return words if len(words) <= most else f"{words[: most - 1].rstrip()}…"

@@ -1,0 +1,77 @@
+"""What the templates of the report share: how numbers are written, and figures that are safe to insert."""
+
+import base64
+import hashlib
+from collections.abc import Iterable
+from itertools import groupby
+from operator import attrgetter
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from reporting import format_numbers
+from reporting.capability.shares import largest_z, least_ppm
+from reporting.render import axes, figures, histograms, scatter_figure
+
+
+def environment() -> Environment:
+    """Return the environment of the templates, with filters for numbers and figures."""
+    made = Environment(
+        loader=PackageLoader("reporting.render"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters.update(
+        plain=format_numbers.plain,
+        fixed=format_numbers.fixed,
+        index=format_numbers.index,
+        ppm=format_numbers.ppm,
+        z=format_numbers.z_score,
+        least_ppm=least_ppm,
+        largest_z=largest_z,
+        percent=format_numbers.percent,
+        share=format_numbers.part,
+        significant=format_numbers.significant,
+        grouped=format_numbers.grouped,
+        duration=format_numbers.duration,
+        p=format_numbers.probability,
+        unit=axes.unit_suffix,
+        places=format_numbers.decimals_for,
+        source_hash=_source_hash,
+        assumed=_assumed_text,
+        grouped_by=_grouped_by,
+        histogram=lambda r: as_markup(histograms.response_figure(r)),
+        probability_plot=lambda r: as_markup(figures.probability_figure(r)),
+        convergence_plot=lambda r: as_markup(figures.convergence_figure(r)),
+        tornado=lambda r: as_markup(figures.tornado_figure(r)),
+        variable_histogram=lambda v: as_markup(histograms.variable_figure(v)),
+        scatter_plot=lambda s, r, unit: as_markup(scatter_figure.scatter_figure(r, s, unit)),
+        slope_unit=scatter_figure.slope_unit,
+        compared=lambda c: as_markup(histograms.compared_figure(c)),
+    )
+    return made
+
+
+def _grouped_by(items: Iterable[Any], attribute: str) -> list[tuple[Any, list[Any]]]:
+    """Return neighbours of one kind together, in their order."""
+    return [(kind, list(members)) for kind, members in groupby(items, attrgetter(attribute))]
+
+
+def _assumed_text(value: float | tuple[float, ...] | str) -> str:
+    """Return the value of an assumption, not rounded."""
+    if isinstance(value, tuple):
+        return f"({', '.join(map(format_numbers.plain, value))})"
+    return value if isinstance(value, str) else format_numbers.plain(value)
+
+
+def _source_hash(text: str) -> str:
+    """Return the hash by which a content security policy names an element."""
+    return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
+
+
+def as_markup(svg: str | None) -> Markup | None:
+    """Return a figure marked as safe HTML."""
+    return None if svg is None else Markup(svg)
