@@ -103,7 +103,8 @@ def _open(mechanism: Mechanism, name: str, apart: Any, inclined: Any) -> Iterato
     if not apart <= allowed:
         yield (
             f"joints.{name}: the points of {sides} are {apart:.6g} {unit} apart along what the joint holds; "
-            f"allowed: up to {allowed:.3g} {unit}; move a body, or correct one of the two points"
+            f"allowed: up to {allowed:.3g} {unit}; move a body, or correct one of the two points; "
+            "where they vary, let one parameter give both"
         )
     if not inclined <= allowed:
         yield (

@@ -28,7 +28,7 @@ from engine.mechanism.joints import AnyJoint, Joint
 from engine.mechanism.keys.places import Place, along
 from engine.mechanism.loads import Damper, Force, Spring, Torque
 from engine.mechanism.motions import Motion
-from engine.mechanism.parameters.formulas import formulas_in, with_formulas
+from engine.mechanism.parameters.formulas import PREFIX, formulas_in, with_formulas
 from engine.mechanism.parameters.parameter_table import parameter_values
 from engine.mechanism.parameters.usage import Uses, conflicting_units, parameter_units, unused_parameters
 from engine.mechanism.quantities import Quantity, UnitSystem
@@ -177,7 +177,7 @@ class Mechanism(TableModel):
 
     def _uses(self, *, scaled: bool) -> Uses:
         """Return the units in which each parameter is used, and a key for each."""
-        places = {key: along(self, key.split("."))[-1] for key in self._formulas}
+        places = {key: along(self, key.split("."))[-1] for key in self._formulas if not key.startswith(PREFIX)}
         told = {key: place for key, place in places.items() if place.quantity() or isinstance(place.owner, Event)}
         units = {key: self.unit_at(place) for key, place in told.items()}
         return parameter_units(self._formulas, units, scaled=scaled)

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from itertools import islice
 
 LONGEST = 60  # characters that are compared
-MOST_WORDS = 2000  # that are compared
+MOST_WORDS = 500  # that are compared
 MOST_SLIPS = 3
 
 
@@ -18,9 +18,9 @@ def closest(word: str, words: Iterable[str]) -> str | None:
     """
     given = word[:LONGEST].lower()
     known = list(islice(words, MOST_WORDS))
-    slips = [(slip_count(given, one[:LONGEST].lower()), i, one) for i, one in enumerate(known)]
-    if likely := [slip for slip in slips if slip[0] <= _allowed(given, slip[2])]:
-        return min(likely)[2]
+    likely = [(count, i) for i, one in enumerate(known) if (count := _slips(given, one[:LONGEST].lower())) is not None]
+    if likely:
+        return known[min(likely)[1]]
     parts = _parts(given)
     whole = [one for one in known if parts and parts <= _parts(one.lower())]
     begun = [one for one in known if len(given) >= 3 and one.lower().startswith(given)]
@@ -42,6 +42,15 @@ def slip_count(first: str, second: str) -> int:
         if min(row) > MOST_SLIPS:
             break
     return max(row[-1], min(row))
+
+
+def _slips(first: str, second: str) -> int | None:
+    """Return the number of slips between two words; None if they are more than is likely."""
+    most = _allowed(first, second)
+    if abs(len(first) - len(second)) > most:
+        return None
+    count = slip_count(first, second)
+    return count if count <= most else None
 
 
 def _allowed(first: str, second: str) -> int:

@@ -63,7 +63,8 @@ def settable_numbers(mechanism: Mechanism, pattern: str = "") -> list[SettableNu
     """
     short = {_clearance(mechanism, name): name for name in mechanism.loose_joints()}
     wanted = [(key, place) for key, place in settable_places(mechanism) if _fits(key, short.get(key, ""), pattern)]
-    return [_number(mechanism, key, place, short.get(key, "")) for key, place in wanted]
+    used = users(mechanism.formulas)
+    return [_number(mechanism, key, place, short.get(key, ""), used) for key, place in wanted]
 
 
 def _clearance(mechanism: Mechanism, joint: str) -> str:
@@ -77,8 +78,8 @@ def _fits(key: str, short: str, pattern: str) -> bool:
     return wanted in key.lower() or wanted == short.lower()
 
 
-def _number(mechanism: Mechanism, key: str, place: Place, short: str) -> SettableNumber:
-    """Return the entry of one number."""
+def _number(mechanism: Mechanism, key: str, place: Place, short: str, used: dict[str, list[str]]) -> SettableNumber:
+    """Return the entry of one number; ``used`` are the keys that use each parameter."""
     name = key.removeprefix(PREFIX) if key.startswith(PREFIX) else ""
     found = limits(place.field)
     if isinstance(place.owner, JournalJoint) and key.endswith(".radial_clearance"):
@@ -91,15 +92,14 @@ def _number(mechanism: Mechanism, key: str, place: Place, short: str) -> Settabl
         upper=found.get("lt", found.get("le")),
         limits=", ".join(f"{_RELATIONS[relation]} {bound:.6g}" for relation, bound in found.items()),
         expression=mechanism.formulas.get(key, ""),
-        description=_use(mechanism, name) if name else (place.field.description or "") if place.field else "",
+        description=_use(used.get(name, [])) if name else (place.field.description or "") if place.field else "",
         short=short,
         varies=not key.startswith(SETTINGS),
     )
 
 
-def _use(mechanism: Mechanism, parameter: str) -> str:
+def _use(keys: list[str]) -> str:
     """Return where a parameter is used."""
-    keys = users(mechanism.formulas, parameter)
     if not keys:
         return "used on test benches only"
     others = f" and {len(keys) - 3} others" if len(keys) > 4 else ""

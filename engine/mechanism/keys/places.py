@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 from pydantic.fields import FieldInfo
@@ -41,21 +42,34 @@ class Place:
 
     def below(self) -> dict[str, "Place"]:
         """Return the places below by the tokens of their keys."""
+        return {token: place for token in self._tokens() if (place := self.at(token)) is not None}
+
+    def at(self, token: str) -> "Place | None":
+        """Return the place below with this token; None if there is none."""
         value = self.value
         if isinstance(value, TableModel):
-            fields = type(value).model_fields.items()
-            named = {field.alias or name: Place(getattr(value, name), value, field) for name, field in fields}
-            return {token: place for token, place in named.items() if token not in HIDDEN}
+            name = _names(type(value)).get(token)
+            return Place(getattr(value, name), value, type(value).model_fields[name]) if name else None
         if isinstance(value, Mapping):
-            return {token: Place(entry) for token, entry in value.items()}
-        if not isinstance(value, tuple):
-            return {}
+            return Place(value[token]) if token in value else None
+        if not isinstance(value, tuple) or token not in self._tokens():
+            return None
         if value and isinstance(value[0], TableModel):
-            return {str(i): Place(entry) for i, entry in enumerate(value)}
-        return {
-            token: replace(self, value=item(written(value), at[0]), inside=(*self.inside, token))
-            for token, at in self._components().items()
-        }
+            return Place(value[int(token)])
+        place = self._components()[token][0]
+        return replace(self, value=item(written(value), place), inside=(*self.inside, token))
+
+    def _tokens(self) -> Sequence[str]:
+        """Return the tokens of what lies below."""
+        value = self.value
+        if isinstance(value, TableModel):
+            return list(_names(type(value)))
+        if isinstance(value, Mapping):
+            return list(value)
+        if not isinstance(value, tuple):
+            return ()
+        tables = value and isinstance(value[0], TableModel)
+        return [str(i) for i in range(len(value))] if tables else list(self._components())
 
     def with_below(self, changes: Mapping[str, Any]) -> Any:
         """Return the value with some of what lies below replaced, by token; a table is checked.
@@ -88,6 +102,13 @@ class Place:
         return components(self.field, written(self.value))
 
 
+@cache
+def _names(table: type[TableModel]) -> dict[str, str]:
+    """Return the name of each field of a table by its key in the file, without those that have no keys."""
+    keys = {field.alias or name: name for name, field in table.model_fields.items()}
+    return {key: name for key, name in keys.items() if key not in HIDDEN}
+
+
 def components(field: FieldInfo | None, items: Sequence[Any]) -> Mapping[str, tuple[tuple[int, ...], ...]]:
     """Return the name of each component of a list that a field declares, and where it stands."""
     return (declared(field, Components) or Components()).places(items)
@@ -97,11 +118,23 @@ def along(mechanism: TableModel, tokens: Sequence[str]) -> list[Place]:
     """Return the places along a path, the mechanism first; those that exist."""
     places = [Place(mechanism)]
     for token in tokens:
-        below = places[-1].below()
-        if token not in below:
+        below = places[-1].at(token)
+        if below is None:
             break
-        places.append(below[token])
+        places.append(below)
     return places
+
+
+def by_tokens(entries: Mapping[str, Any]) -> dict[str, Any]:
+    """Return entries of dotted keys by their tokens: dicts in each other, with the entries at their ends."""
+    tree: dict[str, Any] = {}
+    for key, entry in entries.items():
+        *tables, last = key.split(".")
+        node = tree
+        for token in tables:
+            node = node.setdefault(token, {})
+        node[last] = entry
+    return tree
 
 
 def numbers(place: Place, prefix: str = "") -> Iterator[tuple[str, Place]]:

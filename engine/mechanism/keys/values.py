@@ -18,7 +18,7 @@ from pydantic import ValidationError
 from engine.errors import MechanismError
 from engine.mechanism.base import LARGEST_NUMBER
 from engine.mechanism.faults import Fault, faults_of
-from engine.mechanism.keys.places import Place, along, settable_places, without_effect
+from engine.mechanism.keys.places import Place, along, by_tokens, settable_places, without_effect
 from engine.mechanism.keys.unknown import unknown_key
 from engine.mechanism.models import Mechanism
 from engine.mechanism.parameters.expression import ExpressionFault, evaluate, parse
@@ -95,15 +95,19 @@ def set_values(mechanism: Mechanism, changes: Mapping[str, float]) -> Mechanism:
         try:
             unit = unit_of(mechanism, key)
             number = _finite(key, given, unit)
-            settings[full_key(mechanism, key)] = _Setting(number, key, number, unit)
+            first = settings.setdefault(full_key(mechanism, key), _Setting(number, key, number, unit))
+            if first.number != number:
+                raise MechanismError(f"{key}: {first.key} stands for the same number; set it once")
         except MechanismError as error:
             faults.append((key, str(error)))
     formulas = mechanism.formulas
     if formulas:
         formulas = {key: text for key, text in formulas.items() if key not in settings}
         settings |= _followers(mechanism, formulas, settings, faults)
-    tree, root = _by_tokens(settings), Place(mechanism).below()
-    update = {token: _rebuilt(mechanism, root[token], [token], below, faults) for token, below in tree.items()}
+    update = {
+        table: _rebuilt(mechanism, along(mechanism, [table])[-1], [table], below, faults)
+        for table, below in by_tokens(settings).items()
+    }
     if faults:
         order = list(changes)
         lines = [f"  {text}" for _, text in sorted(faults, key=lambda fault: order.index(fault[0]))]
@@ -158,18 +162,6 @@ def _followers(
         else:
             found[key] = _Setting(number, origin.key, origin.given, origin.unit)
     return found
-
-
-def _by_tokens(settings: Mapping[str, _Setting]) -> dict[str, Any]:
-    """Return settings by the tokens of their keys: dicts in each other, with the settings at their ends."""
-    tree: dict[str, Any] = {}
-    for key, setting in settings.items():
-        *tables, last = key.split(".")
-        node = tree
-        for token in tables:
-            node = node.setdefault(token, {})
-        node[last] = setting
-    return tree
 
 
 def _rebuilt(mechanism: Mechanism, place: Place, path: list[str], settings: Any, faults: list[tuple[str, str]]) -> Any:

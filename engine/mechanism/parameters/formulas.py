@@ -4,12 +4,12 @@ A formula is a key and the expression that gives its number, such as ``joints.J1
 key of a parameter is ``parameters.NAME``.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from engine.mechanism.base import TableModel
 from engine.mechanism.keys.components import item, with_item, written
-from engine.mechanism.keys.places import Place, components
+from engine.mechanism.keys.places import Place, by_tokens, components
 from engine.mechanism.parameters.expression import names_in, parse
 from engine.mechanism.parameters.parameter_table import order_of
 
@@ -48,21 +48,21 @@ def _read(place: Place, data: Any, token: str) -> Any:
 
 def with_formulas(mechanism: TableModel, formulas: Mapping[str, str], dump: Any) -> Any:
     """Return a mechanism dumped by the keys of its file, with the expressions in the place of their numbers."""
-    for key, text in formulas.items():
-        dump = _with_formula(Place(mechanism), dump, key.split("."), text)
-    return dump
+    return _with_formulas(Place(mechanism), dump, by_tokens(formulas))
 
 
-def _with_formula(place: Place, data: Any, tokens: Sequence[str], text: str) -> Any:
-    """Return dumped data with an expression at the place of a number below."""
-    if not tokens:
-        return text
-    token, child = tokens[0], place.below()[tokens[0]]
+def _with_formulas(place: Place | None, data: Any, formulas: Any) -> Any:
+    """Return dumped data with the expressions of what lies below a place, by tokens."""
+    if isinstance(formulas, str) or place is None:
+        return formulas
     if isinstance(data, Mapping):  # without what the dump leaves out
-        return {**data, token: _with_formula(child, data[token], tokens[1:], text)} if token in data else data
-    places = components(place.field, written(place.value))[token] if child.inside else ((int(token),),)
-    for at in places:
-        data = with_item(data, at, _with_formula(child, item(data, at), tokens[1:], text))
+        there = [token for token in formulas if token in data]
+        return {**data, **{token: _with_formulas(place.at(token), data[token], formulas[token]) for token in there}}
+    for token, inner in formulas.items():
+        child = place.at(token)
+        of_numbers = child is not None and child.inside
+        for at in components(place.field, written(place.value))[token] if of_numbers else ((int(token),),):
+            data = with_item(data, at, _with_formulas(child, item(data, at), inner))
     return data
 
 

@@ -5,7 +5,7 @@ from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
 from engine.mechanism.base import is_number, is_quoted_number
-from engine.mechanism.faults import Fault, did_you_mean
+from engine.mechanism.faults import MOST_FAULTS, Fault, did_you_mean
 from engine.mechanism.parameters.expression import (
     CONSTANTS,
     FUNCTIONS,
@@ -33,7 +33,10 @@ def parameter_values(table: Mapping[str, Any]) -> tuple[dict[str, float], list[F
         Of the parameters without fault that follow from no parameter with one.
     faults : list of Fault
     """
-    faults = {name: text for name, entry in table.items() if (text := _fault(name, entry, table))}
+    faults: dict[str, str] = {}
+    for name, entry in table.items():
+        if text := _fault(name, entry, table, suggest=len(faults) < MOST_FAULTS):
+            faults[name] = text
     texts = {name: entry for name, entry in table.items() if isinstance(entry, str) and name not in faults}
     values = {name: float(entry) for name, entry in table.items() if is_number(entry) and name not in faults}
     needs = {name: set(names_in(parse(text))) for name, text in texts.items()}
@@ -60,7 +63,7 @@ def order_of(expressions: Mapping[str, str]) -> Iterator[str]:
     return (name for name in TopologicalSorter(needs).static_order() if name in expressions)
 
 
-def _fault(name: str, entry: Any, table: Mapping[str, Any]) -> str:
+def _fault(name: str, entry: Any, table: Mapping[str, Any], *, suggest: bool) -> str:
     """Return what is wrong with one parameter by itself; empty if nothing is."""
     if not NAME.fullmatch(name) or len(name) > LONGEST_NAME:
         return "not a usable name; allowed: a letter, then letters, digits, '_', up to 60 of them; rename it"
@@ -76,4 +79,6 @@ def _fault(name: str, entry: Any, table: Mapping[str, Any]) -> str:
         return str(fault)
     if not unknown:
         return ""
-    return f"{unknown[0]} is no parameter; define it in [parameters]{did_you_mean(unknown[0], table)}"
+    return (
+        f"{unknown[0]} is no parameter; define it in [parameters]{did_you_mean(unknown[0], table) if suggest else ''}"
+    )

@@ -46,9 +46,13 @@ def parameter_units(formulas: Mapping[str, str], units: Mapping[str, str], *, sc
     return found
 
 
-def users(formulas: Mapping[str, str], parameter: str) -> list[str]:
-    """Return the keys whose expressions name a parameter."""
-    return [key for key, text in formulas.items() if parameter in names_in(parse(text))]
+def users(formulas: Mapping[str, str]) -> dict[str, list[str]]:
+    """Return the keys whose expressions name a parameter, by the parameter."""
+    found: dict[str, list[str]] = {}
+    for key, text in formulas.items():
+        for name in dict.fromkeys(names_in(parse(text))):
+            found.setdefault(name, []).append(key)
+    return found
 
 
 def conflicting_units(units: Uses, values: Mapping[str, float]) -> Iterator[Fault]:

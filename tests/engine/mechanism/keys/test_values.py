@@ -229,3 +229,10 @@ def _seconds(mechanism, values):
     start = time.perf_counter()
     set_values(mechanism, values)
     return time.perf_counter() - start
+
+
+def test_one_number_is_set_once():
+    """A joint's name and its path are one key; the same number under both is no contradiction."""
+    (line,) = refused({"J1": 0.1, "joints.J1.radial_clearance": 0.2})
+    assert line == "joints.J1.radial_clearance: J1 stands for the same number; set it once"
+    assert get_value(set_values(MECHANISM, {"J1": 0.1, "joints.J1.radial_clearance": 0.1}), "J1") == 0.1
