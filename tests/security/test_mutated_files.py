@@ -29,8 +29,8 @@ from campaign.errors import CampaignError
 from campaign.inputs.sampling import draw
 from campaign.plan import Plan, dump_spec, make_plan
 from campaign.plan_header import parse_plan
-from campaign.reports.changed_distributions import changed_variables
 from campaign.reports.cost_file import read_costs
+from campaign.reports.variable_settings import changed_variables
 from campaign.spec.data_files import read_columns
 from campaign.spec.load import load_campaign
 from campaign.store import BadPart, open_store
@@ -44,7 +44,7 @@ SEED = os.environ.get("CLEARCAP_SECURITY_SEED") or str(int.from_bytes(os.urandom
 LONGEST = 5.0  # s of processor time for one file: a guard against hanging
 HANGS = 60.0  # s after which a call that takes no processor time hangs
 LIBRARY = ROOT / "engine" / "mechanism" / "library"
-MECHANISMS = ("bouncing_ball", "slider_crank", "sphere_roll", "spinning_top", "incline", "clearance_pendulum")
+MECHANISMS = ("bouncing_ball", "slider_crank", "sphere_roll", "spinning_top", "incline", "clearance_pendulum", "lever")
 EARLIER = ROOT / "tests" / "campaign" / "earlier_plans" / "old-b2ff31c7a0"
 
 
