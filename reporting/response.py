@@ -153,14 +153,7 @@ def analyse_response(
     return ResponseAnalysis(
         spec=spec,
         assumed=spec.source.lower().startswith("assumption"),
-        verdict=verdict(
-            numbers,
-            counted,
-            others,
-            production=request.design.production,
-            heavy=_is_heavy(shape, spec),
-            withheld=withheld,
-        ),
+        verdict=verdict(numbers, counted, others, production=request.design.production, withheld=withheld),
         capability=numbers,
         target_indices=target_indices(x, spec.lsl, spec.usl, spec.target, confidence, lots),
         subgroups=() if batches is None else subgroup_sigmas(x, batches[np.isfinite(values)], spec.lsl, spec.usl),
@@ -203,14 +196,6 @@ def _stack(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> LinearS
         (spec.lsl, spec.usl),
         correlated=bool(request.correlations),
         command=request.command,
-    )
-
-
-def _is_heavy(shape: Normality, spec: ResponseSpec) -> bool:
-    """Return whether a tail with a limit is proven heavier than that of a normal distribution."""
-    limits = {"below": spec.lsl, "above": spec.usl}
-    return shape.verdict == "not normal" and any(
-        tail.word == "heavier" and limits[tail.side] is not None for tail in shape.tails
     )
 
 

@@ -4,9 +4,9 @@ Cpk decides. Another estimate overrules it where its whole interval lies in a wo
 are a fact, whatever a normal distribution expects. An estimate that the count itself refutes has no say. A verdict is
 *certain* if the interval of Cpk lies in one class, no estimate speaks for a worse one, none proves a better one, and
 the count does not exclude the share that the index implies. So the verdict is never better than what Cpk says, and
-never certain where methods disagree. Where a tail is proven heavier than a normal one, Cpk and its interval say little
-of the share beyond that limit: then an estimate without the normal distribution must exclude every worse class with its
-whole interval.
+never certain where methods disagree. Cpk stands for a share only if the tails are normal as far out as the limits,
+which few values cannot show: so an estimate that does without the normal distribution must exclude every worse class
+with its whole interval.
 
 A failed sample has no value, and may be a reject. Too many of them leave no verdict at all; fewer take its certainty
 where as many rejects would prove a worse class.
@@ -83,7 +83,6 @@ def verdict(
     others: Iterable[IndexEstimate] = (),
     *,
     production: bool = True,
-    heavy: bool = False,
     withheld: str = "",
 ) -> CapabilityVerdict:
     """Return the verdict on a response.
@@ -98,8 +97,6 @@ def verdict(
         Further estimates that are worth believing.
     production : bool
         The samples represent production.
-    heavy : bool
-        A tail beyond which there is a limit is proven heavier than that of a normal distribution.
     withheld : str
         Why no response of the campaign gets a verdict, in a sentence; empty if they may.
     """
@@ -130,12 +127,9 @@ def verdict(
         )
     if counted is not None and decides is of_index:
         reasons += _excluded(capability, counted)
-    if heavy and word != _BEST_FIRST[-1] and all(_worse(class_of(e.low), word) for e in further):
-        reasons.append(
-            "A tail is heavier than that of a normal distribution, on which Cpk rests, and no estimate without it"
-            " excludes a worse class."
-        )
     reasons += changed_by_failures(counted, word)
+    if not reasons:
+        reasons += _unsupported(further, word)
     overruled_only = decides is not of_index and len(reasons) == 1
     return CapabilityVerdict(word, not reasons or overruled_only, decides.by, tuple(reasons))
 
@@ -247,6 +241,18 @@ def _objection(estimate: IndexEstimate, word: str) -> str:
     if _worse(word, class_of(estimate.low)):
         return f"{estimate.words}: {class_of(estimate.low)}; the verdict goes with the worse."
     return f"{estimate.words}: {class_of(estimate.value)}."
+
+
+def _unsupported(further: list[IndexEstimate], word: str) -> list[str]:
+    """Return a sentence if no estimate without the normal distribution excludes the classes that are worse.
+
+    The values' own percentiles do not: they say nothing of the shares beyond them.
+    """
+    shares = (estimate for estimate in further if estimate.by != "percentiles")
+    best = max(shares, key=lambda estimate: estimate.low, default=None)
+    if best is None or not _worse(class_of(best.low), word):
+        return []
+    return [f"Cpk rests on a normal distribution; without it, {best.words} does not exclude {class_of(best.low)}."]
 
 
 def _excluded(capability: Capability, counted: Nonconforming) -> list[str]:

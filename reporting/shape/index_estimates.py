@@ -6,6 +6,7 @@ beyond its threshold, and percentiles of values enough for an interval.
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 from reporting.capability.shares import least_ppm
 from reporting.capability.verdict import IndexEstimate, index_of_share
@@ -30,38 +31,52 @@ def index_estimates(
         Of the chosen distribution and of the values' own percentiles.
     tails : iterable of TailShare
     """
-    best = fits.of(fits.best)
-    estimates = [
-        IndexEstimate(_NAMES[method.method], *_ends(method), _words(method, best.title if best else ""))
-        for method in methods
-        if method.method in _NAMES and method.ppk is not None and method.ppk_interval and method.family != "normal"
-    ]
-    return *estimates, *(_by_tail(tail, least_ppm(n)) for tail in tails if tail.ppm is not None and tail.interval)
+    best, least = fits.of(fits.best), least_ppm(n)
+    estimates = [_by_method(method, best.title if best else "", least) for method in methods if method.method in _NAMES]
+    return *(estimate for estimate in estimates if estimate is not None), *_by_tails(tuple(tails), least)
 
 
 _NAMES = {"z_score": "fitted distribution", "empirical": "percentiles"}
 
 
-def _ends(method: NonnormalIndices) -> tuple[float, float, float]:
-    """Return low end, value and high end of a method's Ppk."""
-    assert method.ppk is not None
-    low, high = method.ppk_interval or (-math.inf, math.inf)
-    return low, method.ppk, high
-
-
-def _words(method: NonnormalIndices, title: str) -> str:
-    """Return the estimate of a method in words."""
-    low, value, high = _ends(method)
+def _by_method(method: NonnormalIndices, title: str, least: float) -> IndexEstimate | None:
+    """Return the estimate of a method: its Ppk, or its share where that is too small for a Ppk; None without either."""
     source = f"the fitted distribution ({title})" if method.family else "the values' own percentiles (Cnpk)"
-    return f"Ppk {index(value)} ({index(low)} to {index(high)}) by {source}"
+    if method.family == "normal":
+        source = "the distributions that the values allow"
+    if method.ppk is not None and method.ppk_interval:
+        low, high = method.ppk_interval
+        words = f"Ppk {index(method.ppk)} ({index(low)} to {index(high)}) by {source}"
+        return IndexEstimate(_NAMES[method.method], low, method.ppk, high, words)
+    if method.ppm_expected is not None and method.ppm_expected_interval:
+        low, high = method.ppm_expected_interval
+        words = f"{ppm(method.ppm_expected, least)} ppm ({ppm(low, least)} to {ppm(high, least)}) by {source}"
+        ends = (index_of_share(share) for share in (high, method.ppm_expected, low))
+        return IndexEstimate(_NAMES[method.method], *ends, words)
+    return None
+
+
+def _by_tails(tails: tuple[TailShare, ...], least: float) -> tuple[IndexEstimate, ...]:
+    """Return the estimate of the Pareto tails, that of the worse side; none without a tail that is fitted.
+
+    A side whose tail is not fitted may be any worse, so then the estimate has no lower end.
+    """
+    known = [tail for tail in tails if tail.interval]
+    if not known:
+        return ()
+    sides = [_by_tail(tail, least) for tail in known]
+    low = min(side.low for side in sides) if len(known) == len(tails) else -math.inf
+    worst = min(sides, key=lambda side: (side.value, side.low))
+    return (replace(worst, low=low, high=min(side.high for side in sides)),)
 
 
 def _by_tail(tail: TailShare, least: float) -> IndexEstimate:
-    """Return the estimate of a Pareto tail: the share beyond one limit."""
-    assert tail.ppm is not None
+    """Return the estimate of a Pareto tail: the share beyond one limit, or a bound of it."""
     assert tail.interval is not None
     low, high = tail.interval
-    words = (
-        f"{ppm(tail.ppm, least)} ppm ({ppm(low, least)} to {ppm(high, least)}) {tail.side} the limit by a Pareto tail"
-    )
-    return IndexEstimate("tail", index_of_share(high), index_of_share(tail.ppm), index_of_share(low), words)
+    share = f"at most {ppm(high, least)} ppm"
+    if tail.ppm is not None:
+        share = f"{ppm(tail.ppm, least)} ppm ({ppm(low, least)} to {ppm(high, least)})"
+    words = f"{share} {tail.side} the limit by a Pareto tail"
+    value = math.inf if tail.ppm is None else index_of_share(tail.ppm)
+    return IndexEstimate("tail", index_of_share(high), value, index_of_share(low), words)

@@ -102,7 +102,8 @@ def test_an_estimate_wholly_in_a_worse_class_overrules() -> None:
 
 def test_an_estimate_that_the_count_refutes_has_no_say() -> None:
     """None of 5,000 values is out of limits, at most 738 ppm: a fit that expects 8,000 is wrong."""
-    found = judged(spread(5_000, 1.0), -5.0, 5.0, [objector("fitted distribution", 0.7, 0.8, 0.9)])
+    others = [objector("fitted distribution", 0.7, 0.8, 0.9), objector("tail", 1.4, 1.6, math.inf)]
+    found = judged(spread(5_000, 1.0), -5.0, 5.0, others)
     assert (found.word, found.certain) == ("capable", True)
 
 
@@ -182,19 +183,23 @@ def test_a_count_overrules_a_cpk_whose_interval_is_withheld() -> None:
     assert found.reasons[1] == "Two lots."
 
 
-def test_heavy_tails_need_an_estimate_without_the_normal_distribution() -> None:
-    """Cpk 1.8 of a t5 response is certain by its interval; its rejects may be those of Cpk 1.17."""
+def test_a_certain_verdict_needs_an_estimate_without_the_normal_distribution() -> None:
+    """Cpk 1.8 of 500 values is certain by its interval; of a t5 response the rejects may be those of Cpk 1.17."""
     x = spread(500, 1.8)
-    assert judged(x, usl=3.0).certain
-    alone = judged(x, usl=3.0, heavy=True)
+    alone = judged(x, usl=3.0)
     assert (alone.word, alone.certain) == ("capable", False)
-    assert "heavier than that of a normal distribution" in alone.reasons[-1]
+    assert "0 of 500 values out of limits" in alone.reasons[-1]
+    assert alone.reasons[-1].endswith("does not exclude not capable.")
     wide = objector("fitted distribution", 1.1, 1.6, 2.0)
-    assert not judged(x, usl=3.0, others=[wide], heavy=True).certain
+    assert "Ppk 1.6 by fitted distribution does not exclude marginal" in judged(x, usl=3.0, others=[wide]).reasons[-1]
     narrow = objector("fitted distribution", 1.4, 1.6, 2.0)
-    assert judged(x, usl=3.0, others=[narrow], heavy=True).certain
+    assert judged(x, usl=3.0, others=[wide, narrow]).certain
 
 
-def test_a_count_alone_proves_heavy_tails_capable() -> None:
+def test_what_is_not_capable_needs_none() -> None:
+    assert judged(spread(500, 0.7, 8), usl=3.0).certain
+
+
+def test_a_count_alone_proves_a_response_capable() -> None:
     """No reject among 150,000."""
-    assert judged(spread(150_000, 1.8), usl=3.0, heavy=True).certain
+    assert judged(spread(150_000, 1.8), usl=3.0).certain

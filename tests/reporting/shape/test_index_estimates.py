@@ -1,0 +1,58 @@
+"""What the methods without the normal distribution say, in the scale of Cpk."""
+
+import math
+
+import numpy as np
+import pytest
+
+from reporting.capability.verdict import index_of_share
+from reporting.shape.fits import fit_families, unfitted
+from reporting.shape.index_estimates import index_estimates
+from reporting.shape.supported_indices import supported_indices
+from reporting.shape.tails import TailShare
+
+
+def tail(side: str, ppm: float | None, interval: tuple[float, float] | None) -> TailShare:
+    return TailShare(side, 1.0, ppm, interval)
+
+
+def by_tails(*tails: TailShare):
+    """Return the estimate of Pareto tails, of 1,000 values."""
+    return index_estimates(1000, unfitted("none"), (), tails)
+
+
+def test_tails_are_as_good_as_the_worse_side() -> None:
+    """A far limit on one side says nothing of a near one on the other."""
+    (found,) = by_tails(tail("below", 300.0, (50.0, 900.0)), tail("above", None, (0.0, 12.0)))
+    assert (found.low, found.value, found.high) == tuple(map(index_of_share, (900.0, 300.0, 50.0)))
+    assert found.words == "300 ppm (50.0 to 900) below the limit by a Pareto tail"
+    (bound,) = by_tails(tail("above", None, (0.0, 12.0)))
+    assert (bound.low, bound.value, bound.high) == (index_of_share(12.0), math.inf, math.inf)
+    assert bound.words == "at most 12.0 ppm above the limit by a Pareto tail"
+
+
+def test_a_side_without_a_fitted_tail_may_be_any_worse() -> None:
+    (found,) = by_tails(tail("below", 2.0, (0.1, 20.0)), tail("above", None, None))
+    assert (found.low, found.value) == (-math.inf, index_of_share(2.0))
+    assert by_tails(tail("above", None, None)) == ()
+
+
+def test_a_normal_fit_speaks_with_the_interval_of_all_families() -> None:
+    """500 normal values with Cpk 1.6 allow distributions with more than 33 ppm beyond the limit."""
+    x = np.random.default_rng(2).normal(size=500)
+    fits = fit_families(x, limits=(None, 4.8))
+    assert fits.best == "normal"
+    (found,) = index_estimates(500, fits, supported_indices(x, fits, None, 4.8), ())
+    assert found.low < 1.33 < found.value == pytest.approx(1.6, abs=0.1)
+    assert "by the distributions that the values allow" in found.words
+
+
+def test_a_share_too_small_for_an_index_still_counts() -> None:
+    """A skewed response 60 sigmas from its lower limit: no Ppk, but at most a tiny share."""
+    x = np.random.default_rng(1).gumbel(size=500)
+    fits = fit_families(x, limits=(-30.0, None))
+    methods = supported_indices(x, fits, -30.0, None)
+    assert [method.ppk for method in methods if method.method == "z_score"] == [None]
+    (found,) = index_estimates(500, fits, methods, ())
+    assert found.value == math.inf
+    assert found.low > 1.33
