@@ -39,7 +39,7 @@ def influence_of(variable: str, at: int, measures: Measures, interaction: float,
     """
     if variable not in measures.variables:
         return Influence(variable, verdict=NOT_CRITICAL)
-    i, quantile = measures.variables[variable], jackknife_quantile(GROUPS, confidence)
+    i, quantile = measures.variables[variable], jackknife_quantile(measures.groups, confidence)
     line, ranks, alone, std = measures.linear, measures.rank, measures.effects, float(measures.std[at])
     coefficient, error = float(line.coefficient[at, i]), float(line.coefficient_error[at, i])
     share, share_error = float(alone.share[at, i]), float(alone.share_error[at, i])
@@ -47,7 +47,7 @@ def influence_of(variable: str, at: int, measures: Measures, interaction: float,
     contribution_error = 0.0 if line.contribution_error is None else float(line.contribution_error[at, i])
     curve = measures.mean[at] + std * alone.curve[at, i]
     swing, swing_half = float(np.ptp(curve)), quantile * std * float(alone.swing_error[at, i])
-    errors_needed = needed_errors(len(measures.variables), confidence)
+    errors_needed = needed_errors(len(measures.variables), confidence, measures.groups)
     linear_effect = abs(coefficient) > errors_needed * error and coefficient**2 > NEGLIGIBLE_SHARE
     significant = linear_effect or share > max(errors_needed * share_error, NEGLIGIBLE_SHARE)
     low, high = share_interval(share, quantile * share_error)
@@ -108,7 +108,8 @@ def with_shapley(influence: Influence, at: int, measures: Measures, scatter: flo
     if measures.shapley is None:
         return replace(influence, verdict=OPEN)
     effects, i = measures.shapley, measures.variables[influence.variable]
-    quantile, errors_needed = jackknife_quantile(GROUPS, confidence), needed_errors(len(measures.variables), confidence)
+    quantile = jackknife_quantile(measures.groups, confidence)
+    errors_needed = needed_errors(len(measures.variables), confidence, measures.groups)
     share, half = float(effects.share[at, i]), quantile * float(effects.share_error[at, i])
     own, own_half = float(effects.own[at, i]), quantile * float(effects.own_error[at, i])
     left = max(float(effects.remainder[at]) - scatter, 0.0)
@@ -143,10 +144,10 @@ def _acting(variable: str, at: int, measures: Measures, quantile: float) -> tupl
     return tuple(v for v in sorted(close, key=lambda name: -close[name]) if close[v] >= largest / 2)
 
 
-def needed_errors(variables: int, confidence: float) -> float:
+def needed_errors(variables: int, confidence: float, groups: int = GROUPS) -> float:
     """Return by how many standard errors an effect must differ from 0 (Bonferroni over the variables)."""
     # Two two-sided tests for each variable.
-    return jackknife_quantile(GROUPS, 1 - (1 - confidence) / (2 * variables))
+    return jackknife_quantile(groups, 1 - (1 - confidence) / (2 * variables))
 
 
 def _word(interval: Interval, interaction: float, *, significant: bool) -> str:

@@ -90,7 +90,9 @@ def most_degree(n: int, variables: int) -> int:
     return min(max((n // _ROWS_PER_COEFFICIENT - 1) // variables, 1), MOST_DEGREE)
 
 
-def effects(sums: Sums, x: Array, y: Array, ends: tuple[Array, Array], *, independent: bool) -> Effects:
+def effects(
+    sums: Sums, x: Array, y: Array, group: NDArray[np.intp], ends: tuple[Array, Array], *, independent: bool
+) -> Effects:
     """Return the effects of the variables.
 
     Parameters
@@ -99,6 +101,8 @@ def effects(sums: Sums, x: Array, y: Array, ends: tuple[Array, Array], *, indepe
         Sums over the groups of rows.
     x, y : array, shapes (n, k) and (n, m)
         These rows.
+    group : array of int, shape (n,)
+        Group of each row.
     ends : pair of arrays, each of shape (k,)
         5th and 95th percentile of each variable.
     independent : bool
@@ -129,7 +133,7 @@ def effects(sums: Sums, x: Array, y: Array, ends: tuple[Array, Array], *, indepe
         residual = z[:, at] - (effect.sum(axis=0) if independent else effect)  # of each variable, if fitted by itself
         for (j, r), i in product(enumerate(at), range(k)):
             e = residual[:, j] if independent else residual[i, :, j]
-            found = rank_based(some[:, i], effect[i, :, j], e, z[:, r])
+            found = rank_based(some[:, i], effect[i, :, j], e, z[:, r], group[:MOST_ROWS])
             missed[r, i], carriers[r, i] = found.missed, found.carriers
             if found.share is not None:
                 by_ranks[r, i] = True

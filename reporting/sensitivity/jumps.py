@@ -14,9 +14,9 @@ closer, and what it may have missed widens the interval upwards.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reporting.arrays import Array
-from reporting.sensitivity.polynomials import GROUPS
 
 STRUCTURED = 2.5  # standard errors above 0
 MOST_ROWS = 50_000
@@ -45,15 +45,17 @@ class RankBased:
     carriers: float
 
 
-def rank_based(x: Array, effect: Array, residual: Array, y: Array) -> RankBased:
+def rank_based(x: Array, effect: Array, residual: Array, y: Array, group: NDArray[np.intp]) -> RankBased:
     """Return what ranks say of a variable.
 
     Parameters
     ----------
     x : array, shape (n,)
-        The variable; rows in random order, of which row i belongs to group ``i % 20``.
+        The variable; rows in random order.
     effect, residual, y : array, each of shape (n,)
         Polynomial of the variable; the standardised response less all that is fitted; the standardised response.
+    group : array of int, shape (n,)
+        Group of each row, from 0.
     """
     order = np.argsort(x, kind="stable")
     f, e = effect[order] - effect.mean(), residual[order] - residual.mean()
@@ -62,9 +64,9 @@ def rank_based(x: Array, effect: Array, residual: Array, y: Array) -> RankBased:
     found, error = _neighbours(e, min(max(x.size // 100, 1), 20))  # more places: less noise, more bias
     if found <= STRUCTURED * error:
         return RankBased(None, max(found + _ONE_SIDED * error, 0.0), _carriers(f))
-    group, ordered = order % GROUPS, y[order]
+    group, ordered = group[order], y[order]
     most = min(max(x.size // 400, 1), 10)
-    rest = [slice(None), *(group != g for g in range(GROUPS))]
+    rest = [slice(None), *(group != g for g in range(int(group.max()) + 1))]
     share = [_explained(f[rows], e[rows], most) / float(np.var(ordered[rows])) for rows in rest]
     return RankBased(np.array(share), 0.0, _carriers(f + _smooth(e)))
 

@@ -4,12 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from reporting.arrays import Array, random_rows
+from reporting.capability.lots import LEAST_LOTS
 from reporting.capability.moments import ROUNDING
 from reporting.sensitivity.first_order import Effects, effects, most_degree
-from reporting.sensitivity.polynomials import GROUPS, group_sums
+from reporting.sensitivity.polynomials import GROUPS, group_sums, groups_of
 from reporting.sensitivity.regression import Linear, Rank, linear, rank
 from reporting.sensitivity.shapley_effects import ShapleyEffects, shapley_effects
 
@@ -30,6 +32,8 @@ class Measures:
     rank : Rank
     effects : Effects
         First-order indices and conditional expectations.
+    groups : int
+        Number of groups of rows from which errors follow.
     independent : bool
         No correlation of the variables is requested or beyond chance.
     shapley : ShapleyEffects or None
@@ -43,6 +47,7 @@ class Measures:
     linear: Linear
     rank: Rank
     effects: Effects
+    groups: int
     independent: bool
     shapley: ShapleyEffects | None
 
@@ -52,7 +57,7 @@ def measure(
     values: dict[str, Array],
     confidence: float,
     correlations: Sequence[tuple[str, str, float]] | None = None,
-    lots: int | None = None,
+    lots: NDArray[np.generic] | None = None,
 ) -> Measures | None:
     """Return all measures; None if there are too few rows or nothing varies.
 
@@ -64,8 +69,9 @@ def measure(
         Of the intervals of rank correlations.
     correlations : sequence of (str, str, float), optional
         The requested correlations of the variables; without it the samples decide.
-    lots : int, optional
-        Number of production lots, whose shifts correlate variables by chance.
+    lots : array, shape (n,), optional
+        Production lot of each row. The shifts of lots correlate variables by chance, and from `LEAST_LOTS` lots on
+        errors are those of leaving out whole lots.
     """
     x_names = [name for name, column in columns.items() if varies(column)]
     y_names = [name for name, column in values.items() if varies(column)]
@@ -77,9 +83,11 @@ def measure(
     rows = random_rows(n)
     x = np.column_stack([columns[name][rows] for name in x_names])
     y = np.column_stack([values[name][rows] for name in y_names])
-    sums = group_sums(x, y, most_degree(rows.size, len(x_names)))
+    count = rows.size if lots is None else np.unique(lots[rows]).size
+    group = groups_of(rows.size, None if lots is None or count < LEAST_LOTS else lots[rows])
+    sums = group_sums(x, y, most_degree(rows.size, len(x_names)), group)
     regression = linear(sums)
-    independent = _independent(regression.correlation, x_names, correlations, min(rows.size, lots or rows.size))
+    independent = _independent(regression.correlation, x_names, correlations, count)
     ends = np.quantile(x, [0.05, 0.95], axis=0)
     return Measures(
         variables={name: i for i, name in enumerate(x_names)},
@@ -88,9 +96,10 @@ def measure(
         std=y.std(axis=0),
         linear=regression,
         rank=rank(x, y, confidence),
-        effects=effects(sums, x, y, (ends[0], ends[1]), independent=independent),
+        effects=effects(sums, x, y, group, (ends[0], ends[1]), independent=independent),
+        groups=sums.rows.size,
         independent=independent,
-        shapley=None if independent else shapley_effects(x, y, regression.inflation),
+        shapley=None if independent else shapley_effects(x, y, group, regression.inflation),
     )
 
 

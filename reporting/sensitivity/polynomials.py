@@ -4,7 +4,7 @@ Each variable has a basis of polynomials that are orthonormal over its own sampl
 section 2.2): units and origins have no effect, and the normal equations are well conditioned at any degree used here.
 Products are summed over groups of rows. The sums without one group give both the error of prediction on that group
 and the delete-a-group jackknife. Rows must come in random order: every 20th sample of a Sobol' sequence or of a grid
-does not represent the whole.
+does not represent the whole. Rows of a production lot share a shift, so each lot is in one group as a whole.
 """
 
 from collections.abc import Callable
@@ -102,8 +102,25 @@ def basis_of(x: Array, degree: int) -> Basis:
     return Basis(mean, std, center, norm)
 
 
+def groups_of(n: int, lots: NDArray[np.generic] | None = None) -> NDArray[np.intp]:
+    """Return the group of each of n rows, 20 groups, or as many as there are lots where these are fewer.
+
+    Parameters
+    ----------
+    n : int
+    lots : array, shape (n,), optional
+        Production lot of each row, as numbers or names.
+    """
+    of_rows = np.arange(n) if lots is None else np.unique(lots, return_inverse=True)[1]
+    return np.asarray(of_rows % GROUPS, np.intp)
+
+
 def group_sums(
-    x: Array, y: Array, degree: int, groups: int = GROUPS, more: Callable[[Array, Array], Array] | None = None
+    x: Array,
+    y: Array,
+    degree: int,
+    group: NDArray[np.intp] | None = None,
+    more: Callable[[Array, Array], Array] | None = None,
 ) -> Sums:
     """Return the sums of a sample.
 
@@ -115,18 +132,20 @@ def group_sums(
         Responses, finite, no column constant.
     degree : int
         Highest degree of the polynomials, at least 1.
-    groups : int
-        Row i belongs to group ``i % groups``.
+    group : array of int, shape (n,), optional
+        Group of each row, from 0; default: row i belongs to group ``i % 20``.
     more : callable (rows of x, their basis) -> array, shape (rows, q), optional
         Further functions of the variables, after the polynomials.
     """
-    basis = basis_of(x, degree)
+    basis, group = basis_of(x, degree), groups_of(x.shape[0]) if group is None else group
+    groups = int(group.max()) + 1
     y_mean, y_std = y.mean(axis=0), y.std(axis=0)
     p, m = 1 + degree * x.shape[1] + (0 if more is None else more(x[:1], basis(x[:1])).shape[1]), y.shape[1]
     rows, bb, by, yy = np.zeros(groups), np.zeros((groups, p, p)), np.zeros((groups, p, m)), np.zeros((groups, m))
     for g in range(groups):
-        for first in range(g, x.shape[0], groups * _CHUNK):
-            part = slice(first, first + groups * _CHUNK, groups)
+        members = np.flatnonzero(group == g)
+        for first in range(0, members.size, _CHUNK):
+            part = members[first : first + _CHUNK]
             values, z = basis(x[part]), (y[part] - y_mean) / y_std
             if more is not None:
                 values = np.hstack([values, more(x[part], values)])

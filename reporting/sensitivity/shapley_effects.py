@@ -58,13 +58,15 @@ class ShapleyEffects:
     remainder_error: Array
 
 
-def shapley_effects(x: Array, y: Array, inflation: Array) -> ShapleyEffects | None:
+def shapley_effects(x: Array, y: Array, group: NDArray[np.intp], inflation: Array) -> ShapleyEffects | None:
     """Return the Shapley effects; None above 10 variables.
 
     Parameters
     ----------
     x, y : array, shapes (n, k) and (n, m)
         Variables and responses, finite, no column constant, rows in random order.
+    group : array of int, shape (n,)
+        Group of each row, from 0.
     inflation : array, shape (k,)
         Variance inflation of the variables.
     """
@@ -73,11 +75,11 @@ def shapley_effects(x: Array, y: Array, inflation: Array) -> ShapleyEffects | No
         return None
     degree = min(most_degree(n, k), _MOST_DEGREE)
     smooth = _Regression(k, degree)
-    sums = smooth.sums(x, y)
+    sums = smooth.sums(x, y, group)
     places = _jumps(smooth, sums, x[:MOST_ROWS], y[:MOST_ROWS])
     regression = _Regression(k, degree, tuple(places))
     if places:
-        sums = regression.sums(x, y)
+        sums = regression.sums(x, y, group)
     members, candidates = regression.members(), regression.candidates(n)
     chosen, m, parts = best_columns(sums, candidates), y.shape[1], sums.without_each()
     worth, additive = np.zeros((2**k, parts.rows.size, m)), np.zeros((parts.rows.size, m))
@@ -111,9 +113,9 @@ class _Regression:
     degree: int
     places: tuple[tuple[int, float], ...] = ()
 
-    def sums(self, x: Array, y: Array) -> Sums:
+    def sums(self, x: Array, y: Array, group: NDArray[np.intp]) -> Sums:
         """Return the sums of a sample."""
-        return group_sums(x, y, self.degree, more=self.more)
+        return group_sums(x, y, self.degree, group, self.more)
 
     def more(self, x: Array, values: Array) -> Array:
         """Return products and jumps at the rows of x, whose polynomials are `values`."""

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from reporting import format_numbers
 from reporting.arrays import Array
+from reporting.capability.lots import LEAST_LOTS
 from reporting.errors import ReportError
 from reporting.sensitivity.criticality import (
     as_share,
@@ -34,7 +35,6 @@ from reporting.sensitivity.influence import (
     Sensitivity,
 )
 from reporting.sensitivity.measures import Measures, fewest_rows, measure, varies
-from reporting.sensitivity.polynomials import GROUPS
 from reporting.sensitivity.regression import MOST_SHARED
 from reporting.sensitivity.reject_attribution import reject_attribution
 from reporting.sensitivity.rejects import reject_causes, worst_samples
@@ -92,7 +92,7 @@ def sensitivity(
         values = {name: outputs[name][at] for name in names}
         of_rows = None if lots is None else lots[at]
         count = None if of_rows is None else np.unique(of_rows).size
-        measures = measure(columns, values, confidence, correlations, count)
+        measures = measure(columns, values, confidence, correlations, of_rows)
         for name in names:
             lsl, usl = (limits or {}).get(name, (None, None))
             more = (known or {}).get(name, Known())
@@ -123,7 +123,7 @@ def _response(
             name, y.size, None, None, None, None, None, None, tuple(map(Influence, columns)), OPEN, None, worst,
             (*notes, _why_nothing(y, len(varying))),
         )  # fmt: skip
-    at, quantile = measures.responses[name], jackknife_quantile(GROUPS, confidence)
+    at, quantile = measures.responses[name], jackknife_quantile(measures.groups, confidence)
     shares, shapley = measures.effects, measures.shapley
     unexplained, error = float(shares.unexplained[at]), float(shares.unexplained_error[at])
     if shapley is not None:
@@ -171,10 +171,10 @@ def _of_lots(lots: int | None, n: int) -> tuple[str, ...]:
     """Return what production lots do to the intervals."""
     if lots is None or lots == n:
         return ()
-    return (
-        f"The samples come from {format_numbers.grouped(lots)} production lots and share their shifts: the intervals of"
-        " the shares take them for independent and are too narrow.",
-    )
+    come = f"The samples come from {format_numbers.grouped(lots)} production lots and share their shifts: the intervals"
+    if lots < LEAST_LOTS:
+        return (f"{come} of the shares take them for independent and are too narrow.",)
+    return (f"{come} of the shares allow for it, those of rank correlations do not.",)
 
 
 def _out_of_limits(y: Array, lsl: float | None, usl: float | None) -> NDArray[np.bool_]:

@@ -51,8 +51,8 @@ def _by_method(method: NonnormalIndices, title: str, least: float) -> IndexEstim
     if method.ppm_expected is not None and method.ppm_expected_interval:
         low, high = method.ppm_expected_interval
         words = f"{ppm(method.ppm_expected, least)} ppm ({ppm(low, least)} to {ppm(high, least)}) by {source}"
-        ends = (index_of_share(share) for share in (high, method.ppm_expected, low))
-        return IndexEstimate(_NAMES[method.method], *ends, words)
+        worst, value, best = (index_of_share(share) for share in (high, method.ppm_expected, low))
+        return IndexEstimate(_NAMES[method.method], worst, value, best, words)
     return None
 
 

@@ -167,3 +167,24 @@ def test_correlated_variables_are_not_sent_to_a_sampler_that_refuses_them():
         notes = " ".join(sensitivity(named(x), {"y": x[:, 0] * x[:, 1] + RNG.normal(size=2000)}).responses[0].notes)
         assert "not a sum of effects" in notes
         assert ("saltelli" in notes) == recommended
+
+
+@pytest.mark.parametrize(("lots", "size", "said"), [(20, 15, "allow for it"), (10, 30, "allow for it")])
+def test_the_intervals_of_shares_allow_for_production_lots(lots: int, size: int, said: str):
+    """Lots that differ as much as the samples of one; taken for independent, half of the intervals miss the share."""
+    held, truth = [], np.array([0.6, 0.4])
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        x = np.repeat(rng.normal(size=(lots, 2)), size, axis=0) + rng.normal(size=(lots * size, 2))
+        lot = np.repeat(np.arange(lots), size)
+        (found,) = sensitivity(named(x), {"y": x @ truth**0.5}, correlations=[], lots=lot).responses
+        held += [i.first_order_interval[0] <= t <= i.first_order_interval[1] for i, t in zip(found.influences, truth, strict=True)]
+        assert said in found.notes[-1]
+    assert np.mean(held) >= 0.86
+
+
+def test_four_lots_say_too_little():
+    """Fewer than five make no error that could be trusted: a note says that the intervals are too narrow."""
+    x, lot = np.repeat(RNG.normal(size=(4, 2)), 25, axis=0) + RNG.normal(size=(100, 2)), np.repeat(np.arange(4), 25)
+    (found,) = sensitivity(named(x), {"y": x.sum(axis=1)}, correlations=[], lots=lot).responses
+    assert "too narrow" in found.notes[-1]
