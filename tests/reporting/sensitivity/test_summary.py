@@ -178,7 +178,10 @@ def test_the_intervals_of_shares_allow_for_production_lots(lots: int, size: int,
         x = np.repeat(rng.normal(size=(lots, 2)), size, axis=0) + rng.normal(size=(lots * size, 2))
         lot = np.repeat(np.arange(lots), size)
         (found,) = sensitivity(named(x), {"y": x @ truth**0.5}, correlations=[], lots=lot).responses
-        held += [i.first_order_interval[0] <= t <= i.first_order_interval[1] for i, t in zip(found.influences, truth, strict=True)]
+        held += [
+            i.first_order_interval[0] <= t <= i.first_order_interval[1]
+            for i, t in zip(found.influences, truth, strict=True)
+        ]
         assert said in found.notes[-1]
     assert np.mean(held) >= 0.86
 
