@@ -144,7 +144,8 @@ def test_failures_take_certainty_where_as_many_rejects_would_prove_a_worse_class
 ) -> None:
     """A failed sample has no value: it may be a reject, and is none for sure."""
     x = spread(finished - failed, 1.0)
-    found = verdict(capability(x, -5.0, 5.0), nonconforming(x, -5.0, 5.0, 0.95, failed))
+    share = objector("tail", 1.4, 1.6, math.inf)
+    found = verdict(capability(x, -5.0, 5.0), nonconforming(x, -5.0, 5.0, 0.95, failed), [share])
     assert (found.word, found.certain, found.by) == (word, certain, "index")
     assert any(f"{failed} of " in reason and "If they were rejects" in reason for reason in found.reasons) != certain
 
