@@ -5,7 +5,7 @@ import pytest
 
 from reporting.arrays import random_rows
 from reporting.sensitivity.first_order import effects, jackknife_quantile, most_degree
-from reporting.sensitivity.polynomials import basis_of, group_sums
+from reporting.sensitivity.polynomials import basis_of, group_sums, groups_of
 from tests.reporting.models import ISHIGAMI_FIRST, LINEAR_FIRST, ishigami, linear
 
 
@@ -13,7 +13,7 @@ def of_sample(x, y, independent=True):
     """Return the effects on one response."""
     ends = tuple(np.quantile(x, [0.05, 0.95], axis=0))
     sums = group_sums(x, y[:, None], most_degree(*x.shape))
-    return effects(sums, x, y[:, None], ends, independent=independent)
+    return effects(sums, x, y[:, None], groups_of(y.size), ends, independent=independent)
 
 
 def classes(x, y):

@@ -8,6 +8,7 @@ import pytest
 from scipy import stats
 
 from reporting.sensitivity.first_order import jackknife_quantile
+from reporting.sensitivity.polynomials import groups_of
 from reporting.sensitivity.shapley_effects import shapley_effects
 from reporting.sensitivity.summary import sensitivity
 from tests.reporting.models import named
@@ -59,7 +60,7 @@ CASES = {
 
 def effects(z, y):
     """Return the Shapley effects on one response."""
-    return shapley_effects(z, y[:, None], np.diag(np.linalg.inv(np.corrcoef(z.T))))
+    return shapley_effects(z, y[:, None], groups_of(y.size), np.diag(np.linalg.inv(np.corrcoef(z.T))))
 
 
 @pytest.mark.parametrize("case", CASES)
