@@ -12,6 +12,7 @@ from campaign.spec import data_files, data_formats
 from campaign.store.files import files
 from campaign.store.store import LARGEST_DOCUMENT
 from engine import toml_file
+from engine.mechanism.parameters import expression
 
 ROOT = Path(__file__).parents[1]
 PAGE = " ".join((ROOT / "docs/security.md").read_text("utf-8").split())
@@ -61,6 +62,7 @@ def test_limits():
     limits = [
         f"{toml_file.LARGEST // 10**6} MB, keys of {toml_file.MOST_PARTS} parts, {toml_file.MOST_NESTED} levels,"
         f" {toml_file.MOST_TABLES} keys, words and numbers of {toml_file.LONGEST_WORD} characters",
+        f"{expression.LONGEST} characters, {expression.DEEPEST} levels",
         f"{data_files.LARGEST_FILE // 10**6} MB, {data_formats.MOST_ROWS} rows, {data_formats.MOST_COLUMNS} columns,"
         f" {data_formats.LARGEST_DECODED >> 30} GiB to decode it",
         f"{files.LARGEST >> 20} MiB; state, lease and heartbeat {LARGEST_DOCUMENT >> 20} MiB each",

@@ -36,7 +36,9 @@ class Distribution(TableModel, strict=True):
     smallest: ClassVar[float] = SMALLEST_NUMBER
 
     target: Annotated[str | None, Field(min_length=1)] = Field(
-        default=None, description="Key of the mechanism that the variable sets; the variable's own name if absent."
+        default=None,
+        description="Key of the mechanism that the variable sets, such as J1, joints.J1.bearing.point.x or "
+        "parameters.arm; the variable's own name if absent.",
     )
 
     def check_size(self) -> None:

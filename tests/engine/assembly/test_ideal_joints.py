@@ -11,8 +11,9 @@ from engine.assembly import Assembly, assemble
 from engine.errors import MechanismError
 from engine.kernels.bilateral import row_velocity, row_violations, whitened_bilateral_rows
 from engine.kernels.model import SLIDE, TURN
+from engine.mechanism import set_values
 from tests.engine.assembly.pairs_of_bodies import WORD, joined, seen_from
-from tests.engine.small import made, place
+from tests.engine.small import made, place, small
 
 FREEDOM = {"revolute": 1, "cylindrical": 2, "prismatic": 1, "spherical": 3, "fixed": 0, "planar": 3}
 CASES = [(kind, ground, seed) for kind in FREEDOM for ground in (False, True) for seed in range(2)]
@@ -215,7 +216,18 @@ def test_points_apart_at_the_start_are_refused_with_their_distance(kind):
     said = message(pair.data)
     assert said.startswith("small: joints are open at the start pose\n  joints.J: the points of ")
     assert "are 0.001 m apart along what the joint holds; allowed: up to " in said
-    assert said.endswith("move a body, or correct one of the two points")
+    assert said.endswith("move a body, or correct one of the two points; where they vary, let one parameter give both")
+
+
+def test_the_points_of_an_ideal_joint_vary_together_by_a_parameter():
+    """One side alone opens the joint; a parameter that gives point and origin keeps it closed, and moves the pin."""
+    bodies = {"ground": {"fixed": True}, "bar": {"mass": 1.0, "inertia": [1, 1, 1], "origin": ["arm", 0, 0]}}
+    sides = {"bearing": ("bar", ["-arm", 0, 0]), "journal": ("ground", [0, 0, 0])}
+    joint = {side: {"body": body, "point": point, "axis": [0, 0, 1]} for side, (body, point) in sides.items()}
+    mechanism = made(small(bodies=bodies, joints={"J": {"type": "revolute", **joint}}, parameters={"arm": 2.0}))
+    assert assemble(set_values(mechanism, {"parameters.arm": 3.0})).state.x[0].tolist() == [3.0, 0.0, 0.0]
+    with pytest.raises(MechanismError, match=r"joints.J: the points of bearing and journal are 1 m apart"):
+        assemble(set_values(mechanism, {"joints.J.bearing.point.x": -3.0}))
 
 
 @pytest.mark.parametrize("kind", ["revolute", "cylindrical", "prismatic", "planar"])
