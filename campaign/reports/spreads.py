@@ -129,24 +129,24 @@ class Spreads:
     def _find_largest(self, name: str, factor: float) -> Spread:
         """Return a variable with the largest spread that its bounds and the mechanism allow, as far as it is tried."""
         old = self._spec.variables[name]
-        most = with_spread(old, max(factor, _SEARCHED))
-        refusal = self._refusal(name, old, most.law)
+        ends, most = old.ends(), with_spread(old, max(factor, _SEARCHED))
+        refusal = self._refusal(name, ends, most.law)
         if not refusal:
             return most
         low, high, best = 0.0, log(most.factor), Spread(old, 1.0)
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
             tried = with_spread(old, exp(middle))
-            said = self._refusal(name, old, tried.law)
+            said = self._refusal(name, ends, tried.law)
             low, high = (low, middle) if said else (middle, high)
             best, refusal = (best, said) if said else (tried, refusal)
         return replace(best, limit=refusal)
 
-    def _refusal(self, name: str, old: Distribution, new: Distribution) -> str:
-        """Return which value of a new distribution the mechanism refuses; empty if it accepts what goes farther."""
+    def _refusal(self, name: str, ends: tuple[float, float], new: Distribution) -> str:
+        """Return which value of a new distribution beyond the old ends the mechanism refuses; empty if none."""
         if self._mechanism is None:
             return ""
-        (low, high), (least, most) = new.ends(), old.ends()
+        (low, high), (least, most) = new.ends(), ends
         for value in [x for x, is_farther in ((low, low < least), (high, high > most)) if is_farther]:
             try:
                 check(self._mechanism, {self._spec.targets()[name]: value})

@@ -61,6 +61,7 @@ def _tables(analysis: Analysis, samples: Samples) -> dict[str, Table]:
         "Tolerance intervals": _tolerance_intervals(analysis.responses),
         "Stack-up": _stack(analysis.responses),
         "Causes": _causes(analysis),
+        "Advice": _advice(analysis),
         "Inputs": _inputs(analysis),
         "Assumptions": _assumptions(analysis),
         "Failures": (
@@ -184,6 +185,20 @@ def _causes(analysis: Analysis) -> Table:
     ]  # fmt: skip
     heads = ("response", "variable", "share alone", "low", "high", "share with interactions", "low", "high",
              "linear share", "coefficient", "Spearman", "verdict")  # fmt: skip
+    return heads, rows
+
+
+def _advice(analysis: Analysis) -> Table:
+    """Return what must shrink for each response below its target, then what may grow with the others."""
+    heads = ("question", "variable", "factor on sigma", "low", "high", "at least", "limited by", "Cpk then", "write",
+             "method", "why no more")  # fmt: skip
+    asked = [(f"lift {s.response}", a) for s in analysis.shortfalls for a in (*s.alone, s.together) if a is not None]
+    asked += [(f"keep {', '.join(analysis.kept)}", a) for a in analysis.advice]
+    rows = [
+        (question, a.variable, a.factor, *a.interval, "" if a.bounded else "yes", a.binding or "", a.cpk,
+         " ".join(a.settings), a.method, a.refusal or a.limit)
+        for question, a in asked
+    ]  # fmt: skip
     return heads, rows
 
 

@@ -9,6 +9,7 @@ import pytest
 from reporting import ReportError
 from reporting.failures import STATUSES
 from reporting.shape.family.families import FAMILIES
+from reporting.tolerance.reweighting import Change
 from tests.reporting.synthetic import analysis_of
 
 
@@ -236,3 +237,21 @@ def test_a_spec_that_makes_no_sense_is_one_clear_error(campaign) -> None:
         analysis_of(table, replace(spec, requested=9))
     with pytest.raises(ReportError, match="requested = 0"):
         analysis_of(table.slice(0, 0), replace(spec, requested=0))
+
+
+def test_advice_by_cpk_is_not_for_a_response_that_is_worse_than_its_cpk(campaign) -> None:
+    """Heavy tails: Cpk 1.4, but a worse verdict; the advice names such a response and says not to use it."""
+    table, spec = campaign(1500)
+    spec = replace(spec, responses=spec.responses[1:2], variables=spec.variables[:1])
+    heavy = np.random.default_rng(3).standard_t(3, 1500)
+    table = column(table, "FC-2", 10.6 + heavy * 0.25 / (3 * 1.4 * heavy.std()))
+
+    def flat(factors, columns) -> Change:
+        return Change(0.0 * columns["J1"], 0.0, factors["J1"])
+
+    analysis = analysis_of(table, spec, flat)
+    fc2 = next(r for r in analysis.responses if r.spec.name == "FC-2")
+    assert fc2.capability.cpk > 1.33
+    assert fc2.verdict.word in ("marginal", "not capable")
+    assert "FC-2" in analysis.kept
+    assert analysis.advice_note.startswith("FC-2: Cpk is at the target, but the verdict is worse")
