@@ -10,13 +10,15 @@ from reporting.arrays import Array
 from reporting.capability.verdict import CAPABLE
 from reporting.comparison import Comparison, compare
 from reporting.designs import Design
-from reporting.failures import FailedSample, StatusCount, count_statuses, list_failures, why_no_verdict
+from reporting.failures import FailedSample, StatusCount, count_statuses, list_failures
 from reporting.headline import headline
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_correlations, analyse_variable
+from reporting.ok_share import counts_by_status, why_no_verdict
 from reporting.product.product_yield import ProductYield, product_yield
 from reporting.rare.rare_rejects import RareRejects, rare_estimates, rare_rejects
 from reporting.repeats import Repeats
 from reporting.response import ResponseAnalysis, analyse_response
+from reporting.rounding import leveled_samples
 from reporting.samples import Samples, read_samples
 from reporting.sensitivity.influence import ResponseSensitivity, Sensitivity
 from reporting.sensitivity.repeatability import repeatabilities
@@ -145,13 +147,13 @@ def analyse(
     ReportError
         The rows of the other campaign do not fit its spec, or the limits of a response are crossed.
     """
-    other = None if against is None else (independent_draws(read_samples(*against), against[1]), against[1])
+    samples, rounding = leveled_samples(samples, spec)
+    other = None if against is None else _other(*against)
     corners = next((pair for pair in ((samples, spec), other) if pair and pair[1].corners), None)
     if other is corners:  # corners do not represent production: only their worst case is shown
         other = None
     drawn, rare = independent_draws(samples, spec), rare_rejects(samples, spec, CONFIDENCE)
-    statuses = count_statuses(samples)
-    counts = {status.status: status.count for status in statuses}
+    counts = counts_by_status(samples)
     scatter, totals = repeatabilities(repeats, samples, drawn, spec, CONFIDENCE), total_order(samples, spec)
     known = {r.name: Known(totals.get(r.name), scatter.get(r.name)) for r in spec.responses}
     influences, withheld = _sensitivity(drawn, spec, known), why_no_verdict(counts, spec.min_ok)
@@ -169,6 +171,7 @@ def analyse(
                 withheld,
             ),
             repeatability=scatter.get(r.name),
+            rounding=rounding.get(r.name),
         )
         for r in spec.responses
     )
@@ -185,7 +188,7 @@ def analyse(
         failed=samples.sample.size - ok,
         used=int(np.count_nonzero(drawn.ok)),
         run_seconds=samples.run_seconds,
-        statuses=statuses,
+        statuses=count_statuses(samples),
         trust=(
             *trust_checks(spec, samples, responses, variables, correlations, CONFIDENCE),
             repeatable(responses, repeats),
@@ -205,6 +208,12 @@ def analyse(
         comparison=None if other is None else compare(drawn, spec, *other, CONFIDENCE),
         confidence=CONFIDENCE,
     )
+
+
+def _other(rows: "Rows", spec: ReportSpec) -> tuple[Samples, ReportSpec]:
+    """Return the samples of another campaign that its distributions drew, and its spec."""
+    samples, _ = leveled_samples(read_samples(rows, spec), spec)
+    return independent_draws(samples, spec), spec
 
 
 def _sensitivity(samples: Samples, spec: ReportSpec, known: Mapping[str, Known]) -> Sensitivity | None:

@@ -20,6 +20,7 @@ from reporting.capability.intervals import Interval, welch
 from reporting.capability.moments import ROUNDING
 from reporting.capability.summary import Capability, capability
 from reporting.errors import ReportError
+from reporting.ok_share import counts_by_status, why_no_verdict
 from reporting.samples import Samples
 from reporting.shape.histogram import Histogram, histogram
 from reporting.spec import ReportSpec, ResponseSpec
@@ -103,6 +104,8 @@ class Comparison:
         Responses of both campaigns, in the order of this one.
     only_here, only_there : tuple of str
         Responses of only one campaign.
+    no_verdict : tuple of str
+        Why there is no verdict on one of the campaigns, in sentences: too many of its samples failed.
     """
 
     campaign: str
@@ -112,6 +115,7 @@ class Comparison:
     responses: tuple[ResponseComparison, ...]
     only_here: tuple[str, ...]
     only_there: tuple[str, ...]
+    no_verdict: tuple[str, ...] = ()
 
 
 def compare(
@@ -141,6 +145,11 @@ def compare(
         responses=tuple(_response(mine, their, samples, other, confidence) for mine, their in shared),
         only_here=tuple(r.name for r in spec.responses if r.name not in theirs),
         only_there=tuple(name for name in theirs if name not in {r.name for r in spec.responses}),
+        no_verdict=tuple(
+            f"No verdict on {of.campaign}: {why}"
+            for each, of in ((samples, spec), (other, other_spec))
+            if (why := why_no_verdict(counts_by_status(each), of.min_ok))
+        ),
     )
 
 

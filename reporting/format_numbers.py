@@ -8,6 +8,8 @@ from collections.abc import Iterable
 
 NONE = "–"
 _MOST_DECIMALS = 17
+# Beyond this an index says no more than that the limits are far away: no sample tells 400 from 40,000.
+MOST_INDEX = 100.0
 
 
 def plain(value: float | None) -> str:
@@ -40,10 +42,11 @@ def fixed(value: float | None, decimals: int = 3, limits: Iterable[float | None]
 def index(value: float | None, most: float = math.inf) -> str:
     """Return a capability index with three decimals, more if it would otherwise reach or cross 1.00 or 1.33.
 
-    Beyond `most` it is only said to be larger.
+    Beyond `most`, and beyond `MOST_INDEX`, it is only said to be larger.
     """
-    if value is not None and value > most:
-        return f"> {most:.2f}"
+    most = min(most, MOST_INDEX)
+    if value is not None and abs(value) > most:
+        return f"> {most:.2f}" if value > 0 else f"< -{MOST_INDEX:.2f}" if value < -MOST_INDEX else fixed(value, 3)
     return fixed(value, 3, (1.0, 1.33))
 
 

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from reporting.capability.verdict import changed_by_failures
-from reporting.failures import failures_in_words, statuses_in_words, why_no_verdict
 from reporting.format_numbers import grouped
+from reporting.ok_share import failures_in_words, statuses_in_words, why_no_verdict
 from reporting.samples import OK
 from reporting.spec import ReportSpec
 

@@ -58,7 +58,7 @@ class ResponseAnalysis:
     yield_ : Yield or None
         None without limits or without a finished sample.
     histogram : Histogram or None
-        None without values.
+        None without values, and where all are equal.
     worst : WorstCase or None
         Over the corners of this campaign or of the campaign that it is compared with; else None.
     stack : LinearStack or None
@@ -81,6 +81,8 @@ class ResponseAnalysis:
         How the index converges.
     sensitivity : ResponseSensitivity or None
         Which variables move it.
+    rounding : float or None
+        Largest difference between values that are equal but for rounding, and count as one value; else None.
     scatters : tuple of Scatter
         Its values against its strongest inputs.
     repeatability : Repeatability or None
@@ -110,6 +112,7 @@ class ResponseAnalysis:
     sensitivity: ResponseSensitivity | None
     scatters: tuple[Scatter, ...]
     repeatability: Repeatability | None = None
+    rounding: float | None = None
 
 
 def analyse_response(
@@ -159,7 +162,7 @@ def analyse_response(
         subgroups=() if batches is None else subgroup_sigmas(x, batches[np.isfinite(values)], spec.lsl, spec.usl),
         missing=numbers.dropped,
         yield_=with_failures,
-        histogram=histogram(x, spec.lsl, spec.usl),
+        histogram=None if numbers.std == 0 else histogram(x, spec.lsl, spec.usl),
         worst=None if corners is None else _corners(spec, *corners),
         stack=_stack(spec, samples, request),
         nonconforming=counted,
@@ -172,7 +175,9 @@ def analyse_response(
         tolerance_intervals=tolerance_intervals(x, shape, confidence, lots) if request.design.production else None,
         running=convergence(x, spec.lsl, spec.usl, confidence, lots),
         sensitivity=sensitivity,
-        scatters=scatters(sensitivity, {v.name: samples.values[v.name][samples.ok] for v in request.variables}, values),
+        scatters=()
+        if numbers.std == 0
+        else scatters(sensitivity, {v.name: samples.values[v.name][samples.ok] for v in request.variables}, values),
     )
 
 

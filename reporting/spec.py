@@ -33,6 +33,9 @@ class ResponseSpec:
         Target value, for Cpm.
     source : str
         Where the limits come from. A text that starts with "assumption" marks them as assumed on the page.
+    resolution, relative_resolution : float
+        Largest difference between two values that means nothing, because the solver leaves it open: in the unit of
+        the column, and as a share of the largest value.
     """
 
     name: str
@@ -42,6 +45,8 @@ class ResponseSpec:
     usl: float | None
     target: float | None
     source: str
+    resolution: float = 0.0
+    relative_resolution: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -103,9 +103,11 @@ def _print_results(store: "Store", outcome: "Outcome", verdicts: Verdicts) -> No
     import pyarrow as pa
 
     from campaign.inputs.sampling import sampler_named
+    from campaign.reports.resolution import resolution
     from campaign.worker.moments import plain_rows
     from reporting import capability
     from reporting.format_numbers import index
+    from reporting.rounding import leveled
 
     plan = outcome.plan
     names = list(plan.mechanism.responses)
@@ -117,7 +119,7 @@ def _print_results(store: "Store", outcome: "Outcome", verdicts: Verdicts) -> No
     for name in names:
         response = plan.spec.responses.get(name)
         lsl, usl, target = response.limits() if response else (None, None, None)
-        values = plain[name].drop_null().to_numpy()
+        values = leveled(plain[name].drop_null().to_numpy(), *resolution(plan.mechanism, name))
         c = capability(values, lsl=lsl, usl=usl, target=target)
         ppm = "-" if c.ppm_observed is None else f"{c.ppm_observed:.0f}"
         if "log_weight" in columns and c.ppm_observed is not None:

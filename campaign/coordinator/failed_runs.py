@@ -59,7 +59,7 @@ def lack_of_ok(plan: Plan, statuses: Mapping[str, int]) -> str:
     statuses : mapping of str to int
         Number of stored runs by status.
     """
-    from reporting.failures import statuses_in_words, too_few_ok  # loads numpy, which `clearcap status` does without
+    from reporting.ok_share import statuses_in_words, too_few_ok  # loads numpy, which `clearcap status` does without
 
     done, ok, least = sum(statuses.values()), statuses.get("ok", 0), plan.spec.failures.min_ok
     if done and not ok:

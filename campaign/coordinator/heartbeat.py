@@ -9,6 +9,7 @@ from typing import Any
 
 from campaign.inputs.sampling import sampler_named
 from campaign.plan import Plan
+from campaign.reports.resolution import resolution
 from campaign.store import Store, Survey
 from campaign.worker.messages import BatchResult
 from campaign.worker.moments import Moments, add_moments, moments
@@ -217,13 +218,19 @@ class Progress:
     def _response(self, name: str, m: Moments) -> dict[str, float | None]:
         response = self.plan.spec.responses.get(name)
         lsl, usl, _ = response.limits() if response else (None, None, None)
-        return {"n": m.n, "mean": m.mean if m.n else None, "std": m.std, "cpk": _cpk(m, lsl, usl)}
+        return {
+            "n": m.n,
+            "mean": m.mean if m.n else None,
+            "std": m.std,
+            "cpk": _cpk(m, lsl, usl, resolution(self.plan.mechanism, name)[0]),
+        }
 
 
-def _cpk(m: Moments, lsl: float | None, usl: float | None) -> float | None:
-    """Return Cpk of the values so far; None without limits or without a spread."""
-    if not m.std or (lsl is None and usl is None):
+def _cpk(m: Moments, lsl: float | None, usl: float | None, least: float) -> float | None:
+    """Return Cpk of the values so far; None without limits, or without a spread above `least` and above rounding."""
+    if not m.std or m.std <= least or (lsl is None and usl is None):
         return None
     from reporting.capability.indices import cpk  # loads all of reporting, which `clearcap status` does without
+    from reporting.capability.moments import ROUNDING
 
-    return cpk(m.mean, m.std, lsl, usl)
+    return None if m.std <= ROUNDING * abs(m.mean) else cpk(m.mean, m.std, lsl, usl)

@@ -15,6 +15,7 @@ import pyarrow as pa
 
 from campaign.coordinator.work_queue import WorkQueue
 from campaign.plan import Plan
+from campaign.reports.resolution import resolution
 from campaign.spec.campaign_file import Response
 from campaign.spec.policy import Stop
 from campaign.store import Store
@@ -63,7 +64,7 @@ class Verdict:
         lots = "" if self.lots is None else f", {self.lots} whole production lots"
         if self.low is None or self.high is None:
             why = f": {self.reason}" if self.reason else ""
-            return f"{self.statistic} has no interval after the first {self.samples} samples{lots}{why}"
+            return f"no verdict on {self.statistic} after the first {self.samples} samples{lots}{why}"
         interval = f"{self.statistic} = {self.value:.5g}, {self.low:.5g} to {self.high:.5g}"
         return f"{interval}, after {self.samples} samples{lots}"
 
@@ -118,9 +119,16 @@ def judge(store: Store, plan: Plan, samples: int) -> Verdict:
     rule = plan.spec.stop
     assert rule is not None
     from campaign.reports.samples import lots_of  # see `_interval`
+    from reporting.ok_share import too_few_ok
+    from reporting.rounding import leveled
 
     name = f"{rule.statistic} of {rule.response}"
     x, sample = values(store, plan, rule.response, samples)
+    least = plan.spec.failures.min_ok
+    if too_few_ok(x.size, samples, least):
+        reason = f"{samples - x.size} of them failed, and failures.min_ok asks for {100 * least:g} % of ok runs"
+        return Verdict(samples, name, None, None, None, sure=False, reason=reason)
+    x = leveled(x, *resolution(plan.mechanism, rule.response))
     lots = lots_of(plan, sample)
     whole = None if lots is None else _whole(lots_of(plan, np.arange(samples + 1)))
     estimate, reason = _interval(rule, x, plan.spec.responses.get(rule.response, Response()), lots)

@@ -18,6 +18,7 @@ from campaign.reports.authorship import author, campaign_end, report_date
 from campaign.reports.fixed_assumptions import fixed_assumptions
 from campaign.reports.mechanism_drawing import mechanism_drawing
 from campaign.reports.reported_repeats import repeats_of
+from campaign.reports.resolution import resolution
 from campaign.reports.spreads import Spreads
 from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.store import Store
@@ -245,7 +246,7 @@ def _response(plan: Plan, name: str) -> ResponseSpec:
     response = plan.spec.responses.get(name, Response())
     lsl, usl, target = response.limits()
     title, unit = plan.mechanism.responses[name].title, plan.mechanism.response_units()[name]
-    return ResponseSpec(name, title, unit, lsl, usl, target, response.source)
+    return ResponseSpec(name, title, unit, lsl, usl, target, response.source, *resolution(plan.mechanism, name))
 
 
 def _variable(plan: Plan, name: str) -> VariableSpec:

@@ -6,8 +6,9 @@ from numpy.typing import ArrayLike
 from reporting.arrays import Array
 from reporting.errors import ReportError
 
-# A spread below this share of the largest value is rounding error: the values are a constant.
-ROUNDING = 8 * float(np.finfo(np.float64).eps)
+# A spread below this share of the largest value is rounding error: the values are a constant. A sum of some thousand
+# steps loses so many of the last bits.
+ROUNDING = 1e-12
 
 
 def series(x: ArrayLike) -> Array:

@@ -4,7 +4,7 @@ import numpy as np
 
 from reporting import format_numbers
 from reporting.arrays import Array
-from reporting.failures import too_few_ok
+from reporting.ok_share import too_few_ok
 from reporting.samples import OK, Samples
 from reporting.trust.check import Check
 

@@ -1,0 +1,42 @@
+"""What the solver resolves of a response: values of two runs that differ by less are one value."""
+
+from typing import Any
+
+from engine.mechanism import Mechanism
+
+
+def resolution(mechanism: Mechanism, response: str) -> tuple[float, float]:
+    """Return the largest difference of a response that means nothing.
+
+    A pose is known to the penetration that a step tolerates, an angle to that over the size of the mechanism, and
+    a force or a torque to the relative residual of the friction problems.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    response : str
+        Name of the response.
+
+    Returns
+    -------
+    (float, float)
+        The difference in the unit of the response, and as a share of the largest value; 0 where there is none.
+    """
+    unit, sim = mechanism.response_units()[response], mechanism.simulation
+    if unit == mechanism.unit("length"):
+        return sim.penetration, 0.0
+    if unit == mechanism.unit("angle"):
+        return sim.penetration / (_size(mechanism.model_dump()) or 1.0), 0.0
+    if unit in (mechanism.unit("force"), mechanism.unit("torque")):
+        return 0.0, sim.tolerance
+    return 0.0, 0.0
+
+
+def _size(part: Any, key: str = "") -> float:
+    """Return the largest coordinate of any point in a mechanism, or in a part of it."""
+    if isinstance(part, dict):
+        return max((_size(value, name) for name, value in part.items()), default=0.0)
+    if isinstance(part, list | tuple):
+        is_point = "point" in key and all(isinstance(x, int | float) for x in part)
+        return max((abs(x) if is_point else _size(x, key) for x in part), default=0.0)
+    return 0.0
