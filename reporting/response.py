@@ -19,11 +19,12 @@ from reporting.samples import Samples
 from reporting.sensitivity.influence import ResponseSensitivity
 from reporting.sensitivity.repeatability import Repeatability
 from reporting.sensitivity.scatter import Scatter, scatters
+from reporting.shape.expected_share import ExpectedShare, expected_share
 from reporting.shape.fits import Fits, fit_families, unfitted
 from reporting.shape.histogram import Histogram, histogram
 from reporting.shape.index_estimates import index_estimates
 from reporting.shape.nonnormal import NonnormalIndices, empirical_indices
-from reporting.shape.normality import Normality, ProbabilityPlot, normality, probability_plot
+from reporting.shape.normality import DEPARTURE_P, Normality, ProbabilityPlot, normality, probability_plot
 from reporting.shape.supported_indices import supported_indices
 from reporting.shape.tails import TailShare, pareto_tails
 from reporting.shape.withheld import without_intervals
@@ -65,6 +66,8 @@ class ResponseAnalysis:
         Worst case and root sum of squares by slopes; None if the samples are not production or too few.
     nonconforming : Nonconforming or None
         Counted shares; None without limits or values.
+    expected : ExpectedShare or None
+        Expected share out of limits, by the normal distribution or, where values are not normal, without it.
     claim_runs : int or None
         Number of runs in which as many rejects as here would prove at most 64 ppm, the share of Cpk 1.33.
     tails : tuple of TailShare
@@ -101,6 +104,7 @@ class ResponseAnalysis:
     worst: WorstCase | None
     stack: LinearStack | None
     nonconforming: Nonconforming | None
+    expected: ExpectedShare | None
     claim_runs: int | None
     tails: tuple[TailShare, ...]
     normality: Normality
@@ -152,11 +156,14 @@ def analyse_response(
     if numbers.lots is not None:
         methods, tails = without_intervals(methods, tails)
     with_failures = yield_with_failures(numbers, counted, samples.sample.size, confidence)
+    normal = shape.verdict != "not normal" and (shape.p is None or shape.p >= DEPARTURE_P)
     others = (*index_estimates(numbers.n, fits, methods, tails), *further)
     return ResponseAnalysis(
         spec=spec,
         assumed=spec.source.lower().startswith("assumption"),
-        verdict=verdict(numbers, counted, others, production=request.design.production, withheld=withheld),
+        verdict=verdict(
+            numbers, counted, others, production=request.design.production, normal=normal, withheld=withheld
+        ),
         capability=numbers,
         target_indices=target_indices(x, spec.lsl, spec.usl, spec.target, confidence, lots),
         subgroups=() if batches is None else subgroup_sigmas(x, batches[np.isfinite(values)], spec.lsl, spec.usl),
@@ -166,6 +173,7 @@ def analyse_response(
         worst=None if corners is None else _corners(spec, *corners),
         stack=_stack(spec, samples, request),
         nonconforming=counted,
+        expected=expected_share(numbers, fits, methods, tails, normal=normal),
         claim_runs=None if counted is None else _runs_to_claim(counted.total, confidence),
         tails=tails,
         normality=shape,

@@ -1,7 +1,8 @@
 """From an index to a word: capable, marginal, not capable. A verdict is a promise, so every estimate may object.
 
 Cpk decides. Another estimate overrules it where its whole interval lies in a worse class: rejects that were counted
-are a fact, whatever a normal distribution expects. An estimate that the count itself refutes has no say. A verdict is
+are a fact, whatever a normal distribution expects. Where values are proven not to be normal, an estimate without the
+normal distribution decides if it is worse. An estimate that the count itself refutes has no say. A verdict is
 *certain* if the interval of Cpk lies in one class, no estimate speaks for a worse one, none proves a better one, and
 the count does not exclude the share that the index implies. So the verdict is never better than what Cpk says, and
 never certain where methods disagree. Cpk stands for a share only if the tails are normal as far out as the limits,
@@ -83,6 +84,7 @@ def verdict(
     others: Iterable[IndexEstimate] = (),
     *,
     production: bool = True,
+    normal: bool = True,
     withheld: str = "",
 ) -> CapabilityVerdict:
     """Return the verdict on a response.
@@ -97,6 +99,9 @@ def verdict(
         Further estimates that are worth believing.
     production : bool
         The samples represent production.
+    normal : bool
+        The values are not proven to be other than normal. If they are, an estimate without the normal distribution
+        decides where it is worse than Cpk.
     withheld : str
         Why no response of the campaign gets a verdict, in a sentence; empty if they may.
     """
@@ -119,12 +124,14 @@ def verdict(
     for other in further:
         if _worse(class_of(other.high), word):
             word, decides = class_of(other.high), other
+    free = None if normal else _without_normal(further)
+    if free is not None and _worse(class_of(free.value), word):
+        word, decides = class_of(free.value), free
     reasons = [*_undecided(decides, word)]
     reasons += [_objection(e, word) for e in further if e is not decides and _objects(e, word)]
     if decides is not of_index:
-        reasons.insert(
-            0, f"{decides.words}: {word} at best, although {of_index.words} says {class_of(of_index.value)}."
-        )
+        how = f"{word} at best" if class_of(decides.high) == word else f"{word}, as the values are not normal"
+        reasons.insert(0, f"{decides.words}: {how}, although {of_index.words} says {class_of(of_index.value)}.")
     if counted is not None and decides is of_index:
         reasons += _excluded(capability, counted)
     reasons += changed_by_failures(counted, word)
@@ -209,6 +216,15 @@ def _with_count(counted: Nonconforming | None, others: Iterable[IndexEstimate]) 
         return list(others)
     count = _by_count(counted)
     return [count, *(other for other in others if other.high >= count.low and other.low <= count.high)]
+
+
+def _without_normal(further: list[IndexEstimate]) -> IndexEstimate | None:
+    """Return the estimate that counts where values are not normal: of the best method that there is, the worst."""
+    for method in ("fitted distribution", "tail", "percentiles"):
+        found = [estimate for estimate in further if estimate.by == method]
+        if found:
+            return min(found, key=lambda estimate: estimate.value)
+    return None
 
 
 def _words(total: Share) -> str:

@@ -76,13 +76,15 @@ def _tables(analysis: Analysis, samples: Samples) -> dict[str, Table]:
 def _summary(analysis: Analysis) -> Table:
     """Return one row a response."""
     heads = ("response", "unit", "verdict", "certain", "by", "why", "LSL", "USL", "mean", "sigma", "min", "max", "Cp",
-             "Cpk", "Cpk low", "Cpk high", "Cc", "ppm observed", "ppm at most", "ppm expected (normal)")  # fmt: skip
+             "Cpk", "Cpk low", "Cpk high", "Cc", "ppm observed", "ppm at most", "ppm expected (normal)",
+             "ppm expected", "low", "high", "expected by")  # fmt: skip
     rows = []
     for r in analysis.responses:
         c, spec = r.capability, r.spec
         low, high = c.cpk_interval or (None, None)
         rows.append((spec.name, spec.unit, r.verdict.word, *_basis(r), spec.lsl, spec.usl, c.mean, c.std, c.min, c.max,
-                     c.cp, c.cpk, low, high, c.cc, c.ppm_observed, c.ppm_upper, c.ppm_expected))  # fmt: skip
+                     c.cp, c.cpk, low, high, c.cc, c.ppm_observed, c.ppm_upper, c.ppm_expected,
+                     *_expected(r)))  # fmt: skip
     return heads, rows
 
 
@@ -97,6 +99,12 @@ def _repeatability(responses: tuple[ResponseAnalysis, ...]) -> Table:
         for r in responses if (f := r.repeatability)
     ]  # fmt: skip
     return heads, rows
+
+
+def _expected(response: ResponseAnalysis) -> tuple[float | None, float | None, float | None, str]:
+    """Return the expected share out of limits, its interval and what it rests on."""
+    found = response.expected
+    return (None, None, None, "") if found is None else (found.ppm, *(found.interval or (None, None)), found.by)
 
 
 def _basis(response: ResponseAnalysis) -> tuple[str, str, str]:

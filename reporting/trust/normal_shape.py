@@ -4,11 +4,9 @@ from reporting import format_numbers
 from reporting.capability.verdict import FEWEST_FOR_A_VERDICT
 from reporting.response import ResponseAnalysis
 from reporting.shape.holm import holm
-from reporting.shape.normality import PROVEN_P
+from reporting.shape.normality import DEPARTURE_P, PROVEN_P
 from reporting.trust.check import Check
 
-# Measured over six normal responses of 30 to 5,000 values, this calls one of them not normal in 4 to 5 % of campaigns.
-DEPARTURE_P = 0.04
 # Below this p a single response would be called not normal.
 PERHAPS_P = 0.05
 

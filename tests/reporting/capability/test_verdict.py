@@ -204,3 +204,15 @@ def test_what_is_not_capable_needs_none() -> None:
 def test_a_count_alone_proves_a_response_capable() -> None:
     """No reject among 150,000."""
     assert judged(spread(150_000, 1.8), usl=3.0).certain
+
+
+def test_values_that_are_not_normal_follow_an_estimate_without_the_normal_distribution() -> None:
+    """Cpk 1.6 says capable, the fitted distribution marginal: it decides where the values are not normal."""
+    x, fitted = spread(5_000, 1.0), objector("fitted distribution", 1.1, 1.2, 1.5)
+    percentiles = objector("percentiles", 0.8, 0.9, 1.6)
+    assert judged(x, -5.0, 5.0, [percentiles, fitted]).word == "capable"
+    found = judged(x, -5.0, 5.0, [percentiles, fitted], normal=False)
+    assert (found.word, found.certain, found.by) == ("marginal", False, "fitted distribution")
+    assert found.reasons[0].startswith("Ppk 1.2 by fitted distribution: marginal, as the values are not normal")
+    better = judged(x, -1.2, 1.2, [objector("fitted distribution", 1.4, 1.5, 1.6)], normal=False)
+    assert better.word == "not capable"
