@@ -85,20 +85,26 @@ def show(
 
 @mechanism_app.command()
 def check(mechanism: MechanismName, json: Json = False) -> None:
-    """Check every key of a mechanism, and that no parts overlap at the start, also on its test benches and presets."""
+    """Check a mechanism, also on its test benches and with its presets; warn of what looks wrong but can run."""
     from engine import check as check_start
-    from engine import load_mechanism
+    from engine import load_mechanism, set_values
+    from engine.preflight import cautions
 
     loaded = load_mechanism(mechanism)
-    check_start(loaded)
-    for name in loaded.benches:
-        check_start(loaded.on_bench(name))
-    for name in loaded.presets:
-        check_start(loaded, loaded.preset(name))
+    variants = {"": loaded, **{f"bench {name}": loaded.on_bench(name) for name in loaded.benches}}
+    variants |= {f"preset {name}": set_values(loaded, loaded.preset(name)) for name in loaded.presets}
+    warnings: dict[str, dict[str, object]] = {}
+    for where, variant in variants.items():
+        check_start(variant)
+        for caution in cautions(variant):
+            warnings.setdefault(str(caution), {**caution.to_json(), "where": where})
     if json:
-        print_json({"mechanism": loaded.name, "ok": True, "digest": loaded.digest()})
-    else:
-        print_text(f"{mechanism}: no errors")
+        print_json({"mechanism": loaded.name, "ok": True, "digest": loaded.digest(), "warnings": [*warnings.values()]})
+        return
+    for text, entry in warnings.items():
+        print_text(f"warning: {mechanism}: {entry['where']}{': ' if entry['where'] else ''}{text}")
+    count = f", {len(warnings)} warning{'s' if len(warnings) > 1 else ''}" if warnings else ""
+    print_text(f"{mechanism}: no errors{count}")
 
 
 def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:

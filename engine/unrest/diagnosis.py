@@ -15,14 +15,13 @@ from engine.loop import Cancel
 from engine.mechanism import Mechanism
 from engine.unrest.continuation import FINE, go_on
 from engine.unrest.course_of_speed import SpeedCourse, course_of
-from engine.unrest.direction_words import direction_words, joint_lines
+from engine.unrest.direction_words import HINGED, direction_words, joint_lines
 from engine.unrest.mover import Mover, find_mover
 
 TREMBLES = FINE // 8  # changes of direction in so few steps
 TRIALS = (0.5, 0.25, 0.125)  # shares of the step that are tried where something trembles
 PURE = 0.05  # share of a motion's square that makes it more than a displacement, or more than a turn
 NO_LOAD = 1e-6  # share of the loads that act at all
-HINGED = 0.3  # share of a body's motion that a joint with play leaves at its axis
 BEYOND = 1.2  # so many times the time of rest is a horizon that does
 
 

@@ -8,6 +8,7 @@ from engine.arrays import Array
 from engine.mechanism import Mechanism
 from engine.mechanism.joints import Joint
 
+HINGED = 0.3  # share of a body's motion that a joint with play leaves at its axis
 PARALLEL = 0.99  # cosine of 8 degrees: a body in a joint with play tilts
 
 
@@ -36,6 +37,29 @@ def direction_words(mechanism: Mechanism, body: str, rotation: Array, direction:
     unit = unit if signed or unit[largest] > 0.0 else -unit
     components = ", ".join(f"{round(float(x), 3) + 0.0:g}" for x in unit)
     return named or f"({components})"
+
+
+def motion_words(mechanism: Mechanism, body: str, rotation: Array, velocity: Array, spin: Array) -> str:
+    """Return a motion of a body to and fro in words: along a direction, about an axis, or both.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    body : str
+    rotation : (3, 3) array
+        From the body's axes to the world's.
+    velocity, spin : (3,) arrays
+        Of the centre of mass, and angular; in world axes, of any size.
+    """
+    about = f"about {direction_words(mechanism, body, rotation, spin, signed=False)}" if spin.any() else ""
+    hinged = any(
+        np.linalg.norm(velocity + np.cross(spin, point)) < HINGED * np.linalg.norm(velocity)
+        for _, point, _ in joint_lines(mechanism, body, rotation)
+    )
+    if about and (hinged or not velocity.any()):
+        return about
+    along = f"along {direction_words(mechanism, body, rotation, velocity, signed=False)}"
+    return f"{along} and {about}" if about else along
 
 
 def joint_lines(mechanism: Mechanism, body: str, rotation: Array) -> Iterator[tuple[str, Array, Array]]:

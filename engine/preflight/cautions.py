@@ -1,0 +1,36 @@
+"""All cautions of a mechanism."""
+
+from engine.mechanism import Mechanism
+from engine.preflight.caution import Caution
+from engine.preflight.customs import customs_of
+from engine.preflight.pace import pace_of
+
+MOST_BODIES = 40  # of a mechanism whose small motions are looked at; the time grows with the third power
+
+
+def cautions(mechanism: Mechanism) -> list[Caution]:
+    """Return what looks wrong in a mechanism that can start: numbers first, then motions, in the order of the file.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        As `engine.check` accepts it.
+
+    Returns
+    -------
+    list of Caution
+        Empty if nothing does.
+    """
+    numbers = [*customs_of(mechanism), *pace_of(mechanism)]
+    moving = sum(not body.fixed for body in mechanism.bodies.values())
+    ends_at_rest = any(phase.duration is None and phase.until is None for phase in mechanism.phases)
+    if numbers or not ends_at_rest or not 0 < moving <= MOST_BODIES:
+        return numbers
+    from engine.assembly import assemble
+    from engine.preflight.early_rest import early_rest_of
+    from engine.preflight.perpetual import perpetual_of
+    from engine.preflight.small_motions import small_motions
+    from engine.preflight.unloaded import unloaded_of
+
+    small = small_motions(assemble(mechanism))
+    return [*early_rest_of(mechanism, small), *unloaded_of(mechanism, small), *perpetual_of(mechanism, small)]

@@ -1,0 +1,227 @@
+"""The small motions of a mechanism about its start pose: what joints and contacts leave free, and how loads act.
+
+Unknowns are the velocities of all moving bodies, six each: of the centre of mass and about it, in world axes. They are
+whitened, y = M^1/2 w, so that lengths of y are energies. `free` has the motions that ideal joints leave, and that turn
+no all-round contact (a pin in a bore, a ball in a socket) off its place.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+from scipy.spatial.transform import Rotation
+
+from engine.arrays import Array, Integers
+from engine.assembly import Assembly
+from engine.kernels.bilateral import row_violations
+from engine.kernels.contact_geometry.gaps import find_contacts
+from engine.kernels.loads import apply_loads
+from engine.kernels.model import ON_BALL, ON_ROUND, RING_BORE, State
+
+ROUND = 0.3  # sine of an angle: a contact whose normals differ by less than this is flat
+NOTHING = 1e-9  # relative size of what rounding leaves of zero
+SMALL = 1e-5  # angle, and share of a radius of gyration, of a small displacement
+SOFT = 1e-6  # compliance of all contacts alike, so that those that can share a load do
+
+
+@dataclass(frozen=True)
+class SmallMotions:
+    """A mechanism about its start pose, `n` velocities in all.
+
+    Attributes
+    ----------
+    assembly : Assembly
+        At its start.
+    root : (n, n) array
+        M^-1/2: w = root y.
+    joints : (nj, n) array
+        Rows of the ideal joints, in y.
+    normals : (nc, n) array
+        Rows of the gaps of all contacts at the start pose, in y.
+    rounds : (nr, n) array
+        Rows of the directions in which an all-round contact holds, in y.
+    round_of : (nr,) array
+        The contact of each of these rows.
+    """
+
+    assembly: Assembly
+    root: Array
+    joints: Array
+    normals: Array
+    rounds: Array
+    round_of: Integers
+
+    @property
+    def is_round(self) -> NDArray[np.bool_]:
+        """Whether each contact is all round, shape (nc,)."""
+        return np.isin(np.arange(len(self.normals)), self.round_of)
+
+    def loads(self, phase: int, t: float, state: State | None = None) -> Array:
+        """Return the forces and torques of a phase on all bodies, shape (n,), in y; at another pose if it is given."""
+        model, work = self.assembly.model, self.assembly.work
+        state = state or self.assembly.state
+        apply_loads(model.bodies, model.loads, model.time_laws, state, phase, t, work.wrench, work.vectors)
+        return np.asarray(self.root.T @ work.wrench[:-1].ravel())
+
+    def derivative(self, measured: Callable[[State], Array]) -> Array:
+        """Return the derivative of something at a pose, shape (m, n), in y; zero where rounding hides it."""
+        size, columns = float(np.abs(measured(self.assembly.state)).max(initial=0.0)), []
+        for j, step in enumerate(self._steps()):
+            forth, back = (displaced(self.assembly.state, sign * step * self.root[:, j]) for sign in (1.0, -1.0))
+            column = (measured(forth) - measured(back)) / (2.0 * step)
+            columns.append(np.where(np.abs(column) * step > NOTHING * size, column, 0.0))
+        return np.array(columns).T
+
+    def _steps(self) -> Array:
+        """Return small steps of each y: a small share of the radius of gyration, or a small angle."""
+        bodies = self.assembly.model.bodies
+        arms = np.sqrt(np.trace(bodies.inertia, axis1=1, axis2=2) / (2.0 * bodies.mass))
+        lengths = np.repeat(np.stack([arms, np.ones_like(arms)], axis=1).ravel(), 3)
+        return np.asarray(SMALL * lengths / np.abs(self.root).max(axis=0))
+
+
+def small_motions(assembly: Assembly) -> SmallMotions:
+    """Return the small motions of a mechanism at its start."""
+    bodies, state = assembly.model.bodies, assembly.state
+    nb = len(bodies.mass)
+    root = np.zeros((6 * nb, 6 * nb))
+    for b in range(nb):
+        inertia = state.R[b] @ bodies.inertia[b] @ state.R[b].T
+        root[6 * b : 6 * b + 3, 6 * b : 6 * b + 3] = np.eye(3) / np.sqrt(bodies.mass[b])
+        root[6 * b + 3 : 6 * b + 6, 6 * b + 3 : 6 * b + 6] = np.linalg.inv(np.linalg.cholesky(inertia)).T
+    normals = _contact_rows(assembly, state) @ root
+    return SmallMotions(assembly, root, _joint_rows(assembly) @ root, normals, *_rounds(assembly, root))
+
+
+def displaced(state: State, w: Array) -> State:
+    """Return the state with its bodies displaced by ``w``, shape (6 nb,): lengths, and angles about world axes."""
+    x, p, R = state.x.copy(), state.p.copy(), state.R.copy()
+    for b, (shift, turn) in enumerate(w.reshape(-1, 2, 3)):
+        x[b] += shift
+        turned = Rotation.from_rotvec(turn) * Rotation.from_matrix(R[b])
+        R[b], p[b] = turned.as_matrix(), turned.as_quat(canonical=False, scalar_first=True)
+        p[b] *= 1.0 if p[b] @ state.p[b] >= 0.0 else -1.0
+    return state._replace(x=x, p=p, R=R)
+
+
+def null_space(rows: Array, n: int) -> Array:
+    """Return an orthonormal basis, shape (n, k), of the vectors that no row sees; rows count whatever their length."""
+    lengths = np.linalg.norm(rows, axis=1)
+    rows = rows[lengths > 0.0] / lengths[lengths > 0.0, None]
+    if not len(rows):
+        return np.eye(n)
+    _, sizes, directions = np.linalg.svd(rows)
+    return np.asarray(directions[int(np.count_nonzero(sizes > 1e-6)) :].T)
+
+
+def accelerations(free: Array, normals: Array, loads: Array) -> tuple[Array, Array]:
+    """Return how the bodies begin to move under loads, and how hard the contacts press, without friction.
+
+    Gauss's principle: of all motions that close no contact, the one nearest to that of the loads alone.
+
+    Parameters
+    ----------
+    free : (n, k) array
+        Basis of the motions that are possible.
+    normals : (nc, n) array
+        Rows of the contacts that are closed.
+    loads : (n,) array
+
+    Returns
+    -------
+    (n,) array, (nc,) array
+    """
+    size = float(np.linalg.norm(loads))
+    wanted, rows = free.T @ loads, normals @ free
+    if not np.linalg.norm(wanted) > NOTHING * size:
+        return np.zeros(len(loads)), np.zeros(len(rows))
+    if not len(rows):
+        return free @ wanted, np.zeros(0)
+    lengths = np.linalg.norm(rows, axis=1, keepdims=True)
+    rows = np.divide(rows, lengths, out=np.zeros_like(rows), where=lengths > NOTHING)
+    system = np.vstack([rows.T, np.sqrt(SOFT) * np.eye(len(rows))])
+    pressed, _ = nnls(system, np.concatenate([-wanted / size, np.zeros(len(rows))]))
+    left = null_space(rows[pressed > NOTHING], len(wanted))
+    moving = left @ (left.T @ wanted)
+    moving[np.abs(moving) < NOTHING * size] = 0.0
+    return free @ moving, size * pressed
+
+
+def _joint_rows(assembly: Assembly) -> Array:
+    """Return the rows of ideal joints and prescribed motions that act at the start, shape (nj, 6 nb)."""
+    rows, state, at_pose = assembly.model.bilateral, assembly.state, assembly.work.bilateral
+    acts = rows.acts.copy()
+    rows.acts[:] = rows.phase[:, 0] if rows.phase.size else True
+    row_violations(rows, state.x, state.R, at_pose.target[1], at_pose.violation, at_pose.point, at_pose.direction)
+    found = [
+        _row(state, rows.a[i], rows.b[i], -at_pose.direction[i], at_pose.point[i] if rows.kind[i] == 0 else None)
+        for i in range(len(rows.kind))
+    ]
+    rows.acts[:] = acts
+    return np.array(found).reshape(len(found), -1 if found else 6 * (len(state.x) - 1))
+
+
+def _contact_rows(assembly: Assembly, state: State) -> Array:
+    """Return the rows of the gaps of all contacts, shape (nc, 6 nb)."""
+    contacts, sites = assembly.model.contacts, assembly.work.sites
+    find_contacts(contacts, state.x, state.R, assembly.work.gap, sites.point, sites.frame)
+    found = [
+        _row(state, contacts.a[i], contacts.b[i], sites.frame[i, 0], sites.point[i]) for i in range(len(contacts.a))
+    ]
+    return np.array(found).reshape(len(found), -1 if found else 6 * (len(state.x) - 1))
+
+
+def _row(state: State, a: int, b: int, direction: Array, point: Array | None) -> Array:
+    """Return the row of the velocity of a relative to b along a direction at a point; without one, of their spin."""
+    nb = len(state.x) - 1
+    row = np.zeros((nb, 2, 3))
+    for body, sign in ((a, 1.0), (b, -1.0)):
+        if body < nb and point is None:
+            row[body, 1] += sign * direction
+        elif body < nb:
+            row[body, 0] += sign * direction
+            row[body, 1] += sign * np.cross(point - state.x[body], direction)
+    return row.ravel()
+
+
+def _rounds(assembly: Assembly, root: Array) -> tuple[Array, Integers]:
+    """Return the rows in which all-round contacts hold, in y, and the contact of each; a row's speed is a gap's.
+
+    The bodies are displaced until the gaps would be closed: the normal of a pin in a bore then points everywhere, that
+    of a face hardly turns.
+    """
+    contacts, state, nb = assembly.model.contacts, assembly.state, len(assembly.model.bodies.mass)
+    curved = np.isin(contacts.kind, (RING_BORE, ON_ROUND, ON_BALL))
+    rows: list[list[Array]] = [[] for _ in contacts.kind]
+    normals: list[list[Array]] = [[] for _ in contacts.kind]
+    for body, shift in _closing_shifts(assembly, np.flatnonzero(curved)):
+        w = np.zeros((nb, 2, 3))
+        w[body, 0] = shift
+        pose = displaced(state, w.ravel())
+        there = _contact_rows(assembly, pose) @ root
+        for i in np.flatnonzero(curved & ((contacts.a == body) | (contacts.b == body))):
+            rows[i].append(there[i])
+            normals[i].append(assembly.work.sites.frame[i, 0].copy())
+    held, of = [np.zeros((0, len(root)))], [np.zeros(0, np.int64)]
+    for i in np.flatnonzero(curved):
+        across, spread, _ = np.linalg.svd(np.array(normals[i]).T, full_matrices=False)
+        ways = across[:, spread > ROUND * np.sqrt(len(normals[i]))]
+        if ways.shape[1] > 1:
+            # of all normals, the row of each principal way: its speed is that of the gap along it
+            held.append(np.linalg.pinv(np.array(normals[i]) @ ways) @ np.array(rows[i]))
+            of.append(np.full(ways.shape[1], i))
+    return np.vstack(held), np.concatenate(of)
+
+
+def _closing_shifts(assembly: Assembly, curved: Integers) -> Iterator[tuple[int, Array]]:
+    """Yield bodies and displacements that close the gaps of their curved contacts."""
+    contacts, nb = assembly.model.contacts, len(assembly.model.bodies.mass)
+    for body in range(nb):
+        own = [i for i in curved if body in (contacts.a[i], contacts.b[i])]
+        if own:
+            play = max(1.5 * abs(float(assembly.state.gap[i])) + 3.0 * max(contacts.clearance[i], 0.0) for i in own)
+            play = play or 1e-6 * float(contacts.reach[own].max())
+            for direction in (*np.eye(3), *-np.eye(3)):
+                yield body, play * direction

@@ -1,0 +1,42 @@
+"""Try whether a mechanism comes to rest with a fixed step, and which shorter one does if it does not."""
+
+from engine.mechanism import Mechanism, set_values
+from engine.preflight.caution import Caution
+from engine.simulate import simulate
+
+HALVINGS = 4
+LONGEST_TRIAL = 10.0  # s
+
+
+def step_caution(mechanism: Mechanism, step: float, horizon: float | None = None) -> Caution | None:
+    """Return a caution if a mechanism does not come to rest with a fixed step, with the longest step that does.
+
+    Steps of a half, a quarter, ... are tried, one run each. If none of them does, the step is not to blame.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    step : float
+        The fixed step.
+    horizon : float, optional
+        Longest simulated time, in place of the mechanism's.
+    """
+    limit = min(LONGEST_TRIAL, mechanism.simulation.wall_limit)
+    mechanism = set_values(mechanism, {"simulation.wall_limit": limit})
+    unit, message = mechanism.unit("time"), ""
+    for halvings in range(HALVINGS + 1):
+        shorter = 0.5**halvings * step
+        run = simulate(mechanism, step=shorter, horizon=horizon)
+        if run.status != "not_at_rest":
+            break
+        message = message or run.message
+    if run.status != "ok" or not message:
+        return None
+    return Caution(
+        "simulation.step",
+        step,
+        unit,
+        f"with this fixed step the mechanism does not come to rest ({message})",
+        f"up to {shorter:g} {unit}, the longest that does of its halves",
+        f"take {shorter:g} {unit}, or the mechanism's own steps",
+    )

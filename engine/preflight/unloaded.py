@@ -1,0 +1,108 @@
+"""Motions that nothing loads: no force, spring or gravity decides where a body ends up that a response measures."""
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from engine.arrays import Array
+from engine.assembly.frames import order_bodies
+from engine.kernels.model import State
+from engine.kernels.responses import measure
+from engine.mechanism import Mechanism
+from engine.preflight.caution import Caution
+from engine.preflight.small_motions import NOTHING, SmallMotions, accelerations, null_space
+from engine.unrest.direction_words import motion_words
+
+SEEN = 0.05  # share of a response's gradient that is worth a word
+PURE = 0.05  # share of a motion's energy that is worth a word
+
+
+def unloaded_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
+    """Yield the bodies that a response at the end of the run measures along a motion that nothing loads.
+
+    Prescribed motions push bodies in ways that a look at the start does not show: with one there is no caution.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    small : SmallMotions
+        About its start pose.
+    """
+    if mechanism.motions:
+        return
+    unloaded = _unloaded(mechanism, small)
+    names = list(mechanism.responses)
+    found: dict[tuple[str, str], list[str]] = {}
+    gradients = small.derivative(lambda pose: values_at(small, pose))
+    for i in np.flatnonzero(small.assembly.model.responses.measures_motion):
+        seen = unloaded @ (unloaded.T @ gradients[i])
+        if np.linalg.norm(seen) > SEEN * np.linalg.norm(gradients[i]):
+            body = int((seen.reshape(-1, 6) ** 2).sum(axis=1).argmax())
+            if _is_thrown(mechanism, small, body, seen):
+                continue
+            found.setdefault(_words(mechanism, small, body, seen), []).append(names[i])
+    for (body_name, motion), responses in found.items():
+        yield Caution(
+            f"bodies.{body_name}",
+            None,
+            "1",
+            f"no force, spring or gravity acts on it {motion}, and {', '.join(responses)} "
+            f"{'measures' if len(responses) == 1 else 'measure'} that",
+            "",
+            "load or hold it there: otherwise it stays where the start or a push leaves it, or floats on for ever",
+        )
+
+
+def values_at(small: SmallMotions, pose: State) -> Array:
+    """Return all responses at a pose, as measured at one instant."""
+    model, work = small.assembly.model, small.assembly.work
+    values = model.responses.offset.copy()
+    measure(model.responses, model.contacts, model.loads, pose, work.sites, values, work.vectors, (0.0, 1.0))
+    return np.asarray(np.nan_to_num(values))
+
+
+def _unloaded(mechanism: Mechanism, small: SmallMotions) -> Array:
+    """Return a basis, shape (n, k), of the motions that nothing loads in any phase.
+
+    Neither the loads, nor what they become when the pose changes, nor the contacts that they close act on them.
+    """
+    n = len(small.root)
+    free = null_space(np.vstack([small.joints, small.rounds]), n)
+    flat, rows = small.normals[~small.is_round], [np.zeros((0, n))]
+    for phase in range(len(mechanism.phases)):
+        for t in (0.0, 0.5 * mechanism.simulation.horizon, mechanism.simulation.horizon):
+            loads = small.loads(phase, t)
+            moves, forces = accelerations(free, flat, loads)
+            rows.append(flat[forces > NOTHING * np.linalg.norm(loads)])
+            rows.append(_by_body(moves, NOTHING * float(np.linalg.norm(loads))))
+            rows.append(small.derivative(partial(small.loads, phase, t)))
+    return np.asarray(free @ null_space(np.vstack(rows) @ free, free.shape[1]))
+
+
+def _by_body(moves: Array, least: float) -> Array:
+    """Return the part of a motion of each body that moves by more than ``least``, one row each."""
+    nb = len(moves) // 6
+    rows = np.zeros((nb, nb, 6))
+    rows[np.arange(nb), np.arange(nb)] = moves.reshape(nb, 6)
+    return np.asarray(rows.reshape(nb, -1)[np.abs(moves.reshape(nb, 6)).max(axis=1) > least])
+
+
+def _is_thrown(mechanism: Mechanism, small: SmallMotions, body: int, y: Array) -> bool:
+    """Return whether a body starts with a speed in a motion that friction will end: that decides where it stops."""
+    name, twist, R = order_bodies(mechanism)[body], small.assembly.state.v[body], small.assembly.state.R[body]
+    own = (small.root @ y)[6 * body : 6 * body + 6]
+    along = abs(float(own[:3] @ twist[:3] + own[3:] @ (R @ twist[3:])))
+    pairs = [*mechanism.contacts.values(), *(joint for joint in mechanism.joints.values() if not joint.ideal)]
+    rubs = any(mechanism.contact_law(pair)[0] > 0.0 for pair in pairs if name in {side.body for side in pair.sides})
+    return rubs and along > NOTHING * float(np.linalg.norm(own) * np.linalg.norm(twist))
+
+
+def _words(mechanism: Mechanism, small: SmallMotions, body: int, y: Array) -> tuple[str, str]:
+    """Return a body's name, and its part of a motion in words."""
+    parts = y.reshape(-1, 2, 3)[body]
+    energies = (parts**2).sum(axis=1)
+    y = np.where((energies > PURE * energies.sum())[:, None], parts, 0.0)
+    own = small.root[6 * body : 6 * body + 6, 6 * body : 6 * body + 6]
+    name, w = order_bodies(mechanism)[body], (own @ y.ravel()).reshape(2, 3)
+    return name, motion_words(mechanism, name, small.assembly.state.R[body], w[0], w[1])
