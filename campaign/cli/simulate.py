@@ -1,17 +1,17 @@
 """``clearcap simulate``: one run of one mechanism."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from campaign.cli.output import Json, print_json, print_text
+from campaign.cli.output import Json, print_json, print_text, say
 from campaign.cli.run_files import RunFiles
 
 if TYPE_CHECKING:
-    from engine import Run
+    from engine import Mechanism, Run
 
 
 def simulate(
@@ -48,8 +48,9 @@ def simulate(
 ) -> None:
     """Simulate a mechanism once and print its responses."""
     values = _values(changes or [])
-    from engine import Recording, load_mechanism
+    from engine import Recording, load_mechanism, set_values
     from engine import simulate as simulate_once
+    from engine.preflight import cautions
 
     loaded = load_mechanism(mechanism)
     values = (loaded.preset(preset) if preset else {}) | values
@@ -69,9 +70,23 @@ def simulate(
             trajectory=Recording(motion, every or 1) if motion else None,
             indeterminacy=True,
         )
+    if step is not None and run.status == "not_at_rest":
+        run = _with_longest_step(run, set_values(loaded, values), step, horizon)
     _print(run, files.named(), json)
     if run.status != "ok":
+        for caution in cautions(set_values(loaded, values)):
+            say(f"warning: {caution}")
         raise typer.Exit(1)
+
+
+def _with_longest_step(run: "Run", mechanism: "Mechanism", step: float, horizon: float | None) -> "Run":
+    """Return the run with a message that also names the longest step that comes to rest, if the step is to blame."""
+    from engine.preflight.step_trial import step_caution
+
+    caution = step_caution(mechanism, step, horizon)
+    if caution is None:
+        return run
+    return replace(run, message=f"{run.message}; but the step is too long: {caution.remedy}")
 
 
 def _check_every(every: int | None, files: RunFiles) -> None:

@@ -1,10 +1,15 @@
 """Check all that a user gave, then write the plan of a campaign into a store."""
 
+import logging
+
 from campaign.coordinator.submit import submit
 from campaign.errors import SpecError
-from campaign.plan import Plan
+from campaign.plan import Plan, make_plan
+from campaign.spec.cautions import campaign_cautions
 from campaign.spec.load import Campaign, Source, load_campaign
 from campaign.store import Store, open_store
+
+logger = logging.getLogger(__name__)
 
 
 def plan_campaign(
@@ -15,6 +20,8 @@ def plan_campaign(
     batch_size: int | None = None,
 ) -> tuple[Store, Plan]:
     """Open the store, load the campaign and plan it; return the plan that the store has if it has one.
+
+    What looks wrong in a new campaign is logged, one warning each: see `campaign.spec.cautions`.
 
     Parameters
     ----------
@@ -41,4 +48,7 @@ def plan_campaign(
         )
     loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, samples=samples, seed=seed)
     opened.files.check_writable()
+    if make_plan(loaded, batch_size).campaign_id not in opened.campaigns():
+        for caution in campaign_cautions(loaded):
+            logger.warning("warning: %s", caution)
     return opened, submit(opened, loaded, batch_size)

@@ -114,6 +114,7 @@ def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[s
     yield from _name_faults(raw, mechanism)
     yield from _stop_faults(raw, mechanism)
     yield from target_faults(raw, mechanism)
+    yield from _step_faults(raw, mechanism)
 
 
 def _locate(name_or_path: str) -> Path:
@@ -165,6 +166,21 @@ def _name_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
                 yield fault([table, name], None, text)
             elif table == "responses" and name not in responses:
                 yield fault([table, name], None, _no_response(name, mechanism))
+
+
+def _step_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
+    """Yield the faults of fixed steps that are longer than the simulated time."""
+    failures = raw.get("failures")
+    retries = failures.get("retry") if isinstance(failures, dict) else None
+    tables = [(["simulation"], raw.get("simulation"))]
+    tables += [(["failures", "retry", str(i)], t) for i, t in enumerate(retries if isinstance(retries, list) else ())]
+    for keys, table in tables:
+        given = table if isinstance(table, dict) else {}
+        step, horizon = given.get("step"), given.get("horizon", mechanism.simulation.horizon)
+        if is_number(step) and is_number(horizon) and step > horizon:
+            unit = mechanism.unit("time")
+            text = f"longer than the horizon of {horizon:g} {unit}; allowed: a small part of it; shorten the step"
+            yield fault([*keys, "step"], step, text)
 
 
 def _stop_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:

@@ -28,11 +28,12 @@ def early_rest_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution
         About its start pose.
     """
     rest, assembly = mechanism.simulation.rest, small.assembly
+    window = max(rest.window, mechanism.simulation.step)
     touching = small.normals[assembly.state.gap <= max(mechanism.simulation.penetration, rest.drift)]
     moves, _ = accelerations(null_space(small.joints, len(small.root)), touching, small.loads(0, 0.0))
     gradients = small.derivative(lambda pose: values_at(small, pose))
     measured = gradients[assembly.model.responses.measures_motion] @ moves
-    seen = assembly.state.v.any() or 0.5 * np.abs(measured).max(initial=0.0) * rest.window**2 > rest.drift
+    seen = assembly.state.v.any() or 0.5 * np.abs(measured).max(initial=0.0) * window**2 > rest.drift
     slowest, which = 0.0, ""
     for i, name in enumerate(assembly.contact_names):
         play, towards = float(assembly.state.gap[i]), _approach(small, i, moves)

@@ -100,6 +100,8 @@ def displaced(state: State, w: Array) -> State:
     x, p, R = state.x.copy(), state.p.copy(), state.R.copy()
     for b, (shift, turn) in enumerate(w.reshape(-1, 2, 3)):
         x[b] += shift
+        if not turn.any():
+            continue
         turned = Rotation.from_rotvec(turn) * Rotation.from_matrix(R[b])
         R[b], p[b] = turned.as_matrix(), turned.as_quat(canonical=False, scalar_first=True)
         p[b] *= 1.0 if p[b] @ state.p[b] >= 0.0 else -1.0

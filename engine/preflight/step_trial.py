@@ -37,6 +37,6 @@ def step_caution(mechanism: Mechanism, step: float, horizon: float | None = None
         step,
         unit,
         f"with this fixed step the mechanism does not come to rest ({message})",
-        f"up to {shorter:g} {unit}, the longest that does of its halves",
-        f"take {shorter:g} {unit}, or the mechanism's own steps",
+        f"up to {shorter:g} {unit}",
+        f"with {shorter:g} {unit} it does: the longest that was tried, half and half again",
     )

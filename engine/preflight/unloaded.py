@@ -69,9 +69,11 @@ def _unloaded(mechanism: Mechanism, small: SmallMotions) -> Array:
     """
     n = len(small.root)
     free = null_space(np.vstack([small.joints, small.rounds]), n)
+    horizon, varies = mechanism.simulation.horizon, len(small.assembly.model.time_laws.since) > 0
+    times = (0.0, 0.5 * horizon, horizon) if varies else (0.0,)
     flat, rows = small.normals[~small.is_round], [np.zeros((0, n))]
     for phase in range(len(mechanism.phases)):
-        for t in (0.0, 0.5 * mechanism.simulation.horizon, mechanism.simulation.horizon):
+        for t in times:
             loads = small.loads(phase, t)
             moves, forces = accelerations(free, flat, loads)
             rows.append(flat[forces > NOTHING * np.linalg.norm(loads)])

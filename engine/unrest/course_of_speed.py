@@ -44,7 +44,7 @@ def course_of(time: Array, speed: Array, window: float, drift: float) -> SpeedCo
     window, drift : float
         At rest the body moves by no more than ``drift`` in the time ``window``.
     """
-    turns = np.flatnonzero(speed[:-1] * speed[1:] < 0.0)
+    turns = turns_of(speed)
     if turns.size:
         return _swing(time, speed, turns, window, drift)
     first, middle, last = np.interp([time[0], 0.5 * (time[0] + time[-1]), time[-1]], time, np.abs(speed))
@@ -53,6 +53,11 @@ def course_of(time: Array, speed: Array, window: float, drift: float) -> SpeedCo
     if last > first:
         return SpeedCourse("faster")
     return SpeedCourse("slows", _stop(time, first, middle, last, drift / window))
+
+
+def turns_of(speed: Array) -> Integers:
+    """Return the numbers of the values after which a speed has the other sign."""
+    return np.flatnonzero(np.sign(speed[:-1]) * np.sign(speed[1:]) < 0.0)
 
 
 def _stop(time: Array, first: float, middle: float, last: float, slow: float) -> float | None:

@@ -14,7 +14,7 @@ from engine.kernels.time_loop import Course
 from engine.loop import Cancel
 from engine.mechanism import Mechanism
 from engine.unrest.continuation import FINE, go_on
-from engine.unrest.course_of_speed import SpeedCourse, course_of
+from engine.unrest.course_of_speed import SpeedCourse, course_of, turns_of
 from engine.unrest.direction_words import HINGED, direction_words, joint_lines
 from engine.unrest.mover import Mover, find_mover
 
@@ -53,7 +53,7 @@ def unrest(
     if fine is None or len(fine.time) < 3:
         return ""
     mover = find_mover(assembly, control, fine.twist, fine.own)
-    if np.count_nonzero(mover.speed[:-1] * mover.speed[1:] < 0.0) >= TREMBLES:
+    if len(turns_of(mover.speed)) >= TREMBLES:
         return f"{_motion(mechanism, assembly, mover, 'trembles')}; " + _shorter_step(
             mechanism, assembly, control, course, seconds, cancel
         )

@@ -9,6 +9,7 @@ import sys
 import time
 from datetime import datetime
 from functools import partial
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -304,3 +305,38 @@ def test_campaign_against_itself(store, plan, capsys, monkeypatch):
     )
     assert (code, output) == (2, "")
     assert "is the campaign itself; name another one, see: clearcap list --store" in messages
+
+
+def test_check_warns_of_what_looks_wrong(tmp_path):
+    """Gravity in m/s2 in a file in mm: one line, as data too, and exit status 0."""
+    text = resources.files("engine.mechanism").joinpath("library", "c60.toml").read_text("utf-8")
+    path = tmp_path / "own.toml"
+    path.write_text(text.replace('units = "mm-g-ms"', 'units = "mm-g-ms"\ngravity = [0.0, -9.81, 0.0]'))
+    done = CliRunner().invoke(app, ["mechanism", "check", str(path)])
+    assert done.exit_code == 0, done.output
+    assert f"warning: {path}: gravity = 9.81 mm/ms2: 1000 times the earth's" in done.stdout
+    assert done.stdout.endswith("no errors, 1 warning\n")
+    document = json.loads(CliRunner().invoke(app, ["mechanism", "check", str(path), "--json"]).stdout)
+    assert [(entry["key"], entry["value"]) for entry in document["warnings"]] == [("gravity", 9.81)]
+
+
+def test_simulate_gives_what_was_measured(tmp_path):
+    """An event that does not come: the run is invalid, the response null, and the others have their values."""
+    text = resources.files("engine.mechanism").joinpath("library", "incline.toml").read_text("utf-8")
+    event = '[responses.late]\ntype = "time"\nat = { response = "slide", above = 1.0 }\n'
+    path = tmp_path / "own.toml"
+    path.write_text(f"{text}\n{event}")
+    done = CliRunner().invoke(app, ["simulate", str(path), "--json"])
+    assert done.exit_code == 1
+    document = json.loads(done.stdout)
+    assert document["status"] == "invalid"
+    assert document["responses"]["late"] is None
+    assert document["responses"]["slide"] == pytest.approx(0.0, abs=1e-6)
+    assert re.search(r"^late +not measured$", CliRunner().invoke(app, ["simulate", str(path)]).stdout, re.M)
+
+
+def test_a_step_longer_than_the_horizon_is_refused(capsys, monkeypatch):
+    """Exit 2, with step and horizon."""
+    code, _, said = clearcap_here(capsys, monkeypatch, "simulate", "c60", "--step", "1000")
+    assert code == 2
+    assert "simulation.step = 1000 ms: longer than simulation.horizon = 30 ms" in said

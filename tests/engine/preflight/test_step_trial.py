@@ -1,0 +1,34 @@
+"""A fixed step with which a mechanism does not come to rest, and the longest that does."""
+
+import pytest
+
+from engine import load_mechanism
+from engine.preflight.step_trial import step_caution
+from tests.engine.preflight.examples import SPRING, guided
+from tests.engine.small import made
+
+
+def test_a_step_too_long_is_named_with_the_longest_that_does():
+    """With c h / m = 3 the speed grows, with half the step it falls."""
+    damper = {key: SPRING[key] for key in ("type", "a", "b")} | {"damping": 6000.0}
+    mechanism = made(guided({"velocity": [1e-3, 0, 0]}, dampers={"d": damper}))
+    caution = step_caution(mechanism, 1e-3)
+    assert caution is not None
+    assert str(caution).startswith(
+        "simulation.step = 0.001 s: with this fixed step the mechanism does not come to rest ("
+    )
+    assert caution.customary == "up to 0.0005 s"
+
+
+def test_a_step_that_does_or_that_is_not_to_blame():
+    """At rest with it; or never at rest, whatever the step."""
+    assert step_caution(load_mechanism("incline"), 1e-3) is None
+    assert step_caution(made(guided({"velocity": [0.3, 0, 0]}, springs={"s": SPRING})), 1e-3, 0.2) is None
+
+
+@pytest.mark.slow
+def test_the_c60_with_a_step_of_a_fiftieth():
+    """0.02 ms loses the latch; 0.01 ms holds it."""
+    caution = step_caution(load_mechanism("c60"), 0.02)
+    assert caution is not None
+    assert caution.customary == "up to 0.01 ms"
