@@ -22,6 +22,7 @@ from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from campaign.spec.targets import target_faults
 from engine import EngineError, load_mechanism
 from engine.mechanism import Mechanism
+from engine.mechanism.base import is_number
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, listed
 from engine.toml_file import UnfitToml, read_toml
 
