@@ -5,7 +5,7 @@ import logging
 from campaign.coordinator.submit import submit
 from campaign.errors import SpecError
 from campaign.plan import Plan, make_plan
-from campaign.spec.cautions import campaign_cautions
+from campaign.spec.campaign_cautions import campaign_cautions
 from campaign.spec.load import Campaign, Source, load_campaign
 from campaign.store import Store, open_store
 
@@ -21,7 +21,7 @@ def plan_campaign(
 ) -> tuple[Store, Plan]:
     """Open the store, load the campaign and plan it; return the plan that the store has if it has one.
 
-    What looks wrong in a new campaign is logged, one warning each: see `campaign.spec.cautions`.
+    What looks wrong in a new campaign is logged, one warning each: see `campaign.spec.campaign_cautions`.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ import pytest
 
 from campaign.coordinator.plan_campaign import plan_campaign
 from campaign.errors import SpecError
-from campaign.spec.cautions import campaign_cautions
+from campaign.spec.campaign_cautions import campaign_cautions
 from campaign.spec.load import campaign_names, load_campaign
 
 PENDULUM = {
@@ -45,7 +45,7 @@ def test_a_step_that_the_campaign_sets_is_tried(monkeypatch):
     def caution(mechanism, step, horizon):
         tried.append((mechanism.name, step, horizon))
 
-    monkeypatch.setattr("campaign.spec.cautions.step_caution", caution)
+    monkeypatch.setattr("campaign.spec.campaign_cautions.step_caution", caution)
     assert warned(simulation={"step": 1e-3, "horizon": 5.0}) == []
     assert tried == [("clearance_pendulum", 1e-3, 5.0)]
 
