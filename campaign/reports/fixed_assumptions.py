@@ -20,6 +20,7 @@ from engine.mechanism.references import pair_between
 from reporting import Assumption
 
 GENERAL, CONTACT, PLAY = "Settings of the runs", "Friction and impact", "Clearances and offsets"
+PARAMETERS = "Parameters"
 LOADS, MASSES, PHASES = "Springs, dampers, forces and motions", "Masses", "Phases"
 _COMPONENTS = ("x", "y", "z")
 _LOADS = {"springs": "spring", "dampers": "damper", "forces": "force", "torques": "torque", "motions": "motion"}
@@ -43,7 +44,14 @@ def fixed_assumptions(plan: Plan) -> tuple[Assumption, ...]:
     """
     mechanism = plan.mechanism
     varies = _varies(plan)
-    found = [*_general(plan), *_contact_laws(mechanism), *_plays(mechanism), *_loads(mechanism), *_masses(mechanism)]
+    found = [
+        *_general(plan),
+        *_parameters(mechanism),
+        *_contact_laws(mechanism),
+        *_plays(mechanism),
+        *_loads(mechanism),
+        *_masses(mechanism),
+    ]
     found += _phases(mechanism)
     return tuple(fixed for each in found for fixed in _without_what_varies(each, varies))
 
@@ -123,6 +131,13 @@ def _general(plan: Plan) -> Iterator[Assumption]:
     for condition in mechanism.validity:
         yield Assumption(GENERAL, "a run is valid only if", str(condition), "", "validity")
     yield Assumption(GENERAL, "build of the engine", plan.engine_build[:16], "", "")
+
+
+def _parameters(mechanism: Mechanism) -> Iterator[Assumption]:
+    """Yield the parameters of the file, from which other numbers follow."""
+    for name, value in mechanism.parameters.items():
+        key = f"parameters.{name}"
+        yield Assumption(PARAMETERS, name, value, unit_of(mechanism, key), key)
 
 
 def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:

@@ -62,3 +62,17 @@ def test_the_campaigns_own_settings_replace_the_mechanisms(campaign_file):
     assert settings == [1e-3, 12.5, 1e-7]
     assert by_key["simulation.step"].name == "time step"
     assert "simulation.adaptive.longest" not in by_key
+
+
+def test_what_follows_from_a_parameter_that_varies_is_not_fixed(campaign_file):
+    """The load of the lever varies, and with it one component of a force; its arms are fixed parameters."""
+    text = campaign_file.read_text().replace('"c60"', '"lever"').replace("springs.A3.preload", "parameters.load")
+    head, _, rest = text.partition("[variables.J1]")
+    campaign_file.write_text(
+        head + "[variables.preload]" + rest.partition("[variables.preload]")[2].partition("[resp")[0]
+    )
+    by_key = {each.key: each for each in fixed_assumptions(make_plan(load_campaign(str(campaign_file))))}
+    assert (by_key["parameters.long"].value, by_key["parameters.long"].unit) == (30.0, "mm")
+    assert "parameters.load" not in by_key
+    assert {"forces.load.force.x", "forces.load.force.z"} <= by_key.keys()
+    assert "forces.load.force.y" not in by_key

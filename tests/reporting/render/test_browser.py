@@ -185,7 +185,11 @@ def test_the_pdf_says_what_the_page_says(files, tmp_path: Path) -> None:
         assert word in words
     subprocess.run(["pdftoppm", "-r", "40", "-gray", files["pdf"], tmp_path / "page"], check=True)
     pages = sorted(tmp_path.glob("page-*.pgm"))
-    assert len(pages) == int(re.search(r"Pages:\s+(\d+)", about)[1])
+    count = int(re.search(r"Pages:\s+(\d+)", about)[1])
+    assert len(pages) == count
+    for text, number in zip(words.split("\f"), range(1, count + 1), strict=False):
+        assert f"{number} of {count}" in text
+        assert "c60-0123456789" in text
     for page in pages:
         _, size, _, raw = page.read_bytes().split(b"\n", 3)
         width, height = map(int, size.split())

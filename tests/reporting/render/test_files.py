@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from reporting import ReportError, write, write_report
+from reporting import Assumption, ReportError, write, write_report
 from reporting.render.html import render_html
 from reporting.render.json import document, report_schema
 from reporting.tolerance.reweighting import Change
@@ -127,3 +127,18 @@ def test_the_worst_case_of_another_campaign_stands_beside_the_statistics(campaig
     assert a.responses[0].verdict.word == "capable"
     assert a.responses[0].worst == analysis_of(corners, of_corners).responses[0].worst
     assert "Mean ± 3σ" in render_html(a)
+
+
+def test_heads_of_the_workbook_have_filters(campaign, tmp_path: Path) -> None:
+    """On every sheet, over all its columns and rows; and the assumptions have a sheet."""
+    openpyxl = pytest.importorskip("openpyxl")
+    table, spec = campaign(40, 2)
+    fixed = (Assumption("g", "stiffness of spring A", 1.5, "N/mm", "springs.A.stiffness"),
+             Assumption("g", "gravity", (0.0, 0.0, -9.81), "m/s2", "gravity"))  # fmt: skip
+    path = write_report(table, replace(spec, assumptions=fixed), tmp_path, kinds=("xlsx",))["xlsx"]
+    book = openpyxl.load_workbook(path)
+    for sheet in book.worksheets:
+        assert sheet.auto_filter.ref == sheet.dimensions, sheet.title
+    rows = list(book["Assumptions"].iter_rows(values_only=True))
+    assert rows[1] == ("g", "stiffness of spring A", 1.5, "N/mm", "springs.A.stiffness")
+    assert [row[2] for row in rows[2:]] == [0, 0, -9.81]
