@@ -4,6 +4,7 @@ from campaign.cluster.cluster import Cluster
 from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.submit import submit
 from campaign.store import open_store
+from campaign.store.repeat_sets import repeated_shares
 from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine
@@ -26,7 +27,7 @@ def computed(folder, campaign, batch_size, simulate=fake_engine.simulate):
     """Compute a campaign in this process, without a cluster; return the store and the plan."""
     store = open_store(str(folder))
     plan = submit(store, campaign, batch_size)
-    address = CampaignAddress.of(store, plan, simulate)
+    address = CampaignAddress.of(store, plan, simulate, repeated_shares(store, plan))
     for batch in range(len(plan.batches)):
         run_batch(address, BatchRequest(batch))
     return store, plan

@@ -2,8 +2,12 @@
 
 import signal
 
+import pyarrow as pa
+
+from campaign.repeat_plan import repeated_samples
 from campaign.store import layout
 from campaign.store.files.files import TEMPORARY
+from campaign.store.repeat_sets import read_repeats, repeat_plans, survey_repeats
 from campaign.store.survey import load_manifest
 
 VARIES = ["wall_s", "attempts"]
@@ -16,24 +20,35 @@ LEASE_WORDS = ("was taken over by another process", "is computed by process", "w
 
 
 def bits(store, plan):
-    """Return the table without what may differ between two computations."""
-    return store.table(plan.campaign_id).drop_columns(VARIES)
+    """Return the rows, then the repeats, without what may differ between two computations."""
+    rows = store.table(plan.campaign_id).drop_columns(VARIES)
+    repeats = read_repeats(store, plan)
+    if repeats is None:
+        return rows
+    more = repeats.select(rows.column_names).replace_schema_metadata(rows.schema.metadata)
+    return pa.concat_tables([rows, more]).combine_chunks()
 
 
 def check_whole(store, plan, reference):
-    """Check that the store has every row once, with the bits of the fault-free table, and nothing else."""
+    """Check that the store has every row and repeat once, with the bits of the fault-free ones, and nothing else."""
     table = bits(store, plan)
-    assert table["sample"].to_pylist() == list(range(plan.spec.samples))
+    repeated = repeated_samples(plan.spec.samples, 0.0, plan.repeats).tolist()
+    assert len(repeated) > 2
+    assert table["sample"].to_pylist() == [*range(plan.spec.samples), *repeated]
     assert table.equals(reference)
+    of_repeats = survey_repeats(store, repeat_plans(store, plan), verify=True)
+    assert (of_repeats.missing, of_repeats.bad, of_repeats.done) == (set(), [], len(repeated))
     survey = store.survey(plan, verify=True)
     assert (survey.missing, survey.bad, survey.rows) == ([], {}, plan.spec.samples)
     known = load_manifest(store.files, plan)
     assert {part.batch: part for parts in known.values() for part in parts} == survey.parts
     root = plan.campaign_id
-    names = set(store.files.names(root)) - {layout.REPORT, layout.LOG}
+    names = set(store.files.names(root)) - {layout.REPORT, layout.LOG, layout.SUBMISSION}
     kept = {"plan.json", "campaign.toml", "state.json", "heartbeat.json", "parts", layout.MANIFEST}
+    kept |= {"repeats-1", "repeats-1.json"}
     assert names == kept, names ^ kept  # no lease, no marker, nothing temporary
-    assert [name for name in store.files.names(f"{root}/parts") if name.endswith(TEMPORARY)] == []
+    for folder in ("parts", "repeats-1"):
+        assert [name for name in store.files.names(f"{root}/{folder}") if name.endswith(TEMPORARY)] == []
     assert store.read_json(root, "state.json")["state"] == "completed"
 
 

@@ -23,8 +23,11 @@ from campaign.errors import StoreError
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.store.layout import CANCEL, LEASE
+from campaign.worker.batch import run_batch
+from campaign.worker.messages import BatchRequest, CampaignAddress
 from tests.campaign import fake_engine
 from tests.campaign.cluster_processes import free_port, scheduler, worker
+from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
 from tests.campaign.storms.checks import bits, check_whole
 from tests.campaign.storms.cluster import DASK, drive, start_cluster, strike
@@ -248,6 +251,27 @@ def test_terminated_coordinator_leaves_it_open(tmp_path, asked, reference, super
     assert (seen[0]["state"], seen[0]["open"]) == ("interrupted", True)
     finish(supervisor)
     check_whole(store, plan, reference)
+
+
+def test_coordinator_is_killed_while_it_repeats(tmp_path, campaign_file, supervisor):
+    """Kill -9 with all rows there and some repeats: the next one computes the missing ones, and no file again."""
+    campaign_file.write_text(SPEC.replace("[variables.J1]", "[repeats]\nshare = 0.5\n[variables.J1]", 1))
+    asked = load_campaign(str(campaign_file), samples=120)
+    quiet = bits(*computed(tmp_path / "quiet", asked, 100))
+    store = open_store(str(tmp_path / "s"))
+    plan = submit(store, asked, 3)
+    for batch in range(len(plan.batches)):
+        run_batch(CampaignAddress.of(store, plan, fake_engine.simulate), BatchRequest(batch))
+    folder = tmp_path / "s" / plan.campaign_id
+    drive(supervisor, store, plan, start_cluster(supervisor, supervisor.folder), 0.05)
+    repeats = folder / "repeats-1"
+    wait(lambda: len(list(repeats.glob("*.parquet"))) > 5, lambda: supervisor.said("coordinator"))
+    assert strike(supervisor, "coordinator", Random(1))
+    before = {path: path.stat().st_mtime_ns for path in folder.glob("*/*.parquet")}
+    assert len(before) < 40 + 40
+    finish(supervisor)
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+    check_whole(store, plan, quiet)
 
 
 def test_isolated_subprocesses_are_killed(tmp_path, asked, reference, supervisor):
