@@ -8,6 +8,7 @@ from reporting.trust.check import Check
 
 NAME = "Repeatability"
 NOTABLE_SHIFT = 0.3  # of the response's sigma: so far the mean may move when the step is halved
+_NEXT_TO_NOTHING = 0.001  # of the variance
 _ENOUGH = 60  # pairs, of which one shows a scatter that a twentieth of the samples have
 
 
@@ -68,7 +69,11 @@ def _others(rest: list[tuple[ResponseAnalysis, Repeatability]], some: bool) -> l
         share, response, found = max(known, key=lambda each: each[0])
         to = "" if found.share_interval is None else f" (up to {_percent(found.share_interval[1])})"
         which = "of the other responses" if some else "of any response"
-        sentences.append(f"At most {_percent(share)}{to} of the variance {which} is scatter: {response.spec.name}.")
+        text = f"At most {_percent(share)}{to} of the variance {which} is scatter: {response.spec.name}."
+        least = share if found.share_interval is None else found.share_interval[1]
+        if least < _NEXT_TO_NOTHING:
+            text = f"Less than {_percent(_NEXT_TO_NOTHING)} of the variance {which} is scatter."
+        sentences.append(text)
     unknown = [f"{r.spec.name} {_sigma(r, f)}" for r, f in rest if f.share is None and f.sigma]
     if unknown:
         sentences.append(f"Sigma of the scatter: {', '.join(unknown)}.")
