@@ -2,6 +2,7 @@
 
 from functools import partial
 
+from campaign.coordinator.rerun import failed_samples
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
@@ -9,6 +10,7 @@ from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from campaign.worker.row import compute_row, sample_values
 from campaign.worker.runs import rows_in_process
+from engine import simulate
 from engine.loop import Cancel
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
@@ -119,3 +121,29 @@ def test_limits_reach_the_engine(campaign_file, tmp_path):
     computed(tmp_path, load_campaign(str(campaign_file)), 100, listens)
     assert seen.keys() == {"J1", "springs.A3.preload", "simulation.wall_limit", "simulation.tolerance"}
     assert (seen["simulation.wall_limit"], seen["simulation.tolerance"]) == (5.0, 1e-6)
+
+
+def test_a_mechanism_that_does_not_come_to_rest_is_a_row_of_its_own_status(tmp_path):
+    """With the real engine: a status, a message that names body and motion, no response; another horizon is tried."""
+    campaign = load_campaign(
+        {
+            "format": 1,
+            "name": "swing",
+            "mechanism": "clearance_pendulum",
+            "samples": 3,
+            "seed": 1,
+            "simulation": {"horizon": 0.5},
+            "failures": {"retry": [{"horizon": 0.6}]},
+            "variables": {"J1": {"distribution": "uniform", "lower": 2e-4, "upper": 9e-4}},
+        }
+    )
+    store, plan = computed(tmp_path, campaign, 3, simulate)
+    for row in store.table().to_pylist():
+        assert (row["status"], row["settled"], row["attempts"]) == ("not_at_rest", False, 2)
+        assert row["message"].startswith("not at rest at the horizon of 0.6 s: link swings about z, the axis of J1 at ")
+        assert row["earlier_attempts"].startswith(
+            "horizon 0.5: not_at_rest (not at rest at the horizon of 0.5 s: link "
+        )
+        assert (row["drop"], row["tip"]) == (None, None)
+    assert failed_samples(store, plan, ["not_at_rest"]) == [0, 1, 2]
+    assert failed_samples(store, plan, ["not_converged"]) == []
