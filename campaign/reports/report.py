@@ -168,6 +168,7 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
         corners=sampler.corners,
         designed=sampler.designed(spec),
         proposal=_proposal(spec),
+        min_ok=spec.failures.min_ok,
         author=author(plan, store),
         ended=campaign_end(plan, store),
         written=report_date(),

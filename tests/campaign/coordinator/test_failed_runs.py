@@ -6,7 +6,8 @@ import pytest
 
 from campaign.coordinator.failed_runs import TooManyFailed, lack_of_ok, what_to_do
 from campaign.coordinator.state import state_of
-from campaign.plan import Plan
+from campaign.plan import Plan, make_plan
+from campaign.reports.report import report_spec
 from campaign.spec.load import load_campaign
 from campaign.spec.policy import FIRST_RUNS, Failures
 from campaign.store import open_store
@@ -78,3 +79,8 @@ def test_what_to_do_quotes_the_most_frequent_status(tmp_path, campaign):
 
 def test_the_least_share_of_ok_runs_is_that_of_a_report():
     assert Failures().min_ok == ReportSpec.min_ok == 0.99
+
+
+def test_a_report_goes_by_the_stated_share_of_ok_runs(campaign_file):
+    campaign_file.write_text(campaign_file.read_text() + "\n[failures]\nmin_ok = 0.5\n")
+    assert report_spec(make_plan(load_campaign(str(campaign_file)))).min_ok == 0.5
