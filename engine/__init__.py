@@ -1,6 +1,7 @@
 """The physics of one mechanism with one set of clearances: nonsmooth contact dynamics (paper, section 2)."""
 
 from engine.build import build_id
+from engine.compilation import missing_kernels
 from engine.errors import EngineError, FolderError, MechanismError, TrajectoryError
 from engine.mechanism import Mechanism, library_names, load_mechanism, set_values
 from engine.run import Certificate, Run
@@ -21,6 +22,7 @@ __all__ = [
     "check",
     "library_names",
     "load_mechanism",
+    "missing_kernels",
     "read_trajectory",
     "set_values",
     "simulate",

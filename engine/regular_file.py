@@ -19,6 +19,15 @@ class UnfitFile(OSError):
     """What has this name is not a regular file, or is too large; ``strerror`` says which."""
 
 
+def read_beginning(path: str | Path, count: int) -> bytes:
+    """Return at most ``count`` bytes from the beginning of a regular file; errors as of `read_regular_file`."""
+    descriptor = _open_regular(path, follow_link=True)
+    try:
+        return os.read(descriptor, count)
+    finally:
+        os.close(descriptor)
+
+
 def read_regular_file(path: str | Path, at_most: int, *, follow_link: bool = True) -> bytes:
     """Return the content of a regular file.
 
@@ -45,6 +54,23 @@ def read_regular_file(path: str | Path, at_most: int, *, follow_link: bool = Tru
     OSError
         If it does not exist or cannot be read.
     """
+    descriptor = _open_regular(path, follow_link=follow_link)
+    try:
+        size = os.fstat(descriptor).st_size
+        if size > at_most:
+            raise UnfitFile(errno.EFBIG, f"has {size} bytes; allowed: up to {at_most}", str(path))
+        content = bytearray()
+        while chunk := os.read(descriptor, _CHUNK):
+            content += chunk
+            if len(content) > at_most:
+                raise UnfitFile(errno.EFBIG, f"has more than {at_most} bytes; allowed: up to {at_most}", str(path))
+        return bytes(content)
+    finally:
+        os.close(descriptor)
+
+
+def _open_regular(path: str | Path, *, follow_link: bool) -> int:
+    """Return the descriptor of a regular file, opened to be read without waiting."""
     flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY | (0 if follow_link else os.O_NOFOLLOW)
     try:
         descriptor = os.open(path, flags)
@@ -54,18 +80,9 @@ def read_regular_file(path: str | Path, at_most: int, *, follow_link: bool = Tru
         if error.errno == errno.ENXIO:
             raise UnfitFile(errno.ENXIO, "is a socket or a device, not a regular file", str(path)) from None
         raise
-    try:
-        status = os.fstat(descriptor)
-        if not stat.S_ISREG(status.st_mode):
-            kind = _KINDS.get(stat.S_IFMT(status.st_mode), "something else")
-            raise UnfitFile(errno.EINVAL, f"is {kind}, not a regular file", str(path))
-        if status.st_size > at_most:
-            raise UnfitFile(errno.EFBIG, f"has {status.st_size} bytes; allowed: up to {at_most}", str(path))
-        content = bytearray()
-        while chunk := os.read(descriptor, _CHUNK):
-            content += chunk
-            if len(content) > at_most:
-                raise UnfitFile(errno.EFBIG, f"has more than {at_most} bytes; allowed: up to {at_most}", str(path))
-        return bytes(content)
-    finally:
+    mode = os.fstat(descriptor).st_mode
+    if not stat.S_ISREG(mode):
         os.close(descriptor)
+        kind = _KINDS.get(stat.S_IFMT(mode), "something else")
+        raise UnfitFile(errno.EINVAL, f"is {kind}, not a regular file", str(path))
+    return descriptor

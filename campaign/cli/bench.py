@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from campaign.cli.output import Json, console, print_json, print_text, say, visible
+from campaign.cli.output import Json, print_json, print_table, print_text, say
 
 if TYPE_CHECKING:
     from engine.profile.step_times import StepTimes
@@ -44,9 +44,10 @@ def bench(
 def _print(measured: "list[StepTimes]") -> None:
     """Print three tables, one mechanism a row."""
     for title, columns in TABLES.items():
-        _table(title, [[entry.mechanism, *(_text(getattr(entry, c)) for c in columns)] for entry in measured], columns)
+        rows = [[entry.mechanism, *(_text(getattr(entry, c)) for c in columns)] for entry in measured]
+        print_table(title, ("mechanism", *columns.values()), rows, texts=1)
     shares = [[entry.mechanism, *(f"{100 * part:.1f}" for part in entry.shares.values())] for entry in measured]
-    _table("share of the time [%]", shares, {stage: stage for stage in measured[0].shares})
+    print_table("share of the time [%]", ("mechanism", *measured[0].shares), shares, texts=1)
     for entry in measured:
         if entry.message:
             print_text(f"{entry.mechanism}: {entry.message}")
@@ -69,20 +70,6 @@ TABLES = {
         "max_violation": "joint violation",
     },
 }
-
-
-def _table(title: str, rows: list[list[str]], columns: dict[str, str]) -> None:
-    """Print a table: one mechanism a row, then the named columns."""
-    from rich.box import SIMPLE
-    from rich.table import Table
-
-    table = Table(title=title, title_justify="left", box=SIMPLE, padding=(0, 1, 0, 0))
-    table.add_column("mechanism", no_wrap=True)
-    for name in columns.values():
-        table.add_column(name, justify="right")
-    for row in rows:
-        table.add_row(*map(visible, row))
-    console().print(table)
 
 
 def _text(value: object) -> str:

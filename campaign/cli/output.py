@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
+NARROWEST = 12  # characters of a column of texts on a terminal
+UNLIMITED = 10_000  # characters of a line where there is no terminal
+
 # Control characters, formats such as the direction of writing, halves of characters, ends of lines and paragraphs.
 INVISIBLE = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 
@@ -64,16 +67,36 @@ def console(*, stderr: bool = False) -> "Console":
 
 
 def print_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, texts: int | None = None) -> None:
-    """Print a table on standard output; of its columns the first ``texts`` hold texts and the others numbers."""
+    """Print a table on standard output; of its columns the first ``texts`` hold texts and the others numbers.
+
+    On a terminal texts are wrapped to its width; numbers are not, and nothing is cut off. In a file or a pipe, which
+    have no width, no line is wrapped.
+    """
+    from rich.box import SIMPLE
+    from rich.cells import cell_len
     from rich.table import Table
 
-    table = Table(title=visible(title))
-    for place, head in enumerate(heads):
+    shown = [[visible(cell) for cell in row] for row in rows]
+    output = console()
+    table = Table(box=SIMPLE, padding=(0, 1, 0, 0))
+    least = 2  # characters that the table needs
+    for place, head in enumerate(map(visible, heads)):
         is_number = texts is not None and place >= texts
-        table.add_column(visible(head), justify="right" if is_number else "left")
-    for row in rows:
-        table.add_row(*map(visible, row))
-    console().print(table)
+        longest = max(cell_len(text) for text in (*head.split(), *(row[place] for row in shown)))
+        width = longest if is_number else min(longest, NARROWEST)
+        table.add_column(
+            head,
+            justify="right" if is_number else "left",
+            overflow="fold",
+            min_width=width,
+            width=width if is_number else None,
+        )
+        least += width + 2
+    for row in shown:
+        table.add_row(*row)
+    print_text(title)  # not as the table's own, which is cut into lines of its width
+    output.width = max(output.width, least) if output.is_terminal else UNLIMITED
+    output.print(table)
 
 
 def number(value: float | None, digits: int = 5) -> str:

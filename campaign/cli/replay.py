@@ -62,12 +62,14 @@ def _check(plan: "Plan", sample: int) -> None:
 
 def _repeat(plan: "Plan", sample: int, motion: Path | None, *, halved: bool) -> dict[str, Any]:
     """Return the row of a sample, or its repeat with half the step, computed here as a worker would."""
+    from campaign.worker.compiling import announced_compilation
     from campaign.worker.halved_step import HalvedStep
     from campaign.worker.row import compute_row, sample_values
-    from engine import simulate, warm_up
+    from engine import missing_kernels, simulate, warm_up
     from engine.loop import Cancel
 
-    warm_up()  # before any clock runs
+    with announced_compilation(missing_kernels()):
+        warm_up()  # before any clock runs
     run = partial(simulate, trajectory=motion) if motion else simulate
     return compute_row(plan, HalvedStep(run) if halved else run, sample, sample_values(plan, sample), 1, Cancel())
 

@@ -48,7 +48,8 @@ def simulate(
 ) -> None:
     """Simulate a mechanism once and print its responses."""
     values = _values(changes or [])
-    from engine import Recording, load_mechanism, set_values
+    from campaign.worker.compiling import announced_compilation
+    from engine import Recording, load_mechanism, missing_kernels, set_values
     from engine import simulate as simulate_once
     from engine.preflight import cautions
 
@@ -60,7 +61,7 @@ def simulate(
     files = RunFiles(trajectory, plot, animation)
     files.check()
     _check_every(every, files)
-    with files.recording() as motion:
+    with files.recording() as motion, announced_compilation(missing_kernels()):
         run = simulate_once(
             loaded,
             values,

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.dask_workers import connect_workers
-from campaign.cluster.workers import WorkerDied, Workers
+from campaign.cluster.workers import Workers
+from campaign.coordinator.compile_first import compile_first
 from campaign.coordinator.coordinator import Coordinator
 from campaign.coordinator.failed_runs import lack_of_ok
 from campaign.coordinator.heartbeat import Show
@@ -19,12 +20,9 @@ from campaign.errors import StoreError, UnreachableError
 from campaign.plan import Plan
 from campaign.store import Store, Survey
 from campaign.worker.messages import Cancelled, Simulate, check_build
-from engine import simulate, warm_up
+from engine import simulate
 
 logger = logging.getLogger(__name__)
-
-LOADS_WITHIN = 4.0  # s: an engine that takes longer is being compiled
-COMPILATIONS = 3  # attempts to load or compile the engine
 
 
 @dataclass(frozen=True)
@@ -129,27 +127,8 @@ def _ready_workers(plan: Plan, cluster: Cluster, simulated: Simulate) -> Iterato
         check_build(plan.campaign_id, plan.row_build)
     with connect_workers(cluster) as workers:
         if cluster.starts_here and simulated is simulate:
-            _compile(workers)
+            compile_first(workers)
         yield workers
-
-
-def _compile(workers: Workers) -> None:
-    """Have a worker compile the engine; if something ends that worker, have another do it."""
-    for attempt in range(1, COMPILATIONS + 1):
-        compiled = workers.submit("warm-up", warm_up)
-        if workers.next_finished(LOADS_WITHIN) is None:
-            logger.info("compiling the engine, which takes about a minute after each change of version")
-            workers.next_finished()
-        try:
-            compiled.result()
-            return
-        except WorkerDied as error:
-            if attempt == COMPILATIONS:
-                raise UnreachableError(
-                    f"the engine could not be loaded or compiled: given to {error}, {attempt} times in a row; look"
-                    " for what ends workers (memory?) and try with fewer, --workers N"
-                ) from error
-            logger.warning("loading the engine was given to %s; trying again", error)
 
 
 def _write_failure(store: Store, campaign_id: str, error: BaseException, *, is_served: bool) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.dask_workers import connect_workers
+from campaign.coordinator.compile_first import compile_first
 from campaign.coordinator.lease import hold_lease
 from campaign.errors import SpecError
 from campaign.plan import Plan
@@ -20,6 +21,7 @@ from campaign.worker.row import Row, repeats_to_table, rows_to_table
 from campaign.worker.runs import open_campaign, open_repeats
 from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import simulate
+from engine import simulate as engine_simulate
 
 Counts = dict[str, int]
 
@@ -108,6 +110,8 @@ def rerun(
     again = [_by_batch(store, repeats, _there(store, repeats, wanted)) for repeats in sets]
     before, after, of_repeats = Counter[str](), Counter[str](), Counter[str]()
     with hold_lease(store, plan.campaign_id), connect_workers(cluster) as workers:
+        if cluster.starts_here and simulate is engine_simulate:
+            compile_first(workers)
         for batch, selected in batches.items():
             workers.submit(f"rerun-{batch:06d}", rerun_batch, address, batch, tuple(selected))
         for at, of_set in enumerate(again):

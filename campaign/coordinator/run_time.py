@@ -1,23 +1,19 @@
 """Estimate how long a run takes, before a campaign is divided into batches."""
 
-import logging
 import tempfile
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 
 from campaign.plan import Plan
 from campaign.store import open_store
+from campaign.worker.compiling import announced_compilation
 from campaign.worker.messages import CampaignAddress, Simulate
 from campaign.worker.subprocess_runs import rows_in_subprocess
-
-logger = logging.getLogger(__name__)
+from engine import missing_kernels
+from engine import simulate as engine_simulate
 
 RUNS = 4  # that are tried
 ENOUGH = 5.0  # s; after a run that takes longer no other is tried
-LOADS_WITHIN = 8.0  # s; an engine that takes longer is being compiled
 
 
 def seconds_per_run(plan: Plan, simulate: Simulate) -> float | None:
@@ -30,7 +26,7 @@ def seconds_per_run(plan: Plan, simulate: Simulate) -> float | None:
         store = open_store(folder)
         store.create_plan(replace(plan, batches=_first_batch(plan.spec.samples, runs)))
         address = CampaignAddress.of(store, plan, simulate)
-        with _explained_delay():
+        with announced_compilation(missing_kernels() if simulate is engine_simulate else ()):
             rows = rows_in_subprocess(address, range(runs), 1)
             first = next(rows)  # includes the start of the process, and perhaps compilation
         if first["wall_s"] is None or first["wall_s"] > ENOUGH or runs == 1:
@@ -43,17 +39,3 @@ def seconds_per_run(plan: Plan, simulate: Simulate) -> float | None:
 def _first_batch(samples: int, runs: int) -> tuple[tuple[int, int], ...]:
     """Return batches of a plan whose first one holds the runs that are tried; the others complete the plan."""
     return ((0, runs),) if samples == runs else ((0, runs), (runs, samples - runs))
-
-
-@contextmanager
-def _explained_delay() -> Iterator[None]:
-    """Log why nothing happens, if the block takes long."""
-    timer = threading.Timer(
-        LOADS_WITHIN, logger.info, ["compiling the engine, which takes about a minute after each change of version"]
-    )
-    timer.daemon = True
-    timer.start()
-    try:
-        yield
-    finally:
-        timer.cancel()

@@ -7,7 +7,8 @@ from campaign.cluster.process_workers import process_workers
 from campaign.inputs.sampling import draw
 from campaign.pictures.journals import JournalPositions, journal_positions, merge_runs
 from campaign.spec.load import Campaign
-from engine import Mechanism, Recording, read_trajectory, simulate, warm_up
+from campaign.worker.compiling import announced_compilation
+from engine import Mechanism, Recording, missing_kernels, read_trajectory, simulate, warm_up
 
 ENDS = 10**9  # of a trajectory only the first row and the last are kept
 
@@ -30,7 +31,8 @@ def campaign_journal_positions(campaign: Campaign, processes: int) -> list[Journ
     spec = campaign.spec
     drawn, targets = draw(spec, 0, spec.samples), spec.targets()
     values = [{targets[name]: float(x[i]) for name, x in drawn.items()} for i in range(spec.samples)]
-    warm_up()  # compiled once, for all processes
+    with announced_compilation(missing_kernels()):
+        warm_up()  # compiled once, for all processes
     with process_workers(processes) as workers:
         fixed = (campaign.mechanism, spec.simulation.step, spec.simulation.horizon)
         runs = [workers.submit(f"sample-{i:06d}", _positions_at_end, *fixed, x) for i, x in enumerate(values)]

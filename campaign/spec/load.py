@@ -21,9 +21,10 @@ from campaign.spec.faults import fault, structure_faults
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from campaign.spec.targets import target_faults
 from engine import EngineError, load_mechanism
-from engine.mechanism import Mechanism
+from engine.mechanism import Mechanism, library_names
 from engine.mechanism.base import is_number
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, listed
+from engine.mechanism.file_kinds import other_kind, unreadable_kind
 from engine.toml_file import UnfitToml, read_toml
 
 Source = str | Path | Mapping[str, Any]  # a shipped campaign's name, a file, or the tables of a file
@@ -124,6 +125,11 @@ def _locate(name_or_path: str) -> Path:
     if name_or_path in names:
         return Path(str(resources.files("campaign").joinpath("library", f"{name_or_path}.toml")))
     path = Path(name_or_path)
+    if not os.path.exists(path) and name_or_path in library_names():
+        raise SpecError(
+            f"campaign {name_or_path}: is a shipped mechanism, not a campaign; one run of it: clearcap simulate"
+            f" {name_or_path}; shipped campaigns: {', '.join(names)}"
+        )
     if not os.path.exists(path):
         raise SpecError(
             f"campaign {name_or_path}: no such file, and no shipped campaign of that name;"
@@ -135,11 +141,15 @@ def _locate(name_or_path: str) -> Path:
 def _read(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file."""
     try:
-        return read_toml(path)
+        tables = read_toml(path)
     except OSError as error:
-        raise SpecError(f"campaign {path}: cannot be read ({error.strerror or error}); name a campaign file") from error
+        unreadable = f"cannot be read ({error.strerror or error}); name a campaign file"
+        raise SpecError(f"campaign {path}: {unreadable_kind(path, 'campaign') or unreadable}") from error
     except UnfitToml as error:
-        raise SpecError(f"campaign {path}: {error}") from error
+        raise SpecError(f"campaign {path}: {unreadable_kind(path, 'campaign') or error}") from error
+    if other := other_kind(tables, path, "campaign"):
+        raise SpecError(f"campaign {path}: {other}")
+    return tables
 
 
 def _mechanism(name: Any, folder: Path) -> Mechanism | None:

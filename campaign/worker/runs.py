@@ -7,11 +7,12 @@ from campaign.plan import Plan
 from campaign.repeat_plan import RepeatPlan, plan_repeats
 from campaign.store import Store, open_store
 from campaign.store.layout import CANCEL
+from campaign.worker.compiling import announced_compilation
 from campaign.worker.halved_step import HalvedStep
 from campaign.worker.limits import cancelled_by, memory_limit
 from campaign.worker.messages import CampaignAddress, Cancelled, DoubtfulRun, check_build
 from campaign.worker.row import DoubtfulRow, Row, compute_row, sample_inputs
-from engine import simulate, warm_up
+from engine import missing_kernels, simulate, warm_up
 
 
 @lru_cache(maxsize=4)
@@ -27,7 +28,8 @@ def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
     """
     check_build(address.campaign_id, address.row_build)
     if address.simulate is simulate:
-        warm_up()  # compiling must not count as time of a run
+        with announced_compilation(missing_kernels()):
+            warm_up()  # compiling must not count as time of a run
     store = open_store(address.store, address.patience)
     return store, store.plan(address.campaign_id)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from engine.errors import MechanismError
 from engine.mechanism.faults import did_you_mean
+from engine.mechanism.file_kinds import other_kind, unreadable_kind
 from engine.mechanism.models import Mechanism, mechanism_from
 from engine.toml_file import UnfitToml, parse_toml, read_toml
 
@@ -57,9 +58,12 @@ def _read(file: Path | Traversable, source: str) -> Mechanism:
         data = read_toml(file) if isinstance(file, Path) else parse_toml(file.read_bytes())
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise MechanismError(f"{source}: cannot be read ({reason}); give a mechanism's TOML file") from None
+        unreadable = f"cannot be read ({reason}); give a mechanism's TOML file"
+        raise MechanismError(f"{source}: {unreadable_kind(source, 'mechanism') or unreadable}") from None
     except UnfitToml as error:
-        raise MechanismError(f"{source}: {error}") from None
+        raise MechanismError(f"{source}: {unreadable_kind(source, 'mechanism') or error}") from None
+    if other := other_kind(data, source, "mechanism"):
+        raise MechanismError(f"{source}: {other}")
     if data and not data.keys() & {"format", "name", "units", "bodies"}:
         # a campaign may name any file: what is no mechanism at all must not be quoted fault by fault
         raise MechanismError(

@@ -1,0 +1,45 @@
+"""Have one worker of this machine compile the engine, so that the others load the result."""
+
+import logging
+from collections.abc import Callable
+from typing import TypeVar
+
+from campaign.cluster.workers import WorkerDied, Workers
+from campaign.errors import UnreachableError
+from campaign.worker.compiling import announced_compilation
+from engine import missing_kernels, warm_up
+
+logger = logging.getLogger(__name__)
+
+ATTEMPTS = 3  # to load or compile the engine
+
+T = TypeVar("T")
+
+
+def compile_first(workers: Workers) -> None:
+    """Have a worker compile the engine, or load it; if something ends that worker, have another do it.
+
+    Raises
+    ------
+    UnreachableError
+        If no worker survives it.
+    """
+    for attempt in range(1, ATTEMPTS + 1):
+        try:
+            with announced_compilation(_result(workers, missing_kernels)):
+                _result(workers, warm_up)
+            return
+        except WorkerDied as error:
+            if attempt == ATTEMPTS:
+                raise UnreachableError(
+                    f"the engine could not be loaded or compiled: given to {error}, {attempt} times in a row; look"
+                    " for what ends workers (memory?) and try with fewer, --workers N"
+                ) from error
+            logger.warning("loading the engine was given to %s; trying again", error)
+
+
+def _result(workers: Workers, call: Callable[[], T]) -> T:
+    """Return the result of a call in a worker."""
+    future = workers.submit(call.__name__, call)
+    workers.next_finished()
+    return future.result()

@@ -1,0 +1,100 @@
+"""What a file or folder is that was given in place of another one, and which verb takes it."""
+
+import os
+import re
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from engine.mechanism.models import Mechanism
+from engine.regular_file import UnfitFile, read_beginning
+
+# Keys that only a campaign file has at its top.
+CAMPAIGN_KEYS = frozenset(
+    {
+        *("mechanism", "samples", "seed", "sampler", "variables", "correlations", "grid", "table", "importance"),
+        *("stop", "failures", "execution", "header"),
+    }
+)
+_SHARED_KEYS = frozenset({"format", "name", "title", "responses", "simulation", "bench"})
+_BEGINNING = 4096  # bytes that tell what a file is
+
+
+def other_kind(tables: Mapping[str, Any], path: str | Path, wanted: str) -> str | None:
+    """Return what a TOML file is, and what takes it, if it is not what is wanted.
+
+    Parameters
+    ----------
+    tables : mapping
+        Content of the file.
+    path : str or Path
+        The file, for the command that takes it.
+    wanted : str
+        ``mechanism`` or ``campaign``.
+    """
+    mechanism_keys = {field.alias or name for name, field in Mechanism.model_fields.items()} - _SHARED_KEYS
+    of_mechanism, of_campaign = len(tables.keys() & mechanism_keys), len(tables.keys() & CAMPAIGN_KEYS)
+    name = shlex.quote(str(path))
+    variables = tables.get("variables")
+    costs = variables.values() if isinstance(variables, Mapping) and tables.keys() <= {"target", "variables"} else ()
+    if any(isinstance(cost, Mapping) and cost.keys() & {"cost", "processes"} for cost in costs):
+        return "is a cost file; clearcap advise takes it, after --cost"
+    if wanted == "campaign" and of_mechanism > of_campaign:
+        return (
+            f"is a mechanism file, not a campaign; one run of it: clearcap simulate {name}; to vary it, name it in a"
+            " campaign file as its mechanism"
+        )
+    if wanted == "mechanism" and of_campaign > of_mechanism:
+        return f"is a campaign file, not a mechanism; compute it with: clearcap run {name}"
+    return None
+
+
+def unreadable_kind(path: str | Path, wanted: str) -> str | None:
+    """Return what a folder or a file is that is no TOML, and what takes it; None if that is not known.
+
+    Parameters
+    ----------
+    path : str or Path
+        The folder or file.
+    wanted : str
+        ``mechanism`` or ``campaign``.
+    """
+    if os.path.isdir(path):
+        return f"{_folder_kind(Path(path))}; name a {wanted} file"
+    try:
+        beginning = read_beginning(path, _BEGINNING)
+    except (OSError, UnfitFile):
+        return None
+    for pattern, kind in _CONTENTS.items():
+        if re.match(pattern, beginning, re.DOTALL):
+            return f"{kind}; name a {wanted} file"
+    return None
+
+
+def _folder_kind(folder: Path) -> str:
+    """Return what a folder is."""
+    name, parent = shlex.quote(folder.resolve().name), shlex.quote(str(folder.parent))
+    if (folder / "plan.json").exists():
+        return f"is the folder of a campaign in a store; continue that with: clearcap resume {name} --store {parent}"
+    try:
+        holds_plans = any((entry / "plan.json").exists() for entry in sorted(folder.iterdir())[:1000])
+    except OSError:
+        return "is a folder"
+    if holds_plans:
+        return f"is a store of campaigns; list them with: clearcap list --store {shlex.quote(str(folder))}"
+    return "is a folder"
+
+
+_CONTENTS = {
+    rb"PAR1": "is a Parquet file, such as the rows of a campaign; clearcap report takes the id of that campaign",
+    rb"\x89HDF\r\n": "is an HDF5 file, such as the motion of a run; read it with clearcap.read_trajectory in Python",
+    rb'\s*\{.{0,200}"campaign":.{0,1000}"engine_build":': "is the plan of a campaign in a store; clearcap resume takes"
+    " the id of that campaign",
+    rb'\s*\{.{0,200}"title":.{0,2000}"campaign":': "is the data of a report; clearcap report takes the id of its"
+    " campaign",
+    rb'\s*[\[{]\s*["\]}{]': "is a JSON document",
+    rb"%PDF": "is a PDF document",
+    rb"PK\x03\x04": "is a workbook or another ZIP archive",
+    rb"\s*<!doctype html|\s*<html": "is a web page, such as a report",
+}

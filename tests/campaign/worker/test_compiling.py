@@ -1,0 +1,66 @@
+"""That the engine is compiled is said when it is, and never otherwise."""
+
+import logging
+import os
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from campaign.worker import compiling
+from campaign.worker.compiling import announced_compilation
+from engine import missing_kernels, warm_up
+from tests.campaign.commands import ROOT
+
+
+@pytest.fixture
+def quick(monkeypatch, caplog):
+    """Look and speak often; return the messages so far."""
+    monkeypatch.setattr(compiling, "LOOK_EVERY", 0.01)
+    monkeypatch.setattr(compiling, "SAY_EVERY", 0.05)
+    caplog.set_level(logging.INFO, logger="campaign")
+    return lambda: [record.getMessage() for record in caplog.records]
+
+
+def test_slow_start_is_no_compilation(quick, tmp_path):
+    """Nothing is said of a block that takes long and writes nothing, nor where nothing is missing."""
+    with announced_compilation(()):
+        time.sleep(0.1)
+    with announced_compilation([str(tmp_path / "never.nbi")]):
+        time.sleep(0.1)
+    assert quick() == []
+    assert "compiling" not in [thread.name for thread in threading.enumerate()]
+
+
+def test_compilation_is_said_with_its_progress(quick, tmp_path):
+    """From the first kernel that is written: that it compiles, then how many of how many are done."""
+    missing = [str(tmp_path / f"{n}.nbi") for n in range(3)]
+    with announced_compilation(missing):
+        (tmp_path / "0.nbi").write_text("x")
+        (tmp_path / "1.nbi").write_text("x")
+        until = time.monotonic() + 20.0
+        while len(quick()) < 2 and time.monotonic() < until:
+            time.sleep(0.01)
+    first, second, *_ = quick()
+    assert first.startswith("compiling the engine, once for this version and this processor")
+    assert second == "compiling the engine: 2 of 3 kernels"
+
+
+def test_a_compiled_engine_misses_nothing(tmp_path):
+    """After it was compiled nothing is missing, in this process and in another one; in an empty cache all is."""
+    warm_up()
+    assert missing_kernels() == ()
+    code = "from engine import missing_kernels; print(len(missing_kernels()))"
+
+    def missing(**environment):
+        command = [sys.executable, "-c", code]
+        variables = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), **environment, "PYTHONPATH": str(ROOT)}
+        done = subprocess.run(command, env=variables, capture_output=True, text=True, timeout=120, check=True)
+        return int(done.stdout)
+
+    cache = tmp_path / "cache"
+    cache.mkdir(mode=0o700)
+    assert missing(NUMBA_CACHE_DIR=str(cache)) > 50
+    assert missing(**os.environ) == 0

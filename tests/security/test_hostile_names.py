@@ -1,0 +1,170 @@
+"""No text that a user, a file or a store brings is ever markup: every verb of the command, with hostile names in all.
+
+The verbs are those of the command itself. One that takes an argument which is not listed here fails until it is.
+"""
+
+import ast
+import json
+import unicodedata
+from dataclasses import fields
+from functools import partial
+from pathlib import Path
+
+import pytest
+from typer.main import get_command
+
+from campaign.cli import app
+from campaign.cli.output import INVISIBLE, visible
+from campaign.coordinator import rerun as rerunning
+from campaign.spec.load import load_campaign
+from engine.profile.step_times import StepTimes
+from tests.campaign import fake_engine
+from tests.campaign.commands import clearcap_here
+from tests.campaign.conftest import *  # noqa: F403
+from tests.campaign.driving import computed
+from tests.house import ROOT, modules, syntax_tree
+
+MARKUP = "[/x] [bold]b[/bold] [mm] [link=x]l[/link] {} {0} %s %(a)d $x_$ :smile: <b>"
+HOSTILE = f"<BEGIN>\x1b]0;owned\x07\x1b[2J\u202e\u200b\x9b31m\nsecond\rline {MARKUP} {'long ' * 60}<END>"
+FOLDER = "[bold] [/x] {} %s $HOME"
+VARIABLE = "[/x] {} %s [bold]friction"
+LIBRARY = ROOT / "engine" / "mechanism" / "library"
+
+
+def leaves(command, path=()):
+    """Yield the words and the command of every verb."""
+    if hasattr(command, "commands"):
+        for name, below in command.commands.items():
+            yield from leaves(below, (*path, name))
+    else:
+        yield path, command
+
+
+VERBS = dict(leaves(get_command(app)))
+
+
+@pytest.fixture
+def hostile(faked, tmp_path, monkeypatch):
+    """Return the id of a computed campaign whose every text is hostile, in a folder with such a name."""
+    folder = tmp_path / FOLDER
+    folder.mkdir(parents=True)  # its name has a slash
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("COLUMNS", "20000")
+    text = (LIBRARY / "incline.toml").read_text().replace("from =", "unit_ = 0\nfrom =").replace("unit_ = 0\n", "")
+    for plain in ("Block on a slope", "way down the slope", "A block of 0.2 x 0.2 x 0.1 m on four corners"):
+        text = text.replace(f'"{plain}', f'"{quoted(HOSTILE)}')
+    Path("mechanism [x].toml").write_text(text)
+    Path("campaign [x].toml").write_text(
+        'format = 1\nname = "demo"\nmechanism = "./mechanism [x].toml"\nsamples = 40\n'
+        f'title = "{quoted(HOSTILE)}"\nheader = {{ "author {quoted(MARKUP)}" = "{quoted(HOSTILE)}" }}\n'
+        f'[variables."{quoted(VARIABLE)}"]\ntarget = "materials.block_slope.friction"\n'
+        'distribution = "truncated_normal"\nmean = 0.7\nstd = 0.02\nlower = 0.6\nupper = 0.8\n'
+        f'[responses.slide]\nlsl = 9.0\nusl = 11.5\nsource = "{quoted(HOSTILE)}"\n'
+    )
+    store, plan = computed("runs", load_campaign("campaign [x].toml"), 40)
+    store.write_json(plan.campaign_id, "state.json", {"state": "completed", "message": HOSTILE})
+    monkeypatch.setattr(rerunning, "rerun", partial(rerunning.rerun, simulate=fake_engine.simulate))
+    monkeypatch.setattr("campaign.reports.report.report", lambda *_, **__: {"html": f"{FOLDER}/{visible(HOSTILE)}"})
+    monkeypatch.setattr("engine.profile.step_times.measure_step_times", slow_steps)
+    monkeypatch.setattr("campaign.reports.journal_positions.campaign_journal_positions", lambda *_: [])
+    return plan.campaign_id
+
+
+def quoted(text):
+    """Return a text as TOML has it between quotes."""
+    return json.dumps(text)[1:-1].replace("\x7f", "\\u007F")
+
+
+def slow_steps(mechanism, steps):
+    """Return a measurement of a mechanism with hostile texts, without measuring."""
+    texts = {"mechanism": HOSTILE, "status": "ok", "message": HOSTILE, "shares": {"solver": 1.0}}
+    return StepTimes(**{field.name: texts.get(field.name, 1.0) for field in fields(StepTimes)})
+
+
+def words_of(verb, campaign_id):
+    """Return sound words for every argument of a verb, and for the options without which it does nothing."""
+    sound = {
+        "mechanism": ["mechanism [x].toml"],
+        "mechanisms": ["mechanism [x].toml"],
+        "campaign": ["campaign [x].toml" if verb[0] in ("run", "submit", "polarisation") else campaign_id],
+        "picture": ["picture [bold] {} %s.png"],
+        "sample": ["3"],
+        "folder": [FOLDER],
+    }
+    words = []
+    for parameter in VERBS[verb].params:
+        if parameter.param_type_name == "argument":
+            assert parameter.name in sound, f"{' '.join(verb)}: say here what its argument {parameter.name} may be"
+            words += sound[parameter.name]
+    options = {
+        ("submit",): ["--queue-only"],
+        ("delete",): ["--yes"],
+        ("whatif",): ["--set", f"{VARIABLE}.std=0.019"],
+        ("mechanism", "show"): [],
+        ("rerun",): ["--sample", "3", "--workers", "1"],
+    }
+    return [*words, *options.get(verb, [])]
+
+
+def check(output, messages):
+    """Check that a terminal obeys nothing of what a verb printed, and that hostile texts are whole."""
+    for text in (output, messages):
+        assert [c for c in text if unicodedata.category(c) in INVISIBLE and c != "\n"] == []
+    for text in (output.replace("\n  ", "\n"), messages.replace("\n  ", "\n")):
+        whole = text.count(visible(HOSTILE)) + text.count(visible(HOSTILE, "\n"))
+        assert text.count("<BEGIN>") == whole, "a hostile text is not whole"
+
+
+@pytest.mark.parametrize("as_json", [False, True], ids=["text", "json"])
+@pytest.mark.parametrize("verb", VERBS, ids=" ".join)
+def test_hostile_texts(verb, as_json, hostile, capsys, monkeypatch):
+    """A verb at work on hostile texts: all whole, none obeyed; with ``--json`` one document and nothing else."""
+    words = [*verb, *words_of(verb, hostile), *(["--json"] if as_json else [])]
+    code, output, messages = clearcap_here(capsys, monkeypatch, *words)
+    assert code in (0, 1), messages
+    if not as_json:
+        check(output, messages)
+        return
+    check("", messages)
+    if output or code == 0:
+        json.loads(output)
+
+
+@pytest.mark.parametrize("verb", VERBS, ids=" ".join)
+def test_hostile_words(verb, hostile, capsys, monkeypatch):
+    """Markup in place of each argument and of each option's value: no bug, and the message quotes it whole."""
+    for parameter in VERBS[verb].params:
+        if getattr(parameter, "is_flag", False) or parameter.name in ("help", "json"):
+            continue
+        words = words_of(verb, hostile)
+        if parameter.param_type_name == "argument":
+            arguments = [p.name for p in VERBS[verb].params if p.param_type_name == "argument"]
+            words[arguments.index(parameter.name)] = MARKUP
+        else:
+            words += [parameter.opts[0], MARKUP]
+        code, output, messages = clearcap_here(capsys, monkeypatch, *verb, *words)
+        assert code in (0, 1, 2, 4), (parameter.name, messages)
+        check(output, messages)
+        assert messages.count("%(a)d") == messages.count(MARKUP), (parameter.name, messages)
+
+
+# The one way to print: who calls these, or reads markup, is `output` or the view of the progress.
+PRINTERS = {"campaign.cli.output", "campaign.cli.progress", "campaign.interrupts"}
+
+
+def test_one_way_to_print():
+    """Outside of `output` nothing prints, makes a console, or turns markup on."""
+    found = []
+    for module in modules():
+        for node in ast.walk(syntax_tree(module)):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("rich") and module not in PRINTERS:
+                found.append(f"{module} imports {node.module}")
+            name = getattr(node.func, "attr", getattr(node.func, "id", "")) if isinstance(node, ast.Call) else ""
+            if name in ("print", "echo", "secho", "rprint") and module not in PRINTERS:
+                found.append(f"{module} calls {name}")
+            if name in ("from_markup", "render"):
+                found.append(f"{module} calls {name}") if module.startswith("campaign.cli") else None
+            if isinstance(node, ast.keyword) and node.arg in ("markup", "emoji") and ast.unparse(node.value) != "False":
+                found.append(f"{module} turns {node.arg} on")
+    assert found == []
+    assert "markup=False" in modules()["campaign.cli.output"].read_text()
