@@ -33,6 +33,7 @@ $(TOOLS)/uv:
 
 run: $(BIN)/clearcap ## install, simulate 500 C-60 circuit breakers on this machine's cores, write the capability report
 	$(BIN)/clearcap run c60 --samples 500 --store runs
+	@printf '\nTo go on, type:\n\n  source $(VENV)/bin/activate\n  clearcap simulate c60 --set J1=0.05\n\n'
 
 test: $(VENV)/.dev ## prove the parts, one process a core
 	$(BIN)/python -m pytest $(PARALLEL)

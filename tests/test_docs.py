@@ -99,3 +99,57 @@ def test_make_targets():
     targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M))
     shown = {verb for text in PAGES.values() for verb in re.findall(r"(?:^    |`|\$ )make ([a-z]+)", text, re.M)}
     assert {"run", "test"} <= shown <= targets
+
+
+def test_make_run_says_how_to_go_on():
+    """The end of `make run` prints how to have the command, and an example that the command takes."""
+    recipe = (ROOT / "Makefile").read_text().split("\nrun: ")[1].split("\n\n")[0]
+    after = recipe.split("--store runs\n")[1]
+    assert "source $(VENV)/bin/activate" in after
+    command = re.search(r"clearcap (.+?)\\n", after)[1]
+    assert command in COMMANDS or any(line.startswith(command) for line in COMMANDS)
+
+
+SIMULATIONS = [
+    line for line in re.findall(r"^    clearcap (simulate .+)$", PAGES["docs/command.md"], re.M) if "MECH" not in line
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", SIMULATIONS)
+def test_simulation_shown_succeeds(line, tmp_path, monkeypatch):
+    """Each `simulate` of the page about the command ends with exit status 0 and writes what it names."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("campaign.pictures.animation.FRAMES", 3)
+    words = line.split()
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    named = {word for word in words if Path(word).suffix in (".h5", ".svg", ".html", ".png")}
+    assert named <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_fields_of_the_json_documents():
+    """The page about the command names the fields of what `--json` prints, for verbs that print fields of their own."""
+    page = PAGES["docs/command.md"]
+    sections = dict(re.findall(r"^## ([a-z ]+)\n(.*?)(?=^## |\Z)", page, re.M | re.S))
+    shown = {
+        "simulate": ("status", "message", "responses", "units", "ranges", "certificate", "files"),
+        "status": (
+            "campaign",
+            "store",
+            "state",
+            "message",
+            "since",
+            "open",
+            "fault",
+            "samples",
+            "done",
+            "ok",
+            "failed",
+        ),
+        "list": ("campaign", "title", "samples", "done", "failed", "left", "state", "when", "differs", "fault"),
+        "delete": ("campaign", "store", "rows"),
+        "rerun": ("campaign", "store", "samples", "before", "after"),
+    }
+    missing = [(verb, name) for verb, names in shown.items() for name in names if f'"{name}"' not in sections[verb]]
+    assert missing == []

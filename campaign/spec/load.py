@@ -21,10 +21,10 @@ from campaign.spec.faults import fault, structure_faults
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from campaign.spec.targets import target_faults
 from engine import EngineError, load_mechanism
+from engine.file_kinds import other_kind, unreadable_kind
 from engine.mechanism import Mechanism, library_names
 from engine.mechanism.base import is_number
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, listed
-from engine.mechanism.file_kinds import other_kind, unreadable_kind
 from engine.toml_file import UnfitToml, read_toml
 
 Source = str | Path | Mapping[str, Any]  # a shipped campaign's name, a file, or the tables of a file

@@ -6,8 +6,8 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from engine.errors import MechanismError
+from engine.file_kinds import other_kind, unreadable_kind
 from engine.mechanism.faults import did_you_mean
-from engine.mechanism.file_kinds import other_kind, unreadable_kind
 from engine.mechanism.models import Mechanism, mechanism_from
 from engine.toml_file import UnfitToml, parse_toml, read_toml
 

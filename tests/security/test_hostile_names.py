@@ -15,6 +15,7 @@ from typer.main import get_command
 
 from campaign.cli import app
 from campaign.cli.output import INVISIBLE, visible
+from campaign.cli.results.verdicts import verdicts_without_report
 from campaign.coordinator import rerun as rerunning
 from campaign.spec.load import load_campaign
 from engine.profile.step_times import StepTimes
@@ -65,6 +66,7 @@ def hostile(faked, tmp_path, monkeypatch):
     store.write_json(plan.campaign_id, "state.json", {"state": "completed", "message": HOSTILE})
     monkeypatch.setattr(rerunning, "rerun", partial(rerunning.rerun, simulate=fake_engine.simulate))
     monkeypatch.setattr("campaign.reports.report.report", lambda *_, **__: {"html": f"{FOLDER}/{visible(HOSTILE)}"})
+    monkeypatch.setattr("campaign.cli.drive.reported_verdicts", lambda _, p: verdicts_without_report(p, {"ok": 40}))
     monkeypatch.setattr("engine.profile.step_times.measure_step_times", slow_steps)
     monkeypatch.setattr("campaign.reports.journal_positions.campaign_journal_positions", lambda *_: [])
     return plan.campaign_id
@@ -90,6 +92,7 @@ def words_of(verb, campaign_id):
         "picture": ["picture [bold] {} %s.png"],
         "sample": ["3"],
         "folder": [FOLDER],
+        "pattern": ["*"],
     }
     words = []
     for parameter in VERBS[verb].params:
@@ -100,7 +103,7 @@ def words_of(verb, campaign_id):
         ("submit",): ["--queue-only"],
         ("delete",): ["--yes"],
         ("whatif",): ["--set", f"{VARIABLE}.std=0.019"],
-        ("mechanism", "show"): [],
+        ("mechanism", "show"): ["--keys"],
         ("rerun",): ["--sample", "3", "--workers", "1"],
     }
     return [*words, *options.get(verb, [])]

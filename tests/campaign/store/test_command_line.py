@@ -13,6 +13,8 @@ PRINTED = re.compile(
     r"clearcap (?:resume|rerun|replay|report|watch|cancel|status|coordinate|compact|delete|list|whatif|advise|design)\b"
 )
 PROSE = {
+    # What takes a folder or file: the store is that folder, or the one above it.
+    "engine.file_kinds",
     # What a sampler is for: it names the verb.
     "campaign.inputs.sampling.importance",
     # A row is the same in every store, so it names none.

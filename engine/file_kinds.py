@@ -7,17 +7,21 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from engine.mechanism.models import Mechanism
 from engine.regular_file import UnfitFile, read_beginning
 
-# Keys that only a campaign file has at its top.
+# Keys at the top of a file that only one of the two formats has.
+MECHANISM_KEYS = frozenset(
+    {
+        *("units", "bodies", "joints", "materials", "contacts", "springs", "dampers", "forces", "torques", "motions"),
+        *("gravity", "parameters", "validity", "benches", "presets"),
+    }
+)
 CAMPAIGN_KEYS = frozenset(
     {
         *("mechanism", "samples", "seed", "sampler", "variables", "correlations", "grid", "table", "importance"),
         *("stop", "failures", "execution", "header"),
     }
 )
-_SHARED_KEYS = frozenset({"format", "name", "title", "responses", "simulation", "bench"})
 _BEGINNING = 4096  # bytes that tell what a file is
 
 
@@ -33,8 +37,7 @@ def other_kind(tables: Mapping[str, Any], path: str | Path, wanted: str) -> str 
     wanted : str
         ``mechanism`` or ``campaign``.
     """
-    mechanism_keys = {field.alias or name for name, field in Mechanism.model_fields.items()} - _SHARED_KEYS
-    of_mechanism, of_campaign = len(tables.keys() & mechanism_keys), len(tables.keys() & CAMPAIGN_KEYS)
+    of_mechanism, of_campaign = len(tables.keys() & MECHANISM_KEYS), len(tables.keys() & CAMPAIGN_KEYS)
     name = shlex.quote(str(path))
     variables = tables.get("variables")
     costs = variables.values() if isinstance(variables, Mapping) and tables.keys() <= {"target", "variables"} else ()
@@ -61,7 +64,8 @@ def unreadable_kind(path: str | Path, wanted: str) -> str | None:
         ``mechanism`` or ``campaign``.
     """
     if os.path.isdir(path):
-        return f"{_folder_kind(Path(path))}; name a {wanted} file"
+        kind = _folder_kind(Path(path))
+        return kind and f"{kind}; name a {wanted} file"
     try:
         beginning = read_beginning(path, _BEGINNING)
     except (OSError, UnfitFile):
@@ -72,18 +76,18 @@ def unreadable_kind(path: str | Path, wanted: str) -> str | None:
     return None
 
 
-def _folder_kind(folder: Path) -> str:
-    """Return what a folder is."""
+def _folder_kind(folder: Path) -> str | None:
+    """Return what a folder of a store is; None for any other."""
     name, parent = shlex.quote(folder.resolve().name), shlex.quote(str(folder.parent))
     if (folder / "plan.json").exists():
         return f"is the folder of a campaign in a store; continue that with: clearcap resume {name} --store {parent}"
     try:
         holds_plans = any((entry / "plan.json").exists() for entry in sorted(folder.iterdir())[:1000])
     except OSError:
-        return "is a folder"
+        return None
     if holds_plans:
         return f"is a store of campaigns; list them with: clearcap list --store {shlex.quote(str(folder))}"
-    return "is a folder"
+    return None
 
 
 _CONTENTS = {
