@@ -20,11 +20,26 @@ from studies.coverage.productions import Production, Truth, truth
 HALF_WIDTHS = {"cpk": 0.1, "mean": 0.1, "std": 0.1}
 
 
+class _Unitless:
+    """What a stopping rule reads of a mechanism whose response is no length, angle, force or torque."""
+
+    simulation = None
+
+    def response_units(self) -> dict[str, str]:
+        """Return the unit of each response."""
+        return {RESPONSE: "1"}
+
+    def unit(self, quantity: str) -> str:
+        """Return the unit of a quantity."""
+        return quantity
+
+
 @dataclass(frozen=True)
 class _Planned:
     """What a stopping rule reads of a plan."""
 
     spec: CampaignSpec
+    mechanism: "_Unitless"
 
 
 @dataclass(frozen=True)
@@ -44,7 +59,7 @@ def stops(production: Production, n: int, rng: np.random.Generator) -> Iterator[
     true = truth(production.shape)
     rows = _Rows(production.draw(n, rng))
     for statistic, value in (("cpk", true.cpk), ("mean", true.mean), ("std", true.std)):
-        planned = _Planned(_spec(production, n, true, statistic))
+        planned = _Planned(_spec(production, n, true, statistic), _Unitless())
         rule = planned.spec.stop
         assert rule is not None
         for samples in rule.checkpoints(n):
