@@ -280,7 +280,16 @@ def test_every_public_name_that_takes_arrays_or_numbers_is_attacked():
         *("build_id", "check", "library_names", "load_mechanism", "read_trajectory", "warm_up"),
         *("FrictionError", "FrictionProblem", "FrictionSolution", "read_fclib", "read_fclib_impulses", "write_fclib"),
         *("full_key", "get_value", "mechanism_schema", "settable_keys", "unit_of"),
-        *("Capability", "Design", "ReportError", "ReportSpec", "ResponseSpec", "VariableSpec", "write_report"),
+        *(
+            "Assumption",
+            "Capability",
+            "Design",
+            "ReportError",
+            "ReportSpec",
+            "ResponseSpec",
+            "VariableSpec",
+            "write_report",
+        ),
     }
     public = {*engine.__all__, *engine.friction.__all__, *engine.mechanism.__all__, *reporting.__all__}
     assert public - neither <= set(NAMES)
