@@ -127,6 +127,7 @@ def test_hostile_texts(verb, as_json, hostile, capsys, monkeypatch):
     assert code in (0, 1), messages
     if not as_json:
         check(output, messages)
+        assert verb != ("whatif",) or "slide [m]" in output, "a unit is taken for markup"
         return
     check("", messages)
     if output or code == 0:
