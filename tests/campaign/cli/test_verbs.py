@@ -123,9 +123,9 @@ def test_rerun_prints_what_goes_on_and_takes_both_selections(faked, campaign_fil
     )["campaign"]
     seen = []
 
-    def rerun(store, plan, samples, cluster):
+    def rerun(store, plan, samples, cluster, **repeats):
         seen.append(samples)
-        return RerunResult(len(samples), {}, {"ok": len(samples)})
+        return RerunResult(len(samples), {}, {"ok": len(samples)}, {})
 
     monkeypatch.setattr("campaign.coordinator.rerun.rerun", rerun)
     monkeypatch.setattr("campaign.coordinator.rerun.failed_samples", lambda *_: [3, 5])
@@ -197,7 +197,7 @@ def test_the_terminal_says_no_verdict_with_and_without_a_report(faked, campaign_
     for words in ([], ["--no-report"]):
         done = faked.invoke(app, ["run", str(campaign_file), "--workers", "1", *words], env={"COLUMNS": "120"})
         assert "of 25 " in done.stdout.splitlines()[0]
-        assert re.search(r"FC-1 \[N\] +│ no verdict", done.stdout)
+        assert re.search(r"FC-1 \[N\] +no verdict", done.stdout)
     monkeypatch.setattr(campaign.coordinator.coordinate, "coordinate", partial(real, simulate=always))
     done = faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--samples", "4000"])
     assert type(done.exception).__name__ == "TooManyFailed"
