@@ -156,7 +156,7 @@ def analyse_response(
     if numbers.lots is not None:
         methods, tails = without_intervals(methods, tails)
     with_failures = yield_with_failures(numbers, counted, samples.sample.size, confidence)
-    normal = shape.verdict != "not normal" and (shape.p is None or shape.p >= DEPARTURE_P)
+    normal = shape.verdict != "not normal" and (shape.p is None or _tested(request) * shape.p >= DEPARTURE_P)
     others = (*index_estimates(numbers.n, fits, methods, tails), *further)
     return ResponseAnalysis(
         spec=spec,
@@ -187,6 +187,11 @@ def analyse_response(
         if numbers.std == 0
         else scatters(sensitivity, {v.name: samples.values[v.name][samples.ok] for v in request.variables}, values),
     )
+
+
+def _tested(request: ReportSpec) -> int:
+    """Return how many responses are tested for normality: among so many, chance alone gives small p-values."""
+    return sum(spec.lsl is not None or spec.usl is not None for spec in request.responses)
 
 
 def _corners(spec: ResponseSpec, samples: Samples, request: ReportSpec) -> WorstCase | None:
