@@ -10,7 +10,7 @@ from reporting import ReportError
 from reporting.failures import STATUSES
 from reporting.shape.family.families import FAMILIES
 from reporting.tolerance.reweighting import Change
-from tests.reporting.synthetic import analysis_of
+from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 
 def column(table: pa.Table, name: str, values) -> pa.Table:
@@ -255,3 +255,16 @@ def test_advice_by_cpk_is_not_for_a_response_that_is_worse_than_its_cpk(campaign
     assert fc2.verdict.word in ("marginal", "not capable")
     assert "FC-2" in analysis.kept
     assert analysis.advice_note.startswith("FC-2: Cpk is at the target, but the verdict is worse")
+
+
+def test_what_chance_makes_look_not_normal_keeps_the_verdict_of_cpk() -> None:
+    """p = 0.02 shows that one response is not normal, but not that one of six is."""
+    x = np.random.default_rng(4).gumbel(size=100)
+    table, spec = c60_table(100), c60_spec(100)
+    table = column(table, "FC-1", 12.5 + (x - x.mean()) / x.std(ddof=1) * 3.5 / 4.5)
+    alone = replace(spec, responses=spec.responses[:1])
+    one, among_six = (analysis_of(table, s).responses[0] for s in (alone, spec))
+    assert 0.01 < one.normality.p < 0.04
+    assert (one.verdict.by, one.expected.by) == ("fitted distribution", "fitted distributions")
+    assert (among_six.verdict.by, among_six.expected.by) == ("index", "normal")
+    assert not among_six.verdict.certain
