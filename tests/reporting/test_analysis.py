@@ -258,7 +258,7 @@ def test_advice_by_cpk_is_not_for_a_response_that_is_worse_than_its_cpk(campaign
 
 
 def test_what_chance_makes_look_not_normal_keeps_the_verdict_of_cpk() -> None:
-    """p = 0.02 shows that one response is not normal, but not that one of six is."""
+    """One response is not normal with p = 0.02, but one of six is not shown to be."""
     x = np.random.default_rng(4).gumbel(size=100)
     table, spec = c60_table(100), c60_spec(100)
     table = column(table, "FC-1", 12.5 + (x - x.mean()) / x.std(ddof=1) * 3.5 / 4.5)
