@@ -260,5 +260,5 @@ def _advice(
     doubtful = [r.spec.name for r in limited if r.spec.name in found.kept and r.verdict.word in _WORSE]
     if not doubtful or not found.growth:
         return found
-    note = "Cpk is at the target, but the verdict is worse. The advice goes by Cpk alone, so do not use it for them."
+    note = "Cpk reaches its target, but the verdict is worse. The advice considers Cpk alone: do not use it for them."
     return replace(found, note=f"{', '.join(doubtful)}: {note}")

@@ -27,9 +27,7 @@ from reporting.spec import ReportSpec, ResponseSpec
 
 # Cohen's (1988) words for d; below the first the difference has no practical importance.
 NEGLIGIBLE, SMALL, MEDIUM = 0.2, 0.5, 0.8
-_OF_LOTS = (
-    "Values of a production lot are not independent, as the tests assume: the intervals allow for it, no test does."
-)
+_OF_LOTS = "Values of a production lot are not independent. The intervals allow for this, the tests do not."
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,13 @@ from reporting.spec import ReportSpec
 FAILURES_LISTED = 20
 
 STATUSES = {
-    OK: "went to its end; its numbers are used",
-    "not_at_rest": "reached its horizon in motion; the message says what moves",
+    OK: "ran to its end; its numbers are used",
+    "not_at_rest": "still moving at its horizon; the message says what moves",
     "not_converged": "the solver failed: a step missed its tolerance, or no forces were found that balance the loads",
     "jammed": "a time step has no solution: a motion drives a body into one that cannot give way",
     "diverged": "a number became infinite or undefined",
     "timeout": "ran longer than its time limit",
-    "invalid": "went to its end, but broke a validity condition or missed an event",
+    "invalid": "ran to its end, but broke a validity condition or missed an event",
     "crashed": "the process ended or the code raised an error",
 }
 

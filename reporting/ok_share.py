@@ -37,4 +37,4 @@ def why_no_verdict(counts: Mapping[str, int], least: float) -> str:
     if not too_few_ok(counts.get(OK, 0), sum(counts.values()), least):
         return ""
     enough = short_percent(least)
-    return f"{failures_in_words(counts)} and may be the rejects. A verdict takes {enough} of ok samples."
+    return f"{failures_in_words(counts)} and may be the rejects. A verdict needs at least {enough} ok samples."

@@ -150,8 +150,8 @@ def _too_few(lots: Lots) -> str:
     """Return why there is no interval."""
     unequal = "" if lots.worth > lots.count - 0.5 else f", of unequal size, worth {lots.worth:.1f}"
     return (
-        f"{lots.count} production lot{'s' * (lots.count != 1)}{unequal}: intervals need {lots.least}, because the "
-        "difference between lots is known only as well as there are lots; simulate more lots."
+        f"{lots.count} production lot{'s' * (lots.count != 1)}{unequal}: intervals need {lots.least}, because "
+        "each lot counts as one value for the spread between lots; simulate more lots."
     )
 
 
@@ -174,9 +174,9 @@ def _of_moments(n: int, p: float, freedom: float) -> str:
     )
     few = ""
     if n < _FEW_VALUES:
-        few = f" Fewer than {_FEW_VALUES} values: on a skewed response the intervals cover less than they say."
+        few = f" With fewer than {_FEW_VALUES} values the intervals of a skewed response cover less than stated."
     elif freedom < _FEW_FREEDOM:
-        few = " A few extreme values determine sigma: if there are rarer and larger ones, the intervals are too narrow."
+        few = " A few extreme values determine sigma: if rarer, larger ones exist, the intervals are too narrow."
     return f"The intervals rest on the values' own third and fourth moments: {why}.{few}"
 
 
@@ -185,4 +185,4 @@ def _of_normal(n: int, p: float) -> str:
     if n < FEWEST_FOR_SHAPE:
         return f"Normal theory: {n} values are too few to show another shape."
     few = f" Fewer than {_FEW_VALUES} values show only a large departure." if n < _FEW_VALUES else ""
-    return f"Normal theory: skewness and kurtosis are those of normal values (p = {p:.2g}).{few}"
+    return f"Normal theory: skewness and kurtosis agree with a normal distribution (p = {p:.2g}).{few}"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from reporting.arrays import Array
 
 NOT_NORMAL = (
-    "Skewness and kurtosis of these values speak against a normal distribution, so the ppm expected of one has no "
+    "Skewness and kurtosis of these values contradict a normal distribution, so the ppm expected of one has no "
     "interval: the true share may lie anywhere."
 )
 NO_WITHIN = "No batch has two different values, so there is no sigma and no index within batches."

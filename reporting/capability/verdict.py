@@ -179,7 +179,7 @@ def changed_by_failures(counted: Nonconforming | None, word: str) -> list[str]:
         return []
     return [
         f"{grouped(failed)} of {grouped(worse.n)} samples have no value. If they were rejects, {ppm(worse.ppm)} ppm "
-        f"would be out of limits, at least {ppm(worse.interval[0])}: {least}."
+        f"would be out of limits (at least {ppm(worse.interval[0])}): {least}."
     ]
 
 
@@ -189,8 +189,8 @@ def _missing(capability: Capability, withheld: str) -> str:
         return withheld
     if capability.n < FEWEST_FOR_A_VERDICT:
         return (
-            f"{capability.n} values are too few for a verdict: below {FEWEST_FOR_A_VERDICT} a response with Cpk "
-            f"{MARGINAL:.2f} passes for capable too often."
+            f"{capability.n} values are too few for a verdict: with fewer than {FEWEST_FOR_A_VERDICT} a response with "
+            f"Cpk {MARGINAL:.2f} is too often called capable."
         )
     if capability.std == 0:
         return ""
@@ -244,7 +244,7 @@ def _worse(word: str, than: str) -> bool:
 def _undecided(estimate: IndexEstimate, word: str) -> list[str]:
     """Return a sentence if the interval of the estimate that decides includes another class."""
     other = [class_of(end) for end in (estimate.low, estimate.high) if class_of(end) != word]
-    return [f"{estimate.words} does not tell {word} from {' or '.join(dict.fromkeys(other))}."] if other else []
+    return [f"{estimate.words}: may be {word} or {' or '.join(dict.fromkeys(other))}."] if other else []
 
 
 def _objects(estimate: IndexEstimate, word: str) -> bool:
@@ -255,7 +255,7 @@ def _objects(estimate: IndexEstimate, word: str) -> bool:
 def _objection(estimate: IndexEstimate, word: str) -> str:
     """Return the objection in a sentence."""
     if _worse(word, class_of(estimate.low)):
-        return f"{estimate.words}: {class_of(estimate.low)}; the verdict goes with the worse."
+        return f"{estimate.words}: {class_of(estimate.low)}; the worse of the two counts."
     return f"{estimate.words}: {class_of(estimate.value)}."
 
 
@@ -268,7 +268,7 @@ def _unsupported(further: list[IndexEstimate], word: str) -> list[str]:
     best = max(shares, key=lambda estimate: estimate.low, default=None)
     if best is None or not _worse(class_of(best.low), word):
         return []
-    return [f"Cpk rests on a normal distribution; without it, {best.words} does not exclude {class_of(best.low)}."]
+    return [f"Cpk assumes a normal distribution; without that, {best.words} does not rule out {class_of(best.low)}."]
 
 
 def _excluded(capability: Capability, counted: Nonconforming) -> list[str]:
@@ -278,4 +278,4 @@ def _excluded(capability: Capability, counted: Nonconforming) -> list[str]:
         return []
     direction = "more" if expected < low else "fewer"
     words = ppm(expected, least_ppm(capability.n))
-    return [f"{_words(counted.total)}: {direction} than the {words} ppm that a normal distribution expects."]
+    return [f"{_words(counted.total)}: {direction} than the {words} ppm that a normal distribution predicts."]

@@ -136,11 +136,11 @@ def _tolerance_intervals(
             text = f"Withheld: {described.count} production lots, worth {described.worth:.0f}; {FEW_LOTS} are needed."
             return _withheld(text, confidence)
         if round(described.worth) < _LOTS_FOR_NORMAL and not refusal:
-            refusal = f"No normal ones: they take {_LOTS_FOR_NORMAL} production lots."
+            refusal = f"No normal intervals: they need {_LOTS_FOR_NORMAL} production lots."
         worth = _of_lots(x, lots, described, confidence)
         note = (
-            f"{refusal or _caution(x.size)} All rest on the differences between {described.count} production lots, "
-            f"whose values are worth {described.effective:.0f} independent ones."
+            f"{refusal or _caution(x.size)} All are computed from the differences between {described.count} production "
+            f"lots, whose values are worth {described.effective:.0f} independent ones."
         )
     claims = tuple(_claim(x, worth, content, confidence, normal=not refusal) for content in CONTENTS)
     return ToleranceIntervals(confidence, claims, note)
@@ -215,18 +215,18 @@ def _refused(n: int, shape: Normality) -> str:
     """Return why no normal interval is given; nothing if the values do not speak against a normal distribution."""
     p = shape.anderson_darling_p
     if n < FEWEST_FOR_WORDS or p is None:
-        return f"No normal ones: {n} values are too few to tell whether they are normal, {FEWEST_FOR_WORDS} are needed."
+        return f"No normal intervals: {n} values are too few to test for normality; {FEWEST_FOR_WORDS} are needed."
     if shape.verdict == "not normal" or p < _LEAST_P:
-        return f"No normal ones: the values are not those of a normal distribution (Anderson-Darling p = {p:.2g})."
+        return f"No normal intervals: the values are not normal (Anderson-Darling p = {p:.2g})."
     return ""
 
 
 def _caution(n: int) -> str:
     """Return what the normal intervals rest on."""
-    text = "The normal ones rest on a normal distribution, against which these values do not speak."
+    text = "The normal intervals assume a normal distribution, which these values do not contradict."
     if n < _ENOUGH_TO_TELL:
         text += (
-            f" {n} values cannot show a small skewness or somewhat heavier tails, with which such an interval contains "
-            "less than it says."
+            f" {n} values cannot reveal a small skewness or somewhat heavier tails, with which a normal interval "
+            "contains less than stated."
         )
     return text

@@ -179,7 +179,7 @@ def dependence(failed: dict[str, NDArray[np.bool_]], *, independent_samples: boo
     if failures == 0:
         return "No response fails, so both are 100 %."
     if not independent_samples:
-        return "Samples of a production lot fail together, so their difference does not say whether responses do."
+        return "Samples of a production lot fail together, so the difference does not show whether responses do."
     rolled = math.prod(1 - matrix.mean(axis=1))
     repeated, expected = failures - rejected, max(failures - matrix.shape[1] * (1 - rolled), 0.0)
     if repeated > 0 and float(pdtrc(repeated - 1, expected)) < _CHANCE / 2:
@@ -192,4 +192,4 @@ def dependence(failed: dict[str, NDArray[np.bool_]], *, independent_samples: boo
             "Responses fail in the same samples less often than independent ones would, so more samples are lost than "
             "the product of the single yields says."
         )
-    return "The two differ by no more than chance makes of responses that fail independently."
+    return "The difference is no larger than chance makes it if responses fail independently."

@@ -137,7 +137,7 @@ def reject_attribution(
     resolved = float(worth[-1])
     if resolved < _LEAST_RESOLVED:
         return RejectAttribution(
-            rejects, n, resolved, (), "The variables do not tell these rejects from other samples: no cause is named."
+            rejects, n, resolved, (), "These rejects differ from other samples in no variable: no cause is named."
         )
     weight = (
         np.where(out[rows], rejects / np.count_nonzero(out[rows]), (n - rejects) / np.count_nonzero(~out[rows])) / n

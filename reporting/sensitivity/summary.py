@@ -171,10 +171,10 @@ def _of_lots(lots: int | None, n: int) -> tuple[str, ...]:
     """Return what production lots do to the intervals."""
     if lots is None or lots == n:
         return ()
-    come = f"The samples come from {format_numbers.grouped(lots)} production lots and share their shifts: the intervals"
+    come = f"The samples of each of the {format_numbers.grouped(lots)} production lots share a shift. The intervals"
     if lots < LEAST_LOTS:
-        return (f"{come} of the shares take them for independent and are too narrow.",)
-    return (f"{come} of the shares allow for it, those of rank correlations do not.",)
+        return (f"{come} of the shares treat them as independent and are too narrow.",)
+    return (f"{come} of the shares allow for this, those of rank correlations do not.",)
 
 
 def _out_of_limits(y: Array, lsl: float | None, usl: float | None) -> NDArray[np.bool_]:
@@ -197,7 +197,7 @@ def _notes(measures: Measures, at: int, found: Unexplained, known: Known) -> tup
         ),
         (
             not measures.independent and shapley is None,
-            f"The variables are correlated, and Shapley effects are computed for up to {MOST_SHARED}: no verdict.",
+            f"The variables are correlated, and Shapley effects take at most {MOST_SHARED} variables: no verdict.",
         ),
         (
             bool(collinear),
@@ -206,8 +206,8 @@ def _notes(measures: Measures, at: int, found: Unexplained, known: Known) -> tup
         (bool(together) and (shapley is None or float(shapley.remainder[at]) >= CRITICAL_SHARE), together),
         (
             left >= CRITICAL_SHARE,
-            f"{100 * left:.0f} % of the variance is in no Shapley effect: it acts in ways that the regression does not"
-            " follow, and widens the intervals.",
+            f"{100 * left:.0f} % of the variance is in no Shapley effect, because the regression does not capture it;"
+            " it widens the intervals.",
         ),
         (isinstance(known.totals, str), str(known.totals)),
     )
@@ -241,9 +241,9 @@ def _only_correlated(influences: tuple[Influence, ...]) -> tuple[str, ...]:
 def _carried(influences: tuple[Influence, ...]) -> tuple[str, ...]:
     """Return which shares are rank-based, and which ones a few samples carry."""
     ranks = [i.variable for i in influences if i.estimator == RANKS and (i.first_order or 0.0) >= CRITICAL_SHARE]
-    jumps = f"{', '.join(ranks)}: the response jumps or bends too sharply for a polynomial, so ranks give the share."
+    jumps = f"{', '.join(ranks)}: the response jumps or bends too sharply for a polynomial, so ranks are used."
     few = [
-        f"{i.variable}: about {max(round(i.carriers), 1)} samples carry its share, so its interval is too narrow."
+        f"{i.variable}: about {max(round(i.carriers), 1)} samples determine its share, so its interval is too narrow."
         for i in influences
         if i.carriers is not None and i.carriers < FEWEST_CARRIERS and (i.first_order or 0.0) >= CRITICAL_SHARE / 2
     ]

@@ -116,15 +116,15 @@ def note_on(found: Unexplained, known: Known, *, independent: bool) -> str:
     """Return what an unexplained share of at least a tenth is, and how to learn more; empty for less."""
     if found.share < CRITICAL_SHARE:
         return ""
-    text = f"{_percent(found.share)} of the variance is not a sum of effects of single variables"
+    text = f"{_percent(found.share)} of the variance does not come from variables acting alone"
     if found.rest is None or found.scatter is None or found.scatter_interval is None:
         return f"{text}: interactions, jumps, or scatter that no repeat has measured. {_advice(known, independent)}"
     low, high = map(_percent, found.scatter_interval)
     text += f"; {_percent(found.scatter)} ({low} to {high}) is scatter that no input causes (repeatability)"
     if found.rest < CRITICAL_SHARE:
-        return f"{text}, which explains it: no design of samples finds a variable that causes it."
+        return f"{text}, which explains it: no further samples will find a variable that causes it."
     if found.rest_interval is not None and found.rest_interval[0] <= 0.0:
-        return f"{text}, which may explain it all: samples and repeats do not tell whether variables act together."
+        return f"{text}, which may explain all of it: samples and repeats do not show whether variables interact."
     return f"{text}. The rest, {_percent(found.rest)}, is interactions or jumps. {_advice(known, independent)}"
 
 
@@ -133,11 +133,11 @@ def _advice(known: Known, independent: bool) -> str:
     if isinstance(known.totals, TotalOrder):
         return "The shares with interactions show which variables cause it."
     if not independent:
-        return "No design tells whose it is: total-order indices need independent variables."
+        return "Which variables cause it cannot be found out: total-order indices need independent variables."
     first = "First repeat some samples (clearcap repeat). " if known.scatter is None else ""
     return (
-        f"{first}A variable without an effect of its own may still matter together with others; a designed sample"
-        " (sampler saltelli) gives total-order indices."
+        f"{first}A variable with no effect of its own may still matter in combination with others: a campaign with the"
+        " sampler saltelli shows it (total-order indices)."
     )
 
 

@@ -193,7 +193,7 @@ def empirical_indices(x: ArrayLike, lsl: float | None, usl: float | None, confid
         notes = ("Most values are equal, so percentiles coincide and an index is missing.",)
     intervals: dict[str, Any] = {}
     if ordered.size * ENDS[0] < 1:
-        notes += (f"{ordered.size} values: the 0.135 % percentiles are the extreme values; the indices are too large.",)
+        notes += (f"Of {ordered.size} values the 0.135 % percentiles are the extremes, so the indices are too large.",)
     if ordered.size < FEWEST:
         notes += (f"{ordered.size} values are too few for an interval of a 0.135 % percentile: {FEWEST} are needed.",)
     else:

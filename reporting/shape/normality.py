@@ -234,7 +234,7 @@ def _verdict(measures: Normality) -> tuple[str, str]:
     (low, high), kurtosis = measures.distance_interval, measures.kurtosis or 0.0
     heavy = abs(measures.skewness) > SKEWNESS_BAR or abs(kurtosis) > KURTOSIS_BAR
     distance = (
-        f"shares below a value differ from the normal distribution's by at most {100 * measures.distance:.2g} % "
+        f"cumulative shares differ from those of a normal distribution by at most {100 * measures.distance:.2g} % "
         f"(with {measures.n} values, between {100 * low:.2g} and {100 * high:.2g} %)"
     )
     shape = f"skewness {measures.skewness:.2f}, excess kurtosis {kurtosis:.2f}{_tails_in_words(measures)}"
@@ -255,7 +255,7 @@ def _verdict(measures: Normality) -> tuple[str, str]:
     if high <= FAR or (measures.distance <= CLOSE and high <= _OPEN and not proven):
         return "close to normal", f"Close to normal: {distance}; {shape}."
     if proven:
-        return "not normal", f"Not normal, by how much is open: {distance}; {shape}."
+        return "not normal", f"Not normal, but it is not clear by how much: {distance}; {shape}."
     return "undecided", f"Undecided, more samples are needed: {distance}; {shape}."
 
 

@@ -31,10 +31,10 @@ AGREEMENT = 3.0
 # A larger index, or an infinite one where a family ends before the limit, is that of a share below the smallest number.
 _FARTHEST = 38.0 / 3
 _ENDS_BEFORE = (
-    "The values do not rule out a distribution that ends before a limit, so an interval has no upper end: "
-    f"{_FARTHEST:.3f} stands for it."
+    "The values do not rule out a distribution that ends before a limit, so an interval has no upper end; "
+    f"{_FARTHEST:.3f} is shown instead."
 )
-_UNDEFINED = "No family that the values allow has such a number, so an interval is missing."
+_UNDEFINED = "No family that the values allow defines this index, so an interval is missing."
 METHODS = ("percentile", "z_score")
 
 

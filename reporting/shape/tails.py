@@ -115,7 +115,7 @@ def _tail(side: str, ordered: Array, limit: float, confidence: float) -> TailSha
     fits = [tail for k in _candidates(most, rejects) if (tail := _beyond_threshold(ordered, limit, k))]
     if not fits:
         count = f"{FEWEST_EXCESSES} to {most}" if most > FEWEST_EXCESSES else f"{most}"
-        note = f"No threshold with {count} values beyond it gives a tail that a Pareto distribution fits."
+        note = f"A Pareto distribution fits none of the tails of {count} values."
         return TailShare(side, sign * limit, None, None, note=note)
     threshold, excesses, fit = fits[0]
     estimates = [_beyond(y, limit - at, beyond, n, confidence) for at, y, beyond in fits]

@@ -173,7 +173,7 @@ def _too_many_failed(failed: float, most: float) -> str:
     """Return why there is no advice where many runs failed."""
     return (
         f"No advice: {100 * failed:.3g} % of the runs have no value, more than {100 * most:.3g} %. They may be "
-        "the rejects, and no index of the other runs says what tolerances do to them. Find out why they failed first."
+        "the rejects, and the other runs do not show what tolerances do to them. First find out why they failed."
     )
 
 
@@ -218,15 +218,15 @@ def _remedy(
     if centred is not None and lsl is not None and usl is not None and centred >= target:
         shift = (lsl + usl) / 2 - float(np.nanmean(y))
         words.append(
-            f"It is off centre: a mean moved by {shift:+.3g}, to the middle between the limits, gives Cpk {centred:.4g}"
-            " with the tolerances as they are."
+            f"It is off centre: moving the mean by {shift:+.3g}, to the middle of the limits, gives Cpk {centred:.4g}"
+            " with the present tolerances."
         )
     helps = sorted((each for each in alone if each.factor is not None), key=lambda each: -(each.factor or 0.0))
     if helps:
         first = helps[0]
-        words.append(f"The least change is {first.variable}: {first.factor:.3g} times its σ.")
+        words.append(f"The smallest change that suffices: {first.variable} at {first.factor:.3g} times its σ.")
     elif not all(each.refusal for each in alone):
-        words.append("No variable alone lifts it there.")
+        words.append("No variable alone suffices.")
     if not helps and together is not None and together.factor is not None:
-        words.append(f"All variables together do at {together.factor:.3g} times their σ.")
+        words.append(f"All variables together suffice at {together.factor:.3g} times their σ.")
     return " ".join(words)

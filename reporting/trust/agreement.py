@@ -15,7 +15,7 @@ def verdicts_hold(responses: tuple[ResponseAnalysis, ...]) -> Check:
         return Check("Verdicts", "info", "No response has a verdict.")
     doubtful = [r for r in judged if r.verdict.reasons]
     if not doubtful:
-        return Check("Verdicts", "good", "Index, count of rejects and every other estimate agree on each verdict.", 0.0)
+        return Check("Verdicts", "good", "Cpk, count of rejects and all other estimates agree on every verdict.", 0.0)
     alike: dict[str, list[str]] = {}
     for r in doubtful:
         alike.setdefault(f"({_in_words(r)}): {' '.join(r.verdict.reasons)}", []).append(r.spec.name)
@@ -36,16 +36,16 @@ def many_statements(responses: tuple[ResponseAnalysis, ...], confidence: float) 
     count = len(judged) + shares
     level = f"{format_numbers.plain(round(100 * confidence, 1))} %"
     if count < 2:
-        return Check("All at once", "info", f"Each interval is meant to hold in {level} of campaigns.")
+        return Check("All at once", "info", f"Each interval contains the true value in {level} of campaigns.")
     missing = format_numbers.plain(round(count * (1 - confidence), 1))
     text = (
-        f"Each of the {len(judged)} verdicts and {shares} shares of variables holds at {level} by itself: "
-        f"of so many, {missing} may be wrong by chance alone."
+        f"Each of the {len(judged)} verdicts and {shares} shares of variables is stated at {level} confidence on its "
+        f"own, so about {missing} of these {count} may be wrong by chance."
     )
     if len(certain) > 1:
         together = [r.spec.name for r in certain if _certain_among(r, len(judged), confidence)]
-        names = "all that are certain" if len(together) == len(certain) else ", ".join(together) or "none"
-        text += f" Verdicts that hold together at {level} (Bonferroni): {names}."
+        names = "all certain ones" if len(together) == len(certain) else ", ".join(together) or "none"
+        text += f" Verdicts that hold at {level} all at once (Bonferroni): {names}."
     return Check("All at once", "info", text, count * (1 - confidence))
 
 

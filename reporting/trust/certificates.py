@@ -35,12 +35,12 @@ def failures(samples: Samples, min_ok: float) -> Check:
     message = samples.messages.get(int(samples.sample[row]), "").strip() or "no message"
     text = (
         f"{format_numbers.grouped(done - ok)} of {format_numbers.grouped(done)} samples failed "
-        f"({format_numbers.short_percent((done - ok) / done)}) and are left out of all statistics; most often {worst}, "
-        f"first in sample {samples.sample[row]}: {message.rstrip('.')}."
+        f"({format_numbers.short_percent((done - ok) / done)}) and are left out of all statistics. Most frequent: "
+        f"{worst}, first in sample {samples.sample[row]}: {message.rstrip('.')}."
     )
     if too_few_ok(ok, done, min_ok):
         needed = format_numbers.short_percent(min_ok)
-        text += f" No response has a verdict, as less than {needed} of the samples are ok (min_ok of the campaign)."
+        text += f" No response gets a verdict, because less than {needed} of the samples are ok (failures.min_ok)."
         return Check("Failures", "bad", text, float(done - ok))
     return Check("Failures", "attention", text, float(done - ok))
 
@@ -55,7 +55,7 @@ def largest(name: str, samples: Samples, values: Array, unit: str, bar: float | 
     most, suffix = float(values[row]), f" {unit}" if unit else ""
     text = f"Largest over the ok samples: {format_numbers.significant(most, 2)}{suffix}, sample {samples.sample[row]}"
     if stated.size < rows.size:
-        return Check(name, "bad", f"{text}; {rows.size - stated.size} ok samples lack it.", most)
+        return Check(name, "bad", f"{text}; {rows.size - stated.size} ok samples do not have it.", most)
     if bar is None:
         return Check(name, "info", f"{text}.", most)
     level = "good" if most <= bar else "bad"
@@ -70,7 +70,7 @@ def settled(samples: Samples) -> Check:
     if total == 0:
         return Check("Settled", "info", "No ok sample.")
     if moving == 0:
-        return Check("Settled", "good", "Every ok sample came to rest before its end.", 0.0)
+        return Check("Settled", "good", "Every ok sample came to rest before its run ended.", 0.0)
     share = format_numbers.percent(moving / total)
-    text = f"{format_numbers.grouped(moving)} ok samples ({share}) were still moving at their end."
+    text = f"{format_numbers.grouped(moving)} ok samples ({share}) were still moving when their run ended."
     return Check("Settled", "attention", text, float(moving))

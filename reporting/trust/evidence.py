@@ -29,7 +29,7 @@ def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool)
     withheld = [r.spec.name for r, c in indexed if c.cpk_interval is None]
     if withheld:
         reason = next(c.interval_reason for _, c in indexed if c.cpk_interval is None)
-        return Check(name, "attention", f"No interval of Cpk of {', '.join(withheld)}: {reason}")
+        return Check(name, "attention", f"No interval for Cpk of {', '.join(withheld)}: {reason}")
     # A width relative to a Cpk near 0 is meaningless: below 1 it is relative to 1.
     widths = [_width(c) / (2 * max(abs(c.cpk or 0.0), 1.0)) for _, c in indexed]
     at = widths.index(max(widths))
@@ -42,10 +42,10 @@ def enough_samples(responses: tuple[ResponseAnalysis, ...], *, production: bool)
     uncertain = [r.spec.name for r, c in indexed if len({class_of(end) for end in c.cpk_interval or ()}) > 1]
     if uncertain:
         what = "samples" if all(c.lots is None for _, c in indexed) else "production lots"
-        text += f". The interval of {', '.join(uncertain)} includes another verdict: more {what} may decide"
+        text += f". The Cpk interval of {', '.join(uncertain)} covers more than one verdict: more {what} may decide"
     fewest = min(c.n for _, c in indexed)
     if fewest < FEWEST_FOR_A_VERDICT:
-        text = f"{fewest} values are too few for a verdict, which takes {FEWEST_FOR_A_VERDICT}. {text}"
+        text = f"{fewest} values are too few for a verdict: at least {FEWEST_FOR_A_VERDICT} are needed. {text}"
     enough = not uncertain and fewest >= FEWEST_FOR_A_VERDICT and widths[at] <= LOOSE_HALF_WIDTH
     return Check(name, "good" if enough else "attention", f"{text}.", widths[at])
 
@@ -69,12 +69,12 @@ def production_lots(responses: tuple[ResponseAnalysis, ...]) -> tuple[Check, ...
         return ()
     lots, name = min(described, key=lambda pair: pair[0].effective)
     text = (
-        f"Samples of a production lot share a shift. The {lots.count} lots determine the mean of {name} as "
-        f"{format_numbers.grouped(round(lots.effective))} independent samples would, that of the other responses as "
-        "more: all intervals rest on the differences between lots."
+        f"Samples of one production lot share a shift. For the mean of {name} the {lots.count} lots are worth "
+        f"{format_numbers.grouped(round(lots.effective))} independent samples, for the other responses at least as "
+        "many. All intervals are computed from the differences between lots."
     )
     if not lots.enough:
-        text += f" For intervals at least {lots.least} lots are needed."
+        text += f" Intervals need at least {lots.least} lots."
     elif lots.worth < FEW_LOTS:
         text += f" With fewer than {FEW_LOTS} lots intervals are too narrow if the lots' shifts are strongly skewed."
     level = "attention" if lots.worth < FEW_LOTS else "info"
@@ -88,13 +88,13 @@ def converged(responses: tuple[ResponseAnalysis, ...], *, production: bool) -> C
         return Check("Converged", "info", _TOO_FEW if production else _NO_PRODUCTION)
     name = max(drifts, key=drifts.__getitem__)
     errors = format_numbers.fixed(drifts[name], 1, (DRIFT_BAR,))
-    text = f"First and second half of the samples differ by at most {errors} standard errors of an index ({name})"
+    text = f"The two halves of the samples differ by at most {errors} standard errors of an index ({name})"
     if drifts[name] <= DRIFT_BAR:
-        return Check("Converged", "good", f"{text}, which chance explains.", drifts[name])
+        return Check("Converged", "good", f"{text}, no more than by chance.", drifts[name])
     return Check(
         "Converged",
         "attention",
-        f"{text}, more than chance explains: something changed during the campaign.",
+        f"{text}, too much for chance: something changed during the campaign.",
         drifts[name],
     )
 
@@ -110,7 +110,7 @@ def failures_as_rejects(responses: tuple[ResponseAnalysis, ...], samples: Sample
         return Check(name, "info", text)
     lowest = sorted(judged, key=_with_failures)[:FEW]
     each = "; ".join(f"{r.spec.name} {_as_rejects(r)}" for r in lowest)
-    text = f"If every failed sample were a reject on the worse side, worst first: {each}."
+    text = f"If every failed sample were a reject on the worse side (worst response first): {each}."
     return Check(name, "attention", text, _with_failures(lowest[0]))
 
 
@@ -124,10 +124,10 @@ def _as_rejects(response: ResponseAnalysis) -> str:
     counted, of_yield, cpk = response.nonconforming, response.yield_, response.capability.cpk
     assert counted is not None
     assert of_yield is not None
-    shares = f"{format_numbers.ppm(counted.with_failures.ppm)} ppm in place of {format_numbers.ppm(counted.total.ppm)}"
+    shares = f"{format_numbers.ppm(counted.with_failures.ppm)} ppm instead of {format_numbers.ppm(counted.total.ppm)}"
     if of_yield.cpk is None or cpk is None:
         return shares
-    return f"Cpk {format_numbers.index(of_yield.cpk)} in place of {format_numbers.index(cpk)}, {shares}"
+    return f"Cpk {format_numbers.index(of_yield.cpk)} instead of {format_numbers.index(cpk)}, {shares}"
 
 
 def missing_values(responses: tuple[ResponseAnalysis, ...]) -> Check:

@@ -17,7 +17,7 @@ def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
     shaped = [r for r in indexed if r.normality.p is not None]
     untested = [r for r in indexed if r.normality.p is None and r.normality.distance_interval is not None]
     if not shaped and not untested:
-        return Check("Shape", "info", "No response with limits has values enough to judge its shape.")
+        return Check("Shape", "info", "No response with limits has enough values to judge its shape.")
     adjusted = holm([r.normality.p or 0.0 for r in shaped])
     departing = [r for r, p in zip(shaped, adjusted, strict=True) if p < DEPARTURE_P or _proven(r)]
     rest = [r for r in shaped if r not in departing]
@@ -28,23 +28,23 @@ def normal_shape(responses: tuple[ResponseAnalysis, ...]) -> Check:
     sentences = [_departure(r) for r in departing]
     if close:
         names = _named(close, len(indexed))
-        sentences.append(f"{names}: close to normal, no share below a value is off by more than {_farthest(close)}.")
+        sentences.append(f"{names}: close to normal, no cumulative share is off by more than {_farthest(close)}.")
     if open_:
         sentences.append(
-            f"{_named(open_, len(indexed))}: no departure found ({_smallest_p(open_)}), "
-            f"but {_so_few(open_)} do not exclude that shares are off by up to {_farthest(open_)}."
+            f"{_named(open_, len(indexed))}: no departure from normal found ({_smallest_p(open_)}), "
+            f"but with {_so_few(open_)} cumulative shares may be off by up to {_farthest(open_)}."
         )
     if untested:
         sentences.append(
-            f"{_named(untested, len(indexed))}: {_so_few(untested)} cannot test the shape, and do not exclude that "
-            f"shares are off by up to {_farthest(untested)}."
+            f"{_named(untested, len(indexed))}: {_so_few(untested)} do not allow a test of the shape; "
+            f"cumulative shares may be off by up to {_farthest(untested)}."
         )
     if doubtful:
-        each = "; ".join(f"{r.spec.name}, {_how(r)}" for r in doubtful)
+        each = "; ".join(f"{r.spec.name} ({_how(r)})" for r in doubtful)
         by_chance = format_numbers.plain(round(PERHAPS_P * len(shaped), 1))
         sentences.append(
-            f"Perhaps not normal, none of them for sure (of {len(shaped)} normal responses chance makes {by_chance} "
-            f"look so): {each}."
+            f"Perhaps not normal, but none for certain (of {len(shaped)} normal responses about {by_chance} look like "
+            f"this by chance): {each}."
         )
     misleading = [r for r in departing if _effects(r) or r.normality.verdict == "not normal"]
     level = "attention" if misleading else "info" if open_ or untested or departing or doubtful else "good"
@@ -60,7 +60,7 @@ def _proven(response: ResponseAnalysis) -> bool:
 def _departure(response: ResponseAnalysis) -> str:
     """Return that a response is not normal, how, and what that does to the printed ppm."""
     effects = "; ".join(_effects(response))
-    return f"{response.spec.name} is not normal, {_how(response)}{f': {effects}' if effects else ''}."
+    return f"{response.spec.name} is not normal ({_how(response)}){f': {effects}' if effects else ''}."
 
 
 def _how(response: ResponseAnalysis) -> str:
@@ -71,10 +71,10 @@ def _how(response: ResponseAnalysis) -> str:
         for tail in shape.tails
         if tail.word != "like normal"
     ]
-    where = " and ".join(tails) + " than normal" if tails else "no tail clearly heavier or lighter"
-    both = (("Anderson-Darling", shape.anderson_darling_p), ("with its tails", shape.p))
+    where = " and ".join(tails) + " than normal" if tails else "no tail clearly heavier or lighter than normal"
+    both = (("Anderson-Darling", shape.anderson_darling_p), ("including the tails", shape.p))
     named = [f"{name} p {_equals(p)}" for name, p in both if p is not None]
-    return f"{', '.join(named)}, shares off by {format_numbers.percent(shape.distance)}, {where}"
+    return f"{', '.join(named)}, cumulative shares off by {format_numbers.percent(shape.distance)}, {where}"
 
 
 def _equals(p: float) -> str:
@@ -88,7 +88,7 @@ def _effects(response: ResponseAnalysis) -> list[str]:
     spec, counted, expected = response.spec, response.nonconforming, response.capability.ppm_expected
     limits = {"below": spec.lsl, "above": spec.usl}
     effects = [
-        f"the ppm that a normal distribution expects {tail.side} the limit is too "
+        f"the ppm that a normal distribution predicts {tail.side} the limit is too "
         f"{'small' if tail.word == 'heavier' else 'large'}"
         for tail in response.normality.tails
         if tail.word != "like normal" and limits[tail.side] is not None
@@ -123,6 +123,6 @@ def _smallest_p(some: list[ResponseAnalysis]) -> str:
     """Return the smallest p of Anderson-Darling; with production lots, of the weights of the tails."""
     by_all = [r.normality.anderson_darling_p for r in some if r.normality.anderson_darling_p is not None]
     if by_all:
-        return f"smallest p of Anderson-Darling {format_numbers.probability(min(by_all))}"
+        return f"smallest Anderson-Darling p {format_numbers.probability(min(by_all))}"
     of_tails = [r.normality.p for r in some if r.normality.p is not None]
     return f"smallest p of the tails {format_numbers.probability(min(of_tails, default=None))}"

@@ -20,7 +20,7 @@ def _known(rare: RareRejects) -> Check:
         return Check(name, "info", "No response has limits.")
     doubts = [f"{response}: {share.doubt}" for response, share in shares.items() if share.doubt]
     if doubts:
-        text = f"Only an upper bound is known of {'; '.join(doubts)}. clearcap design aims better, with these runs."
+        text = f"Only an upper bound is known for {'; '.join(doubts)}. clearcap design uses these runs to aim better."
         return Check(name, "attention", text, float(len(doubts)))
     loose = [
         f"{response} up to {format_numbers.ppm(share.by_chance_ppm)} ppm"
@@ -29,9 +29,9 @@ def _known(rare: RareRejects) -> Check:
     ]
     if loose:
         text = (
-            f"Where nothing aims there may be more than the weights know: {', '.join(loose)}, which the upper"
-            " ends have in them. More runs of a component of scale 2 bound it; if rejects were met there, clearcap"
-            " design aims at them."
+            f"Regions at which no component aims may hold further rejects: {', '.join(loose)}, which the upper ends of"
+            " the intervals include. More runs of a component of scale 2 narrow this; if rejects were found there,"
+            " clearcap design aims at them."
         )
         return Check(name, "attention", text, float(len(loose)))
     found = {response: share.standard_error for response, share in shares.items() if share.standard_error is not None}
@@ -42,7 +42,7 @@ def _known(rare: RareRejects) -> Check:
         error = format_numbers.percent(found[widest])
         text += f" Shares are known to a standard error of {error} or better (widest: {widest})."
     if none:
-        text += f" No reject of {', '.join(none)} was met: below {format_numbers.ppm(rare.unseen_ppm)} ppm."
+        text += f" No reject of {', '.join(none)} was found: below {format_numbers.ppm(rare.unseen_ppm)} ppm."
     return Check(name, "good", text)
 
 
@@ -53,8 +53,8 @@ def _agrees(rare: RareRejects) -> Check:
     worst = max(errors, key=errors.__getitem__)
     distance = format_numbers.fixed(errors[worst], 1, (CHECK_BAR,))
     text = (
-        f"Weighted shares and those that the {format_numbers.grouped(rare.plain)} plain runs count differ by at most"
-        f" {distance} standard errors, at {len(rare.checks)} limits moved to where both see rejects (largest: {worst})"
+        f"Weighted shares differ from those counted in the {format_numbers.grouped(rare.plain)} plain runs by at most"
+        f" {distance} standard errors, at {len(rare.checks)} limits moved in until both have rejects (largest: {worst})"
     )
     if errors[worst] <= CHECK_BAR:
         return Check("Weights", "good", f"{text}.", errors[worst])

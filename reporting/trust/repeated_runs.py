@@ -16,8 +16,8 @@ def repeatable(responses: tuple[ResponseAnalysis, ...], repeats: Repeats | None)
     """Check how much of the variance of the responses remains when nothing but the step changes."""
     remedy = f" {repeats.remedy}" if repeats and repeats.remedy else ""
     if repeats is None or not repeats.planned:
-        text = "No sample was simulated a second time with half the step: how far results scatter by themselves is not"
-        return Check(NAME, "info", f"{text} known.{remedy}")
+        text = "No sample was repeated with half the step, so the scatter of the results themselves is not known."
+        return Check(NAME, "info", f"{text}{remedy}")
     found = {r.spec.name: (r, r.repeatability) for r in responses if r.repeatability and r.repeatability.pairs > 1}
     if not found:
         text = (
@@ -34,7 +34,7 @@ def repeatable(responses: tuple[ResponseAnalysis, ...], repeats: Repeats | None)
     pairs = min(f.pairs for _, f in found.values())
     unseen = max(f.unseen or 0.0 for _, f in found.values())
     if pairs < _ENOUGH:
-        sentences.append(f"So few may miss scatter that up to {_percent(unseen)} of the samples show.{remedy}")
+        sentences.append(f"So few may miss scatter that occurs in up to {_percent(unseen)} of the samples.{remedy}")
     unsure = any(f.share_interval is None or f.share_interval[1] >= NOTABLE_SHARE for _, f in found.values())
     is_attention = scattering or moving or any(f.lost for _, f in found.values())
     level = "attention" if is_attention else "info" if unsure else "good"
@@ -46,11 +46,11 @@ def _scatter(some: list[tuple[ResponseAnalysis, Repeatability]]) -> list[str]:
     """Return how much of the variance of some responses is scatter, and what follows."""
     if not some:
         return []
-    shares = [f"{_percent(f.share)}{_interval(f)} of that of {r.spec.name} (sigma {_sigma(r, f)})" for r, f in some]
+    shares = [f"{r.spec.name} {_percent(f.share)}{_interval(f)}, sigma {_sigma(r, f)}" for r, f in some]
     least, name = min((f.removable or 0.0, r.spec.name) for r, f in some)
     return [
-        f"Of the variance this much is scatter, which no input causes: {', '.join(shares)}. No tolerance and no sample"
-        f" size removes it, and all variables together explain at most the rest, {_percent(least)} of {name}."
+        f"Part of the variance is scatter that no input causes: {'; '.join(shares)}. Neither tighter tolerances nor "
+        f"more samples remove it: all variables together explain at most {_percent(least)} of the variance of {name}."
     ]
 
 
@@ -68,11 +68,11 @@ def _others(rest: list[tuple[ResponseAnalysis, Repeatability]], some: bool) -> l
     if known:
         share, response, found = max(known, key=lambda each: each[0])
         to = "" if found.share_interval is None else f" (up to {_percent(found.share_interval[1])})"
-        which = "of the other responses" if some else "of any response"
-        text = f"At most {_percent(share)}{to} of the variance {which} is scatter: {response.spec.name}."
+        which = "the other responses" if some else "every response"
+        text = f"In {which} scatter is at most {_percent(share)}{to} of the variance ({response.spec.name})."
         least = share if found.share_interval is None else found.share_interval[1]
         if least < _NEXT_TO_NOTHING:
-            text = f"Less than {_percent(_NEXT_TO_NOTHING)} of the variance {which} is scatter."
+            text = f"In {which} scatter is less than {_percent(_NEXT_TO_NOTHING)} of the variance."
         sentences.append(text)
     unknown = [f"{r.spec.name} {_sigma(r, f)}" for r, f in rest if f.share is None and f.sigma]
     if unknown:
@@ -95,7 +95,7 @@ def _shift(response: ResponseAnalysis, found: Repeatability) -> str:
     """Return that half the step moves the mean of a response."""
     unit = "" if response.spec.unit == "1" else f" {response.spec.unit}"
     shift = f"{format_numbers.significant(found.shift or 0.0)}{unit}"
-    return f"Half the step moves the mean of {response.spec.name} by {shift}: the step is too long for it."
+    return f"Halving the step shifts the mean of {response.spec.name} by {shift}: the step is too long for it."
 
 
 def _lost(repeats: Repeats, found: dict[str, tuple[ResponseAnalysis, Repeatability]]) -> list[str]:
@@ -104,7 +104,7 @@ def _lost(repeats: Repeats, found: dict[str, tuple[ResponseAnalysis, Repeatabili
     lost = max(f.lost for _, f in found.values())
     if lost:
         samples = "one sample" if lost == 1 else f"{lost} samples"
-        return [f"Of {samples} only one of the two runs succeeded: whether a run succeeds depends on the step."]
+        return [f"For {samples} only one of the two runs succeeded: whether a run succeeds depends on the step."]
     if failed:
         return [f"{failed} repeat{'' if failed == 1 else 's'} failed, as the run of the same sample did."]
     return []

@@ -65,4 +65,4 @@ def warned_of_all(card: tuple[Check, ...]) -> bool:
 def warned_of_normal(card: tuple[Check, ...]) -> bool:
     """Return whether the trust card says that shares of a normal distribution are, or may be, off."""
     (shape,) = (check for check in card if check.name == "Shape")
-    return shape.level in ("attention", "bad") or "do not exclude" in shape.text
+    return shape.level in ("attention", "bad") or "may be off" in shape.text

@@ -69,7 +69,7 @@ def test_certain_only_if_the_interval_keeps_the_verdict(campaign) -> None:
             if any(low < bar <= high for bar in (1.0, 1.33)):
                 assert r.verdict.certain is False
             elif not r.verdict.certain:  # Cpk 1.58, from which few values do not conclude a share
-                assert "Cpk rests on a normal distribution" in r.verdict.reasons[-1]
+                assert "Cpk assumes a normal distribution" in r.verdict.reasons[-1]
     assert {r.verdict.certain for r in a.responses} == {True, False, None}
     unsure = ["FC-5"]
     assert check(a, "Enough samples").level == "attention"
@@ -145,7 +145,7 @@ def test_failures_name_the_most_frequent_status_and_its_message(campaign) -> Non
     a = analysis_of(*campaign(60, 4))
     found = check(a, "Failures")
     assert found.level == "bad"
-    assert "most often timeout, first in sample 56" in found.text
+    assert "Most frequent: timeout, first in sample 56" in found.text
     assert "residual 3e-06 at contact C7" in found.text
 
 
@@ -254,7 +254,7 @@ def test_advice_by_cpk_is_not_for_a_response_that_is_worse_than_its_cpk(campaign
     assert fc2.capability.cpk > 1.33
     assert fc2.verdict.word in ("marginal", "not capable")
     assert "FC-2" in analysis.kept
-    assert analysis.advice_note.startswith("FC-2: Cpk is at the target, but the verdict is worse")
+    assert analysis.advice_note.startswith("FC-2: Cpk reaches its target, but the verdict is worse")
 
 
 def test_what_chance_makes_look_not_normal_keeps_the_verdict_of_cpk() -> None:

@@ -17,5 +17,5 @@ def test_a_share_of_ok_samples_is_exact(ok: int, finished: int, least: float, to
 def test_failures_name_their_statuses_the_most_frequent_first() -> None:
     counts = {"ok": 8, "timeout": 2, "not_converged": 10, "crashed": 0}
     assert failures_in_words(counts) == "12 of 20 samples failed (60\u00a0%: 10 not_converged, 2 timeout)"
-    assert "A verdict takes 99\u00a0% of ok samples." in why_no_verdict(counts, 0.99)
+    assert "A verdict needs at least 99\u00a0% ok samples." in why_no_verdict(counts, 0.99)
     assert why_no_verdict(counts, 0.4) == ""

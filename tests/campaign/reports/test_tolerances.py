@@ -224,7 +224,7 @@ def test_what_lies_off_centre_is_told_to_move(advised):
     """FC-4 has room in its limits, but not where its mean lies: centred, it needs no smaller tolerance."""
     short = next(s for s in advised.shortfalls if s.response == "FC-4")
     assert short.centred > 1.33 > short.cpk
-    assert "off centre: a mean moved by -0.22" in short.text
+    assert "off centre: moving the mean by -0.22" in short.text
 
 
 def test_runs_that_fail_limit_a_growth_or_end_the_advice(lift):

@@ -60,7 +60,7 @@ def test_a_count_better_than_the_index_never_raises_the_verdict() -> None:
     assert capability(x, usl=1.4).cpk < 1
     assert (found.word, found.certain, found.by) == ("not capable", False, "index")
     assert any("fewer than" in reason for reason in found.reasons)
-    assert any("goes with the worse" in reason for reason in found.reasons)
+    assert any("the worse of the two counts" in reason for reason in found.reasons)
 
 
 @pytest.mark.parametrize("n", [2, 3, 10, FEWEST_FOR_A_VERDICT - 1])
@@ -190,9 +190,9 @@ def test_a_certain_verdict_needs_an_estimate_without_the_normal_distribution() -
     alone = judged(x, usl=3.0)
     assert (alone.word, alone.certain) == ("capable", False)
     assert "0 of 500 values out of limits" in alone.reasons[-1]
-    assert alone.reasons[-1].endswith("does not exclude not capable.")
+    assert alone.reasons[-1].endswith("does not rule out not capable.")
     wide = objector("fitted distribution", 1.1, 1.6, 2.0)
-    assert "Ppk 1.6 by fitted distribution does not exclude marginal" in judged(x, usl=3.0, others=[wide]).reasons[-1]
+    assert "Ppk 1.6 by fitted distribution does not rule out marginal" in judged(x, usl=3.0, others=[wide]).reasons[-1]
     narrow = objector("fitted distribution", 1.4, 1.6, 2.0)
     assert judged(x, usl=3.0, others=[wide, narrow]).certain
 

@@ -93,7 +93,7 @@ def test_failures_and_missing_values_are_rejects_beside():
 
 
 @pytest.mark.parametrize(
-    ("rho", "word"), [(0.9, "in the same samples more often"), (0.0, "no more than chance"), (-0.9, "less often")]
+    ("rho", "word"), [(0.9, "in the same samples more often"), (0.0, "no larger than chance"), (-0.9, "less often")]
 )
 def test_the_difference_to_the_rolled_yield_is_explained(rho, word):
     """Responses that fail together lose fewer samples than the product says, those that exclude each other more."""
@@ -142,7 +142,7 @@ def test_lots_widen_the_interval_of_the_yield():
     assert parts >= 0.86 * 150  # two at a time
     assert naive < 0.8 * 150
     assert found.counted.worth < 0.5 * n
-    assert "does not say whether" in found.dependence
+    assert "does not show whether" in found.dependence
 
 
 def test_what_has_no_limits_or_is_no_production_has_no_yield(campaign):

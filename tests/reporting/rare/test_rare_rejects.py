@@ -243,16 +243,16 @@ def test_what_is_not_known_is_a_line_of_the_card():
     request = replace(request, responses=(replace(request.responses[0], usl=None),))
     known, _ = rare_checks(rare_rejects(read_samples(table, request), request, 0.95))
     assert known.level == "attention"
-    assert known.text.startswith("Where nothing aims there may be more than the weights know: y up to ")
+    assert known.text.startswith("Regions at which no component aims may hold further rejects: y up to ")
     table, request = table_of([at(0.8, 1.0, 1.0), WIDE], 3000)
     known, _ = rare_checks(rare_rejects(read_samples(table, request), request, 0.95))
     assert known.level == "attention"
-    assert known.text.startswith("Only an upper bound is known of y: ")
+    assert known.text.startswith("Only an upper bound is known for y: ")
     table, request = table_of(AIMED, 20_000)
     request = replace(request, responses=(replace(request.responses[0], lsl=-9.0, usl=None),))
     known, _ = rare_checks(rare_rejects(read_samples(table, request), request, 0.95))
     assert known.level == "good"
-    assert "No reject of y was met: below 0.004" in known.text
+    assert "No reject of y was found: below 0.004" in known.text
 
 
 def test_nothing_to_say():

@@ -15,7 +15,7 @@ def test_one_sided_responses_are_in_the_overview() -> None:
     assert [r.spec.name for r in one_sided(analysis)] == ["FC-6"]
     assert ">FC-6 *</text>" in overview_figure(analysis)
     page = render_html(analysis)
-    assert "Not in it, with one limit: FC-6." in page
+    assert "Not shown, as they have one limit: FC-6." in page
     assert "so that a mean at 0 has Cpk 1.33" in page
 
 
@@ -31,4 +31,4 @@ def test_what_no_figure_shows_is_said() -> None:
     at = table.schema.get_field_index("FC-2")
     analysis = analysis_of(table.set_column(at, "FC-2", pa.array([10.5] * 100)), spec)
     assert [r.spec.name for r in out_of_figures(analysis)] == ["FC-2"]
-    assert "for lack of values or of spread: FC-2." in render_html(analysis)
+    assert "because values or spread are missing: FC-2." in render_html(analysis)

@@ -59,7 +59,7 @@ def test_a_share_that_few_samples_carry_is_said_to_be():
     z[:, 0] = np.clip(z[:, 0], -2, 2)
     z[:4, 0] = 3.0
     found = shares(z, 8.0 * (z[:, 0] > 2.5) + z[:, 1])
-    assert "samples carry its share" in " ".join(found.notes)
+    assert "samples determine its share" in " ".join(found.notes)
     assert found.influences[0].carriers < 12 < found.influences[1].carriers
 
 

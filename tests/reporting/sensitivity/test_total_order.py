@@ -147,7 +147,7 @@ def test_a_report_says_who_acts_through_interactions(tmp_path: Path):
     assert [i["first_order"] for i in first["influences"]] == pytest.approx(ISHIGAMI_FIRST, abs=0.02)
     assert all(i["total_interval"][0] < i["total"] < i["total_interval"][1] for i in first["influences"])
     assert [i["verdict"] for i in first["influences"]] == ["critical"] * 3
-    assert first["notes"][0].startswith("25 % of the variance is not a sum")
+    assert first["notes"][0].startswith("25 % of the variance does not come from")
     named = re.fullmatch(
         r"Variables that act together with others: x1 explains (\d+) % with them and (\d+) % alone,"
         r" x3 explains (\d+) % with them and (\d+) % alone\.",

@@ -22,7 +22,7 @@ def test_few_values_are_not_enough_whatever_class_their_interval_lies_in(n: int,
     assert found.level == level
     width = float(re.search(r"Cpk is known to ±([\d.]+)", found.text).group(1))
     assert (width <= 25) == (level == "good")
-    assert ("too few for a verdict, which takes 30" in found.text) == (n < 30)
+    assert ("too few for a verdict: at least 30 are needed" in found.text) == (n < 30)
 
 
 def _with_limits(spec, responses, far: float):
@@ -37,9 +37,9 @@ def test_failures_as_rejects_ask_for_attention_with_what_follows() -> None:
     """Three of 300: Cpk 0.77 at best, and 10,000 ppm at least."""
     found = line(analysis_of(c60_table(300, 3), c60_spec(300)), "Failures as rejects")
     assert found.level == "attention"
-    shares = [float(text.replace("\u202f", "")) for text in re.findall(r"([\d\u202f]+) ppm in place of", found.text)]
+    shares = [float(text.replace("\u202f", "")) for text in re.findall(r"([\d\u202f]+) ppm instead of", found.text)]
     assert min(shares) >= 10_000
-    indices = [float(text) for text in re.findall(r"Cpk (-?[\d.]+) in place of", found.text)]
+    indices = [float(text) for text in re.findall(r"Cpk (-?[\d.]+) instead of", found.text)]
     assert len(indices) == 3
     assert max(indices) < 0.776
     assert line(analysis_of(c60_table(300), c60_spec(300)), "Failures as rejects").level == "good"
@@ -50,4 +50,4 @@ def test_failures_are_bad_where_they_leave_no_verdict(failed: int, level: str) -
     """Two of 200 leave 99 % ok, three do not."""
     found = line(analysis_of(c60_table(200, failed), c60_spec(200)), "Failures")
     assert found.level == level
-    assert ("No response has a verdict, as less than 99\u00a0% of the samples are ok" in found.text) == (level == "bad")
+    assert ("because less than 99\u00a0% of the samples are ok (failures.min_ok)" in found.text) == (level == "bad")

@@ -37,7 +37,7 @@ def test_the_direction_of_each_tail_and_of_the_ppm(response, draw, below: str, a
     found = normal_shape(with_shape(response, draw(np.random.default_rng(0))))
     assert found.level == "attention"
     for side, size in (("below", below), ("above", above)):
-        assert f"the ppm that a normal distribution expects {side} the limit is too {size}" in found.text
+        assert f"the ppm that a normal distribution predicts {side} the limit is too {size}" in found.text
     assert "Anderson-Darling p <" in found.text
 
 
@@ -108,4 +108,4 @@ def test_values_in_lots_that_cannot_test_the_shape_are_never_close_to_normal(res
     found = normal_shape((shaped,))
     assert found.level != "good"
     assert "worth" in found.text
-    assert "do not exclude that shares are off by up to" in found.text
+    assert "cumulative shares may be off by up to" in found.text
