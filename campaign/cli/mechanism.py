@@ -63,8 +63,12 @@ def show(
     if json:
         print_json(document)
         return
-    print_text(f"{document['name']}: {document['title']}\n{document['description']}\n", lines=True)
-    print_text(f"units {document['units']}; {document['bodies']} bodies, {document['contacts']} contacts\n", lines=True)
+    print_text(f"{document['name']}: {document['title']}")
+    if document["description"]:
+        print_text(document["description"], lines=True)
+    moving = _counted(document["moving_bodies"], "moving body", "moving bodies")
+    parts = (moving, _counted(document["joints"], "joint"), _counted(document["contacts"], "contact"))
+    print_text(f"\nunits {document['units']}; {', '.join(parts)} besides those of joints\n", lines=True)
     if document["parameters"]:
         print_text("parameters:")
     for name, entry in document["parameters"].items():
@@ -144,6 +148,11 @@ def _draw(mechanism: Any, picture: Path) -> None:
         plot_measurements(mechanism, temporary)
 
 
+def _counted(count: int, one: str, many: str = "") -> str:
+    """Return a number of things in words."""
+    return f"{count} {one if count == 1 else many or one + 's'}"
+
+
 def _description(mechanism: Any) -> dict[str, Any]:
     """Return the contents of a mechanism as plain data."""
     from engine.mechanism import get_value, unit_of
@@ -156,6 +165,8 @@ def _description(mechanism: Any) -> dict[str, Any]:
         "units": mechanism.units,
         "digest": mechanism.digest(),
         "bodies": len(mechanism.bodies),
+        "moving_bodies": sum(not body.fixed for body in mechanism.bodies.values()),
+        "joints": len(mechanism.joints),
         "contacts": len(mechanism.contacts),
         "parameters": {
             name: {"value": value, "unit": mechanism.parameter_units[name]}
