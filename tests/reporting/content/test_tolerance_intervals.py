@@ -52,8 +52,8 @@ def test_few_values_say_what_they_cannot_show():
     rng = np.random.default_rng(1)
     assert "19 values are too few" in of(rng.normal(size=19)).note
     assert of(rng.normal(size=19)).claims[0].normal is None
-    assert "60 values cannot show" in of(rng.normal(size=60)).note
-    assert "cannot show" not in of(rng.normal(size=600)).note
+    assert "60 values cannot reveal" in of(rng.normal(size=60)).note
+    assert "cannot reveal" not in of(rng.normal(size=600)).note
     assert of(np.zeros(0)).claims[0].runs_two_sided == 93
     assert of(np.ones(200)).claims[0].free == (1.0, 1.0)
 
@@ -65,7 +65,7 @@ def test_few_lots_have_none():
     assert all(c.normal is None and c.free is None and c.free_upper is None for c in few.claims)
     assert "16 production lots" in few.note
     assert [(c.normal is None, c.free is None) for c in some.claims[:2]] == [(True, False)] * 2
-    assert "take 50" in some.note
+    assert "need 50" in some.note
     assert all(c.normal for c in many.claims)
     assert of(x, np.arange(2000)) == of(x)
 

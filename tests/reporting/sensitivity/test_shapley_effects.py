@@ -151,4 +151,4 @@ def test_more_variables_than_subsets_can_be_fitted_get_no_verdict():
     z = correlated(1000, pair(0.5, 11), 11)
     response = sensitivity(named(z), {"y": z.sum(axis=1)}).responses[0]
     assert {i.verdict for i in response.influences} == {"open"}
-    assert "up to 10: no verdict" in response.notes[0]
+    assert "at most 10 variables: no verdict" in response.notes[0]

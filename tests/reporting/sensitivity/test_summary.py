@@ -66,7 +66,7 @@ def test_what_interactions_hide_stays_open():
     assert one.interaction_interval[0] < 0.2436836641 < one.interaction_interval[1]
     assert [i.first_order for i in one.influences] == pytest.approx(ISHIGAMI_FIRST, abs=0.03)
     assert product.verdict == "open"
-    assert "designed sample" in product.notes[0]
+    assert "sampler saltelli shows it" in product.notes[0]
 
 
 def test_what_acts_through_interactions_is_not_called_uncritical():
@@ -165,11 +165,11 @@ def test_correlated_variables_are_not_sent_to_a_sampler_that_refuses_them():
     for rho, recommended in ((0.0, True), (-0.9, False)):
         x = np.column_stack([z[:, 0], rho * z[:, 0] + math.sqrt(1 - rho**2) * z[:, 1]])
         notes = " ".join(sensitivity(named(x), {"y": x[:, 0] * x[:, 1] + RNG.normal(size=2000)}).responses[0].notes)
-        assert "not a sum of effects" in notes
+        assert "variables acting alone" in notes
         assert ("saltelli" in notes) == recommended
 
 
-@pytest.mark.parametrize(("lots", "size", "said"), [(20, 15, "allow for it"), (10, 30, "allow for it")])
+@pytest.mark.parametrize(("lots", "size", "said"), [(20, 15, "allow for this"), (10, 30, "allow for this")])
 def test_the_intervals_of_shares_allow_for_production_lots(lots: int, size: int, said: str):
     """Lots that differ as much as the samples of one; taken for independent, half of the intervals miss the share."""
     held, truth = [], np.array([0.6, 0.4])
