@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from engine.mechanism import Mechanism
 from engine.mechanism.base import TableModel
-from engine.mechanism.faults import field_quantity
+from engine.mechanism.keys.components import declared
+from engine.mechanism.quantities import Quantity
 from tests.engine.assembly.pairs_of_bodies import body, joint, seen_from
 from tests.engine.small import GRAVITY, coordinates, made, small
 
@@ -115,7 +116,7 @@ def _scaled(model: TableModel) -> dict[str, Any]:
     table = {}
     for name in model.model_fields_set:
         field = type(model).model_fields[name]
-        quantity = field_quantity(field)
+        quantity = declared(field, Quantity)
         power = KILO.get(quantity.name, 0) if quantity else 0
         table[field.alias or name] = _times(getattr(model, name), 1000.0**power)
     return table
