@@ -14,7 +14,7 @@ from pathlib import Path
 
 from engine.build import LIBRARIES, engine_sources, hash_sources
 
-SOURCES = ("inputs", "spec", "worker", "plan.py", "plan_header.py", "row_build.py")  # of campaign
+SOURCES = ("inputs", "spec", "worker", "plan.py", "plan_header.py", "repeat_plan.py", "row_build.py")  # of campaign
 UNKNOWN = ""  # the build of a plan that an earlier version wrote, which recorded no more than the engine's
 
 

@@ -91,6 +91,8 @@ def other_batches(store, plan, name):
 def other_columns(store, plan, name):
     other = SimpleNamespace(
         campaign_id=plan.campaign_id,
+        sealed_as=plan.sealed_as,
+        numbers_of=plan.numbers_of,
         batches=plan.batches,
         columns=[column for column in plan.columns if column["name"] != "FC-2"],
         schema=plan.schema.remove(plan.schema.get_field_index("FC-2")),

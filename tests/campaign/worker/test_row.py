@@ -110,7 +110,7 @@ def test_a_good_run_is_tried_once(campaign_file, tmp_path):
 
 def test_limits_reach_the_engine(campaign_file, tmp_path):
     """The campaign's limit of real time is the run's, and its tolerance."""
-    tables = "[simulation]\ntolerance = 1e-6\n\n[execution]\ntime_limit = 5.0\n\n[variables.J1]"
+    tables = "[repeats]\nshare = 0\n\n[simulation]\ntolerance = 1e-6\n\n[execution]\ntime_limit = 5.0\n\n[variables.J1]"
     campaign_file.write_text(campaign_file.read_text().replace("[variables.J1]", tables))
     seen = {}
 
