@@ -126,7 +126,7 @@ def _check_words(words: list[str]) -> None:
     """Refuse letters that a terminal hides or obeys: messages about options would print them."""
     for word in words:
         if visible(word) != word:
-            say(f"error: {visible(word)}: has letters that a terminal hides or obeys; write options and names without")
+            say(f"error: {visible(word)}: has characters that a terminal hides or acts on; leave them out")
             sys.exit(2)
 
 

@@ -51,7 +51,7 @@ def show(
     from engine.mechanism import settable_keys
 
     if pattern and not keys:
-        raise SpecError(f"{pattern}: a filter is for the list of keys; add --keys, or leave it out")
+        raise SpecError(f"{pattern}: a filter needs --keys; add --keys, or leave the filter out")
     loaded = load_mechanism(mechanism)
     loaded = loaded.on_bench(bench) if bench else loaded
     if picture:
@@ -121,7 +121,7 @@ def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:
     if not entries:
         meant = meant_key(mechanism, pattern)
         question = f"; did you mean '{meant}'?" if meant else ""
-        raise SpecError(f"{pattern}: no key of {mechanism.name} has this in it; leave it out to list all{question}")
+        raise SpecError(f"{pattern}: no key of {mechanism.name} contains this; leave it out to list all{question}")
     if json:
         print_json([asdict(entry) for entry in entries])
         return

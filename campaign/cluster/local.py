@@ -124,8 +124,8 @@ def _start(workers: int, security: Security) -> LocalCluster:
             reason = str(error.__cause__ or error) or type(error).__name__
             if attempt == STARTS:
                 raise UnreachableError(
-                    f"{workers} workers cannot be started on this machine: {reason}, {STARTS} times in a row; look for"
-                    " what ends them (memory? a limit of processes?) and try with fewer, --workers N"
+                    f"{workers} workers cannot be started on this machine: {reason}, {STARTS} times in a row; find out"
+                    " what ends them (memory? a process limit?), and try fewer: --workers N"
                 ) from error
             logger.warning("the workers of this machine did not start (%s); trying again", reason)
     raise AssertionError

@@ -32,8 +32,8 @@ def compile_first(workers: Workers) -> None:
         except WorkerDied as error:
             if attempt == ATTEMPTS:
                 raise UnreachableError(
-                    f"the engine could not be loaded or compiled: given to {error}, {attempt} times in a row; look"
-                    " for what ends workers (memory?) and try with fewer, --workers N"
+                    f"the engine could not be loaded or compiled: given to {error}, {attempt} times in a row; find"
+                    " out what ends the workers (memory?), and try fewer: --workers N"
                 ) from error
             logger.warning("loading the engine was given to %s; trying again", error)
 

@@ -115,7 +115,7 @@ class Coordinator:
             self._rescan(verify=True)
         else:
             raise StoreError(
-                f"store {self.store.url}: part files were damaged after they had been written, {TRIES} times in a row;"
+                f"store {self.store.url}: part files were damaged after they were written, {TRIES} times in a row;"
                 " check the disk"
             )
         check_lease(self.store, self.plan.campaign_id, self._token)

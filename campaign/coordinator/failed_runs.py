@@ -46,7 +46,7 @@ def check_failures(store: Store, plan: Plan, progress: Progress) -> None:
         on = f"{resume}; with failures.max_failed = {end} in the campaign file it never stops"
     else:
         return
-    raise TooManyFailed(f"{why}; the rows are kept\n{what_to_do(store, plan)}\nto go on all the same: {on}")
+    raise TooManyFailed(f"{why}; the rows are kept\n{what_to_do(store, plan)}\nto continue anyway: {on}")
 
 
 def lack_of_ok(plan: Plan, statuses: Mapping[str, int]) -> str:
@@ -66,8 +66,8 @@ def lack_of_ok(plan: Plan, statuses: Mapping[str, int]) -> str:
         return f"none of {done} runs succeeded ({statuses_in_words(statuses)})"
     if too_few_ok(ok, done, least):
         return (
-            f"{done - ok} of {done} runs failed ({statuses_in_words(statuses)}); failures.min_ok asks for"
-            f" {100 * least:g} % of ok runs, so no response has a verdict"
+            f"{done - ok} of {done} runs failed ({statuses_in_words(statuses)}); failures.min_ok requires"
+            f" {100 * least:g} % ok runs, so no response gets a verdict"
         )
     return ""
 

@@ -24,7 +24,7 @@ def heartbeats(store: Store, campaign_id: str) -> Iterator[Heartbeat]:
         state = state_of(store, campaign_id)
         document = store.read_json(campaign_id, HEARTBEAT)
         written = Heartbeat.from_json(document or {})
-        odd = state["fault"] or (f"{HEARTBEAT} is none that clearcap writes" if document and not written else None)
+        odd = state["fault"] or (f"{HEARTBEAT} was not written by clearcap" if document and not written else None)
         if odd and odd not in said:
             logger.warning("%s: %s", campaign_id, odd)
             said.add(odd)

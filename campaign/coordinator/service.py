@@ -69,7 +69,7 @@ def _is_open(store: Store, campaign_id: str, unreadable: dict[str, str]) -> bool
     except StoreError as error:
         if unreadable.get(campaign_id) != str(error):
             unreadable[campaign_id] = str(error)
-            logger.warning("campaign %s is passed over: %s", campaign_id, error)
+            logger.warning("campaign %s is skipped: %s", campaign_id, error)
         return False
     unreadable.pop(campaign_id, None)
     return is_open

@@ -126,7 +126,7 @@ def judge(store: Store, plan: Plan, samples: int) -> Verdict:
     x, sample = values(store, plan, rule.response, samples)
     least = plan.spec.failures.min_ok
     if too_few_ok(x.size, samples, least):
-        reason = f"{samples - x.size} of them failed, and failures.min_ok asks for {100 * least:g} % of ok runs"
+        reason = f"{samples - x.size} of them failed, and failures.min_ok requires {100 * least:g} % ok runs"
         return Verdict(samples, name, None, None, None, sure=False, reason=reason)
     x = leveled(x, *resolution(plan.mechanism, rule.response))
     lots = lots_of(plan, sample)

@@ -94,8 +94,8 @@ def _rows(store: Store, plan: Plan, names: Sequence[str]) -> tuple[Array, Array,
     sampler = sampler_named(plan.spec.sampler)
     if not isinstance(sampler, InverseTransformSampler):
         raise SpecError(
-            f"{plan.campaign_id}: samples of sampler {sampler.name} are not drawn from distributions, and do not tell"
-            ' where rejects lie; run the campaign with sampler = "random"'
+            f"{plan.campaign_id}: samples of sampler {sampler.name} are not drawn from distributions, so they do not"
+            ' show where rejects lie; run the campaign with sampler = "random"'
         )
     scores: list[Array] = []
     weights: list[Array] = []

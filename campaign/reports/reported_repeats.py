@@ -21,12 +21,12 @@ def repeats_of(store: Store, plan: Plan) -> Repeats:
 def _remedy(store: Store, plan: Plan, is_missing: bool) -> str:
     """Return how to get more repeats; nothing if all samples are repeated."""
     if differences(plan.row_build):
-        return "Repeats take the build of clearcap that planned the campaign; a new clearcap run computes them with it."
+        return "Repeats need the build of clearcap that planned the campaign; a new clearcap run plans it anew."
     if is_missing:
-        return f"Missing ones are computed by {store.command('resume', plan.campaign_id)}."
+        return f"To compute the missing ones: {store.command('resume', plan.campaign_id)}."
     share = repeated_shares(store, plan)[-1]
     if share >= MOST:
         return ""
     more = f"{min(max(2 * share, ASKED), MOST):g}"
     command = store.command("repeat", plan.campaign_id, "--share", more)
-    return f"{'More' if share else 'Some'} are repeated by {command}."
+    return f"To repeat {'more' if share else 'some'}: {command}"

@@ -211,8 +211,8 @@ def _end(change: Change, asked: float) -> float:
 
 def _undecided(response: str, reach: float) -> str:
     """Return why a factor is 1 although the estimate keeps the targets farther."""
-    words = f"the interval of Cpk of {response} reaches below its target now"
-    return f"{words}; by the estimate alone all keep theirs up to {reach:.3g}" if reach > 1 else words
+    words = f"the Cpk interval of {response} already reaches below its target"
+    return f"{words}; by the estimate alone all targets hold up to {reach:.3g}" if reach > 1 else words
 
 
 def _refused(variable: str, method: str, refusal: str) -> Advice:

@@ -171,7 +171,7 @@ def _refusal(effective: float, largest: float, k: float | None, bar: float, outs
         )
     if effective < LEAST_EFFECTIVE:
         return (
-            f"the samples are worth {effective:.0f} of the new distribution; at least {LEAST_EFFECTIVE:.0f} are needed"
+            f"the samples are worth {effective:.0f} samples of the new distribution; {LEAST_EFFECTIVE:.0f} are needed"
         )
     if largest > LARGEST_SHARE:
         return (

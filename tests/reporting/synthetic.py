@@ -107,7 +107,7 @@ def repeats_of(table: pa.Table, every: int, scatter: dict[str, float], seed: int
         for name, sigma in scatter.items()
     }
     ok = np.array(picked["status"].to_pylist()) == "ok"
-    remedy = "More are repeated by clearcap repeat c60-0123456789 --share 0.2."
+    remedy = "To repeat more: clearcap repeat c60-0123456789 --share 0.2"
     return Repeats(picked["sample"].to_numpy(), ok, values, picked.num_rows, remedy)
 
 

@@ -170,7 +170,7 @@ def test_odd_heartbeat(store, plan, capsys, monkeypatch, odd):
     store.files.write(f"{plan.campaign_id}/heartbeat.json", json.dumps(BEAT | odd).encode())
     code, output, messages = clearcap_here(capsys, monkeypatch, "status", "--store", store.url)
     assert code == 0
-    assert "heartbeat.json is none that clearcap writes" in messages
+    assert "heartbeat.json was not written by clearcap" in messages
     assert "0 of 25 done" in output
 
 

@@ -68,19 +68,19 @@ def _advice_document(advised: "ToleranceAdvice") -> dict[str, Any]:
 
 def _print_advice(advised: "ToleranceAdvice") -> None:
     """Print what must shrink for each response below Cpk 1.33, then how far each variable may grow with the others."""
-    heads = ("variable", "factor", "95 % interval", "limited by", "Cpk then", "write, or ask whatif --set", "method")
+    heads = ("variable", "factor", "95 % interval", "limited by", "Cpk then", "write, or try in whatif --set", "method")
     for short in advised.shortfalls:
         title = (
-            f"{short.response} is below Cpk 1.33: factor on the present sigma of each variable alone that reaches 1.33"
+            f"{short.response} is below Cpk 1.33: factor on the present sigma of one variable alone that reaches 1.33"
         )
         together = () if short.together is None else (short.together,)
         print_table(title, heads, [_row(each) for each in (*short.alone, *together)])
         print_text(short.text)
     if not advised.growth:
         return
-    title = f"factor on the present sigma of each variable alone with which {', '.join(advised.kept)} keep Cpk 1.33"
+    title = f"factor on the present sigma of one variable alone that keeps {', '.join(advised.kept)} at Cpk 1.33"
     print_table(title, heads, [_row(each) for each in advised.growth])
-    print_text("Each factor holds while all other variables stay as they are; two at once are another question.")
+    print_text("Each factor holds only while all other variables stay as they are.")
     for each in advised.growth:
         for response, cpk in each.below.items():
             print_text(f"{each.variable} at {each.factor:.3g}: {response}, already below Cpk 1.33, falls to {cpk:.4g}")
@@ -104,7 +104,7 @@ def _row(advice: "Advice") -> tuple[str, ...]:
 
 def _end_of(advice: "Advice") -> str:
     """Return why an advice ends without a response that limits it."""
-    words = {"samples": "the samples, which say nothing of more", "search": "nothing that was tried"}
+    words = {"samples": "the samples, which reach no farther", "search": "nothing that was tried so far"}
     return advice.limit or words[advice.ended_by]
 
 

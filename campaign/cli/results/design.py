@@ -39,7 +39,7 @@ def design(
     check_output("--output", path, (".toml",))
     with replacing(path) as temporary:
         temporary.write_text(
-            f"# Aims at the rejects that {plan.campaign_id} shows or foretells.\n{tomli_w.dumps(aimed.tables)}"
+            f"# Aims at the rejects that {plan.campaign_id} shows or predicts.\n{tomli_w.dumps(aimed.tables)}"
         )
     if json:
         print_json({"campaign": plan.campaign_id, "store": opened.url, "file": str(path), **_plain(aimed)})
@@ -47,7 +47,7 @@ def design(
         _print(aimed)
         print_text(f"wrote {path}; compute it with: {opened.command('run', str(path))}")
     if not any(target.centres for target in aimed.targets):
-        say("nothing need aim at a limit: only a wide component is drawn, which bounds what nobody has seen")
+        say("no limit needs a component of its own: one wide component bounds what no run has shown")
 
 
 def _plain(aimed: "AimedCampaign") -> dict[str, object]:

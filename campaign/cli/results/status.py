@@ -72,7 +72,7 @@ def _heartbeat(store: "Store", campaign_id: str) -> "Heartbeat | None":
     written = store.read_json(campaign_id, HEARTBEAT)
     heartbeat = Heartbeat.from_json(written or {})
     if written and not heartbeat:
-        say(f"{campaign_id}: {HEARTBEAT} is none that clearcap writes; its coordinator replaces it")
+        say(f"{campaign_id}: {HEARTBEAT} was not written by clearcap; its coordinator replaces it")
     return heartbeat
 
 

@@ -59,8 +59,8 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
         runs = max(refused[name].runs for name in names)
         of = "any response" if len(names) == len(answers) > 1 else ", ".join(names)
         say(
-            f"no answer for {of}: {reason}; run a campaign with these distributions;"
-            f" {runs} samples determine Cpk, or sigma without limits, to 5 %"
+            f"no answer for {of}: {reason}; run a campaign with these distributions:"
+            f" {runs} samples give Cpk (without limits, sigma) to within 5 %"
         )
     if refused:
         raise typer.Exit(1)
@@ -74,7 +74,7 @@ def _failures(answers: "dict[str, WhatIf]") -> list[str]:
             now = answer.dropped / (answer.n + answer.dropped)
             words = f"{100 * answer.missing:.3g} % of the runs would have no value (now {100 * now:.3g} %)"
             by_words.setdefault(words, []).append(name)
-    return [f"{', '.join(names)}: {words}; the numbers are those of the others" for words, names in by_words.items()]
+    return [f"{', '.join(names)}: {words}; the numbers describe the others" for words, names in by_words.items()]
 
 
 def _print(answers: "dict[str, WhatIf]", units: dict[str, str]) -> None:

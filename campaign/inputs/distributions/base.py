@@ -52,7 +52,7 @@ class Distribution(TableModel, strict=True):
                 low, high, sizes = -np.inf, np.inf, np.array([np.inf])
         if not (sizes <= LARGEST_NUMBER).all():
             raise ValueError(
-                f"its values reach from {low:g} to {high:g}: no sizes of a real quantity; allowed: up to"
+                f"its values reach from {low:g} to {high:g}: not plausible for a physical quantity; allowed: up to"
                 f" {LARGEST_NUMBER:g}; reduce its spread, or cut it with lower and upper"
             )
 

@@ -30,7 +30,7 @@ class Normal(Continuous):
         default=None, description="Half the width of the tolerance around the nominal, in the target's unit, above 0."
     )
     cpk: PositiveNumber | None = Field(
-        default=None, description="Assumed capability of the maker, above 0: std = tolerance / (3 cpk)."
+        default=None, description="Assumed Cpk of the manufacturer, above 0: std = tolerance / (3 cpk)."
     )
 
     @property

@@ -169,7 +169,7 @@ def test_too_few_ok_runs_fail_by_default(faked, campaign_file, monkeypatch, verb
         done = faked.invoke(app, [verb, campaign_id, *(["--json"] if verb == "report" else words)])
     assert done.exit_code == 1, done.output
     failed = json.loads(faked.invoke(app, ["status", "--json"]).stdout)["failed"]
-    assert f"{failed} of 25 runs failed ({failed} crashed); failures.min_ok asks for 99 % of ok runs" in done.stderr
+    assert f"{failed} of 25 runs failed ({failed} crashed); failures.min_ok requires 99 % ok runs" in done.stderr
     assert f"clearcap replay {campaign_id} " in done.stderr
     document = json.loads(done.stdout)
     assert os.path.exists(document["report"]["html"])

@@ -62,7 +62,7 @@ def test_a_completed_campaign_says_that_too_few_runs_are_ok(tmp_path, campaign, 
     store, outcome = start(tmp_path / "s", campaign, simulate=partial(fake_engine.raises_above, 0.07))
     failed = outcome.survey.statuses["crashed"]
     assert 0 < failed < 25
-    message = f"{failed} of 25 runs failed ({failed} crashed); failures.min_ok asks for 99 % of ok runs"
+    message = f"{failed} of 25 runs failed ({failed} crashed); failures.min_ok requires 99 % ok runs"
     state = state_of(store, outcome.plan.campaign_id)
     assert state["state"] == "completed"
     assert state["message"].startswith(message)

@@ -101,7 +101,7 @@ def test_unreadable_campaign_keeps_no_other_waiting(done, campaign_file, caplog)
     _, second = computed(store.url, load_campaign(str(campaign_file), samples=5), 5)
     store.files.write(f"{plan.campaign_id}/{STATE}", b"garbage")
     assert serve(store, CLUSTER, once=True) == [second.campaign_id]
-    lines = [r.getMessage() for r in caplog.records if "passed over" in r.getMessage()]
+    lines = [r.getMessage() for r in caplog.records if "is skipped" in r.getMessage()]
     assert len(lines) == 1
     assert "restore or remove it" in lines[0]
     store.remove(plan.campaign_id, STATE)

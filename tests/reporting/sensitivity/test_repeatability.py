@@ -170,7 +170,7 @@ def test_the_card_of_other_repeats():
     still = {r.name: 0.001 for r in spec.responses}
     few, many = card(repeats_of(table, 20, still)), card(repeats_of(table, 2, still))
     assert (few.level, many.level) == ("good", "good")
-    missed = "So few may miss scatter that occurs in up to 26 % of the samples. More are repeated by clearcap repeat"
+    missed = "So few may miss scatter that occurs in up to 26 % of the samples. To repeat more: clearcap repeat"
     assert missed in few.text
     assert "may miss" not in many.text
     doubtful = card(repeats_of(table, 40, still | {"FC-2": 0.014}))

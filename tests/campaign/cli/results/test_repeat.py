@@ -91,5 +91,5 @@ def test_without_repeats(faked, campaign_file):
     run = json.loads(faked.invoke(app, ["run", str(campaign_file), "--workers", "1", "--json"]).stdout)
     text = Path(run["report"]["html"]).read_text(encoding="utf-8")
     assert "No sample was repeated with half the step" in text
-    assert f"Some are repeated by clearcap repeat {run['campaign']} --share 0.1" in text
+    assert f"To repeat some: clearcap repeat {run['campaign']} --share 0.1" in text
     assert "repeats" not in faked.invoke(app, ["status"]).stdout
