@@ -53,7 +53,7 @@ def test_ratios_by_variable_add_up():
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        (Change(np.zeros(50)), "worth 50 of the new"),
+        (Change(np.zeros(50)), "worth 50 samples of the new"),
         (Change(np.r_[np.zeros(5000), 6.0]), "carry 7 %"),
         (Change(-np.log(np.arange(1, 200_001) - 0.5) / 1.3), "Pareto k = 0.7"),
         (Change(np.zeros(5000), outside=0.02), "2 % of the new values lie where"),
