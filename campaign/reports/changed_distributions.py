@@ -9,6 +9,7 @@ from campaign.errors import SpecError
 from campaign.inputs.distributions import Distribution
 from campaign.inputs.sampling import SAMPLERS, sampler_named
 from campaign.inputs.sampling.correlation import matrix
+from campaign.reports.samples_worth import samples_worth
 from campaign.spec.campaign_file import CampaignSpec
 from engine.arrays import Array
 from reporting.tolerance.reweighting import Change
@@ -57,7 +58,8 @@ def change_distributions(spec: CampaignSpec, new: Mapping[str, Distribution], co
         inside *= 1.0 - _outside(distribution, *old.support())
     if any(name in pair for name in new for pair in spec.correlations or ()):
         ratio += _copula({**spec.variables, **new}, spec, columns) - _copula(spec.variables, spec, columns)
-    return Change(np.where(np.isnan(ratio), -np.inf, ratio), max(1.0 - inside, 0.0))
+    worth = samples_worth([(spec.variables[name], distribution) for name, distribution in new.items()])
+    return Change(np.where(np.isnan(ratio), -np.inf, ratio), max(1.0 - inside, 0.0), worth=worth)
 
 
 def _outside(new: Distribution, low: float, high: float) -> float:

@@ -22,9 +22,11 @@ from reporting.arrays import Array
 from reporting.errors import ReportError
 from reporting.shape import pareto
 
-# Weights with a smaller effective sample size, or with a sample of larger weight, do not determine a sigma.
+# Weights with a smaller effective sample size, or with a sample of larger weight, do not determine a sigma; nor do
+# samples that the distributions make worth fewer new runs.
 LEAST_EFFECTIVE = 100.0
 LARGEST_SHARE = 0.05
+LEAST_WORTH = 30.0
 PARETO_BAR, HILL_BAR, CLEAR_TAIL = 0.6, 0.4, 0.3
 # A smaller probability outside the range of the old distribution changes no share by more than 1 ppm.
 MOST_OUTSIDE = 1e-6
@@ -54,6 +56,9 @@ class Change:
         Why `spread` is nearer to 1 than was asked for; empty if it is what was asked for.
     settings : tuple of str
         What to write in the campaign file for this change, each ``VARIABLE.KEY=VALUE``.
+    worth : float
+        Number of new runs that a sample is worth for the sigma of the changed variable itself, by the two distributions
+        alone; 1 if it is not known.
     """
 
     log_ratio: ArrayLike
@@ -62,6 +67,7 @@ class Change:
     moved: ArrayLike | Mapping[str, ArrayLike] | None = None
     limit: str = ""
     settings: tuple[str, ...] = ()
+    worth: float = 1.0
 
     def moved_to(self, variable: str) -> Mapping[str, ArrayLike]:
         """Return the new values by variable, if `variable` is the one that changes where only one does."""
@@ -129,7 +135,8 @@ def weights(change: Change) -> Weights:
     weight = smooth / smooth.sum()
     effective = float(1 / np.sum(weight**2))
     finite_k = k if math.isfinite(k) else None
-    refusal = _refusal(effective, largest, finite_k, bar, change.outside) or _heavy_body(raw, k)
+    refusal = _refusal(effective, largest, finite_k, bar, change.outside) or _too_little(n, change.worth)
+    refusal = refusal or _heavy_body(raw, k)
     return Weights(weight, effective, largest, finite_k, bar, change.outside, refusal)
 
 
@@ -180,6 +187,20 @@ def _refusal(effective: float, largest: float, k: float | None, bar: float, outs
     if k is not None and k > bar:
         return f"the distribution of the weights has too heavy a tail, Pareto k = {k:.2f} above {bar:.2f}"
     return ""
+
+
+def _too_little(n: int, worth: float) -> str:
+    """Return why the weights cannot be used if the distributions themselves say so; empty if they do not.
+
+    No sample shows this: where the variance of the weighted squares is infinite, the samples that miss the tail look
+    well behaved, and their answers are the wrong ones.
+    """
+    if n * worth >= LEAST_WORTH:
+        return ""
+    return (
+        f"for the new sigma of a changed variable itself the samples are worth {n * worth:.0f} new runs; "
+        f"{LEAST_WORTH:.0f} are needed"
+    )
 
 
 def _heavy_body(raw: Array, k: float) -> str:
