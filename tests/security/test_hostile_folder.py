@@ -60,6 +60,9 @@ name = "slope"
 mechanism = "incline"
 samples = 12
 
+[failures]
+min_ok = 0                           # half of the blocks slide
+
 [simulation]
 horizon = 0.2
 step = 1e-6

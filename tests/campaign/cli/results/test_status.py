@@ -60,5 +60,5 @@ def test_status_of_100000_rows(tmp_path, store, campaign_file, known):
         store.record(plan, parts)
     command = [sys.executable, "-X", "importtime", "-m", "campaign", "status", plan.campaign_id, "--store", store.url]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
-    assert done.stdout == f"{plan.campaign_id}: planned, 100000 of 100000 done, 0 failed, 0 left\n"
+    assert done.stdout == f"{plan.campaign_id}: planned, 100000 of 100000 done, 0 failed, 0 left, 0 of 301 repeats\n"
     assert not any(f" {module}\n" in done.stderr for module in ("pyarrow", "numba", "distributed"))
