@@ -13,9 +13,9 @@ _LOGITS = np.linspace(-30.0, 30.0, 4001)  # probabilities from 1e-13 to 1 - 1e-1
 def samples_worth(changes: Sequence[tuple[Distribution, Distribution]]) -> float:
     """Return how many new runs a sample is worth for the sigma of the changed variable that it tells least of.
 
-    The variance of a sample's part in the weighted estimate of a variance is ``E_old[w^2 (z^2 - 1)^2]``, with the weight
-    ``w`` and ``z`` the value in sigmas of the new distribution; that of a new run is ``E_new[(z^2 - 1)^2]``. Their ratio is
-    infinite where a normal distribution gets sqrt(2) times its sigma or more.
+    The variance of a sample's part in the weighted estimate of a variance is ``E_old[w^2 (z^2 - 1)^2]``, with the
+    weight ``w`` and the value ``z`` in sigmas of the new distribution; that of a new run is ``E_new[(z^2 - 1)^2]``.
+    Their ratio is infinite where a normal distribution gets sqrt(2) times its sigma or more.
 
     Parameters
     ----------
