@@ -16,7 +16,12 @@ STOPPED = {signal.SIGTERM, signal.SIGKILL}  # by which a supervisor ends what st
 FAILED_AT = "store ", "scheduler", "worker", "engine could not be"  # what a message of status 4 names
 UNSHARE = "unshare: sigprocmask unblock failed"  # how ``unshare`` ends, with 1, when its child was killed by SIGKILL
 NO_PLAN = "no campaign "  # said by whoever starts while a storm has taken the plan away
-LEASE_WORDS = ("was taken over by another process", "is computed by process", "was taken by another process")
+LEASE_WORDS = (
+    "was taken over by another process",
+    "is computed by process",
+    "was taken by another process",
+    "same time",
+)
 
 
 def bits(store, plan):

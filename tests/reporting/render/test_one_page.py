@@ -80,7 +80,7 @@ def test_it_has_what_is_signed() -> None:
     """Who, when, how many failed, the yield, the causes, what asks for attention, and lines to sign."""
     page = " ".join(render_one_page(crowded(12, "name")).split())
     for words in ("2026-01-01 00:00 UTC", "2026-01-02 00:00 UTC", "<strong>9 failed</strong>", "Yield of the product",
-                  "<strong>Largest causes</strong>", "J1", "What asks for attention", "<strong>Failures</strong>",
+                  "<strong>Largest causes</strong>", "J1", "What needs attention", "<strong>Failures</strong>",
                   "Made by", "Signature", "Content-Security-Policy"):  # fmt: skip
         assert words in page, words
     assert page.count("<dd>name</dd>") == 5  # of twenty lines of the header four, and the author
