@@ -94,7 +94,7 @@ def test_other_values_have_their_own_moments_and_no_interval_of_the_normal_ppm(s
     assert "fourth moment" in c.interval_reason
     assert c.ppm_expected is not None
     assert c.ppm_expected_interval is None
-    assert any("against a normal distribution" in note for note in c.notes)
+    assert any("contradict a normal distribution" in note for note in c.notes)
 
 
 def test_both_methods_agree_on_normal_values() -> None:

@@ -58,7 +58,7 @@ def test_few_values_have_no_empirical_interval_and_say_so() -> None:
     c = empirical_indices(SET_A, 8.2, 11.5)
     assert c.pp == pytest.approx(3.3 / (11.16317393702 - 8.83682606298), rel=1e-9)
     assert c.pp_interval is None
-    assert any("extreme values" in note for note in c.notes)
+    assert any("percentiles are the extremes" in note for note in c.notes)
     assert 1 - 2 * 0.99865**FEWEST > 0.95 - 1e-3  # both ends of a percentile's interval are in the sample
 
 

@@ -47,7 +47,7 @@ def test_the_estimate_does_not_depend_on_the_unit() -> None:
         (np.random.default_rng(1).normal(size=5000), 1.0, "counted share is better"),
         (np.random.default_rng(1).normal(size=5000).round(1), 6.0, "repeat"),
         (np.full(1000, 3.0), 4.0, "all equal"),
-        (np.random.default_rng(1).random(20_000), 1.01, "No threshold"),
+        (np.random.default_rng(1).random(20_000), 1.01, "fits none of the tails"),
     ],
 )
 def test_a_tail_that_is_not_valid_is_refused_with_the_reason(x, limit: float, said: str) -> None:
