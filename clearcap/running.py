@@ -3,7 +3,6 @@
 import signal
 import subprocess
 import sys
-import tempfile
 import warnings
 from pathlib import Path
 from typing import TextIO
@@ -91,25 +90,24 @@ def _resume(store: Store, plan: Plan, cluster: Cluster, progress: TextIO | None)
     """Compute a planned campaign in a process of its own; return its exit status and its last message."""
     command = [sys.executable, "-P", "-m", "campaign", "resume", plan.campaign_id, "--no-report", "--json"]
     environment = {**python_environment(), STORE: store.files.full_url}  # where other users do not see its password
-    with tempfile.TemporaryFile() as summary:
-        process = subprocess.Popen(
-            [*command, *cluster.options()],
-            stdin=subprocess.DEVNULL,
-            stdout=summary,
-            stderr=subprocess.PIPE,
-            env=environment,
-            text=True,
-            errors="replace",
-        )
-        with process:
-            try:
-                message = _follow(process, progress)
-            except KeyboardInterrupt:
-                _interrupt(process)
-                raise
-        if process.returncode == INTERRUPTED:
-            raise KeyboardInterrupt
-        return process.returncode, message
+    process = subprocess.Popen(
+        [*command, *cluster.options()],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        env=environment,
+        text=True,
+        errors="replace",
+    )
+    with process:
+        try:
+            message = _follow(process, progress)
+        except KeyboardInterrupt:
+            _interrupt(process)
+            raise
+    if process.returncode == INTERRUPTED:
+        raise KeyboardInterrupt
+    return process.returncode, message
 
 
 def _follow(process: "subprocess.Popen[str]", progress: TextIO | None) -> str:

@@ -98,7 +98,7 @@ def analysis(store: Store, plan: Plan) -> Analysis:
     spec = report_spec(plan, store)
     try:
         samples = read_samples(_with_production_batch(plan, _rows(store, plan)), spec)
-        return analyse(samples, spec, Spreads(plan.spec, plan.mechanism).change)
+        return analyse(samples, spec, Spreads(plan.spec, plan.mechanism).change, repeats=repeats_of(store, plan))
     except ReportError as error:
         raise CampaignError(f"analysis of {plan.campaign_id}: {error}") from error
 

@@ -3,7 +3,7 @@
 from reporting import format_numbers
 from reporting.analysis import Analysis
 from reporting.capability.verdict import CapabilityVerdict
-from reporting.render.axes import HALF
+from reporting.render.axes import HALF, LIMIT
 from reporting.render.svg import (
     GRID,
     INK,
@@ -21,7 +21,6 @@ from reporting.render.svg import (
 )
 from reporting.response import ResponseAnalysis
 
-LIMIT = "#a61c00"
 COLOURS = {"capable": "#1f6f43", "marginal": "#8a5a00", "not capable": "#a61c00"}
 # The overview shows this much beyond the limits, in half distances between them.
 _REACH = 2.0

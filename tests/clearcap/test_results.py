@@ -1,14 +1,16 @@
 """The results of a campaign as tables of pandas."""
 
-import json
-import math
 import tomllib
+from pathlib import Path
 
+import pandas as pd
 import pytest
 
 from campaign.errors import SpecError
+from campaign.reports.report import analysis
 from campaign.spec.load import load_campaign
 from clearcap.results import Results, open_campaign, report
+from reporting.render.json import render_json
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
@@ -32,15 +34,13 @@ def test_rows(results):
     assert len(results.ok) == results.statuses["ok"]
 
 
-def test_capability_is_that_of_the_report(results):
-    """The table has the numbers of capability.json."""
-    table = results.capability
-    with open(report(results)["json"]) as file:
-        printed = {r["spec"]["name"]: r for r in json.load(file)["responses"]}
-    assert list(table.index) == list(printed)
-    for name, row in table.iterrows():
-        assert row["verdict"] == printed[name]["verdict"]
-        assert math.isclose(row["mean"], printed[name]["capability"]["mean"])
+def test_capability_is_that_of_the_report(results, monkeypatch):
+    """The table is capability.parquet, and what it rests on is capability.json to the letter, repeats included."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "1795305213")
+    files = report(results, ("json", "parquet"))
+    assert results.capability.equals(pd.read_parquet(files["parquet"]).set_index("response"))
+    assert any(response.repeatability for response in analysis(results.store, results.plan).responses)
+    assert render_json(analysis(results.store, results.plan)) == Path(files["json"]).read_text("utf-8")
 
 
 def test_what_if(results):
