@@ -11,6 +11,7 @@ logger = logging.getLogger(__name__)
 
 LOOK_EVERY = 0.5  # s
 SAY_EVERY = 15.0  # s
+_announcing = threading.Lock()  # one voice a process: what estimates the time of a run opens a campaign meanwhile
 
 
 @contextmanager
@@ -20,9 +21,10 @@ def announced_compilation(missing: Sequence[str]) -> Iterator[None]:
     Parameters
     ----------
     missing : sequence of str
-        Files that compiling writes, see `engine.missing_kernels`; where none is missing, nothing is logged.
+        Files that compiling writes, see `engine.missing_kernels`; where none is missing, nothing is logged. Nor is it in
+        a block within such a block.
     """
-    if not missing:
+    if not missing or not _announcing.acquire(blocking=False):
         yield
         return
     over = threading.Event()
@@ -33,6 +35,7 @@ def announced_compilation(missing: Sequence[str]) -> Iterator[None]:
     finally:
         over.set()
         thread.join()
+        _announcing.release()
 
 
 def _announce(missing: Sequence[str], start: float, over: threading.Event) -> None:

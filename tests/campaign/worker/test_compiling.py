@@ -48,6 +48,19 @@ def test_compilation_is_said_with_its_progress(quick, tmp_path):
     assert second == "compiling the engine: 2 of 3 kernels"
 
 
+def test_a_block_within_a_block_says_it_once(quick, tmp_path):
+    """As where a campaign is opened to estimate the time of its runs; afterwards it may be said again."""
+    missing = [str(tmp_path / "0.nbi")]
+    for times in (1, 2):
+        with announced_compilation(missing), announced_compilation(missing):
+            (tmp_path / "0.nbi").write_text("x")
+            until = time.monotonic() + 20.0
+            while len([text for text in quick() if "once" in text]) < times and time.monotonic() < until:
+                time.sleep(0.01)
+            time.sleep(0.1)
+        assert len([text for text in quick() if "once" in text]) == times
+
+
 def test_a_compiled_engine_misses_nothing(tmp_path):
     """After it was compiled nothing is missing, in this process and in another one; in an empty cache all is."""
     warm_up()
