@@ -21,8 +21,8 @@ def announced_compilation(missing: Sequence[str]) -> Iterator[None]:
     Parameters
     ----------
     missing : sequence of str
-        Files that compiling writes, see `engine.missing_kernels`; where none is missing, nothing is logged. Nor is it in
-        a block within such a block.
+        Files that compiling writes, see `engine.missing_kernels`; where none is missing, nothing is logged. Nor is it
+        in a block within such a block.
     """
     if not missing or not _announcing.acquire(blocking=False):
         yield
