@@ -7,26 +7,24 @@ from typing import Any
 def missing_kernels() -> tuple[str, ...]:
     """Return the index files that compiling the engine will write; none if it is compiled.
 
-    Numba keeps an index for each kernel. That of the time loop comes last: with it, all kernels below it are compiled.
+    There is one for each kernel that Python calls. That of the time loop is the greatest part of the work.
     """
-    from numba.core.dispatcher import Dispatcher
-
+    from engine.jit import Kernel
     from engine.kernels.time_loop import run_to_end
 
-    if not isinstance(run_to_end, Dispatcher) or run_to_end.signatures or _is_cached(run_to_end):
+    if not isinstance(run_to_end, Kernel) or run_to_end.compiled.signatures or _is_cached(run_to_end):
         return ()
     engine_modules = [module for name, module in list(sys.modules.items()) if name.partition(".")[0] == "engine"]
     values = {id(value): value for module in engine_modules for value in vars(module).values()}.values()
-    kernels = [value for value in values if isinstance(value, Dispatcher) and _index(value)]
+    kernels = [value for value in values if isinstance(value, Kernel)]
     return tuple(_index(kernel)._index_path for kernel in kernels if not _is_cached(kernel))
 
 
 def _is_cached(kernel: Any) -> bool:
     """Return whether the cache has machine code of a kernel, compiled from the present source."""
-    index = _index(kernel)
-    return index is not None and bool(index._load_index())
+    return bool(_index(kernel)._load_index())
 
 
 def _index(kernel: Any) -> Any:
-    """Return Numba's reader of the index of a kernel; None if the kernel is not kept on disk."""
-    return getattr(kernel._cache, "_cache_file", None)
+    """Return Numba's reader of the index of a kernel."""
+    return kernel.compiled._cache._cache_file

@@ -67,12 +67,12 @@ def execute(
     drift = ""
     read_at_end = read_contacts(mechanism)
     if counts[time_loop.STATUS] == time_loop.OK and certificate.settled:
-        forces = _measure_at_rest(mechanism, assembly, int(counts[time_loop.PHASE]), certificate.time)
+        forces = measure_at_rest(mechanism, assembly, int(counts[time_loop.PHASE]), certificate.time)
         contacts = [*bounded_contacts(mechanism), *(read_at_end.values() if indeterminacy else ())]
         if forces is None:
             drift = unheld(mechanism, assembly, control)
         elif contacts:
-            ranges = _force_ranges(assembly, forces, list(dict.fromkeys(contacts)))
+            ranges = ranges_at_rest(assembly, forces, list(dict.fromkeys(contacts)))
     measured = dict(zip(mechanism.responses, map(float, assembly.work.reported), strict=True))
     measured = with_derived(mechanism, measured, ranges)
     if counts[time_loop.STATUS] == time_loop.OK:
@@ -89,7 +89,7 @@ def execute(
     return Run(status, message, responses, mechanism.response_units(), certificate, measured, open_ranges)
 
 
-def _measure_at_rest(mechanism: Mechanism, assembly: Assembly, phase: int, t: float) -> Array | None:
+def measure_at_rest(mechanism: Mechanism, assembly: Assembly, phase: int, t: float) -> Array | None:
     """Measure the contact forces at the end once more, as the pose at rest determines them.
 
     They are NaN if no forces in the friction cones balance the loads. Return the forces, shape (nc, 3), or None.
@@ -109,7 +109,7 @@ def _measure_at_rest(mechanism: Mechanism, assembly: Assembly, phase: int, t: fl
     return forces
 
 
-def _force_ranges(assembly: Assembly, forces: Array, contacts: list[str]) -> dict[str, tuple[float, float]]:
+def ranges_at_rest(assembly: Assembly, forces: Array, contacts: list[str]) -> dict[str, tuple[float, float]]:
     """Return contact -> least and largest normal force that friction allows at rest."""
     numbers = [assembly.contact_names.index(contact) for contact in contacts]
     return dict(zip(contacts, normal_force_ranges(assembly, forces, numbers), strict=True))

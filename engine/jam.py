@@ -6,8 +6,8 @@ import numpy as np
 
 from engine.arrays import Array, Integers
 from engine.assembly import Assembly
+from engine.friction.arrays import dense_rows
 from engine.friction.infeasibility import squeezing_impulses
-from engine.friction.problem import dense_rows
 from engine.kernels import time_loop
 from engine.kernels.bilateral import row_violations, whitened_bilateral_rows
 from engine.kernels.contact_geometry.gaps import find_contacts
@@ -85,8 +85,7 @@ def _jam_of_positions(assembly: Assembly) -> Jam | None:
     worst = float(max(-state.gap.min(initial=0.0), np.abs(off).max(initial=0.0)))
     chosen = np.flatnonzero(state.gap <= REACH * worst)
     for j, i in enumerate(chosen):
-        at = (contacts.a[i], contacts.b[i], sites.point, sites.frame)
-        whitened_rows(model.bodies, state.x, state.R, *at, i, problem.rows, j)
+        whitened_rows(model.bodies, contacts, state.x, state.R, sites, i, problem.rows, j)
     N = _contact_rows(assembly, chosen.size)[:, 0]
     contradiction = squeezing_impulses(np.vstack([J, -J]), np.concatenate([off, -off]), worst)
     if contradiction is not None:
@@ -118,10 +117,10 @@ def _largest(numbers: Integers, impulses: Array) -> tuple[int, ...]:
 def _contact_rows(assembly: Assembly, nc: int) -> Array:
     """Return the rows (N, T1, T2) of the friction problem's first ``nc`` contacts, shape (nc, 3, n)."""
     rows = assembly.problem.rows
-    return dense_rows(rows.start[:nc], rows.width[:nc], rows.G[:nc], assembly.problem.w.size)
+    return dense_rows(rows.node[:nc], rows.G[:nc], assembly.problem.w.size)
 
 
 def _bilateral_rows(assembly: Assembly) -> Array:
     """Return the bilateral rows of the friction problem, shape (nt, n)."""
     system = assembly.problem.bilateral
-    return dense_rows(system.start, system.width, system.J[:, None], assembly.problem.w.size)[:, 0]
+    return dense_rows(system.node, system.J[:, None], assembly.problem.w.size)[:, 0]

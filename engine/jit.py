@@ -1,7 +1,12 @@
 """The decorators of all compiled kernels, and the folder where compiled code is kept.
 
-Options: without the GIL (a worker's heartbeat must continue), cached on disk, NumPy's error model (a division by zero
-gives an inf, which the caller judges, and no exception), no fast-math (a row must be the same bits everywhere).
+Options: without the GIL (a worker's heartbeat must continue), NumPy's error model (a division by zero gives an inf,
+which the caller judges, and no exception), no fast-math (a row must be the same bits everywhere).
+
+Only what Python calls becomes machine code: one module, with all kernels below it, optimised once and kept on disk.
+By itself Numba does that for each kernel, and again for all kernels below it, so that a kernel ten calls deep is
+optimised ten times. What a kernel costs to compile is the text of its code: arrays are passed in tuples by their seven
+numbers each, so a tuple is taken apart where it is used and not built anew on the way.
 """
 
 import atexit
@@ -10,7 +15,9 @@ import logging
 import os
 import shutil
 import tempfile
+from collections.abc import Callable
 from contextlib import chdir, nullcontext, suppress
+from functools import update_wrapper
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +39,10 @@ SETTINGS = ".numba_config.yaml"
 with chdir("/") if os.path.lexists(SETTINGS) else nullcontext():
     import numba
     from numba.core import config
+    from numba.core.caching import UserProvidedCacheLocator
+    from numba.core.codegen import JITCodeLibrary
+    from numba.core.compiler import Compiler
+    from numba.core.types import Dispatcher
 
 config._config_fname = os.devnull
 if os.path.lexists(SETTINGS):  # a program that imported Numba before has read it
@@ -101,19 +112,88 @@ def _remove(folder: str, process: int) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-numba.config.CACHE_DIR = str(_cache_folder())  # type: ignore[attr-defined]
+# Numba reads its settings anew whenever a variable NUMBA_... of the environment changes; this stays as it is
+CACHE_FOLDER = _cache_folder()
+numba.config.CACHE_DIR = str(CACHE_FOLDER)  # type: ignore[attr-defined]
 # and no other folder, such as ~/.cache/numba, which nobody has checked
-numba.config.CACHE_LOCATOR_CLASSES = "UserProvidedCacheLocator"  # type: ignore[attr-defined]
+numba.config.CACHE_LOCATOR_CLASSES = "engine.jit.BuildLocator"  # type: ignore[attr-defined]
 
-if "NUMBA_OPT" not in os.environ:  # a run is no slower than with level 3, and compiling takes a tenth less
-    numba.config.OPT = type(numba.config.OPT)(1)  # type: ignore[attr-defined]
 
-_OPTIONS = {"nogil": True, "cache": True, "error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+class BuildLocator(UserProvidedCacheLocator):  # type: ignore[misc]
+    """Where Numba keeps a kernel in the cache folder: by its module, so that all installations of a build share it."""
 
-kernel: Any = numba.njit(**_OPTIONS)  # type: ignore[call-overload]
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        """Return the folder for the kernels of a source file; by its whole path, as Numba does, outside the engine."""
+        folder, engine = Path(py_file).absolute().parent, Path(__file__).absolute().parent
+        if folder.is_relative_to(engine):
+            return str(folder.relative_to(engine.parent))
+        return str(super().get_suitable_cache_subpath(py_file))
 
-# For kernels that only kernels call: a wrapper for Python would be a third of their compile time.
-inner: Any = numba.njit(**_OPTIONS, no_cpython_wrapper=True)  # type: ignore[call-overload]
 
-# For the copies of kernels that are measured: their clocks have addresses, which cannot be kept on disk.
-uncached: Any = numba.njit(**{**_OPTIONS, "cache": False})  # type: ignore[call-overload]
+# Runs are as quick as with level 3, and compiling takes a tenth less than with 1 or 3.
+if "NUMBA_OPT" not in os.environ:
+    numba.config.OPT = type(numba.config.OPT)(2)  # type: ignore[attr-defined]
+
+_OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
+
+
+class _CalleeLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """The code of a kernel and of all below it for callers to link: neither optimised as a whole nor machine code."""
+
+    def finalize(self) -> None:
+        """Link the kernels below."""
+        self._raise_if_finalized()
+        for library in dict.fromkeys(self._linking_libraries):
+            self._reload_init.update(library._reload_init)
+            self._final_module.link_in(library._get_module_for_linking(), preserve=True)
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+
+class _CalleeCompiler(Compiler):  # type: ignore[misc]
+    """Numba's compiler, down to the code that callers link."""
+
+    def _compile_core(self) -> Any:
+        state, name = self.state, self.state.func_id.func_qualname
+        state.flags.no_compile = True
+        state.library = _CalleeLibrary(state.targetctx.codegen(), name)
+        # Numba tells functions apart by their entry points for Python. Here is none: a built-in method takes its place
+        result = super()._compile_core()._replace(entry_point=[name].append)
+        result.target_context.insert_user_function(result.entry_point, result.fndesc, [result.library])
+        return result
+
+
+# For kernels that only kernels call.
+inner: Any = numba.njit(**_OPTIONS, no_cpython_wrapper=True, pipeline_class=_CalleeCompiler)  # type: ignore[call-overload]
+
+# For the copy of the time loop that is measured: its clocks have addresses, which cannot be kept on disk.
+uncached: Any = numba.njit(**_OPTIONS)  # type: ignore[call-overload]
+
+
+class Kernel:
+    """A kernel that Python calls, and other kernels too, for which it is an `inner` one.
+
+    Attributes
+    ----------
+    py_func : callable
+        The function in Python.
+    compiled : Dispatcher
+        What Python calls: with machine code that is kept on disk.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.py_func = function
+        self.compiled: Any = numba.njit(**_OPTIONS, cache=True)(function)  # type: ignore[call-overload]
+        self._callee = inner(function)
+        self._numba_type_ = Dispatcher(self._callee)  # what Numba takes this object for in a kernel
+        update_wrapper(self, function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled kernel."""
+        return self.compiled(*arguments)
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a kernel that Python calls; see `Kernel`. With NUMBA_DISABLE_JIT=1 the function stays as it is."""
+    return function if config.DISABLE_JIT else Kernel(function)  # type: ignore[attr-defined]

@@ -1,6 +1,5 @@
 """Drive the compiled time loop: settings, time limit, cancelling, and the rows of a trajectory."""
 
-import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -9,6 +8,8 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.assembly import Assembly
+from engine.clock import set_after
+from engine.jit import Kernel
 from engine.kernels.context import Control
 from engine.kernels.record import record, row_length
 from engine.kernels.time_loop import FULL, STATUS, STEP, TIME, Course, new_course, run_to_end
@@ -56,7 +57,7 @@ def control_of(mechanism: Mechanism, full_horizon: bool) -> Control:
 
 def prepare(assembly: Assembly, control: Control) -> None:
     """Compile the time loop, or load it from the cache: a run to the horizon 0, which changes nothing."""
-    if not getattr(run_to_end, "signatures", True):
+    if isinstance(run_to_end, Kernel) and not run_to_end.compiled.signatures:
         nowhere = control._replace(horizon=0.0)
         run_to_end(assembly.arrays, nowhere, new_course(nowhere), np.zeros((1, 1)), 0, np.zeros(1, np.uint8))
 
@@ -112,7 +113,7 @@ def drive(
 
 @contextmanager
 def limited(cancel: Cancel | None, seconds: float) -> Iterator[Any]:
-    """Yield the flag that ends the time loop: another thread sets it, or a clock after some real time [s].
+    """Yield the flag that ends the time loop: another thread sets it, or the clock after some real time [s].
 
     Parameters
     ----------
@@ -122,13 +123,10 @@ def limited(cancel: Cancel | None, seconds: float) -> Iterator[Any]:
         Real time after which the clock sets it [s].
     """
     stop = (cancel or Cancel()).flag
-    timer = threading.Timer(seconds, lambda: stop.__setitem__(0, stop[0] or TIMEOUT))
-    timer.daemon = True
-    timer.start()
     try:
-        yield stop
+        with set_after(seconds, stop, TIMEOUT):
+            yield stop
     finally:
-        timer.cancel()
         if stop[0] == TIMEOUT:
             stop[0] = 0  # the limit was that of this run; the flag may serve the next one
 

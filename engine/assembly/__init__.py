@@ -4,18 +4,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.arrays import Array, Integers
-from engine.assembly.bilateral import bilateral_arrays, layout, row_runs
+from engine.arrays import Array, copied
+from engine.assembly.bilateral import BilateralRow, bilateral_arrays
+from engine.assembly.clearances import add_play, faces_with_play, without_play
 from engine.assembly.contacts import contact_arrays, contact_pairs
-from engine.assembly.frames import order_bodies, place_bodies
+from engine.assembly.frames import BodyFrame, order_bodies, place_bodies
 from engine.assembly.ideal_joints import joint_rows
 from engine.assembly.joints import joint_pairs
 from engine.assembly.loads import load_arrays
 from engine.assembly.motions import motion_rows
 from engine.assembly.phases import phase_arrays
+from engine.assembly.remembered import remembered
 from engine.assembly.responses import response_arrays
 from engine.assembly.start import refuse_long_step, refuse_open_joints, refuse_overlap
 from engine.assembly.time_laws import time_law_arrays
+from engine.assembly.unknowns import Unknowns, layout
 from engine.friction.arrays import FrictionArrays, friction_arrays
 from engine.kernels.context import RunArrays
 from engine.kernels.model import BilateralState, Bodies, BroadPhase, ContactSites, Model, Scratch, State, StepStart
@@ -56,8 +59,28 @@ class Assembly:
         return RunArrays(self.model, self.state, self.work, self.problem)
 
 
+@dataclass(frozen=True)
+class _Prepared:
+    """The arrays of a mechanism without play, which nobody changes: a run gets copies.
+
+    Attributes
+    ----------
+    assembly : Assembly
+    held : list of BilateralRow
+        The rows of the ideal joints.
+    faces : tuple
+        See `engine.assembly.clearances.add_play`.
+    """
+
+    assembly: Assembly
+    held: list[BilateralRow]
+    faces: tuple[tuple[int, str, str], ...]
+
+
 def assemble(mechanism: Mechanism) -> Assembly:
     """Turn a mechanism into arrays.
+
+    Where a mechanism differs from an earlier one in its play only, as from sample to sample, the others are copied.
 
     Raises
     ------
@@ -65,20 +88,30 @@ def assemble(mechanism: Mechanism) -> Assembly:
         If parts overlap at the start pose, or an ideal joint is open there, or the step is longer than the horizon.
     """
     refuse_long_step(mechanism)
-    order = order_bodies(mechanism)
-    frames, state = place_bodies(mechanism, order)
+    prepared = _prepared(without_play(mechanism))
+    pristine = prepared.assembly
+    model, state, work, problem = map(copied, (pristine.model, pristine.state, pristine.work, pristine.problem))
+    add_play(mechanism, prepared.faces, model.contacts.clearance)
+    refuse_open_joints(mechanism, prepared.held, state)
+    refuse_overlap(mechanism, model.contacts, pristine.contact_names, state, work)
+    return Assembly(model, state, work, problem, pristine.contact_names, pristine.row_names)
+
+
+@remembered
+def _prepared(mechanism: Mechanism) -> _Prepared:
+    """Assemble a mechanism without play."""
+    order, frames, state = _placed(mechanism)
     moving = [mechanism.bodies[name] for name in order]
     inertia = np.array([b.inertia for b in moving], float).reshape(-1, 3, 3)
     mass = np.array([b.mass for b in moving], float)
     pairs = [*joint_pairs(mechanism, frames, state.R), *contact_pairs(mechanism, frames)]
     time_laws, law_numbers = time_law_arrays(mechanism)
-    joints = [*joint_rows(mechanism, frames, state.R)]
-    rows = [*joints, *motion_rows(mechanism, frames, state, law_numbers)]
-    at, multiplier = layout(len(moving), rows)
-    contacts, laws = contact_arrays(pairs)
-    names = [pair.name for pair in pairs]
+    held = [*joint_rows(mechanism, frames, state.R)]
+    rows = [*held, *motion_rows(mechanism, frames, state, law_numbers)]
+    unknowns = layout(len(moving), rows, [(pair.a, pair.b) for pair in pairs])
+    contacts, laws = contact_arrays(pairs, unknowns.contact_pair)
     model = Model(
-        bodies=Bodies(mass, inertia, np.linalg.inv(np.linalg.cholesky(inertia)) if moving else inertia, at),
+        bodies=Bodies(mass, inertia, np.linalg.inv(np.linalg.cholesky(inertia)) if moving else inertia, unknowns.body),
         contacts=contacts,
         laws=laws,
         bilateral=bilateral_arrays(rows, len(mechanism.phases)),
@@ -92,24 +125,26 @@ def assemble(mechanism: Mechanism) -> Assembly:
         model,
         state._replace(r=np.zeros((nc, 3)), slip=np.zeros(nc), gap=np.zeros(nc)),
         _scratch(len(moving), nc, len(rows), model.responses.offset),
-        _problem(model, multiplier),
-        tuple(names),
+        _problem(unknowns),
+        tuple(pair.name for pair in pairs),
         tuple(row.name for row in rows),
     )
-    refuse_open_joints(mechanism, joints, state)
-    refuse_overlap(mechanism, contacts, names, assembly.state, assembly.work)
-    return assembly
+    return _Prepared(assembly, held, faces_with_play(pairs))
 
 
-def _problem(model: Model, multiplier: Integers) -> FrictionArrays:
+@remembered
+def _placed(mechanism: Mechanism) -> tuple[list[str], dict[str, BodyFrame], State]:
+    """Return the moving bodies in their order, the frames of all bodies, and the state at the start."""
+    order = order_bodies(mechanism)
+    return order, *place_bodies(mechanism, order)
+
+
+def _problem(unknowns: Unknowns) -> FrictionArrays:
     """Allocate the friction problem of a step, with its bilateral rows at their places, which never change."""
-    contacts, at = model.contacts, model.bodies.at
-    nb, nt = at.size, multiplier.size
-    start, width = row_runs(model.bilateral, at)
-    spans = [abs(at[a] - at[b]) + 5 for a, b in zip(contacts.a, contacts.b, strict=True) if a < nb and b < nb]
-    spans += [place - min(start[i][width[i] > 0]) for i, place in enumerate(multiplier)]
-    problem = friction_arrays(6 * nb + nt, contacts.a.size, 2, 12, int(max(spans, default=5)), nt)
-    problem.bilateral.at[:], problem.bilateral.start[:], problem.bilateral.width[:] = multiplier, start, width
+    nc, nt = unknowns.contact_pair.size, unknowns.at.size
+    problem = friction_arrays(unknowns.system, nc, bilateral=nt)
+    rows = problem.bilateral
+    rows.at[:], rows.node[:], rows.pair[:] = unknowns.at, unknowns.row_body, unknowns.row_pair
     return problem
 
 

@@ -1,10 +1,10 @@
-"""Bilateral rows as arrays, and the order of velocities and multipliers among the unknowns of a step."""
+"""Bilateral rows as arrays."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from engine.arrays import Array, Integers
+from engine.arrays import Array
 from engine.kernels.model import BilateralRows
 from engine.mechanism.models import Mechanism
 
@@ -65,30 +65,3 @@ def bilateral_arrays(rows: list[BilateralRow], phases: int = 1) -> BilateralRows
         offset=np.zeros(len(rows)),
         acts=acts[:, 0].copy(),
     )
-
-
-def layout(bodies: int, rows: list[BilateralRow]) -> tuple[Integers, Integers]:
-    """Return where each body's velocities start, shape (nb,), and where each row's multiplier is, shape (nt,).
-
-    A multiplier comes right after the last body that it touches. Then the matrix of a step is banded, and elimination
-    in that order finds a pivot for every row that is not redundant.
-    """
-    at, multiplier = np.zeros(bodies, np.int64), np.zeros(len(rows), np.int64)
-    last = [max((i for i in (row.a, row.b) if i < bodies), default=0) for row in rows]
-    place = 0
-    for body in range(bodies):
-        at[body] = place
-        place += 6
-        for i, after in enumerate(last):
-            if after == body:
-                multiplier[i] = place
-                place += 1
-    return at, multiplier
-
-
-def row_runs(rows: BilateralRows, at: Integers) -> tuple[Integers, Integers]:
-    """Return where the velocities of each row's two bodies start, and their number (0: the ground), (nt, 2) each."""
-    bodies = np.stack([rows.a, rows.b], axis=1).reshape(-1, 2)
-    moving = bodies < at.size
-    start = np.where(moving, at[np.where(moving, bodies, 0)] if at.size else 0, 0)
-    return start, np.where(moving, 6, 0)

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from engine.arrays import Array
+from engine.arrays import Array, Integers
 from engine.assembly.frames import BodyFrame
 from engine.assembly.primitives import rows
+from engine.assembly.remembered import remembered
 from engine.kernels.model import (
     ARC_PLANE,
     CYLINDER_PLANE,
@@ -57,9 +58,11 @@ class Pair:
     geometry_a, geometry_b : (GEOMETRY,) arrays
         Rows of `kernels.contact_geometry.gaps`.
     clearance : float
-        Added to the distance, it gives the gap.
+        Added to the distance, it gives the gap; of a contact of a joint, without the joint's play.
     law : (float, float)
         Friction and restitution.
+    play : (str, str) or None
+        The joint and the key of its clearance, which `engine.assembly.clearances` adds; None: there is none.
     """
 
     name: str
@@ -70,13 +73,21 @@ class Pair:
     geometry_b: Array
     clearance: float
     law: tuple[float, float]
+    play: tuple[str, str] | None = None
+
+
+@remembered
+def contact_geometry(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> list[tuple[Array, Array, float]]:
+    """Return the rows of the two sides of each of the file's [contacts], and what is added to their distance."""
+    sides = [(contact, *contact.sides) for contact in mechanism.contacts.values()]
+    return [rows(contact, frames[a.body], frames[b.body]) for contact, a, b in sides]
 
 
 def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[Pair]:
     """Yield the contacts of the file's [contacts]."""
-    for name, contact in mechanism.contacts.items():
+    geometry = contact_geometry(mechanism, frames)
+    for (name, contact), (geometry_a, geometry_b, clearance) in zip(mechanism.contacts.items(), geometry, strict=True):
         a, b = contact.sides
-        geometry_a, geometry_b, clearance = rows(contact, frames[a.body], frames[b.body])
         yield Pair(
             name=name,
             kind=KINDS[contact.kind],
@@ -89,8 +100,8 @@ def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterato
         )
 
 
-def contact_arrays(pairs: list[Pair]) -> tuple[Contacts, Laws]:
-    """Return the pairs as arrays."""
+def contact_arrays(pairs: list[Pair], block: Integers) -> tuple[Contacts, Laws]:
+    """Return the pairs as arrays; ``block``: where each pair of bodies is in the system of a step."""
     laws = np.array([pair.law for pair in pairs], float).reshape(-1, 2)
     contacts = Contacts(
         kind=np.array([pair.kind for pair in pairs], np.int64),
@@ -100,6 +111,7 @@ def contact_arrays(pairs: list[Pair]) -> tuple[Contacts, Laws]:
         geometry_b=np.array([pair.geometry_b for pair in pairs]).reshape(-1, GEOMETRY),
         clearance=np.array([pair.clearance for pair in pairs], float),
         reach=np.array([reach(pair.geometry_a) for pair in pairs], float),
+        pair=block,
     )
     return contacts, Laws(np.ascontiguousarray(laws[:, 0]), np.ascontiguousarray(laws[:, 1]))
 

@@ -39,6 +39,8 @@ def joint_rows(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) -> 
     """
     for name, joint in mechanism.joints.items():
         slides, turns = _held(joint)
+        if not slides and not turns:
+            continue
         place = mate(joint, frames, R)
         bodies = place.a.index, place.b.index
         way, other = _directions(joint, place)

@@ -66,7 +66,7 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) ->
             continue
         place, law = mate(joint, frames, R), mechanism.contact_law(joint)
         for face, kind, sides, geometry_a, geometry_b in _faces(joint, place):
-            skin = joint.ball.radius if isinstance(joint, Spherical) else 0.0
+            skin = (joint.ball.radius or 0.0) if isinstance(joint, Spherical) else 0.0
             yield Pair(
                 name=f"{name}.{face}",
                 kind=kind,
@@ -74,8 +74,9 @@ def joint_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame], R: Array) ->
                 b=sides[1].index,
                 geometry_a=geometry_a,
                 geometry_b=geometry_b,
-                clearance=getattr(joint, joint.face_clearance(face)) - skin,
+                clearance=-skin,
                 law=law,
+                play=(name, joint.face_clearance(face)),
             )
 
 

@@ -1,6 +1,6 @@
 """Checks of the start pose: parts do not overlap, ideal joints are closed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,7 +33,7 @@ def refuse_long_step(mechanism: Mechanism) -> None:
         )
 
 
-def refuse_overlap(mechanism: Mechanism, contacts: Contacts, names: list[str], state: State, work: Scratch) -> None:
+def refuse_overlap(mechanism: Mechanism, contacts: Contacts, names: Sequence[str], state: State, work: Scratch) -> None:
     """Write the gaps at the start into the state.
 
     Raises
@@ -43,6 +43,8 @@ def refuse_overlap(mechanism: Mechanism, contacts: Contacts, names: list[str], s
     """
     gap = state.gap
     find_contacts(contacts, state.x, state.R, gap, work.sites.point, work.sites.frame)
+    if (gap >= -mechanism.simulation.penetration).all():
+        return
     worst: dict[str, int] = {}  # the faces of a joint that have one clearance share a fault
     for i, name in enumerate(names):
         if not gap[i] >= -mechanism.simulation.penetration:

@@ -1,95 +1,133 @@
 """A friction problem as arrays, with the operations every solver shares.
 
-The problem, whitened (M = I), with bilateral rows J (ideal joints, drives):  w' = (v, l), B w = G' r,  u = G w + q,
-Coulomb's law between each r_i and u_i. B is the identity without such rows, see `engine.friction.bilateral`.
+The problem, whitened (M = I), with bilateral rows J (ideal joints, drives):  w' = (v, l), B w = G' r,
+u = G w + C r + q, Coulomb's law between each r_i and u_i. B is the identity without such rows, see
+`engine.friction.bilateral`; C is diagonal, one compliance a contact, and 0 between rigid bodies.
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
-from engine.friction.banded import PAIR, ROWS_AT_ONCE
+from engine.arrays import Array, Integers, copied
 from engine.friction.bilateral import BilateralSystem, solve_bilateral
+from engine.friction.blocks import BODY, PIECE, ROW, Elimination, clear
 from engine.jit import inner
+from engine.lanes import LANES, fused, read, spread, total, write
 
 CONVERGED = 0
 NOT_CONVERGED = 1
 
 
 class ContactRows(NamedTuple):
-    """The rows of G. Contact i touches runs of velocities, one for each body: ``start[i, s]`` ... + ``width[i, s]``.
+    """The rows of G: contact i touches the unknowns of the nodes ``node[i]``; -1: no such node."""
 
-    ``G[i]`` holds the columns of its runs one after the other.
-    """
+    node: np.ndarray  # (nc, runs) int64
+    pair: np.ndarray  # (nc, runs, runs) int64, first piece of the system for every two of them, see `blocks`
+    G: np.ndarray  # (nc, 3, 8 runs) rows (N, T1, T2): six columns and two zeros for each node
 
-    start: np.ndarray  # (nc, ns) int64
-    width: np.ndarray  # (nc, ns) int64, 0: no such run
-    G: np.ndarray  # (nc, 3, k) rows (N, T1, T2)
+
+class ContactLanes(NamedTuple):
+    """The contacts' numbers, eight contacts side by side; what is behind the last one is 0."""
+
+    present: np.ndarray  # (m,) 1 for a contact, 0 behind the last one
+    mu: np.ndarray  # (m,)
+    compliance: np.ndarray  # (m,)
+    scale: np.ndarray  # (m,) mean diagonal of the contact's own Delassus block
+    unit: np.ndarray  # (m,) the contact's unit of velocity, see `units`
+    q: np.ndarray  # (3, m)
+    r: np.ndarray  # (3, m)
+    u: np.ndarray  # (3, m)
+    x: np.ndarray  # (3, m) scaled impulses
+    y: np.ndarray  # (3, m) scaled shifted velocities
+    miss: np.ndarray  # (3, m) residual of the definition of y
+    dr: np.ndarray  # (3, m)
+    du: np.ndarray  # (3, m)
+    b: np.ndarray  # (3, m)
+    A: np.ndarray  # (9, m) eliminated block: dr = -b - A G dw
+    Q: np.ndarray  # (9, m) derivative of the contact's equation with respect to u; scaling W of the interior point
+    yielding: np.ndarray  # (9, m) (I + C A)^-1 of the interior-point method
+    best: np.ndarray  # (3, m) impulses of the smallest residual within an attempt
+    base: np.ndarray  # (3, m) impulses from which to continue when the natural map fails
+    kept: np.ndarray  # (3, m) impulses of the best attempt
 
 
 class FrictionArrays(NamedTuple):
     """A whitened friction problem of at most ``nc`` contacts and ``n`` unknowns, and work space.
 
-    The unknowns w are velocities and, among them, the multipliers of the bilateral rows.
+    The unknowns w come in nodes of six and two zeros: the velocities of a body, or multipliers of bilateral rows.
     """
 
     rows: ContactRows
+    system: Elimination
     bilateral: BilateralSystem
     q: np.ndarray  # (nc, 3) relative velocity without impulses, plus the law's shift
     mu: np.ndarray  # (nc,)
+    compliance: np.ndarray  # (nc,) velocity by which a contact gives way under an impulse of 1
     r: np.ndarray  # (nc, 3) impulses: start on entry, solution on return
     u: np.ndarray  # (nc, 3) relative velocities of the solution
     w: np.ndarray  # (n,) velocity change of the solution
-    scale: np.ndarray  # (nc,) mean diagonal of the contact's own Delassus block
-    x: np.ndarray  # (nc, 3) scaled impulses
-    y: np.ndarray  # (nc, 3) scaled shifted velocities
-    miss: np.ndarray  # (nc, 3) residual of the definition of y
-    dr: np.ndarray  # (nc, 3)
-    du: np.ndarray  # (nc, 3)
-    A: np.ndarray  # (nc, 3, 3) eliminated block: dr = -b - A du
-    Q: np.ndarray  # (nc, 3, 3) derivative of the contact's equation with respect to u
-    b: np.ndarray  # (nc, 3)
-    block: np.ndarray  # (PAIR (PAIR + 3),) see `banded.add_blocks`
-    K: np.ndarray  # (n, 2 (band + 2) + 1) system, see `banded`
     dw: np.ndarray  # (n,)
-    best: np.ndarray  # (nc, 3) impulses of the smallest residual within an attempt
-    base: np.ndarray  # (nc, 3) impulses from which to continue when the natural map fails
-    kept: np.ndarray  # (nc, 3) impulses of the best attempt
+    K: np.ndarray  # (48 pieces,) system, see `blocks`
+    F: np.ndarray  # (48 nodes,) multipliers and inverses of its diagonal pieces
+    contacts: ContactLanes
 
 
-def friction_arrays(n: int, nc: int, runs: int, k: int, band: int, bilateral: int = 0) -> FrictionArrays:
+def friction_arrays(system: Elimination, nc: int, runs: int = 2, bilateral: int = 0) -> FrictionArrays:
     """Allocate a problem.
 
     Parameters
     ----------
-    n : int
-        Number of unknowns.
+    system : Elimination
+        The blocks of its system.
     nc : int
         Number of contacts.
-    runs, k : int
-        A contact touches at most ``k`` velocities in at most ``runs`` runs.
-    band : int
-        Largest distance between two unknowns of one contact, or of one bilateral row with its multiplier.
+    runs : int
+        A contact touches at most so many nodes.
     bilateral : int
         Number of bilateral rows.
     """
-    columns = 2 * (min(band, max(n - 1, 0)) + ROWS_AT_ONCE - 1) + 1
-    shapes = {"mu": (nc,), "scale": (nc,), "A": (nc, 3, 3), "Q": (nc, 3, 3), "w": (n,), "dw": (n,), "K": (n, columns)}
-    shapes["block"] = (PAIR * (PAIR + 3),)
-    start, width = np.zeros((2, nc, runs), np.int64)
-    first, count = np.zeros((2, bilateral, 2), np.int64)
-    system = BilateralSystem(
+    nodes, pairs = system.begin.size, system.pair.size
+    n, m, pieces = ROW * nodes, -(-nc // LANES) * LANES, PIECE * (nodes + 2 * pairs)
+    held = bilateral > 0
+    rows = BilateralSystem(
         at=np.zeros(bilateral, np.int64),
-        start=first,
-        width=count,
-        J=np.zeros((bilateral, 12)),
+        node=np.full((bilateral, 2), -1),
+        pair=np.zeros((bilateral, 2), np.int64),
+        J=np.zeros((bilateral, 2 * ROW)),
         length=np.zeros(bilateral),
-        factors=np.zeros((n if bilateral else 0, columns)),
-        right=np.zeros(n if bilateral else 0),
-        miss=np.zeros(n if bilateral else 0),
+        K=np.zeros(pieces * held),
+        F=np.zeros(PIECE * nodes * held),
+        right=np.zeros(n * held),
+        miss=np.zeros(n * held),
     )
-    rows = ContactRows(start, width, np.zeros((nc, 3, k)))
-    return FrictionArrays(rows, system, *(np.zeros(shapes.get(name, (nc, 3))) for name in FrictionArrays._fields[2:]))
+    threes, nines = np.zeros((12, 3, m)), np.zeros((3, 9, m))
+    lanes = ContactLanes(*np.zeros((5, m)), *threes[:9], *nines, *threes[9:])
+    problem = FrictionArrays(
+        ContactRows(np.full((nc, runs), -1), np.zeros((nc, runs, runs), np.int64), np.zeros((nc, 3, ROW * runs))),
+        system,
+        rows,
+        q=np.zeros((nc, 3)),
+        mu=np.zeros(nc),
+        compliance=np.zeros(nc),
+        r=np.zeros((nc, 3)),
+        u=np.zeros((nc, 3)),
+        w=np.zeros(n),
+        dw=np.zeros(n),
+        K=np.zeros(pieces),
+        F=np.zeros(PIECE * nodes),
+        contacts=lanes,
+    )
+    return cast(FrictionArrays, copied(problem))
+
+
+def dense_rows(node: Integers, rows: Array, n: int) -> Array:
+    """Return rows that are stored node by node, shape (m, j, 8 runs), as dense rows, shape (m, j, n)."""
+    dense = np.zeros((*rows.shape[:2], n))
+    for i, s in np.argwhere(node >= 0):
+        at = ROW * node[i, s]
+        dense[i, :, at : at + BODY] = rows[i, :, ROW * s : ROW * s + BODY]
+    return dense
 
 
 class Goal(NamedTuple):
@@ -108,63 +146,100 @@ class Effort(NamedTuple):
 
 
 @inner
-def copy(nc, source, target):
-    """Copy the first ``nc`` rows of three."""
-    for i in range(nc):
-        target[i, 0], target[i, 1], target[i, 2] = source[i, 0], source[i, 1], source[i, 2]
+def take_contacts(nc, p):
+    """Copy the problem to the lanes, and measure each contact's mean Delassus diagonal; return the mean of all.
 
-
-@inner
-def measure_scales(nc, rows, scale):
-    """Write each contact's mean Delassus diagonal, as if there were no bilateral rows; return their mean."""
-    mean = 0.0
-    for i in range(nc):
-        s, width = 0.0, 0
-        for run in range(rows.width.shape[1]):
-            width += rows.width[i, run]
+    The diagonal is what it would be without bilateral rows.
+    """
+    c, mean = p.contacts, 0.0
+    for i in range(c.mu.shape[0]):
+        there = i < nc
+        c.present[i] = 1.0 if there else 0.0
+        c.mu[i] = p.mu[i] if there else 0.0
+        c.compliance[i] = p.compliance[i] if there else 0.0
         for k in range(3):
-            for a in range(width):
-                s += rows.G[i, k, a] * rows.G[i, k, a]
-        mean += s
-        scale[i] = s / 3 if s > 0.0 else 1.0
+            c.q[k, i] = p.q[i, k] if there else 0.0
+            c.r[k, i] = p.r[i, k] if there else 0.0
+        s = 0.0
+        if there:
+            s = 3 * p.compliance[i] + square(p.rows, i)
+            mean += s
+        c.scale[i] = s / 3 if s > 0.0 else 1.0
     mean /= max(3 * nc, 1)
     return mean if mean > 0.0 else 1.0
 
 
 @inner
+def square(rows, i):
+    """Return the sum of the squares of contact i's rows."""
+    squares = spread(0.0)
+    for k in range(3):
+        for s in range(rows.node.shape[1]):
+            if rows.node[i, s] >= 0:
+                g = read(rows.G[i, k], ROW * s)
+                squares = fused(g, g, squares)
+    return total(squares)
+
+
+@inner
+def give_contacts(nc, p):
+    """Copy the impulses and velocities from the lanes."""
+    for i in range(nc):
+        for k in range(3):
+            p.r[i, k] = p.contacts.r[k, i]
+            p.u[i, k] = p.contacts.u[k, i]
+
+
+@inner
+def copy(source, target):
+    """Copy three numbers of every contact."""
+    for k in range(3):
+        for i in range(0, source.shape[1], LANES):
+            write(read(source[k], i), target[k], i)
+
+
+@inner
 def add_impulse(rows, i, r0, r1, r2, w):
-    """Add G_i' r to a vector of velocities."""
-    g0, g1, g2, a = rows.G[i, 0], rows.G[i, 1], rows.G[i, 2], 0
-    for run in range(rows.width.shape[1]):
-        part, e0, e1, e2 = w[rows.start[i, run] :], g0[a:], g1[a:], g2[a:]
-        for k in range(rows.width[i, run]):
-            part[k] += e0[k] * r0 + e1[k] * r1 + e2[k] * r2
-        a += rows.width[i, run]
+    """Add G_i' r to a vector of unknowns."""
+    for s in range(rows.node.shape[1]):
+        if rows.node[i, s] >= 0:
+            at, k = ROW * rows.node[i, s], ROW * s
+            g0, g1, g2 = read(rows.G[i, 0], k), read(rows.G[i, 1], k), read(rows.G[i, 2], k)
+            write(fused(r0, g0, fused(r1, g1, fused(r2, g2, read(w, at)))), w, at)
 
 
 @inner
-def relative(rows, i, w):
-    """Return the three components of G_i w."""
-    u0, u1, u2, a = 0.0, 0.0, 0.0, 0
-    for run in range(rows.width.shape[1]):
-        first, width = rows.start[i, run], rows.width[i, run]
-        for k in range(width):
-            y = w[first + k]
-            u0 += rows.G[i, 0, a + k] * y
-            u1 += rows.G[i, 1, a + k] * y
-            u2 += rows.G[i, 2, a + k] * y
-        a += width
-    return u0, u1, u2
+def relative(rows, i, w, u):
+    """Write the three components of G_i w, column i of ``u``."""
+    u0, u1, u2 = spread(0.0), spread(0.0), spread(0.0)
+    for s in range(rows.node.shape[1]):
+        if rows.node[i, s] >= 0:
+            y, k = read(w, ROW * rows.node[i, s]), ROW * s
+            u0 = fused(read(rows.G[i, 0], k), y, u0)
+            u1 = fused(read(rows.G[i, 1], k), y, u1)
+            u2 = fused(read(rows.G[i, 2], k), y, u2)
+    u[0, i], u[1, i], u[2, i] = total(u0), total(u1), total(u2)
 
 
 @inner
-def finish(n, nc, p):
+def all_relative(nc, rows, w, u):
+    """Write G w, eight contacts side by side, and zeros behind the last one."""
+    for i in range(nc):
+        relative(rows, i, w, u)
+    for i in range(nc, u.shape[1]):
+        u[0, i], u[1, i], u[2, i] = 0.0, 0.0, 0.0
+
+
+@inner
+def finish(nc, p):
     """Write the velocities w and u that belong to the impulses r."""
-    for k in range(n):
-        p.w[k] = 0.0
+    c = p.contacts
+    clear(p.w)
     for i in range(nc):
-        add_impulse(p.rows, i, p.r[i, 0], p.r[i, 1], p.r[i, 2], p.w)
-    solve_bilateral(n, p.bilateral, p.w)
-    for i in range(nc):
-        u0, u1, u2 = relative(p.rows, i, p.w)
-        p.u[i, 0], p.u[i, 1], p.u[i, 2] = p.q[i, 0] + u0, p.q[i, 1] + u1, p.q[i, 2] + u2
+        add_impulse(p.rows, i, c.r[0, i], c.r[1, i], c.r[2, i], p.w)
+    solve_bilateral(p.system, p.bilateral, p.w)
+    all_relative(nc, p.rows, p.w, c.u)
+    for k in range(3):
+        for i in range(0, nc, LANES):
+            given = read(c.compliance, i) * read(c.r[k], i)
+            write(read(c.q[k], i) + read(c.u[k], i) + given, c.u[k], i)

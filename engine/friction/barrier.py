@@ -10,7 +10,10 @@ NEWTON = 60  # steps for one barrier
 CLOSE = 1e-3  # Newton's decrement squared at which the minimum is near enough for the next barrier
 INSIDE = 0.95  # share of the way to the boundary in one step
 ROUNDING = 1e-16  # share of the barrier's curvature that keeps Newton's matrix regular at the edge of sliding
+GAP = 1e-8  # accuracy of an end, in units of the forces
+FIRST, SHARPER = 1.0, 300.0  # weight of the end against the first barrier, and its factor from one to the next
 ROOM = 1e4  # largest |y|: where friction wedges, forces would grow without end
+ENDLESS = 1e-2 * ROOM  # beyond so many times the forces there is no end
 
 
 class Cones(NamedTuple):
@@ -21,13 +24,42 @@ class Cones(NamedTuple):
 
 
 class CentreWork(NamedTuple):
-    """Work space of `centre`."""
+    """Work space of the functions here."""
 
     s: np.ndarray  # (nc, 3) forces
     ds: np.ndarray  # (nc, 3) their change in a step
     bend: np.ndarray  # (d, d) second derivatives
     slope: np.ndarray  # (d,)
     step: np.ndarray  # (d,)
+    y: np.ndarray  # (d,)
+    push: np.ndarray  # (d,)
+
+
+@kernel
+def least(cones, way, inside, work):
+    """Return the least way . y within the cones, from ``inside`` them; -inf if friction wedges: there is none.
+
+    Parameters
+    ----------
+    cones : Cones
+    way, inside : (d,) arrays
+    work : CentreWork
+    """
+    y, push, weight = work.y, work.push, FIRST
+    for a in range(way.shape[0]):
+        y[a] = inside[a]
+    while True:
+        for a in range(way.shape[0]):
+            push[a] = weight * way[a]
+        centre(cones, push, y, work)
+        reached = 0.0
+        for a in range(way.shape[0]):
+            reached += way[a] * y[a]
+        if reached < -ENDLESS:
+            return -np.inf
+        if cones.start.size / weight < GAP:
+            return reached
+        weight *= SHARPER
 
 
 @kernel
@@ -43,7 +75,7 @@ def centre(cones, push, y, work):
     work : CentreWork
     """
     start, basis = cones
-    s, ds, bend, slope, step = work
+    s, ds, bend, slope, step, _, _ = work
     nc, d = basis.shape[0], basis.shape[2]
     for i in range(nc):
         for k in range(3):

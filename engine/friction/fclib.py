@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 
 from engine.arrays import Array
-from engine.friction.problem import FrictionError, FrictionProblem, FrictionSolution
+from engine.friction.problem import FrictionError, FrictionProblem, FrictionSolution, refuse_asymmetry
 
 MOST_ENTRIES = 10**8  # largest number of entries of a dense matrix (0.8 GB): the sizes in a file are not trusted
 ROUNDING = 1e-9  # largest asymmetry of a matrix, relative to its largest entry
@@ -201,8 +201,7 @@ def _read_local(group: _Group) -> FrictionProblem:
 def _judge_symmetric(A: Array, n: int, where: str) -> None:
     if A.shape != (n, n):
         raise FrictionError(f"{where} has shape {A.shape}, expected ({n}, {n})")
-    if np.abs(A - A.T).max(initial=0) > ROUNDING * np.abs(A).max(initial=0):
-        raise FrictionError(f"{where} is not symmetric")
+    refuse_asymmetry(A, where)
 
 
 def _write_matrix(group: Any, name: str, dense: Array) -> None:

@@ -7,21 +7,20 @@ each other; the ends are found by Newton's method on the barrier -log(s_0^2 - |s
 ever closer to their boundary (Nesterov, Nemirovskii: a path-following method).
 """
 
+from collections.abc import Sequence
 from numbers import Integral
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from engine.arrays import Array
-from engine.friction.barrier import ROOM, CentreWork, Cones, centre
+from engine.friction.barrier import CentreWork, Cones, centre, least
+from engine.friction.null_space import null_space
 from engine.friction.problem import FrictionError, real_numbers
 
 HUGE = 1e150  # larger entries have no squares
 SLACK = 1e-8  # of the largest force: by which known forces may lie outside their cones; how far each is opened
 FRICTIONLESS = 1e-12  # a smaller mu counts as 0
-GAP = 1e-8  # share of the largest force: accuracy of an end
-SHARPER = 300.0  # factor of the weight from one barrier to the next
-ENDLESS = 1e-2 * ROOM  # beyond so many largest forces there is no end: friction wedges
 
 
 def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) -> tuple[float, float]:
@@ -68,50 +67,61 @@ def normal_force_range(H: ArrayLike, mu: ArrayLike, r: ArrayLike, contact: int) 
     outside = np.hypot(r[1::3] / size, r[2::3] / size) - mu * (r[::3] / size)
     if outside.max() > SLACK**0.5:
         raise FrictionError(f"indeterminacy: r of contact {int(outside.argmax())} is outside Coulomb's cone")
+    with np.errstate(all="ignore"):  # numbers near the largest double
+        return force_ranges(H, mu, r, [contact])[0]
 
-    try:
-        with np.errstate(all="ignore"):  # numbers near the largest double
-            cones, scale = _balanced(H, mu, r / size)
-            way = cones.basis[contact, 0] * scale[contact]
-            if not np.abs(way).max(initial=0) > SLACK:
-                return float(r[3 * contact]), float(r[3 * contact])
-            middle = _centred(cones, np.zeros(way.size), np.zeros(way.size))
-            low, high = (sign * _least(cones, sign * way, middle) for sign in (1.0, -1.0))
-            return max(float(r[3 * contact] + size * low), 0.0), float(r[3 * contact] + size * high)
-    except np.linalg.LinAlgError:
-        raise FrictionError("indeterminacy: the numbers in H are too large or too small to be balanced") from None
+
+def force_ranges(H: Array, mu: Array, r: Array, contacts: Sequence[int]) -> list[tuple[float, float]]:
+    """Return the smallest and the largest normal force of some contacts.
+
+    Parameters
+    ----------
+    H, mu, r
+        As of `normal_force_range`; some force is not 0.
+    contacts : sequence of int
+
+    Returns
+    -------
+    list of (least, largest)
+
+    Raises
+    ------
+    FrictionError
+        If numbers in H are too large for their squares.
+    """
+    size = float(np.abs(r).max())
+    cones, scale = _balanced(H, mu, r / size)
+    nc, d = mu.size, cones.basis.shape[2]
+    s, ds = np.zeros((2, nc, 3))
+    slope, step, y, push = np.zeros((4, d))
+    work = CentreWork(s, ds, np.zeros((d, d)), slope, step, y, push)
+    middle, ranges = None, []
+    for contact in contacts:
+        force, way = float(r[3 * contact]), cones.basis[contact, 0] * scale[contact]
+        if not np.abs(way).max(initial=0) > SLACK:
+            ranges.append((force, force))
+            continue
+        if middle is None:
+            middle = np.zeros(d)
+            centre(cones, np.zeros(d), middle, work)
+        low, high = least(cones, way, middle, work), -least(cones, -way, middle, work)
+        ranges.append((max(force + size * low, 0.0), force + size * high))
+    return ranges
 
 
 def _balanced(H: Array, mu: Array, r: Array) -> tuple[Cones, Array]:
     """Return all forces that balance as r does, and the factors that make each cone's s_0 a normal force."""
     rough = mu > FRICTIONLESS
     scale = np.where(rough, 1 / np.where(rough, mu, 1.0), 1.0)
-    columns = np.stack([scale, rough, rough], axis=1).ravel()  # a frictionless contact has no tangential force
-    balance = np.vstack([H.T * columns, np.diag(1.0 - (columns > 0))])
-    if not np.abs(balance).max(initial=0) < HUGE:  # the decomposition would not end
+    columns = np.stack([scale, rough, rough], axis=1)  # a frictionless contact has no tangential force
+    balance = H.T * columns.ravel()
+    largest = np.abs(balance).max(initial=0)
+    if not largest < HUGE:  # their squares are no numbers
         raise FrictionError(f"indeterminacy: H holds numbers of {np.abs(H).max():.3g}; allowed: less than {HUGE:g} mu")
-    _, values, right = np.linalg.svd(balance)
-    rank = int((values > 1e-10 * values.max(initial=0)).sum())
-    start = r.reshape(-1, 3) / np.where(columns > 0, columns, 1.0).reshape(-1, 3)
+    if largest > 0:
+        balance /= largest
+    if not rough.all():
+        balance = np.vstack([balance, np.eye(columns.size)[columns.ravel() == 0]])
+    start = r.reshape(-1, 3) / np.where(columns > 0, columns, 1.0)
     start[:, 0] = np.maximum(start[:, 0], np.hypot(start[:, 1], start[:, 2])) + SLACK
-    return Cones(start, np.ascontiguousarray(right[rank:].T).reshape(mu.size, 3, -1)), scale
-
-
-def _least(cones: Cones, way: Array, y: Array) -> float:
-    """Return the least way . y within the cones; -inf if there is none. ``y`` is inside them."""
-    weight = 1.0
-    while True:
-        y = _centred(cones, weight * way, y)
-        if way @ y < -ENDLESS:
-            return -np.inf
-        if cones.start.size / weight < GAP:
-            return float(way @ y)
-        weight *= SHARPER
-
-
-def _centred(cones: Cones, push: Array, y: Array) -> Array:
-    """Return the minimum of push . y and the barrier, from ``y`` inside the cones."""
-    y, d = y.copy(), y.size
-    s, ds = np.zeros_like(cones.start), np.zeros_like(cones.start)
-    centre(cones, push, y, CentreWork(s, ds, np.zeros((d, d)), np.zeros(d), np.zeros(d)))
-    return y
+    return Cones(start, null_space(balance).reshape(mu.size, 3, -1)), scale

@@ -13,7 +13,7 @@ from engine.arrays import Array
 
 # Of rounded numbers no balance is exact. With a miss e = H_N' p it still proves that a velocity that fits is at least
 # p . (-q_N) / |e|. Below so many times the velocity that each contact alone asks for, there may be a solution.
-ENDLESS = 1e10
+ENDLESS = 3e9
 SURE = 1e-9  # share of the largest relative velocity: a slower mean approach may be what rounding left of none
 ROUNDING = 1e-12  # share of a row: less than this beside the bilateral rows is what rounding left of nothing
 

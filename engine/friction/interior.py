@@ -3,32 +3,37 @@
 With x = c (mu r_N, r_T) s and y = c (u_N + mu |u_T|, mu u_T), c = 1/max(1, mu), s the contact's Delassus scale, the
 problem is x o y = 0 in the second-order cones. The iterates stay inside the cones and follow x o y = 2 m e, m -> 0
 (Mehrotra's predictor and corrector). At the scaling point W, W y = W^-1 x = l, the linearised condition is
-W^-1 dx + W dy = l^-1 o (...), hence dx = d - W^2 dy; and dy = D E G dw - miss with E the derivative of the shift
-mu |u_T|. One system in w remains, as in `newton`; the term E is what makes Coulomb's law not a convex problem.
+W^-1 dx + W dy = l^-1 o (...), hence dx = d - W^2 dy; and dy = D E du - miss with E the derivative of the shift
+mu |u_T|. With du = G dw + C dr, dr = (I + C A)^-1 (b - A G dw): one system in w remains, as in `newton`; the term E is
+what makes Coulomb's law not a convex problem.
 """
 
 import numpy as np
 
-from engine.friction.arrays import add_impulse, copy, finish, relative
-from engine.friction.banded import add_blocks, factorise, start_system, substitute
+from engine.friction.arrays import add_impulse, all_relative, copy, finish
 from engine.friction.bilateral import add_bilateral
+from engine.friction.blocks import add_contact, clear, factorise, start_system, substitute
+from engine.friction.complementarity import read_matrix, write_matrix
 from engine.friction.cone import residual
 from engine.jit import inner
+from engine.lanes import LANES, choose, larger, least, read, root, spread, total, write
 
 TO_BOUNDARY = 0.95
 STALL = 12  # steps without halving the residual
+TINY = 1e-300
+FAR = 1e3  # a longer step than so many times the direction is not asked for
 
 
 @inner
-def interior_point(n, nc, p, goal, inside, limit):
+def interior_point(nc, p, goal, inside, limit):
     """Solve from the impulses given, moved inside the cones by ``inside`` times the load.
 
     Parameters
     ----------
-    n, nc : int
-        Numbers of unknowns and contacts.
+    nc : int
+        Number of contacts.
     p : FrictionArrays
-        Leaves the best impulses in ``p.r``.
+        Leaves the best impulses in its lanes.
     goal : Goal
     inside : float
         Share of the load.
@@ -41,215 +46,241 @@ def interior_point(n, nc, p, goal, inside, limit):
     residual : float
         The smallest one reached.
     """
-    size = 0.0
+    c, size = p.contacts, 0.0
     for i in range(nc):
-        size = max(size, p.q[i, 0] ** 2 + p.q[i, 1] ** 2 + p.q[i, 2] ** 2)
-    finish(n, nc, p)
-    for i in range(nc):
-        _start(i, p.mu[i], p.scale[i], p.r, p.u, inside * np.sqrt(size), p.x, p.y)
+        size = max(size, c.q[0, i] ** 2 + c.q[1, i] ** 2 + c.q[2, i] ** 2)
+    finish(nc, p)
+    _start(c, inside * np.sqrt(size))
     best, stalled, iteration = np.inf, 0, 0
     while True:
-        for i in range(nc):
-            _to_impulse(i, p.mu[i], p.scale[i], p.x, p.r)
-        finish(n, nc, p)
-        reached = residual(nc, p.mu, p.r, p.u, p.q, goal.scale)
+        _to_impulses(c)
+        finish(nc, p)
+        reached = residual(c, goal.scale)
         stalled = 0 if reached < 0.5 * best else stalled + 1
         if reached < best:
             best = reached
-            copy(nc, p.r, p.best)
+            copy(c.r, c.best)
         if not reached < np.inf or best <= goal.tolerance or iteration == limit or stalled > STALL:
             break
         iteration += 1
-        gap = _scaled_system(n, nc, p)
-        for i in range(nc):
-            for k in range(3):
-                p.b[i, k] = -p.x[i, k]
+        gap = _scaled_system(nc, p)
         target = 0.0
         for corrected in range(2):
-            step = min(1.0, (TO_BOUNDARY if corrected else 1.0) * _direction(n, nc, p))
+            _right_hand_side(c, target, corrected > 0)
+            step = min(1.0, (TO_BOUNDARY if corrected else 1.0) * _direction(nc, p))
             if not corrected:
-                ahead = 0.0
-                for i in range(nc):
-                    for k in range(3):
-                        ahead += (p.x[i, k] + step * p.dr[i, k]) * (p.y[i, k] + step * p.du[i, k])
-                target = gap * min(max(ahead / (nc * gap), 0.0), 1.0) ** 3
-                for i in range(nc):
-                    _corrector(i, p.mu[i], p.Q, p.x, p.y, p.dr, p.du, target, p.b)
-        for i in range(nc):
-            for k in range(3):
-                p.x[i, k] += step * p.dr[i, k]
-                p.y[i, k] += step * p.du[i, k]
-    copy(nc, p.best, p.r)
-    finish(n, nc, p)
+                target = gap * min(max(_gap_after(c, step) / (nc * gap), 0.0), 1.0) ** 3
+        for k in range(3):
+            for i in range(0, nc, LANES):
+                write(read(c.x[k], i) + step * read(c.dr[k], i), c.x[k], i)
+                write(read(c.y[k], i) + step * read(c.du[k], i), c.y[k], i)
+    copy(c.best, c.r)
+    finish(nc, p)
     return iteration, best
 
 
 @inner
-def _start(i, mu, scale, r, u, inside, x, y):
-    """Write the first x and y of contact i, both inside the cone."""
-    c, slip = 1 / max(1.0, mu), np.sqrt(u[i, 1] ** 2 + u[i, 2] ** 2)
-    if mu > 0.0:
-        x[i, 1], x[i, 2] = c * scale * r[i, 1], c * scale * r[i, 2]
-        y[i, 1], y[i, 2] = c * mu * u[i, 1], c * mu * u[i, 2]
-        x[i, 0] = inside + max(c * mu * scale * r[i, 0], np.sqrt(x[i, 1] ** 2 + x[i, 2] ** 2))
-        y[i, 0] = inside + max(c * (u[i, 0] + mu * slip), c * mu * slip)
-    else:
-        x[i, 0], x[i, 1], x[i, 2] = inside + max(scale * r[i, 0], 0.0), 0.0, 0.0
-        y[i, 0], y[i, 1], y[i, 2] = inside + max(u[i, 0], 0.0), 0.0, 0.0
+def _start(c, inside):
+    """Write the first x and y, both inside the cones."""
+    for i in range(0, c.mu.shape[0], LANES):
+        mu, s, f = read(c.mu, i), read(c.scale, i), 1 / larger(read(c.mu, i), 1.0)
+        u0, u1, u2 = read(c.u[0], i), read(c.u[1], i), read(c.u[2], i)
+        rough, slip = mu > 0.0, mu * root(u1 * u1 + u2 * u2)
+        x0 = f * choose(rough, mu, 1.0) * s * read(c.r[0], i)
+        x1 = choose(rough, f * s * read(c.r[1], i), 0.0)
+        x2 = choose(rough, f * s * read(c.r[2], i), 0.0)
+        write(inside + larger(x0, root(x1 * x1 + x2 * x2)), c.x[0], i)
+        write(x1, c.x[1], i)
+        write(x2, c.x[2], i)
+        write(inside + larger(f * (u0 + slip), f * slip), c.y[0], i)
+        write(f * mu * u1, c.y[1], i)
+        write(f * mu * u2, c.y[2], i)
 
 
 @inner
-def _to_impulse(i, mu, scale, x, r):
-    """Write the impulse that belongs to the scaled x."""
-    f = max(1.0, mu) / scale
-    if mu > 0.0:
-        r[i, 0], r[i, 1], r[i, 2] = f * x[i, 0] / mu, f * x[i, 1], f * x[i, 2]
-    else:
-        r[i, 0], r[i, 1], r[i, 2] = f * x[i, 0], 0.0, 0.0
+def _to_impulses(c):
+    """Write the impulses that belong to the scaled x."""
+    for i in range(0, c.mu.shape[0], LANES):
+        mu = read(c.mu, i)
+        f = choose(read(c.present, i) > 0.0, larger(mu, 1.0) / read(c.scale, i), 0.0)
+        write(f * read(c.x[0], i) / choose(mu > 0.0, mu, 1.0), c.r[0], i)
+        write(f * read(c.x[1], i), c.r[1], i)
+        write(f * read(c.x[2], i), c.r[2], i)
 
 
 @inner
-def _scaled_system(n, nc, p):
+def _scaled_system(nc, p):
     """Scale at the present point: write W, the misses and the factorised system; return the mean of x . y."""
-    gap, x, y, u, W = 0.0, p.x, p.y, p.u, p.Q
-    start_system(n, p.K)
+    c, gap = p.contacts, spread(0.0)
+    for i in range(0, nc, LANES):
+        mu, f = read(c.mu, i), 1 / larger(read(c.mu, i), 1.0)
+        x0, x1, x2 = read(c.x[0], i), read(c.x[1], i), read(c.x[2], i)
+        y0, y1, y2 = read(c.y[0], i), read(c.y[1], i), read(c.y[2], i)
+        u0, u1, u2 = read(c.u[0], i), read(c.u[1], i), read(c.u[2], i)
+        gap += choose(read(c.present, i) > 0.0, x0 * y0 + x1 * y1 + x2 * y2, 0.0)
+        slip = root(u1 * u1 + u2 * u2)
+        t1, t2 = mu * u1 / larger(slip, TINY), mu * u2 / larger(slip, TINY)
+        write(y0 - f * (u0 + mu * slip), c.miss[0], i)
+        write(y1 - f * mu * u1, c.miss[1], i)
+        write(y2 - f * mu * u2, c.miss[2], i)
+        w00, w01, w02, w11, w12, w22 = _scaling(x0, x1, x2, y0, y1, y2)
+        write_matrix(c.Q, i, w00, w01, w02, w01, w11, w12, w02, w12, w22)
+        s00, s01, s02 = (
+            w00 * w00 + w01 * w01 + w02 * w02,
+            w00 * w01 + w01 * w11 + w02 * w12,
+            w00 * w02 + w01 * w12 + w02 * w22,
+        )
+        s11, s12, s22 = (
+            w01 * w01 + w11 * w11 + w12 * w12,
+            w01 * w02 + w11 * w12 + w12 * w22,
+            w02 * w02 + w12 * w12 + w22 * w22,
+        )
+        k = 1 / read(c.scale, i)  # A = dr/dx W^2 D E: the factors 1/max(1, mu) of dx/dr and of D cancel
+        n = k / choose(mu > 0.0, mu, 1.0)
+        a00, a01, a02 = n * s00, n * (t1 * s00 + mu * s01), n * (t2 * s00 + mu * s02)
+        a10, a11, a12 = k * s01, k * (t1 * s01 + mu * s11), k * (t2 * s01 + mu * s12)
+        a20, a21, a22 = k * s02, k * (t1 * s02 + mu * s12), k * (t2 * s02 + mu * s22)
+        write_matrix(c.A, i, a00, a01, a02, a10, a11, a12, a20, a21, a22)
+        _give_way(i, read(c.compliance, i), c.A, c.yielding)
+    start_system(p.system, p.K)
     add_bilateral(p.bilateral, p.K)
     for i in range(nc):
-        mu, c, f = p.mu[i], 1 / max(1.0, p.mu[i]), 1 / p.scale[i]
-        gap += x[i, 0] * y[i, 0] + x[i, 1] * y[i, 1] + x[i, 2] * y[i, 2]
-        if mu > 0.0:
-            slip = np.sqrt(u[i, 1] * u[i, 1] + u[i, 2] * u[i, 2])
-            t1, t2 = 0.0, 0.0
-            if slip > 0.0:
-                t1, t2 = mu * u[i, 1] / slip, mu * u[i, 2] / slip
-            p.miss[i, 0] = y[i, 0] - c * (u[i, 0] + mu * slip)
-            p.miss[i, 1], p.miss[i, 2] = y[i, 1] - c * mu * u[i, 1], y[i, 2] - c * mu * u[i, 2]
-            _scaling(i, x, y, W)
-            for k in range(3):  # A = dr/dx W^2 D E: the c of dx/dr and of D cancel
-                row = f / mu if k == 0 else f
-                s0 = _row(W, i, k, W[i, 0, 0], W[i, 1, 0], W[i, 2, 0])
-                s1 = _row(W, i, k, W[i, 0, 1], W[i, 1, 1], W[i, 2, 1])
-                s2 = _row(W, i, k, W[i, 0, 2], W[i, 1, 2], W[i, 2, 2])
-                p.A[i, k, 0], p.A[i, k, 1], p.A[i, k, 2] = (
-                    row * s0,
-                    row * (t1 * s0 + mu * s1),
-                    row * (t2 * s0 + mu * s2),
-                )
-        else:
-            p.miss[i, 0], p.miss[i, 1], p.miss[i, 2] = y[i, 0] - u[i, 0], 0.0, 0.0
-            for k in range(3):
-                p.A[i, k, 0], p.A[i, k, 1], p.A[i, k, 2] = 0.0, 0.0, 0.0
-            p.A[i, 0, 0] = f * x[i, 0] / y[i, 0]
-    add_blocks(nc, p.rows, p.mu, p.A, p.block, p.K)
-    factorise(n, p.K)
-    return gap / nc
+        add_contact(p.rows, i, c.A, p.mu[i] == 0.0, p.K)
+    factorise(p.system, p.K, p.F)
+    return total(gap) / nc
 
 
 @inner
-def _row(W, i, k, v0, v1, v2):
-    """Return row k of the block W_i times a vector."""
-    return W[i, k, 0] * v0 + W[i, k, 1] * v1 + W[i, k, 2] * v2
+def _give_way(i, compliance, A, Y):
+    """Write Y = (I + c A)^-1 of the contacts from i on, and Y A over A."""
+    a00, a01, a02, a10, a11, a12, a20, a21, a22 = read_matrix(A, i)
+    m00, m01, m02 = 1 + compliance * a00, compliance * a01, compliance * a02
+    m10, m11, m12 = compliance * a10, 1 + compliance * a11, compliance * a12
+    m20, m21, m22 = compliance * a20, compliance * a21, 1 + compliance * a22
+    c00, c01, c02 = m11 * m22 - m12 * m21, m02 * m21 - m01 * m22, m01 * m12 - m02 * m11
+    c10, c11, c12 = m12 * m20 - m10 * m22, m00 * m22 - m02 * m20, m02 * m10 - m00 * m12
+    c20, c21, c22 = m10 * m21 - m11 * m20, m01 * m20 - m00 * m21, m00 * m11 - m01 * m10
+    d = 1 / (m00 * c00 + m01 * c10 + m02 * c20)
+    write_matrix(Y, i, d * c00, d * c01, d * c02, d * c10, d * c11, d * c12, d * c20, d * c21, d * c22)
+    b00, b10, b20 = _product(Y, i, a00, a10, a20)
+    b01, b11, b21 = _product(Y, i, a01, a11, a21)
+    b02, b12, b22 = _product(Y, i, a02, a12, a22)
+    write_matrix(A, i, b00, b01, b02, b10, b11, b12, b20, b21, b22)
 
 
 @inner
-def _scaling(i, x, y, W):
-    """Write the Nesterov-Todd scaling, W y = W^-1 x."""
-    ax, ay = _root_determinant(x[i, 0], x[i, 1], x[i, 2]), _root_determinant(y[i, 0], y[i, 1], y[i, 2])
-    g = np.sqrt(0.5 * (1 + (x[i, 0] * y[i, 0] + x[i, 1] * y[i, 1] + x[i, 2] * y[i, 2]) / (ax * ay)))
-    w0 = (x[i, 0] / ax + y[i, 0] / ay) / (2 * g)
-    w1 = (x[i, 1] / ax - y[i, 1] / ay) / (2 * g)
-    w2 = (x[i, 2] / ax - y[i, 2] / ay) / (2 * g)
-    eta, k = np.sqrt(ax / ay), 1 / (1 + w0)
-    W[i, 0, 0], W[i, 0, 1], W[i, 0, 2] = eta * w0, eta * w1, eta * w2
-    W[i, 1, 0], W[i, 1, 1], W[i, 1, 2] = eta * w1, eta * (1 + k * w1 * w1), eta * k * w1 * w2
-    W[i, 2, 0], W[i, 2, 1], W[i, 2, 2] = eta * w2, eta * k * w1 * w2, eta * (1 + k * w2 * w2)
+def _product(W, i, v0, v1, v2):
+    """Return the blocks W from contact i on times vectors."""
+    w00, w01, w02, w10, w11, w12, w20, w21, w22 = read_matrix(W, i)
+    return w00 * v0 + w01 * v1 + w02 * v2, w10 * v0 + w11 * v1 + w12 * v2, w20 * v0 + w21 * v1 + w22 * v2
+
+
+@inner
+def _scaling(x0, x1, x2, y0, y1, y2):
+    """Return the upper half of the Nesterov-Todd scaling W, W y = W^-1 x."""
+    ax, ay = _root_determinant(x0, x1, x2), _root_determinant(y0, y1, y2)
+    g = root(0.5 * (1 + (x0 * y0 + x1 * y1 + x2 * y2) / (ax * ay)))
+    w0, w1, w2 = (x0 / ax + y0 / ay) / (2 * g), (x1 / ax - y1 / ay) / (2 * g), (x2 / ax - y2 / ay) / (2 * g)
+    eta, k = root(ax / ay), 1 / (1 + w0)
+    return eta * w0, eta * w1, eta * w2, eta * (1 + k * w1 * w1), eta * k * w1 * w2, eta * (1 + k * w2 * w2)
 
 
 @inner
 def _root_determinant(x0, x1, x2):
     """Return the square root of x_0^2 - |x_T|^2, kept above zero."""
-    t = np.sqrt(x1 * x1 + x2 * x2)
-    return np.sqrt(max((x0 - t) * (x0 + t), 1e-300))
+    t = root(x1 * x1 + x2 * x2)
+    return root(larger((x0 - t) * (x0 + t), TINY))
 
 
 @inner
-def _corrector(i, mu, W, x, y, dx, dy, target, d):
-    """Write d = W l^-1 o (target e - l o l - (W^-1 dx) o (W dy)), l = W y."""
-    if mu == 0.0:
-        d[i, 0] = (target - dx[i, 0] * dy[i, 0]) / y[i, 0] - x[i, 0]
-        return
-    l0, p0 = _row(W, i, 0, y[i, 0], y[i, 1], y[i, 2]), _row(W, i, 0, dy[i, 0], dy[i, 1], dy[i, 2])
-    l1, p1 = _row(W, i, 1, y[i, 0], y[i, 1], y[i, 2]), _row(W, i, 1, dy[i, 0], dy[i, 1], dy[i, 2])
-    l2, p2 = _row(W, i, 2, y[i, 0], y[i, 1], y[i, 2]), _row(W, i, 2, dy[i, 0], dy[i, 1], dy[i, 2])
-    f = 1 / (W[i, 0, 0] ** 2 - W[i, 0, 1] ** 2 - W[i, 0, 2] ** 2)  # W^-1 = f J W J, J = diag(1, -1, -1)
-    s0 = f * _row(W, i, 0, dx[i, 0], -dx[i, 1], -dx[i, 2])
-    s1 = -f * _row(W, i, 1, dx[i, 0], -dx[i, 1], -dx[i, 2])
-    s2 = -f * _row(W, i, 2, dx[i, 0], -dx[i, 1], -dx[i, 2])
-    e0 = target - (l0 * l0 + l1 * l1 + l2 * l2) - (p0 * s0 + p1 * s1 + p2 * s2)
-    e1 = -2 * l0 * l1 - (p0 * s1 + s0 * p1)
-    e2 = -2 * l0 * l2 - (p0 * s2 + s0 * p2)
-    t = np.sqrt(l1 * l1 + l2 * l2)
-    det, le = max((l0 - t) * (l0 + t), 1e-300), l1 * e1 + l2 * e2
-    h0 = (l0 * e0 - le) / det
-    h1 = (e1 - l1 * h0) / l0
-    h2 = (e2 - l2 * h0) / l0
-    for k in range(3):
-        d[i, k] = _row(W, i, k, h0, h1, h2)
-
-
-@inner
-def _direction(n, nc, p):
-    """Write dx and dy for the right-hand sides in ``p.b``; return how far the cones allow to go."""
-    W, m, b, dx, dy, u = p.Q, p.miss, p.b, p.dr, p.du, p.u
-    for k in range(n):
-        p.dw[k] = 0.0
-    for i in range(nc):
-        f = max(1.0, p.mu[i]) / p.scale[i]
-        if p.mu[i] > 0.0:
-            z0 = _row(W, i, 0, m[i, 0], m[i, 1], m[i, 2])
-            z1 = _row(W, i, 1, m[i, 0], m[i, 1], m[i, 2])
-            z2 = _row(W, i, 2, m[i, 0], m[i, 1], m[i, 2])
-            d0 = b[i, 0] + _row(W, i, 0, z0, z1, z2)
-            d1 = b[i, 1] + _row(W, i, 1, z0, z1, z2)
-            d2 = b[i, 2] + _row(W, i, 2, z0, z1, z2)
-            add_impulse(p.rows, i, f * d0 / p.mu[i], f * d1, f * d2, p.dw)
-        else:
-            add_impulse(p.rows, i, f * (b[i, 0] + p.x[i, 0] / p.y[i, 0] * m[i, 0]), 0.0, 0.0, p.dw)
-    substitute(n, p.K, p.dw)
-    step = 1e3
-    for i in range(nc):
-        mu, c = p.mu[i], 1 / max(1.0, p.mu[i])
-        d0, d1, d2 = relative(p.rows, i, p.dw)
-        if mu > 0.0:
-            slip = np.sqrt(u[i, 1] * u[i, 1] + u[i, 2] * u[i, 2])
-            if slip > 0.0:
-                d0 += mu * (u[i, 1] * d1 + u[i, 2] * d2) / slip
-            dy[i, 0] = c * d0 - m[i, 0]
-            dy[i, 1], dy[i, 2] = c * mu * d1 - m[i, 1], c * mu * d2 - m[i, 2]
-            z0 = _row(W, i, 0, dy[i, 0], dy[i, 1], dy[i, 2])
-            z1 = _row(W, i, 1, dy[i, 0], dy[i, 1], dy[i, 2])
-            z2 = _row(W, i, 2, dy[i, 0], dy[i, 1], dy[i, 2])
+def _right_hand_side(c, target, corrected):
+    """Write b = d of both steps: -x, then W l^-1 o (target e - l o l - (W^-1 dx) o (W dy)), l = W y."""
+    for i in range(0, c.mu.shape[0], LANES):
+        if not corrected:
             for k in range(3):
-                dx[i, k] = b[i, k] - _row(W, i, k, z0, z1, z2)
-        else:
-            dy[i, 0], dy[i, 1], dy[i, 2] = d0 - m[i, 0], 0.0, 0.0
-            dx[i, 0], dx[i, 1], dx[i, 2] = b[i, 0] - p.x[i, 0] / p.y[i, 0] * dy[i, 0], 0.0, 0.0
-        step = min(step, _to_boundary(i, p.x, dx), _to_boundary(i, p.y, dy))
-    return step
+                write(-read(c.x[k], i), c.b[k], i)
+            continue
+        l0, l1, l2 = _product(c.Q, i, read(c.y[0], i), read(c.y[1], i), read(c.y[2], i))
+        p0, p1, p2 = _product(c.Q, i, read(c.du[0], i), read(c.du[1], i), read(c.du[2], i))
+        w0, w1, w2 = read(c.Q[0], i), read(c.Q[1], i), read(c.Q[2], i)
+        f = 1 / (w0 * w0 - w1 * w1 - w2 * w2)  # W^-1 = f J W J, J = diag(1, -1, -1)
+        s0, s1, s2 = _product(c.Q, i, f * read(c.dr[0], i), -f * read(c.dr[1], i), -f * read(c.dr[2], i))
+        e0 = target - (l0 * l0 + l1 * l1 + l2 * l2) - (p0 * s0 - p1 * s1 - p2 * s2)
+        e1 = -2 * l0 * l1 - (s0 * p1 - p0 * s1)
+        e2 = -2 * l0 * l2 - (s0 * p2 - p0 * s2)
+        t = root(l1 * l1 + l2 * l2)
+        h0 = (l0 * e0 - (l1 * e1 + l2 * e2)) / larger((l0 - t) * (l0 + t), TINY)
+        d0, d1, d2 = _product(c.Q, i, h0, (e1 - l1 * h0) / l0, (e2 - l2 * h0) / l0)
+        write(d0, c.b[0], i)
+        write(d1, c.b[1], i)
+        write(d2, c.b[2], i)
 
 
 @inner
-def _to_boundary(i, x, d):
-    """Return the largest step along d that stays in the second-order cone."""
-    a = d[i, 0] ** 2 - d[i, 1] ** 2 - d[i, 2] ** 2
-    b = x[i, 0] * d[i, 0] - x[i, 1] * d[i, 1] - x[i, 2] * d[i, 2]
-    c = x[i, 0] ** 2 - x[i, 1] ** 2 - x[i, 2] ** 2
-    root = b * b - a * c
-    step = 1e3
-    if a < 0.0:
-        step = (-b - np.sqrt(max(root, 0.0))) / a
-    elif root > 0.0 and b < 0.0:
-        step = c / (-b + np.sqrt(root))
-    if d[i, 0] < 0.0:
-        step = min(step, -x[i, 0] / d[i, 0])
-    return max(step, 0.0)
+def _direction(nc, p):
+    """Write dx and dy, into dr and du, for the right-hand sides b; return how far the cones allow to go."""
+    c = p.contacts
+    for i in range(0, nc, LANES):
+        mu, f = read(c.mu, i), larger(read(c.mu, i), 1.0) / read(c.scale, i)
+        z0, z1, z2 = _product(c.Q, i, read(c.miss[0], i), read(c.miss[1], i), read(c.miss[2], i))
+        z0, z1, z2 = _product(c.Q, i, z0, z1, z2)
+        r0 = f * (read(c.b[0], i) + z0) / choose(mu > 0.0, mu, 1.0)
+        r0, r1, r2 = _product(c.yielding, i, r0, f * (read(c.b[1], i) + z1), f * (read(c.b[2], i) + z2))
+        write(r0, c.dr[0], i)
+        write(r1, c.dr[1], i)
+        write(r2, c.dr[2], i)
+    clear(p.dw)
+    for i in range(nc):
+        add_impulse(p.rows, i, c.dr[0, i], c.dr[1, i], c.dr[2, i], p.dw)
+    substitute(p.system, p.K, p.F, p.dw)
+    all_relative(nc, p.rows, p.dw, c.du)
+    room = spread(FAR)
+    for i in range(0, nc, LANES):
+        mu, f, give = read(c.mu, i), 1 / larger(read(c.mu, i), 1.0), read(c.compliance, i)
+        u1, u2, d0, d1, d2 = read(c.u[1], i), read(c.u[2], i), read(c.du[0], i), read(c.du[1], i), read(c.du[2], i)
+        a0, a1, a2 = _product(c.A, i, d0, d1, d2)
+        d0 += give * (read(c.dr[0], i) - a0)
+        d1 += give * (read(c.dr[1], i) - a1)
+        d2 += give * (read(c.dr[2], i) - a2)
+        d0 += mu * (u1 * d1 + u2 * d2) / larger(root(u1 * u1 + u2 * u2), TINY)
+        y0, y1, y2 = f * d0 - read(c.miss[0], i), f * mu * d1 - read(c.miss[1], i), f * mu * d2 - read(c.miss[2], i)
+        z0, z1, z2 = _product(c.Q, i, y0, y1, y2)
+        z0, z1, z2 = _product(c.Q, i, z0, z1, z2)
+        x0, x1, x2 = read(c.b[0], i) - z0, read(c.b[1], i) - z1, read(c.b[2], i) - z2
+        write(x0, c.dr[0], i)
+        write(x1, c.dr[1], i)
+        write(x2, c.dr[2], i)
+        write(y0, c.du[0], i)
+        write(y1, c.du[1], i)
+        write(y2, c.du[2], i)
+        reach_x = _to_boundary(read(c.x[0], i), read(c.x[1], i), read(c.x[2], i), x0, x1, x2)
+        reach_y = _to_boundary(read(c.y[0], i), read(c.y[1], i), read(c.y[2], i), y0, y1, y2)
+        reach = choose(reach_x < reach_y, reach_x, reach_y)
+        reach = choose(read(c.present, i) > 0.0, reach, FAR)
+        room = choose(reach < room, reach, room)
+    return least(room)
+
+
+@inner
+def _gap_after(c, step):
+    """Return the sum of x . y after a step."""
+    gap = spread(0.0)
+    for i in range(0, c.mu.shape[0], LANES):
+        there = read(c.present, i) > 0.0
+        for k in range(3):
+            x, y = read(c.x[k], i) + step * read(c.dr[k], i), read(c.y[k], i) + step * read(c.du[k], i)
+            gap += choose(there, x * y, 0.0)
+    return total(gap)
+
+
+@inner
+def _to_boundary(x0, x1, x2, d0, d1, d2):
+    """Return the largest steps along d that stay in the second-order cones."""
+    a, b, c = d0 * d0 - d1 * d1 - d2 * d2, x0 * d0 - x1 * d1 - x2 * d2, x0 * x0 - x1 * x1 - x2 * x2
+    square = b * b - a * c
+    way = root(larger(square, 0.0))
+    ahead = choose((square > 0.0) & (b < 0.0), c / (way - b), FAR)
+    step = choose(a < 0.0, (-b - way) / a, ahead)
+    edge = -x0 / d0
+    step = choose((d0 < 0.0) & (edge < step), edge, step)
+    return larger(step, 0.0)

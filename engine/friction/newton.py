@@ -7,22 +7,32 @@ freedom, however many contacts there are and however redundant they may be.
 
 import numpy as np
 
-from engine.friction.arrays import add_impulse, finish, relative
-from engine.friction.banded import add_blocks, factorise, start_system, substitute
+from engine.friction.arrays import add_impulse, all_relative, finish
 from engine.friction.bilateral import add_bilateral
-from engine.friction.complementarity import eliminate, fischer_burmeister, mismatch, natural_map
+from engine.friction.blocks import add_contact, clear, factorise, start_system, substitute
+from engine.friction.complementarity import (
+    eliminate,
+    fischer_burmeister,
+    natural_map,
+    natural_mismatch,
+    read_matrix,
+    smoothed_mismatch,
+)
 from engine.friction.cone import residual
 from engine.jit import inner
+from engine.lanes import LANES, choose, read, spread, total, write
 
 SHRINK = 0.04  # factor of tau^2 once the smoothed equation is met as well as its smoothing deserves
 POOR = 0.5  # share of the merit: a step on the natural map that leaves more is a poor one
 SHORT = 0.1  # share of Newton's step: a shorter step on the smoothed equation is a poor one
+LEAST_PROXIMAL = 1e-8  # share of a sticking contact's velocity in its equation, which makes its impulse unique
+LARGEST_PROXIMAL = 1e-2
 CREEP = 6  # poor steps in a row after which the smoothed equation is given up
 
 
 @inner
-def newton(n, nc, p, goal, tau2, end, proximal, effort):
-    """Improve ``p.r`` by Newton's method; return the steps spent, the residual reached and tau^2.
+def newton(nc, p, goal, tau2, end, proximal, effort):
+    """Improve the impulses by Newton's method; return the steps spent, the residual reached and tau^2.
 
     With ``tau2`` 0 the equation is the natural map. The line search is not monotone: a step may raise the merit above
     the present one, not above the last four; after ``patience`` poor steps in a row it is given up. Else the equation
@@ -32,18 +42,20 @@ def newton(n, nc, p, goal, tau2, end, proximal, effort):
 
     Parameters
     ----------
-    n, nc : int
-        Numbers of unknowns and contacts.
+    nc : int
+        Number of contacts.
     p : FrictionArrays
     goal : Goal
     tau2, end : float
         Smoothing tau^2 at the start and at the end.
     proximal : float
-        See `complementarity.eliminate`.
+        The proximal term of the contacts (`complementarity.eliminate`) as a share of the residual: far from the
+        solution it keeps impulses where they are that the velocities leave open.
     effort : Effort
     """
-    finish(n, nc, p)
-    reached = residual(nc, p.mu, p.r, p.u, p.q, goal.scale)
+    c = p.contacts
+    finish(nc, p)
+    reached = residual(c, goal.scale)
     natural, iteration, poor, m1, m2, m3 = tau2 == 0.0, 0, 0, 0.0, 0.0, 0.0
     halvings = 6 if natural else 12
     tolerance, patience = goal.tolerance, effort.patience if natural else CREEP
@@ -54,16 +66,17 @@ def newton(n, nc, p, goal, tau2, end, proximal, effort):
         and (natural or tau2 > end)
     ):
         iteration += 1
-        merit = _direction(n, nc, p, proximal, tau2)
-        step, after = _line_search(nc, p, max(merit, m1, m2, m3), tau2, halvings)
-        for i in range(nc):
-            for k in range(3):
-                p.r[i, k] += step * p.dr[i, k]
-                p.u[i, k] += step * p.du[i, k]
-        reached = residual(nc, p.mu, p.r, p.u, p.q, goal.scale)
+        term = min(max(proximal * reached, LEAST_PROXIMAL), LARGEST_PROXIMAL)
+        merit = _direction(nc, p, term, tau2)
+        step, after = _line_search(c, max(merit, m1, m2, m3), tau2, halvings)
+        for k in range(3):
+            for i in range(0, nc, LANES):
+                write(read(c.r[k], i) + step * read(c.dr[k], i), c.r[k], i)
+                write(read(c.u[k], i) + step * read(c.du[k], i), c.u[k], i)
+        reached = residual(c, goal.scale)
         if reached <= tolerance:  # u has followed its steps: once more from the impulses, to the last digit
-            finish(n, nc, p)
-            reached = residual(nc, p.mu, p.r, p.u, p.q, goal.scale)
+            finish(nc, p)
+            reached = residual(c, goal.scale)
         m1, m2, m3 = merit, m1, m2
         if natural:
             poor = poor + 1 if after > POOR * merit else 0
@@ -76,53 +89,81 @@ def newton(n, nc, p, goal, tau2, end, proximal, effort):
 
 
 @inner
-def _direction(n, nc, p, proximal, tau2):
+def _direction(nc, p, proximal, tau2):
     """Write Newton's direction: impulses into dr, relative velocities into du; return the merit, the sum of squares."""
-    start_system(n, p.K)
+    merit = _linearise(p.contacts, proximal, tau2)
+    c, A, b = p.contacts, p.contacts.A, p.contacts.b
+    start_system(p.system, p.K)
     add_bilateral(p.bilateral, p.K)
-    for k in range(n):
-        p.dw[k] = 0.0
-    merit = 0.0
+    clear(p.dw)
     for i in range(nc):
-        s, mu = p.scale[i], p.mu[i]
-        r0, r1, r2 = s * p.r[i, 0], s * p.r[i, 1], s * p.r[i, 2]
-        u0, u1, u2 = p.u[i, 0], p.u[i, 1], p.u[i, 2]
-        if tau2 == 0.0:
-            merit += natural_map(i, mu, r0, r1, r2, u0, u1, u2, p.A, p.Q, p.b)
-        else:
-            merit += fischer_burmeister(i, mu, r0, r1, r2, u0, u1, u2, tau2, p.A, p.Q, p.b)
-        eliminate(i, s, proximal, p.A, p.Q, p.b)
-        add_impulse(p.rows, i, -p.b[i, 0], -p.b[i, 1], -p.b[i, 2], p.dw)
-    add_blocks(nc, p.rows, p.mu, p.A, p.block, p.K)
-    factorise(n, p.K)
-    substitute(n, p.K, p.dw)
-    for i in range(nc):
-        d0, d1, d2 = relative(p.rows, i, p.dw)
-        p.du[i, 0], p.du[i, 1], p.du[i, 2] = d0, d1, d2
-        for k in range(3):
-            p.dr[i, k] = -p.b[i, k] - (p.A[i, k, 0] * d0 + p.A[i, k, 1] * d1 + p.A[i, k, 2] * d2)
+        add_impulse(p.rows, i, -b[0, i], -b[1, i], -b[2, i], p.dw)
+        if A[0, i] != 0.0:  # an open contact has no block
+            add_contact(p.rows, i, A, p.mu[i] == 0.0, p.K)
+    factorise(p.system, p.K, p.F)
+    substitute(p.system, p.K, p.F, p.dw)
+    all_relative(nc, p.rows, p.dw, c.du)
+    for i in range(0, nc, LANES):
+        a00, a01, a02, a10, a11, a12, a20, a21, a22 = read_matrix(A, i)
+        d0, d1, d2, give = read(c.du[0], i), read(c.du[1], i), read(c.du[2], i), read(c.compliance, i)
+        there = read(c.present, i) > 0.0
+        r0 = choose(there, -(read(b[0], i) + a00 * d0 + a01 * d1 + a02 * d2), 0.0)
+        r1 = choose(there, -(read(b[1], i) + a10 * d0 + a11 * d1 + a12 * d2), 0.0)
+        r2 = choose(there, -(read(b[2], i) + a20 * d0 + a21 * d1 + a22 * d2), 0.0)
+        write(r0, c.dr[0], i)
+        write(r1, c.dr[1], i)
+        write(r2, c.dr[2], i)
+        write(d0 + give * r0, c.du[0], i)
+        write(d1 + give * r1, c.du[1], i)
+        write(d2 + give * r2, c.du[2], i)
     return merit
 
 
 @inner
-def _line_search(nc, p, merit, tau2, halvings):
+def _linearise(c, proximal, tau2):
+    """Write the contacts' eliminated equations into A and b; return the sum of the squares of the equations."""
+    merit = spread(0.0)
+    for i in range(0, c.mu.shape[0], LANES):
+        s, mu, there = read(c.scale, i), read(c.mu, i), read(c.present, i) > 0.0
+        r0, r1, r2 = s * read(c.r[0], i), s * read(c.r[1], i), s * read(c.r[2], i)
+        u0, u1, u2 = read(c.u[0], i), read(c.u[1], i), read(c.u[2], i)
+        if tau2 == 0.0:
+            square = natural_map(i, mu, r0, r1, r2, u0, u1, u2, c.A, c.Q, c.b)
+        else:
+            square = fischer_burmeister(i, mu, r0, r1, r2, u0, u1, u2, tau2, c.A, c.Q, c.b)
+        merit += choose(there, square, 0.0)
+        give = read(c.compliance, i)
+        eliminate(i, s, choose(give > 0.0, give / s, proximal), c.A, c.Q, c.b)
+    return total(merit)
+
+
+@inner
+def _line_search(c, merit, tau2, halvings):
     """Halve the step until the merit falls below the given one; return the step and the merit there."""
     step, after = 1.0, np.inf
     for _ in range(halvings):
-        after = 0.0
-        for i in range(nc):
-            s = p.scale[i]
-            after += mismatch(
-                p.mu[i],
-                s * (p.r[i, 0] + step * p.dr[i, 0]),
-                s * (p.r[i, 1] + step * p.dr[i, 1]),
-                s * (p.r[i, 2] + step * p.dr[i, 2]),
-                p.u[i, 0] + step * p.du[i, 0],
-                p.u[i, 1] + step * p.du[i, 1],
-                p.u[i, 2] + step * p.du[i, 2],
-                tau2,
-            )
+        after = total(_merit(c, step, tau2))
         if after <= (1 - 1e-2 * step) * merit:
             break
         step *= 0.5
     return step, after
+
+
+@inner
+def _merit(c, step, tau2):
+    """Return the sum of the squares of the equations after a step, in eight parts."""
+    merit = spread(0.0)
+    for i in range(0, c.mu.shape[0], LANES):
+        s, mu, there = read(c.scale, i), read(c.mu, i), read(c.present, i) > 0.0
+        r0 = s * (read(c.r[0], i) + step * read(c.dr[0], i))
+        r1 = s * (read(c.r[1], i) + step * read(c.dr[1], i))
+        r2 = s * (read(c.r[2], i) + step * read(c.dr[2], i))
+        u0 = read(c.u[0], i) + step * read(c.du[0], i)
+        u1 = read(c.u[1], i) + step * read(c.du[1], i)
+        u2 = read(c.u[2], i) + step * read(c.du[2], i)
+        if tau2 == 0.0:
+            square = natural_mismatch(mu, r0, r1, r2, u0, u1, u2)
+        else:
+            square = smoothed_mismatch(mu, r0, r1, r2, u0, u1, u2, tau2)
+        merit += choose(there, square, 0.0)
+    return merit

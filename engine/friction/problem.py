@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,11 +10,13 @@ from numpy.typing import ArrayLike
 from engine.arrays import Array, Integers
 from engine.errors import EngineError
 from engine.friction.arrays import CONVERGED, FrictionArrays, friction_arrays
-from engine.friction.banded import BODY, PAIR
+from engine.friction.blocks import BODY
+from engine.friction.elimination import eliminate_nodes
 from engine.friction.infeasibility import squeezing_impulses
 from engine.friction.solver import solve_friction
+from engine.friction.whitening import factorise_mass, place_rows, unwhiten, whiten_rows
 
-ASYMMETRY = 1e-9  # largest of M, relative to its largest entry
+ASYMMETRY = 1e-9  # largest of M or W, relative to the largest entry
 
 
 class FrictionError(EngineError):
@@ -57,9 +59,7 @@ class FrictionProblem:
                 raise FrictionError(f"friction problem: {name} has shape {getattr(self, name).shape}, expected {shape}")
         if (self.mu < 0).any():
             raise FrictionError(f"friction problem: mu[{int(self.mu.argmin())}] = {self.mu.min():g}; allowed: >= 0")
-        # halves, as a difference of two finite numbers may be infinite
-        if np.abs(self.M / 2 - self.M.T / 2).max(initial=0) > ASYMMETRY * np.abs(self.M).max(initial=0):
-            raise FrictionError("friction problem: M is not symmetric positive definite")
+        refuse_asymmetry(self.M, "friction problem: M")
 
 
 @dataclass(frozen=True)
@@ -125,32 +125,46 @@ def solve(problem: FrictionProblem, tolerance: float = 1e-8, start: ArrayLike | 
     given = np.zeros(3 * nc) if start is None else real_numbers("start", start)
     if given.size != 3 * nc:
         raise FrictionError(f"friction problem: start has shape {given.shape}, expected {(3 * nc,)}")
-    try:
-        root = np.linalg.cholesky(problem.M)
-    except np.linalg.LinAlgError:
-        raise FrictionError("friction problem: M is not symmetric positive definite") from None
     with np.errstate(all="ignore"):  # numbers near the largest double: the residual judges what becomes of them
         # velocities of the order of 1, whose squares are numbers; a power of two changes no digit
         unit = float(np.ldexp(0.5, np.frexp(np.abs(problem.q).max(initial=0))[1])) if problem.q.any() else np.inf
         q = problem.q / unit
-        G = np.linalg.solve(root, problem.H.T).T.reshape(nc, 3, n)
-        arrays = sparse_rows(G, n)
+        arrays, white = solver_arrays(problem)
         arrays.q[:] = q.reshape(nc, 3)
         arrays.mu[:] = problem.mu
         arrays.r[:] = (given / unit).reshape(nc, 3)
-        status, iterations, residual = solve_friction(n, nc, arrays, float(tolerance))
+        status, iterations, residual = solve_friction(nc, arrays, float(tolerance))
         certificate = None
         if status != CONVERGED:
-            certificate = squeezing_impulses(G[:, 0], q[::3], float(np.abs(q).max()))
+            certificate = squeezing_impulses(white.G[::3], q[::3], float(np.abs(q).max()))
         unit = unit if unit < np.inf else 1.0
+        v = np.empty(n)
+        unwhiten(arrays.w, white.number, white.L, white.first, v)
         return FrictionSolution(
             r=unit * arrays.r.ravel(),
             u=unit * arrays.u.ravel(),
-            v=unit * np.linalg.solve(root.T, arrays.w),
+            v=unit * v,
             residual=float(residual),
             iterations=int(iterations),
             status="converged" if status == CONVERGED else "not_converged" if certificate is None else "infeasible",
             certificate=certificate,
+        )
+
+
+def refuse_asymmetry(A: Array, name: str) -> None:
+    """Raise an error that names the largest asymmetry of a matrix, if it is more than rounding.
+
+    Raises
+    ------
+    FrictionError
+    """
+    size = np.abs(A).max(initial=0)
+    off = np.abs(A / 2 - A.T / 2)  # halves, as a difference of two finite numbers may be infinite
+    if off.max(initial=0) > ASYMMETRY / 2 * size:
+        i, j = sorted(map(int, np.unravel_index(off.argmax(), off.shape)))
+        raise FrictionError(
+            f"{name} is not symmetric: [{i}, {j}] is {A[i, j]:.17g}, [{j}, {i}] is {A[j, i]:.17g};"
+            f" allowed: a difference of {ASYMMETRY:g} of the largest entry, {size:.3g}"
         )
 
 
@@ -176,40 +190,31 @@ def real_numbers(name: str, value: Any) -> Array:
     return numbers
 
 
-def sparse_rows(G: Array, n: int) -> FrictionArrays:
-    """Store each contact's rows of G, shape (nc, 3, n), without the columns of zeros, body by body."""
-    nc, bodies = len(G), -(-n // BODY)
-    touched = np.zeros((nc, bodies * BODY), bool)
-    touched[:, :n] = np.abs(G).max(axis=1) > 0
-    blocks = touched.reshape(nc, bodies, BODY)
-    contact, body = np.nonzero(blocks.any(axis=2))  # contact by contact
-    start = BODY * body + blocks.argmax(axis=2)[contact, body]
-    width = BODY * (body + 1) - blocks[:, :, ::-1].argmax(axis=2)[contact, body] - start
-    runs = np.bincount(contact, minlength=nc)
-    columns = np.bincount(contact, width, minlength=nc)
-    spans = [np.flatnonzero(row) for row in touched if row.any()]
-    arrays = friction_arrays(
-        n,
-        nc,
-        max(2, int(runs.max(initial=0))),
-        max(PAIR, int(columns.max(initial=0))),
-        max((int(span[-1] - span[0]) for span in spans), default=0),
-    )
-    run, filled = [0] * nc, [0] * nc
-    for i, first, count in zip(contact.tolist(), start.tolist(), width.tolist(), strict=True):
-        arrays.rows.G[i, :, filled[i] : filled[i] + count] = G[i, :, first : first + count]
-        arrays.rows.start[i, run[i]], arrays.rows.width[i, run[i]] = first, count
-        run[i] += 1
-        filled[i] += count
-    return arrays
+class Whitening(NamedTuple):
+    """How the arrays of the solver follow from a problem."""
+
+    L: Array  # (n, n) Cholesky's factor of M, see `whitening.factorise_mass`
+    first: Integers  # (n,)
+    G: Array  # (3 nc, n) whitened rows
+    number: Integers  # (nodes,) place of every six velocities in the order of elimination
 
 
-def dense_rows(start: Integers, width: Integers, rows: Array, n: int) -> Array:
-    """Return rows that are stored run by run, shape (m, j, k), as dense rows of ``n`` columns, shape (m, j, n)."""
-    dense = np.zeros((*rows.shape[:2], n))
-    for i in range(len(rows)):
-        filled = 0
-        for first, count in zip(start[i], width[i], strict=True):
-            dense[i, :, first : first + count] += rows[i, :, filled : filled + count]
-            filled += count
-    return dense
+def solver_arrays(problem: FrictionProblem) -> tuple[FrictionArrays, Whitening]:
+    """Return the arrays of the solver for a problem, without its q and mu.
+
+    Raises
+    ------
+    FrictionError
+        If the mass matrix is not positive definite.
+    """
+    nc, n = problem.mu.size, problem.M.shape[0]
+    nodes = -(-n // BODY)
+    L, G, first = np.empty((n, n)), np.empty((3 * nc, n)), np.empty(n, np.int64)
+    if not factorise_mass(problem.M, L, first):
+        raise FrictionError("friction problem: M is not symmetric positive definite")
+    touched, neighbours = np.zeros((nc, nodes), bool), np.zeros((nodes, nodes), bool)
+    most = whiten_rows(problem.H, L, first, G, touched, neighbours)
+    system, number, piece = eliminate_nodes(neighbours)
+    arrays = friction_arrays(system, nc, max(2, most))
+    place_rows(G, touched, number, piece, arrays.rows)
+    return arrays, Whitening(L, first, G, number)

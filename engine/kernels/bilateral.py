@@ -12,6 +12,7 @@ Both are a velocity of b relative to a: along t of the common point P_b, or arm 
 
 import numpy as np
 
+from engine.friction.blocks import ROW
 from engine.jit import inner, kernel
 from engine.kernels.model import SLIDE
 from engine.kernels.rotations import to_world, turn_to_world
@@ -133,12 +134,12 @@ def row_velocity(rows, x, R, point, direction, twist, i):
 
 @kernel
 def whitened_bilateral_rows(bodies, rows, x, R, point, direction, J):
-    """Write every row times M^-1/2 into ``J``, shape (nt, 12): six columns for each moving body, a's first."""
+    """Write every row times M^-1/2 into ``J``, shape (nt, 16): six columns and two zeros for each body, a's first."""
     root = bodies.inverse_root
     for i in range(rows.kind.shape[0]):
-        n, t0, t1, t2 = 0, direction[i, 0], direction[i, 1], direction[i, 2]
+        t0, t1, t2 = direction[i, 0], direction[i, 1], direction[i, 2]
         for side in range(2):
-            body = rows.a[i] if side == 0 else rows.b[i]
+            body, n = rows.a[i] if side == 0 else rows.b[i], ROW * side
             if body >= bodies.mass.shape[0]:
                 continue
             sign = 2.0 * side - 1.0
@@ -154,4 +155,3 @@ def whitened_bilateral_rows(bodies, rows, x, R, point, direction, J):
             J[i, n + 3] = sign * root[body, 0, 0] * b0
             J[i, n + 4] = sign * (root[body, 1, 0] * b0 + root[body, 1, 1] * b1)
             J[i, n + 5] = sign * (root[body, 2, 0] * b0 + root[body, 2, 1] * b1 + root[body, 2, 2] * b2)
-            n += 6

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from engine.friction.blocks import ROW
 from engine.jit import kernel
 
 
@@ -39,41 +40,44 @@ def relative_velocity(x, R, a, b, point, frame, twist, i, u):
 
 
 @kernel
-def whitened_rows(bodies, x, R, a, b, point, frame, i, rows, j):
-    """Write contact i's rows of G M^-1/2, and the velocities that they touch, as contact j of a friction problem.
+def whitened_rows(bodies, contacts, x, R, sites, i, rows, j):
+    """Write contact i's rows of G M^-1/2, and the nodes that they touch, as contact j of a friction problem.
 
-    Body k's velocities start at ``bodies.at[k]``. M^-1/2 is 1/sqrt(m) for the translation and L^-T for the rotation.
+    M^-1/2 is 1/sqrt(m) for the translation and L^-T for the rotation.
 
     Parameters
     ----------
     bodies : Bodies
-    x, R, a, b, point, frame, i
-        See `relative_velocity`.
+    contacts : Contacts
+    x, R : (nb + 1, 3), (nb + 1, 3, 3) arrays
+        The pose.
+    sites : ContactSites
+    i : int
     rows : ContactRows
         Written.
     j : int
     """
-    n, G, root = 0, rows.G, bodies.inverse_root
+    root, point, frame = bodies.inverse_root, sites.point, sites.frame
+    rows.pair[j, 0, 1] = rows.pair[j, 1, 0] = contacts.pair[i]
     for side in range(2):
-        body = a if side == 0 else b
-        rows.start[j, side], rows.width[j, side] = 0, 0
+        body, n = contacts.a[i] if side == 0 else contacts.b[i], ROW * side
+        rows.node[j, side] = -1
         if body >= bodies.mass.shape[0]:
             continue
-        rows.start[j, side], rows.width[j, side] = bodies.at[body], 6
+        rows.node[j, side] = bodies.node[body]
         sign = 1.0 - 2.0 * side
         s = sign / np.sqrt(bodies.mass[body])
         d0, d1, d2 = point[i, 0] - x[body, 0], point[i, 1] - x[body, 1], point[i, 2] - x[body, 2]
         for k in range(3):
-            t0, t1, t2 = frame[i, k, 0], frame[i, k, 1], frame[i, k, 2]
+            t0, t1, t2, G = frame[i, k, 0], frame[i, k, 1], frame[i, k, 2], rows.G[j, k]
             m0, m1, m2 = d1 * t2 - d2 * t1, d2 * t0 - d0 * t2, d0 * t1 - d1 * t0
             b0 = R[body, 0, 0] * m0 + R[body, 1, 0] * m1 + R[body, 2, 0] * m2
             b1 = R[body, 0, 1] * m0 + R[body, 1, 1] * m1 + R[body, 2, 1] * m2
             b2 = R[body, 0, 2] * m0 + R[body, 1, 2] * m1 + R[body, 2, 2] * m2
-            G[j, k, n], G[j, k, n + 1], G[j, k, n + 2] = s * t0, s * t1, s * t2
-            G[j, k, n + 3] = sign * root[body, 0, 0] * b0
-            G[j, k, n + 4] = sign * (root[body, 1, 0] * b0 + root[body, 1, 1] * b1)
-            G[j, k, n + 5] = sign * (root[body, 2, 0] * b0 + root[body, 2, 1] * b1 + root[body, 2, 2] * b2)
-        n += 6
+            G[n], G[n + 1], G[n + 2] = s * t0, s * t1, s * t2
+            G[n + 3] = sign * root[body, 0, 0] * b0
+            G[n + 4] = sign * (root[body, 1, 0] * b0 + root[body, 1, 1] * b1)
+            G[n + 5] = sign * (root[body, 2, 0] * b0 + root[body, 2, 1] * b1 + root[body, 2, 2] * b2)
 
 
 @kernel
@@ -81,7 +85,7 @@ def add_whitened(bodies, w, twist):
     """Add M^-1/2 w to the twists, shape (nb + 1, 6), for the unknowns ``w`` of a friction problem, shape (n,)."""
     root = bodies.inverse_root
     for body in range(bodies.mass.shape[0]):
-        s, k = 1 / np.sqrt(bodies.mass[body]), bodies.at[body]
+        s, k = 1 / np.sqrt(bodies.mass[body]), ROW * bodies.node[body]
         twist[body, 0] += s * w[k]
         twist[body, 1] += s * w[k + 1]
         twist[body, 2] += s * w[k + 2]

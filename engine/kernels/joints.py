@@ -49,6 +49,6 @@ def hold_joints(bodies, rows, state, at_pose, problem, twist, h, theta):
         if abs(c[i]) < NOTHING:
             c[i] = 0.0
     whitened_bilateral_rows(bodies, rows, x, R, point, direction, problem.bilateral.J)
-    factorise_bilateral(problem.w.shape[0], problem.bilateral)
-    hold_bilateral(problem.w.shape[0], problem.bilateral, c, problem.w)
+    factorise_bilateral(problem.system, problem.bilateral)
+    hold_bilateral(problem.system, problem.bilateral, c, problem.w)
     add_whitened(bodies, problem.w, twist)

@@ -24,7 +24,7 @@ class Bodies(NamedTuple):
     mass: np.ndarray  # (nb,)
     inertia: np.ndarray  # (nb, 3, 3) about the centre of mass, body axes
     inverse_root: np.ndarray  # (nb, 3, 3) L^-1 with inertia = L L'
-    at: np.ndarray  # (nb,) int64, index of each body's first velocity among the unknowns of a step
+    node: np.ndarray  # (nb,) int64, node of each body's velocities among the unknowns of a step
 
 
 class Contacts(NamedTuple):
@@ -37,6 +37,7 @@ class Contacts(NamedTuple):
     geometry_b: np.ndarray  # (nc, GEOMETRY)
     clearance: np.ndarray  # (nc,) radial clearance of a ring in a bore; minus the contact offset elsewhere
     reach: np.ndarray  # (nc,) farthest point of side a's primitive from its body's centre of mass
+    pair: np.ndarray  # (nc,) int64, first piece of the two bodies in the system of a step, see `engine.friction.blocks`
 
 
 class Laws(NamedTuple):

@@ -7,12 +7,14 @@ closed loops with clearance.
 
 from engine.friction.arrays import CONVERGED
 from engine.friction.bilateral import factorise_bilateral, hold_bilateral
+from engine.friction.blocks import ROW
 from engine.friction.solver import solve_friction
 from engine.jit import inner
 from engine.kernels.bilateral import row_violations, whitened_bilateral_rows
 from engine.kernels.broad_phase import consume_budget, find_near_contacts
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
 from engine.kernels.rotations import rotation_matrix, turn
+from engine.lanes import fused, read, spread, total
 
 ROUNDS = 40
 REACH = 2.0  # contacts open by less than this many times the violation take part
@@ -45,7 +47,7 @@ def project_positions(bodies, contacts, rows, state, work, problem, control):
         Largest joint violation left.
     """
     at_pose = work.bilateral
-    worst, contact, off, n, displacement = 0.0, -1, 0.0, problem.w.shape[0], work.free
+    worst, contact, off, displacement = 0.0, -1, 0.0, work.free
     for _ in range(ROUNDS):
         find_near_contacts(contacts, state, work.broad_phase, work.sites, 0.0, 0.0, state.gap)
         worst, contact = largest_penetration(state.gap)
@@ -62,12 +64,12 @@ def project_positions(bodies, contacts, rows, state, work, problem, control):
             whitened_bilateral_rows(
                 bodies, rows, state.x, state.R, at_pose.point, at_pose.direction, problem.bilateral.J
             )
-            factorise_bilateral(n, problem.bilateral)
-            hold_bilateral(n, problem.bilateral, at_pose.violation, problem.w)
+            factorise_bilateral(problem.system, problem.bilateral)
+            hold_bilateral(problem.system, problem.bilateral, at_pose.violation, problem.w)
             add_whitened(bodies, problem.w, displacement)
         nc = gather_displacement_problem(bodies, contacts, state, work.sites, displacement, work.u, problem, within)
         if nc > 0:
-            solved, _, _ = solve_friction(n, nc, problem, TOLERANCE)
+            solved, _, _ = solve_friction(nc, problem, TOLERANCE)
             if solved != CONVERGED:
                 break
             add_whitened(bodies, problem.w, displacement)
@@ -103,7 +105,7 @@ def gather_displacement_problem(bodies, contacts, state, sites, displacement, u,
     for i in range(state.gap.shape[0]):
         if state.gap[i] <= within:
             a, b = contacts.a[i], contacts.b[i]
-            whitened_rows(bodies, state.x, state.R, a, b, sites.point, sites.frame, i, problem.rows, n)
+            whitened_rows(bodies, contacts, state.x, state.R, sites, i, problem.rows, n)
             relative_velocity(state.x, state.R, a, b, sites.point, sites.frame, displacement, i, u)
             problem.mu[n] = 0.0
             for k in range(3):
@@ -119,10 +121,12 @@ def gather_displacement_problem(bodies, contacts, state, sites, displacement, u,
 @inner
 def normal_delassus(rows, j):
     """Return the normal entry of contact j's Delassus block."""
-    s = 0.0
-    for a in range(rows.width[j, 0] + rows.width[j, 1]):
-        s += rows.G[j, 0, a] * rows.G[j, 0, a]
-    return s
+    square = spread(0.0)
+    for s in range(rows.node.shape[1]):
+        if rows.node[j, s] >= 0:
+            g = read(rows.G[j, 0], ROW * s)
+            square = fused(g, g, square)
+    return total(square)
 
 
 @inner

@@ -40,7 +40,6 @@ def step(context):
     model, state, work, problem, control, phase, t, h, theta = context
     bodies, contacts, laws, bilateral = model.bodies, model.contacts, model.laws, model.bilateral
     before, after, plain = (1 - theta) * h, theta * h, control.plain  # the impulses act between these two parts
-    n = problem.w.shape[0]
     save_start(state, work.start)
 
     # free motion to within the step, and the twists at its end without contact impulses
@@ -63,7 +62,7 @@ def step(context):
     for _ in range(GROWTH_ROUNDS):
         nc = gather_problem(bodies, contacts, laws, state, work, problem)
         if nc > 0:
-            status, spent, residual = solve_friction(n, nc, problem, control.tolerance)
+            status, spent, residual = solve_friction(nc, problem, control.tolerance)
             iterations += spent
         apply_impulses(bodies, state, work, problem, nc)
         if status != CONVERGED:

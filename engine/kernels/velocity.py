@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from engine.friction.cone import project
+from engine.friction.complementarity import natural_mismatch
 from engine.jit import inner
 from engine.kernels.broad_phase import body_speeds, closing_speed, update_contact
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
+from engine.lanes import LANES, read, write
 
 
 @inner
@@ -67,9 +68,8 @@ def gather_problem(bodies, contacts, laws, state, work, problem):
     n = 0
     for i in range(laws.mu.shape[0]):
         if work.active[i]:
-            a, b = contacts.a[i], contacts.b[i]
             work.chosen[n] = i
-            whitened_rows(bodies, state.x, state.R, a, b, work.sites.point, work.sites.frame, i, problem.rows, n)
+            whitened_rows(bodies, contacts, state.x, state.R, work.sites, i, problem.rows, n)
             problem.mu[n] = laws.mu[i]
             for k in range(3):
                 problem.q[n, k] = work.q[i, k]
@@ -142,12 +142,12 @@ def worst_contact(problem, chosen, n):
         The contact of each of the problem's ``n``.
     n : int
     """
-    mu, r, u, worst, where = problem.mu, problem.r, problem.u, -1.0, -1
+    c, worst, where = problem.contacts, -1.0, -1
+    for j in range(0, n, LANES):
+        s, u1, u2 = read(c.scale, j), read(c.u[1], j), read(c.u[2], j)
+        r0, r1, r2 = s * read(c.r[0], j), s * read(c.r[1], j), s * read(c.r[2], j)
+        write(natural_mismatch(read(c.mu, j), r0, r1, r2, read(c.u[0], j), u1, u2), c.x[0], j)
     for j in range(n):
-        s = problem.scale[j]
-        slip = np.sqrt(u[j, 1] ** 2 + u[j, 2] ** 2)
-        p0, p1, p2 = project(mu[j], s * r[j, 0] - u[j, 0] - mu[j] * slip, s * r[j, 1] - u[j, 1], s * r[j, 2] - u[j, 2])
-        miss = (s * r[j, 0] - p0) ** 2 + (s * r[j, 1] - p1) ** 2 + (s * r[j, 2] - p2) ** 2
-        if not miss <= worst:  # a NaN is the worst of all
-            worst, where = miss, chosen[j]
+        if not c.x[0, j] <= worst:  # a NaN is the worst of all
+            worst, where = c.x[0, j], chosen[j]
     return where

@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from numba.extending import intrinsic
 
-from engine.jit import uncached
+from engine.jit import inner, uncached
 from engine.kernels import step, time_loop
 
 # loads: with the free motion; contacts: the broad phase, velocities and the active set; projection: with its own
@@ -67,15 +67,15 @@ _integers: Any = intrinsic(_build_integers)
 @cache
 def timed_loop() -> tuple[Callable[..., None], np.ndarray]:
     """Return `kernels.time_loop.run_to_end` with clocks, and the times it adds to [ns], in the order of STAGES."""
-    timed_step = _rebound(step.step, _timed(step, STAGES_OF_STEP))
-    advance = _rebound(time_loop._advance, {"step": timed_step})
-    return _rebound(time_loop.run_to_end, {"_advance": advance, **_timed(time_loop, STAGES_OF_LOOP)}), _spent
+    timed_step = inner(_rebound(step.step, _timed(step, STAGES_OF_STEP)))
+    advance = inner(_rebound(time_loop._advance, {"step": timed_step}))
+    return uncached(_rebound(time_loop.run_to_end, {"_advance": advance, **_timed(time_loop, STAGES_OF_LOOP)})), _spent
 
 
-def _rebound(dispatcher: Any, names: Mapping[str, Any]) -> Any:
-    """Compile a kernel with other functions behind the names it calls."""
-    function = dispatcher.py_func
-    return uncached(FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__))
+def _rebound(kernel: Any, names: Mapping[str, Any]) -> FunctionType:
+    """Return the function of a kernel with other functions behind the names it calls."""
+    function = kernel.py_func
+    return FunctionType(function.__code__, {**function.__globals__, **names}, function.__name__)
 
 
 def _timed(module: Any, stages: Mapping[str, str]) -> dict[str, Any]:
@@ -86,13 +86,13 @@ def _with_clock(stage: Any, number: int) -> Any:
     """Return the kernel ``stage`` with a clock: its time is added to ``_spent[number]``."""
     spent_at, instant_at = _spent.ctypes.data, _instant.ctypes.data
 
-    @uncached
+    @inner
     def now() -> Any:
         _clock(_MONOTONIC, instant_at)
         instant = _integers(instant_at)
         return 1_000_000_000 * instant[0] + instant[1]
 
-    @uncached
+    @inner
     def timed(*arguments: Any) -> Any:
         start = now()
         result = stage(*arguments)

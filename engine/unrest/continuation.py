@@ -4,11 +4,10 @@ Only runs that did not come to rest are continued, on copies of their arrays, by
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from engine.arrays import Array
+from engine.arrays import Array, copied
 from engine.assembly import Assembly
 from engine.assembly.frames import rotate
 from engine.kernels import time_loop
@@ -107,9 +106,4 @@ def _copy(arrays: RunArrays, phase: int) -> RunArrays:
     laws = model.time_laws._replace(begun=model.time_laws.begun.copy())
     rows = model.bilateral._replace(offset=model.bilateral.offset.copy(), acts=model.bilateral.acts.copy())
     model = Model(**{**model._asdict(), "phases": phases, "time_laws": laws, "bilateral": rows})
-    return RunArrays(model, _copied(state), _copied(work), problem)
-
-
-def _copied(arrays: Any) -> Any:
-    """Return a named tuple of arrays, or of such tuples, with copies of all of them."""
-    return type(arrays)(*(x.copy() if isinstance(x, np.ndarray) else _copied(x) for x in arrays))
+    return RunArrays(model, copied(state), copied(work), problem)

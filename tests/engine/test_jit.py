@@ -1,6 +1,7 @@
 """Where compiled code is kept, and what happens where it cannot be."""
 
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -74,4 +75,20 @@ def test_a_folder_that_is_named_but_cannot_be_used(tmp_path):
 def test_no_unchecked_folder(tmp_path):
     """Numba looks nowhere else for compiled code."""
     done = run("from engine import jit; print(jit.numba.config.CACHE_LOCATOR_CLASSES)", tmp_path)
-    assert done.stdout == "UserProvidedCacheLocator\n"
+    assert done.stdout == "engine.jit.BuildLocator\n"
+
+
+def test_installations_of_a_build_share_compiled_code(tmp_path):
+    """A copy of the engine in another folder loads what the first one has compiled; a changed copy compiles."""
+    shutil.copytree(ROOT / "engine", tmp_path / "copy/engine")
+    shutil.copytree(ROOT / "engine", tmp_path / "changed/engine")
+    with (tmp_path / "changed/engine/arrays.py").open("a") as source:
+        source.write("# another build\n")
+    turn = (
+        "import numpy as np; from engine.kernels.rotations import rotation_matrix as turn;"
+        " turn(np.array([1.0, 0, 0, 0]), np.zeros((3, 3))); from engine import jit;"
+        " print(sum(turn.compiled.stats.cache_hits.values()), jit.__file__)"
+    )
+    places = (ROOT, tmp_path / "copy", tmp_path / "changed")
+    hits = [run(turn, tmp_path, PYTHONPATH=str(place), PYTHONSAFEPATH="1").stdout for place in places]
+    assert hits == [f"{count} {place}/engine/jit.py\n" for count, place in zip((0, 1, 0), places, strict=True)]

@@ -183,7 +183,7 @@ def test_the_example_of_the_page(file, monkeypatch, capsys):
 def test_order_of_the_run(tmp_path):
     """Bodies, contacts and responses are read in the order of the run, not of the alphabet."""
     path = tmp_path / "c60.h5"
-    simulate(load_mechanism("c60"), horizon=0.01, trajectory=path)
+    simulate(load_mechanism("c60"), horizon=0.05, trajectory=path)
     names = list(read_trajectory(path).contacts)
     assert names[0] == "J1.ring1"
     assert names != sorted(names)
@@ -238,7 +238,7 @@ def test_failed_write_keeps_the_old_file(file, tmp_path, monkeypatch):
 
     monkeypatch.setattr(TrajectoryWriter, "append", full)
     with pytest.raises(TrajectoryError, match=r"run.h5: cannot be written \(No space left on device\)"):
-        simulate(load_mechanism("incline"), horizon=0.01, trajectory=path)
+        simulate(load_mechanism("incline"), horizon=0.05, trajectory=path)
     assert [(item.name, item.read_bytes()) for item in tmp_path.iterdir()] == [("run.h5", b"old")]
 
 

@@ -49,7 +49,7 @@ class Prey:
 def compiled() -> Path:
     """Return the folder of this build's compiled code."""
     warm_up()
-    return Path(jit.numba.config.CACHE_DIR)
+    return jit.CACHE_FOLDER
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def poison(compiled, proof):
             target = build / index.relative_to(compiled)
             target.parent.mkdir(parents=True, exist_ok=True)
             target.write_bytes(pickle.dumps(numba.__version__) + pickle.dumps(Prey(proof)))
-        assert len(list(build.rglob("*.nbi"))) > 50
+        assert len(list(build.rglob("*.nbi"))) > 5
         for entry in (folder, *folder.rglob("*")):
             os.chown(entry, owner, owner)
             entry.chmod(0o777)

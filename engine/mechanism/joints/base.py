@@ -21,6 +21,9 @@ class Joint(PairLaw):
     CLEARANCE: ClassVar[str] = ""
     """The key a joint's name alone stands for; empty when the joint exists as an ideal one only."""
 
+    CLEARANCES: ClassVar[tuple[str, ...]] = ()
+    """The keys of all numbers that are only added to the gaps of the joint's contacts, see `face_clearance`."""
+
     DIRECTION: ClassVar[str] = "axis"
     """What the direction of a side is called."""
 

@@ -58,6 +58,7 @@ class JournalJoint(Joint):
 
     SIDES: ClassVar[tuple[str, str]] = ("bearing", "journal")
     CLEARANCE: ClassVar[str] = "radial_clearance"
+    CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance",)
 
     bearing: Line = Field(description="the bore: { body, point, axis }")
     journal: Journal = Field(description="the pin: { body, point, axis, radius }")
@@ -119,6 +120,8 @@ class Cylindrical(JournalJoint):
 
 class Revolute(JournalJoint):
     """A journal that turns in its bearing; flanges limit how far it slides."""
+
+    CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance", "axial_clearance")
 
     type: Literal["revolute", "clearance_revolute"] = Field(description="the kind of joint")
     flanges: Flanges | None = Field(default=None, description="the axial stops: { radius, sides, ends, phase }")

@@ -46,6 +46,7 @@ class Prismatic(Joint):
 
     SIDES: ClassVar[tuple[str, str]] = ("guide", "slider")
     CLEARANCE: ClassVar[str] = "clearance"
+    CLEARANCES: ClassVar[tuple[str, ...]] = ("clearance", "width_clearance")
 
     type: Literal["prismatic", "clearance_prismatic"] = Field(description="the kind of joint")
     guide: Slideway = Field(description="the slot or sleeve: { body, point, axis, normal }")

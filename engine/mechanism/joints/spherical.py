@@ -22,6 +22,7 @@ class Spherical(Joint):
 
     SIDES: ClassVar[tuple[str, str]] = ("socket", "ball")
     CLEARANCE: ClassVar[str] = "radial_clearance"
+    CLEARANCES: ClassVar[tuple[str, ...]] = ("radial_clearance",)
 
     type: Literal["spherical", "clearance_spherical"] = Field(description="the kind of joint")
     socket: BodyPoint = Field(description="the socket and its centre: { body, point }")

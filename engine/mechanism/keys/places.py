@@ -1,9 +1,8 @@
 """Places of a mechanism: a table, a list or a number, the field that declares it, and what lies below it."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic.fields import FieldInfo
 
@@ -19,8 +18,7 @@ _OF_A_MOTION = ("mass", "inertia", "center_of_mass", "velocity", "angular_veloci
 SETTINGS = "simulation."  # how a run is computed, which is no property of the mechanism
 
 
-@dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """A value of a mechanism, and where it stands.
 
     Attributes
@@ -48,8 +46,8 @@ class Place:
         """Return the place below with this token; None if there is none."""
         value = self.value
         if isinstance(value, TableModel):
-            name = _names(type(value)).get(token)
-            return Place(getattr(value, name), value, type(value).model_fields[name]) if name else None
+            name, field = _fields(type(value)).get(token, ("", None))
+            return Place(getattr(value, name), value, field) if name else None
         if isinstance(value, Mapping):
             return Place(value[token]) if token in value else None
         if not isinstance(value, tuple) or token not in self._tokens():
@@ -57,13 +55,13 @@ class Place:
         if value and isinstance(value[0], TableModel):
             return Place(value[int(token)])
         place = self._components()[token][0]
-        return replace(self, value=item(written(value), place), inside=(*self.inside, token))
+        return self._replace(value=item(written(value), place), inside=(*self.inside, token))
 
     def _tokens(self) -> Sequence[str]:
         """Return the tokens of what lies below."""
         value = self.value
         if isinstance(value, TableModel):
-            return list(_names(type(value)))
+            return list(_fields(type(value)))
         if isinstance(value, Mapping):
             return list(value)
         if not isinstance(value, tuple):
@@ -103,10 +101,10 @@ class Place:
 
 
 @cache
-def _names(table: type[TableModel]) -> dict[str, str]:
-    """Return the name of each field of a table by its key in the file, without those that have no keys."""
-    keys = {field.alias or name: name for name, field in table.model_fields.items()}
-    return {key: name for key, name in keys.items() if key not in HIDDEN}
+def _fields(table: type[TableModel]) -> dict[str, tuple[str, FieldInfo]]:
+    """Return name and declaration of each field of a table by its key in the file, without those that have no keys."""
+    keys = {field.alias or name: (name, field) for name, field in table.model_fields.items()}
+    return {key: named for key, named in keys.items() if key not in HIDDEN}
 
 
 def components(field: FieldInfo | None, items: Sequence[Any]) -> Mapping[str, tuple[tuple[int, ...], ...]]:

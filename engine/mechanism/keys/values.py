@@ -8,8 +8,9 @@ checked again, not the whole mechanism.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from numbers import Real
 from typing import Any
 
@@ -55,8 +56,7 @@ def unit_of(mechanism: Mechanism, key: str) -> str:
     MechanismError
         If no number has this key.
     """
-    place = _places(mechanism, key)[-1]
-    return mechanism.parameter_units[key.removeprefix(PREFIX)] if key.startswith(PREFIX) else mechanism.unit_at(place)
+    return _unit(mechanism, key, _places(mechanism, key)[-1])
 
 
 def full_key(mechanism: Mechanism, key: str) -> str:
@@ -93,7 +93,7 @@ def set_values(mechanism: Mechanism, changes: Mapping[str, float]) -> Mechanism:
     settings: dict[str, _Setting] = {}
     for key, given in changes.items():
         try:
-            unit = unit_of(mechanism, key)
+            unit = partial(_unit, mechanism, key, _places(mechanism, key)[-1])
             number = _finite(key, given, unit)
             first = settings.setdefault(full_key(mechanism, key), _Setting(number, key, number, unit))
             if first.number != number:
@@ -122,13 +122,13 @@ class _Setting:
     number: float
     key: str
     given: float
-    unit: str
+    unit: Callable[[], str]  # only messages need it
 
     def fault(self, text: str) -> tuple[str, str]:
-        return self.key, str(Fault(self.key, text, self.given, self.unit))
+        return self.key, str(Fault(self.key, text, self.given, self.unit()))
 
 
-def _finite(key: str, number: Any, unit: str) -> float:
+def _finite(key: str, number: Any, unit: Callable[[], str]) -> float:
     """Return ``number`` as a float; numpy's numbers are welcome, texts and booleans are not."""
     if isinstance(number, Real) and not isinstance(number, bool):
         try:
@@ -138,9 +138,9 @@ def _finite(key: str, number: Any, unit: str) -> float:
         if math.isfinite(finite):
             if abs(finite) > LARGEST_NUMBER:
                 text = f"no size of a real quantity; allowed: sizes up to {LARGEST_NUMBER:g}; correct it"
-                raise MechanismError(str(Fault(key, text, number, unit)))
+                raise MechanismError(str(Fault(key, text, number, unit())))
             return finite
-    raise MechanismError(str(Fault(key, f"not a finite number; allowed: a number in {unit}; give one", number)))
+    raise MechanismError(str(Fault(key, f"not a finite number; allowed: a number in {unit()}; give one", number)))
 
 
 def _followers(
@@ -168,7 +168,7 @@ def _rebuilt(mechanism: Mechanism, place: Place, path: list[str], settings: Any,
     """Return the value of a place with settings below it, every table on the way checked; note what is refused."""
     if isinstance(settings, _Setting):
         return settings.number
-    below = place.below()
+    below = {token: place.at(token) or place for token in settings}
     new = {token: _rebuilt(mechanism, below[token], [*path, token], inner, faults) for token, inner in settings.items()}
     try:
         return place.with_below(new)
@@ -200,6 +200,11 @@ def _refusal(mechanism: Mechanism, fault: Fault, path: list[str], settings: Mapp
         keys = ", ".join([first.key, *(other.key for other in others)])
         return first.key, str(Fault(keys, then))
     return first.fault(then)
+
+
+def _unit(mechanism: Mechanism, key: str, place: Place) -> str:
+    """Return the unit of the number at a key and a place."""
+    return mechanism.parameter_units[key.removeprefix(PREFIX)] if key.startswith(PREFIX) else mechanism.unit_at(place)
 
 
 def _places(mechanism: Mechanism, key: str) -> list[Place]:

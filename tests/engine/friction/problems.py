@@ -4,6 +4,8 @@ import numpy as np
 
 from engine.friction import FrictionProblem
 
+HARD_KINDS = ("static", "moving", "open")  # of the seeds 0, 1, 2, 3, ... in turn
+
 
 def random_problem(
     seed: int, contacts: int, bodies: int = 7, kind: str = "moving", mass_ratio: float = 10.0
@@ -39,6 +41,33 @@ def random_problem(
         push[::3] = rng.uniform(0.5, 1.5, contacts)
         q = -speed * H @ np.linalg.solve(M, H.T @ push)
     return FrictionProblem(M, H, q, rng.uniform(0.1, 0.3, contacts))
+
+
+def hard_problem(seed: int, change: float = 0.0) -> FrictionProblem:
+    """Make a problem that is hard in every way at once, and has a solution.
+
+    7 to 12 bodies whose masses differ by up to 10,000 times, 6 to 120 contacts, up to half of them copies of others,
+    friction from none to 1.3. The bodies rest under a load that presses on every contact, which those normal impulses
+    hold; or they move, or approach contacts that are still open, as in a time step. There w = -v gives u_N > 0 and
+    u_T = 0 everywhere, and a problem with such a velocity has a solution (Acary et al., ZAMM 91 (2011), 155-175).
+    ``change``: make a neighbour of that problem, the load or the velocities changed by this share.
+    """
+    rng = np.random.default_rng([seed, 16])
+    bodies, contacts = int(rng.integers(7, 13)), int(rng.integers(6, 121))
+    kind = HARD_KINDS[seed % 3]
+    once = random_problem(seed, contacts, bodies, "static" if kind == "static" else "moving", mass_ratio=1e4)
+    q, mu = once.q.reshape(-1, 3).copy(), rng.uniform(0, 1.3, contacts) * (rng.random(contacts) < 0.9)
+    if kind == "static":
+        push = np.zeros(3 * contacts)
+        push[::3] = 1e-3 * change * rng.random(contacts)
+        q -= (once.H @ np.linalg.solve(once.M, once.H.T @ push)).reshape(-1, 3)
+    else:
+        q += change * (once.H @ rng.standard_normal(once.M.shape[0])).reshape(-1, 3)
+        q[:, 0] += (0.1 if kind == "moving" else 1.0) * rng.exponential(np.abs(q).mean(), contacts)
+    copied = rng.random(contacts) < rng.uniform(0, 0.5)
+    of = np.where(copied, rng.integers(0, contacts, contacts), np.arange(contacts))
+    H = once.H.reshape(contacts, 3, -1)[of].reshape(3 * contacts, -1)
+    return FrictionProblem(once.M, H, q[of].ravel(), mu[of])
 
 
 def projected_gauss_seidel(problem: FrictionProblem, sweeps: int = 20_000, tolerance: float = 1e-10):

@@ -226,7 +226,7 @@ def found(contact: Contact, poses: Poses) -> tuple[Array, Array, Array]:
     n = len(poses)
     geometry_a, geometry_b, clearance = rows(contact, OWN, OWN)
     pair = Pair("C", KINDS[contact.kind], 0, 0, geometry_a, geometry_b, clearance, (0.0, 0.0))
-    contacts, _ = contact_arrays([pair] * n)
+    contacts, _ = contact_arrays([pair] * n, np.zeros(n, np.int64))
     contacts = contacts._replace(a=np.arange(n), b=np.arange(n, 2 * n))
     gap, point, frame = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))
     find_contacts(contacts, np.concatenate(poses.x), np.concatenate(poses.R), gap, point, frame)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from engine.assembly.bilateral import BilateralRow, bilateral_arrays, layout
+from engine.assembly.bilateral import BilateralRow, bilateral_arrays
 from engine.kernels.bilateral import row_targets, row_violations
 from engine.kernels.model import SLIDE, TURN, TimeLaws
 
@@ -55,15 +55,6 @@ def test_target_is_offset_and_law():
         assert target.tolist() == [[0.25, 1.0 + there], [0.25, 1.0 + then], [0.0, rate]]
 
 
-def test_layout_puts_a_multiplier_after_the_last_body_it_touches():
-    """Three bodies, ground 3: six places each, and each row's behind them."""
-    ends = [(0, 3), (3, 1), (2, 0), (1, 0), (2, 3)]
-    at, row = layout(3, [BilateralRow(str(i), SLIDE, a, b, np.zeros(9)) for i, (a, b) in enumerate(ends)])
-    assert at.tolist() == [0, 7, 15]
-    assert row.tolist() == [6, 13, 21, 14, 22]
-
-
 def test_no_rows():
-    """Arrays of the right shapes, and bodies one behind the other."""
+    """Arrays of the right shapes."""
     assert bilateral_arrays([]).geometry.shape == (0, 9)
-    assert layout(3, [])[0].tolist() == [0, 6, 12]

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from engine.assembly import Assembly, assemble
-from engine.friction.arrays import friction_arrays
+from engine.friction.arrays import dense_rows
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.contacts import relative_velocity, whitened_rows
 from engine.mechanism.contacts import PAIRS, Contact
@@ -151,21 +151,19 @@ def test_whitened_rows_give_the_relative_velocity(made_pair):
     """G M^-1/2 applied to M^1/2 v is G v, with M^1/2 = sqrt(m) and L' of the file's inertia."""
     pair, rng = made_pair
     bodies = pair.assembly.model.bodies
-    problem = friction_arrays(12, 1, 2, 12, 11)
+    problem = pair.assembly.problem
     for _ in range(10):
         scatter(pair, rng)
         twist = np.vstack([rng.normal(size=(2, 6)), np.zeros(6)])
         u = pair.speed(twist)
         state, work = pair.assembly.state, pair.assembly.work
-        whitened_rows(bodies, state.x, state.R, pair.a, pair.b, work.sites.point, work.sites.frame, 0, problem.rows, 0)
-        white = np.zeros(12)
+        whitened_rows(bodies, pair.assembly.model.contacts, state.x, state.R, work.sites, 0, problem.rows, 0)
+        white = np.zeros(16)
         for k in (pair.a, pair.b):
-            white[6 * k : 6 * k + 3] = np.sqrt(bodies.mass[k]) * twist[k, :3]
-            white[6 * k + 3 : 6 * k + 6] = np.linalg.cholesky(bodies.inertia[k]).T @ twist[k, 3:]
-        rows = np.zeros((3, 12))
-        for run in range(2):
-            first, width = problem.rows.start[0, run], problem.rows.width[0, run]
-            rows[:, first : first + width] = problem.rows.G[0, :, 6 * run : 6 * run + width]
+            at = 8 * bodies.node[k]
+            white[at : at + 3] = np.sqrt(bodies.mass[k]) * twist[k, :3]
+            white[at + 3 : at + 6] = np.linalg.cholesky(bodies.inertia[k]).T @ twist[k, 3:]
+        rows = dense_rows(problem.rows.node[:1], problem.rows.G[:1], 16)[0]
         np.testing.assert_allclose(rows @ white, u, atol=1e-12)
 
 
@@ -184,6 +182,6 @@ def test_ground_has_no_velocities():
     assembly = assemble(made(data))
     state, work, problem = assembly.state, assembly.work, assembly.problem
     find_contacts(assembly.model.contacts, state.x, state.R, work.gap, work.sites.point, work.sites.frame)
-    whitened_rows(assembly.model.bodies, state.x, state.R, 0, 1, work.sites.point, work.sites.frame, 0, problem.rows, 0)
-    assert problem.rows.width[0].tolist() == [6, 0]
+    whitened_rows(assembly.model.bodies, assembly.model.contacts, state.x, state.R, work.sites, 0, problem.rows, 0)
+    assert problem.rows.node[0].tolist() == [0, -1]
     np.testing.assert_allclose(problem.rows.G[0, 0, :6], [0, 0, 1 / np.sqrt(2), 0, 0, 0], atol=1e-15)

@@ -3,6 +3,7 @@
 import pytest
 
 from engine import load_mechanism
+from engine.mechanism import set_values
 from engine.preflight.step_trial import step_caution
 from tests.engine.preflight.examples import SPRING, guided
 from tests.engine.small import made
@@ -28,7 +29,9 @@ def test_a_step_that_does_or_that_is_not_to_blame():
 
 @pytest.mark.slow
 def test_the_c60_with_a_step_of_a_fiftieth():
-    """0.02 ms loses the latch; 0.01 ms holds it."""
-    caution = step_caution(load_mechanism("c60"), 0.02)
+    """In free fall 0.02 ms loses the latch, and 0.01 ms holds it; under its drag the C-60 bears 0.02 ms."""
+    mechanism = load_mechanism("c60")
+    assert step_caution(mechanism, 0.02) is None
+    caution = step_caution(set_values(mechanism, mechanism.preset("paper")), 0.02)
     assert caution is not None
     assert caution.customary == "up to 0.01 ms"

@@ -1,0 +1,84 @@
+"""The clock that ends runs at their limit of real time: one thread for all runs of a process."""
+
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from math import inf
+from time import monotonic
+from typing import Any
+
+
+@dataclass(eq=False)
+class _Limit:
+    """The time at which a flag gets a value, unless it has one."""
+
+    end: float
+    flag: Any
+    value: int
+
+
+class _Clock:
+    """The limits that count at present, and the thread that watches them."""
+
+    def __init__(self) -> None:
+        self.changed = threading.Condition()
+        self.limits: set[_Limit] = set()
+        self.wakes = -inf  # when the thread looks next; -inf: there is none
+
+    def add(self, limit: _Limit) -> None:
+        with self.changed:
+            self.limits.add(limit)
+            if self.wakes == -inf:
+                threading.Thread(target=self.watch, name="clock", daemon=True).start()
+                self.wakes = inf
+            elif limit.end < self.wakes:  # hardly ever: the limit of the next run ends after that of the last one
+                self.changed.notify()
+
+    def remove(self, limit: _Limit) -> None:
+        with self.changed:
+            self.limits.discard(limit)
+
+    def watch(self) -> None:
+        """Set the flags whose time has come, for ever."""
+        with self.changed:
+            while True:
+                now = monotonic()
+                for limit in [limit for limit in self.limits if limit.end <= now]:
+                    self.limits.remove(limit)
+                    limit.flag[0] = limit.flag[0] or limit.value
+                self.wakes = min((limit.end for limit in self.limits), default=inf)
+                self.changed.wait(None if self.wakes == inf else min(self.wakes - now, threading.TIMEOUT_MAX))
+
+
+_clock = _Clock()
+
+
+def _begin_anew() -> None:
+    """Forget the clock of the process that this one was forked from: its thread did not come along."""
+    global _clock
+    _clock = _Clock()
+
+
+os.register_at_fork(after_in_child=_begin_anew)
+
+
+@contextmanager
+def set_after(seconds: float, flag: Any, value: int) -> Iterator[None]:
+    """Give a flag a value, unless it has one, if the block takes longer than some real time.
+
+    Parameters
+    ----------
+    seconds : float
+        Real time [s].
+    flag : (1,) array
+        Not set after the block.
+    value : int
+    """
+    clock, limit = _clock, _Limit(monotonic() + seconds, flag, value)
+    clock.add(limit)
+    try:
+        yield
+    finally:
+        clock.remove(limit)

@@ -1,0 +1,122 @@
+"""The order in which the nodes of a block system are eliminated, and the blocks that this fills.
+
+At each step the node with the fewest neighbours goes first (minimum degree): a chain stays a chain, a tree a tree, and
+a heap fills as little as a greedy choice allows. Multipliers follow the bodies that their rows touch: only these give
+them a pivot.
+"""
+
+import numpy as np
+
+from engine.arrays import Integers
+from engine.friction.blocks import Elimination
+from engine.jit import kernel
+
+
+@kernel
+def order_nodes(neighbours, after, order, degree):
+    """Write the order of elimination, and mark in ``neighbours`` the pairs that it fills.
+
+    Parameters
+    ----------
+    neighbours : (nodes, nodes) bool array
+        Symmetric: the pairs with a block.
+    after : (nodes,) bool array
+        The nodes that come after all their neighbours without this mark.
+    order : (nodes,) int64 array
+        Written.
+    degree : (nodes,) int64 array
+        Work space.
+
+    Returns
+    -------
+    pairs, targets : int
+        Numbers of the pairs, and of the pairs among the later neighbours of every node.
+    """
+    nodes, pairs, targets = order.shape[0], 0, 0
+    for a in range(nodes):
+        degree[a] = 0
+        for b in range(nodes):
+            degree[a] += neighbours[a, b]
+    for step in range(nodes):
+        best = -1
+        for a in range(nodes):
+            if degree[a] >= 0 and (best < 0 or degree[a] < degree[best]):
+                ready = True
+                if after[a]:
+                    for b in range(nodes):
+                        ready = ready and not (neighbours[a, b] and not after[b] and degree[b] >= 0)
+                if ready:
+                    best = a
+        order[step], m = best, degree[best]
+        degree[best] = -1
+        pairs, targets = pairs + m, targets + m * (m - 1) // 2
+        for a in range(nodes):
+            if neighbours[best, a] and degree[a] >= 0:
+                degree[a] -= 1
+                for b in range(a + 1, nodes):
+                    if neighbours[best, b] and degree[b] >= 0 and not neighbours[a, b]:
+                        neighbours[a, b] = neighbours[b, a] = True
+                        degree[a] += 1
+                        degree[b] += 1
+    return pairs, targets
+
+
+@kernel
+def list_blocks(neighbours, order, piece, system):
+    """Write the blocks of a system whose nodes are numbered in the order of elimination.
+
+    Parameters
+    ----------
+    neighbours : (nodes, nodes) bool array
+        Symmetric, with the filled pairs, in the numbers before the elimination.
+    order : (nodes,) int64 array
+    piece : (nodes, nodes) int64 array
+        Written: the first piece of every pair of nodes, in the numbers of the elimination; 0 where there is none.
+    system : Elimination
+        Written.
+    """
+    nodes, e, at = order.shape[0], 0, 0
+    for a in range(nodes):
+        system.first[a] = e
+        for b in range(a + 1, nodes):
+            piece[a, b] = piece[b, a] = 0
+            if neighbours[order[a], order[b]]:
+                system.pair[e], system.later[e] = nodes + 2 * e, b
+                piece[a, b] = piece[b, a] = nodes + 2 * e
+                e += 1
+    system.first[nodes] = e
+    for a in range(nodes):
+        system.begin[a] = at
+        for e in range(system.first[a], system.first[a + 1]):
+            for f in range(e + 1, system.first[a + 1]):
+                system.target[at] = piece[system.later[e], system.later[f]]
+                at += 1
+
+
+def eliminate_nodes(neighbours: np.ndarray, after: np.ndarray | None = None) -> tuple[Elimination, Integers, Integers]:
+    """Return a system's blocks, the number of every node in the order of elimination, and the pieces of all pairs.
+
+    Parameters
+    ----------
+    neighbours : (nodes, nodes) bool array
+        Symmetric: the pairs with a block. Those that elimination fills are added to it.
+    after : (nodes,) bool array, optional
+        The nodes of multipliers, which come after the bodies that their rows touch.
+
+    Returns
+    -------
+    system : Elimination
+    number : (nodes,) array
+    piece : (nodes, nodes) array
+        The first piece of every pair, by the new numbers.
+    """
+    nodes = len(neighbours)
+    order, degree, number = np.zeros((3, nodes), np.int64)
+    after = np.zeros(nodes, bool) if after is None else after
+    pairs, targets = order_nodes(neighbours, after, order, degree)
+    piece = np.zeros((nodes, nodes), np.int64)
+    pair, later = np.zeros((2, pairs), np.int64)
+    system = Elimination(np.zeros(nodes + 1, np.int64), pair, later, degree, np.zeros(targets, np.int64))
+    list_blocks(neighbours, order, piece, system)
+    number[order] = np.arange(nodes)
+    return system, number, piece
