@@ -113,6 +113,8 @@ def _general(plan: Plan) -> Iterator[Assumption]:
     yield Assumption(GENERAL, "system of units", mechanism.units, "", "units")
     if plan.spec.bench:
         yield Assumption(GENERAL, "test bench", plan.spec.bench, "", "")
+    if plan.spec.preset:
+        yield Assumption(GENERAL, "preset", plan.spec.preset, "", "")
     yield _vector(mechanism, GENERAL, "gravity", "gravity", mechanism.gravity, "acceleration")
     simulation = mechanism.simulation
     adaptive = simulation.adaptive is not None and settings.step is None

@@ -229,7 +229,8 @@ def _simulate_command(plan: Plan) -> str:
     """Return the command of a single run with the campaign's settings; its inputs are still to be set."""
     simulation = plan.spec.simulation
     words = ["clearcap", "simulate", plan.spec.mechanism]
-    for option, value in (("--bench", plan.spec.bench), ("--step", simulation.step), ("--horizon", simulation.horizon)):
+    options = {"--bench": plan.spec.bench, "--preset": plan.spec.preset}
+    for option, value in (options | {"--step": simulation.step, "--horizon": simulation.horizon}).items():
         words += [] if value is None else [option, str(value)]
     return shlex.join(words)
 

@@ -125,6 +125,11 @@ class CampaignSpec(TableModel, strict=True):
     bench: ShortName | None = Field(
         default=None, description="Test bench of the mechanism to simulate it on; without a bench if absent."
     )
+    preset: ShortName | None = Field(
+        default=None,
+        description="Named set of values of the mechanism that it has before the variables set theirs; its own values"
+        " if absent.",
+    )
     samples: Annotated[int, Field(ge=1, le=100_000_000)] = Field(
         description="Number of samples, from 1 to 100 million."
     )

@@ -20,7 +20,7 @@ from campaign.spec.data_files import read_data_files
 from campaign.spec.faults import fault, structure_faults
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from campaign.spec.targets import target_faults
-from engine import EngineError, load_mechanism
+from engine import EngineError, load_mechanism, set_values
 from engine.file_kinds import other_kind, unreadable_kind
 from engine.mechanism import Mechanism, library_names
 from engine.mechanism.base import is_number
@@ -39,7 +39,7 @@ class Campaign:
     spec : CampaignSpec
         What the user wrote, with the overrides of the command line.
     mechanism : Mechanism
-        The mechanism with its own values, on the campaign's bench if it names one.
+        The mechanism with its own values or those of the campaign's preset, on the campaign's bench if it names one.
     """
 
     spec: CampaignSpec
@@ -88,13 +88,16 @@ def _checked(raw: dict[str, Any], folder: Path, heading: str) -> Campaign:
         spec = CampaignSpec.model_validate(raw)
     except ValidationError as error:
         faults += structure_faults(error, CampaignSpec)
-    mechanism = None
+    mechanism, key = None, "mechanism"
     try:
         mechanism = _mechanism(raw.get("mechanism"), folder)
-        bench = raw.get("bench")
+        key, preset = "preset", raw.get("preset")
+        values = mechanism.preset(preset) if mechanism and isinstance(preset, str) else {}
+        key, bench = "bench", raw.get("bench")
         mechanism = mechanism.on_bench(bench) if mechanism and isinstance(bench, str) else mechanism
+        key = "preset"
+        mechanism = set_values(mechanism, values) if mechanism and values else mechanism
     except EngineError as error:
-        key = "mechanism" if mechanism is None else "bench"
         faults.append(fault([key], raw[key], str(error)))
     if mechanism is not None:
         faults += islice(mechanism_faults(raw, mechanism), MOST_FAULTS)

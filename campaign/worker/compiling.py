@@ -16,7 +16,7 @@ _announcing = threading.Lock()  # one voice a process: what estimates the time o
 
 @contextmanager
 def announced_compilation(missing: Sequence[str]) -> Iterator[None]:
-    """While the block runs, log that the engine is compiled, and how far, from the first kernel that is written.
+    """While the block runs, log that the engine is compiled, and for how long, from the first kernel that is written.
 
     Parameters
     ----------
@@ -39,16 +39,17 @@ def announced_compilation(missing: Sequence[str]) -> Iterator[None]:
 
 
 def _announce(missing: Sequence[str], start: float, over: threading.Event) -> None:
-    """Log how many files were written since the start, until it is over."""
+    """Log how long it takes, from the first file that was written since the start, until it is over."""
     said_at: float | None = None
     while not over.wait(LOOK_EVERY):
-        done = sum(_is_written(path, start) for path in missing)
-        if done == 0 or (said_at is not None and time.monotonic() - said_at < SAY_EVERY):
+        if said_at is None and not any(_is_written(path, start) for path in missing):
+            continue
+        if said_at is not None and time.monotonic() - said_at < SAY_EVERY:
             continue
         if said_at is None:
-            logger.info("compiling the engine, once for this version and this processor: one to five minutes")
+            logger.info("compiling the engine, once for this version and this processor: half a minute or more")
         else:
-            logger.info("compiling the engine: %d of %d kernels", done, len(missing))
+            logger.info("compiling the engine: %.0f s so far", time.time() - start)
         said_at = time.monotonic()
 
 

@@ -26,6 +26,7 @@ from reporting.capability.moment_test import FEWEST_FOR_SHAPE, LIKELY, normal_mo
 
 # A fourth moment at its lower bound would make sigma certain; values that few do not prove it.
 _LEAST_SPREAD_OF_SQUARES = 0.2
+_QUANTILES_FROM = 1e-6  # of a smaller confidence both quantiles are lost in rounding; their ratio no longer changes
 _LEAST_FREEDOM = 2.0
 _LARGEST_CORRELATION = 0.99
 # A variance that its interval's lower end would put below this share of itself.
@@ -214,7 +215,7 @@ def _freedom_within(residual: Array, lots: int) -> float:
 
 def _cautious(nu: float, freedom: float, confidence: float) -> float:
     """Return degrees of freedom of a variance, reduced because they are estimated with `freedom` of their own."""
-    p = 0.5 + confidence / 2
+    p = 0.5 + max(confidence, _QUANTILES_FROM) / 2
     return max(nu * float(ndtri(p) / stdtrit(max(freedom, _LEAST_FREEDOM), p)) ** 2, 1.0)
 
 

@@ -75,7 +75,7 @@ def run(variant: Variant, sample: int, gaps: dict[str, float]) -> dict[str, floa
     """Return the responses of one sample with its clearances, FC-1 being the variant's; none unless its run is ok."""
     rng = np.random.default_rng([shipped().seed, sample])
     mechanism = mechanism_of(variant, rng)
-    values = gaps | variant.values
+    values = _on_bench(None).preset("paper") | gaps | variant.values
     for key, share in variant.varied.items():
         values[key] = get_value(mechanism, key) * (1 + share * float(np.clip(rng.standard_normal(), -4, 4)))
     found = simulate(mechanism, values, step=variant.step)

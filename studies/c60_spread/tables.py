@@ -81,13 +81,13 @@ def column(results: Responses, response: str) -> Array:
 
 
 def sigma_table(shipped: Responses, others: dict[str, Responses]) -> list[str]:
-    """Return the lines of the table of sigmas: each response's as shipped, and how many times that it is."""
-    return _comparison("sigma as shipped", sigma, ratio, "{0:.2f} ({1:.2f} to {2:.2f})", shipped, others)
+    """Return the lines of the table of sigmas: each response's with preset paper, and how many times that it is."""
+    return _comparison("sigma with preset paper", sigma, ratio, "{0:.2f} ({1:.2f} to {2:.2f})", shipped, others)
 
 
 def mean_table(shipped: Responses, others: dict[str, Responses]) -> list[str]:
-    """Return the lines of the table of means: each response's as shipped, and how far from it they are."""
-    return _comparison("mean as shipped", mean, shift, "{0:+.{3}f} ({1:+.{3}f} to {2:+.{3}f})", shipped, others)
+    """Return the lines of the table of means: each response's with preset paper, and how far from it they are."""
+    return _comparison("mean with preset paper", mean, shift, "{0:+.{3}f} ({1:+.{3}f} to {2:+.{3}f})", shipped, others)
 
 
 def _comparison(

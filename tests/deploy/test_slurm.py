@@ -32,7 +32,7 @@ def home(tmp_path_factory):
     make_certificates(home / ".clearcap/tls", 2)
     node = home / "clearcap.test"
     node.mkdir(mode=0o700)
-    (node / "compiled").symlink_to(Path(jit.numba.config.CACHE_DIR).parent)
+    (node / "compiled").symlink_to(jit.CACHE_FOLDER.parent)
     return home
 
 

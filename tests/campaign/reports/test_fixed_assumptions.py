@@ -64,6 +64,14 @@ def test_the_campaigns_own_settings_replace_the_mechanisms(campaign_file):
     assert "simulation.adaptive.longest" not in by_key
 
 
+def test_a_preset_is_named_and_its_values_are_there():
+    """The campaign in free fall says so, and its drag is none."""
+    plan = make_plan(load_campaign("c60_paper"))
+    assert [each.value for each in fixed_assumptions(plan) if each.name == "preset"] == ["paper"]
+    assert get_value(plan.mechanism, "phases.0.damping") == 0.0
+    assert not [each for each in fixed_assumptions(make_plan(load_campaign("c60"))) if each.name == "preset"]
+
+
 def test_what_follows_from_a_parameter_that_varies_is_not_fixed(campaign_file):
     """The load of the lever varies, and with it one component of a force; its arms are fixed parameters."""
     text = campaign_file.read_text().replace('"c60"', '"lever"').replace("springs.A3.preload", "parameters.load")

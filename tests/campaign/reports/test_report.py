@@ -68,6 +68,12 @@ def test_command_names_only_what_the_campaign_changes(campaign_file, setting, wo
     assert [variable.key for variable in spec.variables] == ["J1", "springs.A3.preload"]
 
 
+def test_command_names_the_preset():
+    """A run of the campaign in free fall falls freely when it is repeated."""
+    spec = report_spec(make_plan(load_campaign("c60_paper")))
+    assert shlex.split(spec.simulate) == ["clearcap", "simulate", "c60", "--preset", "paper"]
+
+
 @pytest.mark.parametrize("kind", ["folder", "memory"])
 def test_report_lies_in_the_store(plan, tmp_path, kind):
     """In a folder the report is written in place, behind a URL it is uploaded; paths and URLs lead to it."""

@@ -8,6 +8,7 @@ from pyarrow import csv
 from campaign.errors import SpecError
 from campaign.plan import Plan, make_plan
 from campaign.spec.load import campaign_names, load_campaign
+from engine.mechanism import get_value, set_values
 
 
 def replaced(path, old, new):
@@ -57,6 +58,11 @@ FAULTS = {
         'distribution = "uniform"',
         "",
         ["variables.preload: its parameters are missing", "name another distribution"],
+    ),
+    "unknown preset": (
+        'mechanism = "c60"',
+        'mechanism = "c60"\npreset = "papr"',
+        ['preset = "papr": c60: no preset', "did you mean 'paper'?"],
     ),
     "unknown bench": (
         'mechanism = "c60"',
@@ -235,6 +241,26 @@ def test_c60_is_the_papers_campaign():
     others = [response for name, response in spec.responses.items() if name != "FC-1"]
     assert len(others) == 5
     assert all(response.source.startswith("assumption") for response in others)
+
+
+def test_a_campaign_with_a_preset_has_its_values():
+    """Also on a bench; the mechanism that is planned has them, so its campaign is another one."""
+    plain = load_campaign("c60")
+    paper = load_campaign("c60_paper")
+    assert paper.mechanism == set_values(plain.mechanism, plain.mechanism.preset("paper"))
+    assert paper.spec.variables == plain.spec.variables
+    assert paper.spec.responses == plain.spec.responses
+    tables = {
+        "format": 1,
+        "name": "worn",
+        "mechanism": "c60",
+        "bench": "contact_force",
+        "preset": "prototype",
+        "samples": 1,
+    }
+    loaded = load_campaign(tables | {"variables": {"J2": {"distribution": "constant", "value": 0.05}}})
+    assert loaded.mechanism.bench == "contact_force"
+    assert get_value(loaded.mechanism, "J1") == 0.085
 
 
 def test_tolerance_says_limits_and_target(campaign_file):

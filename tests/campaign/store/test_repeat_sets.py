@@ -56,7 +56,7 @@ def test_repeats_are_beside_the_rows(tmp_path, often, campaign, workers):
         original = by_sample[row["sample"]]
         assert (row["J1"], row["preload"]) == (original["J1"], original["preload"])
         assert row["FC-1"] == original["FC-1"] - 0.5  # the stand-in measures the step
-        assert "simulation.step = 0.001 ms" in row["repeated_with"]
+        assert "simulation.step = 0.008 ms" in row["repeated_with"]
 
 
 def test_repeats_do_not_depend_on_how_they_are_computed(tmp_path, often, workers):
@@ -146,7 +146,7 @@ def test_half_of_every_step():
     """A fixed step is halved; adaptive ones in all that their length depends on; inputs that set a step count."""
     c60 = load_mechanism("c60")
     assert halved_settings(c60, {"J1": 0.07}, 5e-3) == {"simulation.step": 2.5e-3}
-    adaptive = {"simulation.step": 1e-3, "simulation.adaptive.longest": 0.032, "simulation.adaptive.travel": 4e-3}
+    adaptive = {"simulation.step": 8e-3, "simulation.adaptive.longest": 0.032, "simulation.adaptive.travel": 4e-3}
     assert halved_settings(c60, {"J1": 0.07}, None) == adaptive
     assert halved_settings(c60, {"simulation.step": 1e-4}, None) == adaptive | {"simulation.step": 5e-5}
     calls = []

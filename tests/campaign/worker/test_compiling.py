@@ -35,17 +35,17 @@ def test_slow_start_is_no_compilation(quick, tmp_path):
 
 
 def test_compilation_is_said_with_its_progress(quick, tmp_path):
-    """From the first kernel that is written: that it compiles, then how many of how many are done."""
+    """From the first kernel that is written: that it compiles, then for how long it has."""
     missing = [str(tmp_path / f"{n}.nbi") for n in range(3)]
     with announced_compilation(missing):
-        (tmp_path / "0.nbi").write_text("x")
         (tmp_path / "1.nbi").write_text("x")
         until = time.monotonic() + 20.0
         while len(quick()) < 2 and time.monotonic() < until:
             time.sleep(0.01)
     first, second, *_ = quick()
     assert first.startswith("compiling the engine, once for this version and this processor")
-    assert second == "compiling the engine: 2 of 3 kernels"
+    assert second.startswith("compiling the engine: ")
+    assert second.endswith(" s so far")
 
 
 def test_a_block_within_a_block_says_it_once(quick, tmp_path):
@@ -75,5 +75,5 @@ def test_a_compiled_engine_misses_nothing(tmp_path):
 
     cache = tmp_path / "cache"
     cache.mkdir(mode=0o700)
-    assert missing(NUMBA_CACHE_DIR=str(cache)) > 50
+    assert missing(NUMBA_CACHE_DIR=str(cache)) > 5
     assert missing(**os.environ) == 0

@@ -7,6 +7,7 @@ from scipy import stats
 from reporting import ReportError, capability
 from reporting.capability.indices import NAMES, WHICH_SIGMA
 from reporting.capability.intervals import cpk_interval
+from reporting.capability.precision import freedom_of_pooled
 from reporting.capability.within import within
 
 
@@ -147,3 +148,12 @@ def test_normal_values_within_lots_keep_their_interval() -> None:
         return rng.standard_normal(500) + rng.standard_normal(20)[batches]
 
     assert 0.92 <= covered(draw, 1.0) <= 0.985
+
+
+def test_a_confidence_of_next_to_nothing_has_degrees_of_freedom_too():
+    """Both quantiles behind them round to 0 there; their ratio has a limit."""
+    values = np.random.default_rng(0).normal(size=41)
+    values -= values.mean()
+    small, least = (freedom_of_pooled(values, np.zeros(41, int), confidence) for confidence in (1e-6, 1e-160))
+    assert small == least
+    assert 1 < least < 40

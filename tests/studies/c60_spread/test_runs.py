@@ -68,5 +68,5 @@ def test_random_velocities():
 
 
 def test_a_run_that_is_no_breaker_in_on_has_no_responses():
-    """With 0.3 mm in all joints the hook slips off, and the run counts as failed."""
-    assert run(Variant("v"), 0, dict.fromkeys([f"J{i}" for i in range(1, 8)], 0.3)) == {}
+    """With 0.4 mm in all joints the contact does not press, and the run counts as failed."""
+    assert run(Variant("v"), 0, dict.fromkeys([f"J{i}" for i in range(1, 8)], 0.4)) == {}

@@ -72,7 +72,7 @@ def test_tables_of_all_responses():
     theirs = [{name: 3 * x for name, x in run.items()} for run in ours]
     theirs[5] = {}
     lines = sigma_table(ours, {"0.3": results(2), "shared": theirs})
-    assert lines[0] == "| response | sigma as shipped | 0.3 | shared |"
+    assert lines[0] == "| response | sigma with preset paper | 0.3 | shared |"
     assert [line.split(" | ")[0] for line in lines[2:]] == [f"| {name}, {unit}" for name, unit in RESPONSES.items()]
     assert all(re.search(r"\| 3\.00 \(\d\.\d\d to \d\.\d\d\) \|$", line) for line in lines[2:])
     assert f"| FC-4, mm | {sigma(column(ours, 'FC-4')[:-1]):.4f} |" in "\n".join(lines)
@@ -108,7 +108,7 @@ def test_the_document_has_every_variant():
 def test_the_document_has_every_response(title):
     """Its tables of all responses have the study's rows and columns."""
     headings = [variant.heading for variant in variants() if variant.heading]
-    rows = table_after(f"| response | {title} as shipped | {' | '.join(headings)} |")
+    rows = table_after(f"| response | {title} with preset paper | {' | '.join(headings)} |")
     assert [cells[0] for cells in rows] == [f"{name}, {unit}" for name, unit in RESPONSES.items()]
     form = rf"{NUMBER} \({NUMBER} to {NUMBER}\)"
     assert [c for cells in rows for c in cells[2:] if not re.fullmatch(form, c)] == []

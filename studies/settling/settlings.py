@@ -1,0 +1,107 @@
+"""The settlings that the study compares: phases with their drag, and steps."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+FEWER = 5
+FREE_FALL = "free fall, as in the paper"
+CHOSEN = "drag 10, then 2: as shipped"
+CONTINUED = "as shipped, then on without drag"
+WINDOWS = ("as shipped, window 0.1", "as shipped, window 3")
+LIMIT = "drag 20, steps from 0.008, travel 0.004"  # of strong drag: what more drag and shorter steps hardly change
+
+
+@dataclass(frozen=True)
+class Settling:
+    """A way to rest, whatever the mechanism file says.
+
+    Attributes
+    ----------
+    name : str
+        The row of the tables.
+    drag : tuple of float
+        Rate of the drag in each phase, 1/ms: while the latch is held, when it is free, and in phases that follow.
+    step, longest : float
+        The shortest and the longest step, ms.
+    travel : float
+        How far a contact point may move in a step longer than the shortest, mm.
+    theta : float
+        Where in a step loads and contacts are taken.
+    window : float
+        How long nothing may move for a phase to end, ms.
+    held : float, optional
+        The latch is held for so long, ms; else until rest.
+    free : bool
+        The latch is never held; the first phase is the one with the latch free.
+    fewer : int
+        Only every so many-th sample is simulated.
+    """
+
+    name: str
+    drag: tuple[float, ...] = (0.0, 0.0)
+    step: float = 2e-3
+    longest: float = 0.064
+    travel: float = 8e-3
+    theta: float = 0.5
+    window: float = 0.3
+    held: float | None = None
+    free: bool = False
+    fewer: int = FEWER
+
+    def tables(self) -> dict[str, Any]:
+        """Return the tables over those of the mechanism file, as a test bench has them."""
+        names = ("free", "rest") if self.free else ("hold", "free", "rest")
+        phases: list[dict[str, Any]] = [
+            {"name": name, "damping": rate} for name, rate in zip(names, self.drag, strict=False)
+        ]
+        if self.held is not None:
+            phases[0]["duration"] = self.held
+        return {
+            "phases": phases,
+            "simulation": {"theta": self.theta, "rest": {"window": self.window, "drift": 1e-6}, **self.steps(0)},
+            "without": ["torques.latch_hold"] if self.free else [],
+        }
+
+    def steps(self, halvings: int) -> dict[str, Any]:
+        """Return the keys of [simulation] that tell the steps, all of them halved so many times."""
+        share = 0.5**halvings
+        return {
+            "step": share * self.step,
+            "adaptive": {"longest": share * self.longest, "travel": share * self.travel},
+        }
+
+
+def settlings() -> list[Settling]:
+    """Return what is compared, the paper's free fall first."""
+    steps = (2e-3, 4e-3, 8e-3, 1.6e-2, 3.2e-2)
+    return [
+        Settling(FREE_FALL, fewer=1),
+        *(Settling(f"free fall, theta 1, steps from {h:g}", theta=1.0, step=h) for h in steps),
+        *(Settling(f"drag {d:g}, steps from 0.002", (d, d)) for d in (1.0, 5.0)),
+        *(Settling(f"drag {d:g}, theta 1, steps from 0.008", (d, d), 8e-3, theta=1.0) for d in (1, 2, 5, 10, 20)),
+        *_with_coarse_steps(),
+    ]
+
+
+def _with_coarse_steps() -> list[Settling]:
+    """Return the settlings with drag and theta 1 whose shortest step is 0.016 ms, and what they are compared with."""
+    weak = Settling("drag 5, theta 1, steps from 0.016", (5.0, 5.0), step=1.6e-2, theta=1.0)
+    chosen = replace(weak, name=CHOSEN, drag=(10.0, 2.0))
+    return [
+        replace(weak, fewer=1),
+        *(replace(weak, name=f"drag 5, window {window:g}", window=window) for window in (0.05, 0.1)),
+        replace(weak, name="drag 5, then 10", drag=(5.0, 10.0)),
+        replace(weak, name="drag 10", drag=(10.0, 10.0), fewer=1),
+        replace(weak, name="drag 10, then 5", drag=(10.0, 5.0)),
+        replace(weak, name="drag 10, then 1", drag=(10.0, 1.0)),
+        replace(chosen, fewer=1),
+        replace(chosen, name="as shipped, theta 1/2", theta=0.5),
+        *(replace(chosen, name=f"as shipped, steps from {h:g}", step=h) for h in (2e-3, 8e-3, 3.2e-2)),
+        *(replace(chosen, name=f"as shipped, travel {travel:g}", travel=travel) for travel in (4e-3, 1.6e-2)),
+        *(replace(chosen, name=f"as shipped, longest {longest:g}", longest=longest) for longest in (0.032, 0.128)),
+        replace(chosen, name="drag 20 while held for 1 ms, then 5", drag=(20.0, 5.0), held=1.0),
+        replace(chosen, name="drag 10, latch never held", drag=(10.0,), free=True),
+        *(replace(chosen, name=name, window=window) for name, window in zip(WINDOWS, (0.1, 3.0), strict=True)),
+        replace(chosen, name=CONTINUED, drag=(10.0, 2.0, 0.0)),
+        replace(chosen, name=LIMIT, drag=(20.0, 20.0), step=8e-3, travel=4e-3),
+    ]
