@@ -9,10 +9,26 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import against_siconos, c60, campaign, chains, first_use, friction, machine, overhead, report
+from benchmarks import (
+    against_siconos,
+    builds,
+    c60,
+    campaign,
+    chains,
+    first_use,
+    friction,
+    hard,
+    heaps,
+    machine,
+    overhead,
+    report,
+)
 from engine import warm_up
 
-PARTS = ("friction", "c60", "chain", "campaign", "overhead", "report", "first_use", "siconos")
+PARTS = (
+    *("friction", "hard", "heaps", "c60", "chain", "campaign", "overhead", "report", "first_use", "siconos"),
+    "builds",
+)
 
 
 def main() -> None:
@@ -33,9 +49,19 @@ def main() -> None:
     if "friction" in parts:
         numbers["friction"] = friction.measure(unit)
         _show(console, "friction solver, medians", numbers["friction"])
+    if "hard" in parts:
+        numbers["hard"] = hard.measure()
+        _show(
+            console, "friction problems made to be hard, from nothing and from a neighbour's impulses", numbers["hard"]
+        )
+    if "heaps" in parts:
+        numbers["heaps"] = heaps.measure()
+        _show(console, "the friction problem of a step of a heap", numbers["heaps"])
     if "c60" in parts:
         numbers["c60"] = c60.measure(unit)
         _show(console, "c60, one run after the other, medians", [numbers["c60"]])
+        numbers["c60_parts"] = c60.measure_parts(unit)
+        _show(console, "c60, processor time of the parts of a run, medians", numbers["c60_parts"])
     if "chain" in parts:
         numbers["chain"] = chains.measure(unit)
         _show(console, "chain of n links, processor time of a step a link", numbers["chain"])
@@ -54,6 +80,11 @@ def main() -> None:
     if "siconos" in parts:
         numbers["siconos"] = against_siconos.measure()
         _show(console, "friction solver against Siconos, from nothing, medians", numbers["siconos"])
+    if "builds" in parts:
+        costs, moved = builds.measure()
+        numbers["builds"] = {"costs": costs, "responses": moved}
+        _show(console, "c60, the same samples by two builds", costs)
+        _show(console, "c60, their responses", moved)
     asked.out.parent.mkdir(parents=True, exist_ok=True)
     asked.out.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
     console.print(f"written to {asked.out}")

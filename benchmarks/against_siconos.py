@@ -41,7 +41,7 @@ def measure() -> list[dict[str, Any]]:
 def _row(kind: str, contacts: int) -> dict[str, Any]:
     problems = [random_problem(seed, contacts, kind=kind) for seed in SEEDS]
     own = [time_solver(problem, np.zeros(3 * contacts))[0] for problem in problems]
-    found = _siconos(problems)
+    found = solve_with_siconos(problems)
     row = {"kind": kind, "contacts": contacts, "clearcap us": median(own)}
     row["solved"] = _count(natural_map_residual(problem, solve(problem, TOLERANCE).r) for problem in problems)
     for name in SOLVERS:
@@ -54,7 +54,7 @@ def _row(kind: str, contacts: int) -> dict[str, Any]:
     return row
 
 
-def _siconos(problems: list[FrictionProblem]) -> dict[str, np.ndarray]:
+def solve_with_siconos(problems: list[FrictionProblem]) -> dict[str, np.ndarray]:
     """Solve the problems with Siconos in its own Python; see `siconos_solvers.main`."""
     arrays: dict[str, Any] = {"count": len(problems)}
     for i, problem in enumerate(problems):

@@ -1,14 +1,24 @@
-"""One settled run of the C-60 after the other, in this process."""
+"""One settled run of the C-60 after the other, in this process: the time loop, and what a run costs besides it."""
 
+from collections.abc import Callable
 from statistics import median
-from typing import Any
+from time import process_time
+from typing import Any, TypeVar
 
-from campaign.plan import make_plan
+from campaign.plan import Plan, make_plan
 from campaign.spec.load import load_campaign
-from campaign.worker.row import sample_values
+from campaign.worker.row import compute_row, sample_values
 from engine import Certificate, load_mechanism, simulate
+from engine.assembly import assemble
+from engine.derived import bounded_contacts
+from engine.execution import measure_at_rest, ranges_at_rest
+from engine.kernels.time_loop import PHASE, TIME
+from engine.loop import Cancel, control_of, drive
+from engine.mechanism import Mechanism, set_values
 
 SAMPLES = 12
+MANY = 100  # whose parts are measured
+Result = TypeVar("Result")
 
 
 def measure(unit_us: float) -> dict[str, Any]:
@@ -29,6 +39,37 @@ def measure(unit_us: float) -> dict[str, Any]:
     }
 
 
+def measure_parts(unit_us: float) -> list[dict[str, Any]]:
+    """Return the processor time of each part of a run and of its row [us], medians over the first 100 samples."""
+    plan = make_plan(load_campaign("c60"))
+    runs = [_parts(plan, sample) for sample in range(MANY)]
+    parts = {part: median(run[part] for run in runs) for part in runs[0]}
+    return [{"part": part, "us": us, "in_solves": us / unit_us} for part, us in parts.items()]
+
+
 def _quicker(mechanism: Any, values: dict[str, float]) -> Certificate:
     """Return the certificate of the quicker of two runs."""
     return min((simulate(mechanism, values).certificate for _ in range(2)), key=lambda c: c.wall_s)
+
+
+def _parts(plan: Plan, sample: int) -> dict[str, float]:
+    """Return what each part of a run takes [us], in a run of its own, and what its row takes in another one."""
+    values, took = sample_values(plan, sample), {}
+
+    def timed(part: str, call: Callable[..., Result], *given: Any) -> Result:
+        start = process_time()
+        result = call(*given)
+        took[part] = 1e6 * (process_time() - start)
+        return result
+
+    changes = {plan.targets[name]: value for name, value in values.items()}
+    mechanism: Mechanism = timed("values set", set_values, plan.mechanism, changes)
+    assembly = timed("assembly", assemble, mechanism)
+    control = control_of(mechanism, False)
+    course = timed("time loop", drive, assembly, control, mechanism.simulation.wall_limit)
+    end = int(course.counts[PHASE]), float(course.reals[TIME])
+    forces = timed("forces at rest", measure_at_rest, mechanism, assembly, *end)
+    timed("ranges of forces", ranges_at_rest, assembly, forces, bounded_contacts(mechanism))
+    parts = sum(took.values())
+    timed("row", compute_row, plan, simulate, sample, values, 1, Cancel())
+    return {**took, "row less its parts": took["row"] - parts, "row less the loop": took["row"] - took["time loop"]}

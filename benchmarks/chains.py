@@ -12,7 +12,7 @@ from engine.kernels.time_loop import ITERATIONS, OK, REPEATED, STATUS, STEPS
 from engine.loop import control_of, drive
 from engine.mechanism import mechanism_from
 
-LINKS = (10, 30, 100, 300)
+LINKS = (10, 30, 100, 300, 1000)
 CLEARANCES = {"ideal": 0.0, "with play": 1e-4}  # m
 TIME, WALL_LIMIT = 0.05, 300.0  # s
 

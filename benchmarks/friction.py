@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks.machine import quickest_us
 from engine.friction import FrictionProblem, solve
-from engine.friction.problem import sparse_rows
+from engine.friction.problem import solver_arrays
 from engine.friction.solver import solve_friction
 from tests.engine.friction.problems import random_problem
 
@@ -30,13 +30,13 @@ def _row(kind: str, contacts: int, unit_us: float) -> dict[str, Any]:
     return {
         "kind": kind,
         "contacts": contacts,
-        "cold us": median(us for us, _, _ in cold),
-        "in solves": median(us for us, _, _ in cold) / unit_us,
-        "slowest us": max(us for us, _, _ in cold),
-        "iterations": median(n for _, n, _ in cold),
-        "warm us": median(us for us, _, _ in warm),
-        "warm iterations": median(n for _, n, _ in warm),
-        "solved": f"{sum(residual <= TOLERANCE for _, _, residual in cold + warm)} of {len(cold + warm)}",
+        "cold us": median(us for us, *_ in cold),
+        "in solves": median(us for us, *_ in cold) / unit_us,
+        "slowest us": max(us for us, *_ in cold),
+        "iterations": median(n for _, n, *_ in cold),
+        "warm us": median(us for us, *_ in warm),
+        "warm iterations": median(n for _, n, *_ in warm),
+        "solved": f"{sum(residual <= TOLERANCE for _, _, residual, _ in cold + warm)} of {len(cold + warm)}",
     }
 
 
@@ -47,15 +47,16 @@ def _neighbour(problem: FrictionProblem) -> FrictionProblem:
     return FrictionProblem(problem.M, problem.H, problem.q + change, problem.mu)
 
 
-def time_solver(problem: FrictionProblem, start: np.ndarray) -> tuple[float, int, float]:
-    """Return time [us], iterations and residual of the compiled solver alone."""
-    n, nc = problem.M.shape[0], problem.mu.size
-    arrays = sparse_rows(np.linalg.solve(np.linalg.cholesky(problem.M), problem.H.T).T.reshape(nc, 3, n), n)
+def time_solver(problem: FrictionProblem, start: np.ndarray) -> tuple[float, int, float, np.ndarray]:
+    """Return time [us], iterations and residual of the compiled solver alone, and the impulses."""
+    nc = problem.mu.size
+    arrays, _ = solver_arrays(problem)
     arrays.q[:], arrays.mu[:] = problem.q.reshape(nc, 3), problem.mu
 
     def begin() -> None:
         arrays.r[:] = start.reshape(nc, 3)
 
     begin()
-    _, iterations, residual = solve_friction(n, nc, arrays, TOLERANCE)
-    return quickest_us(lambda: solve_friction(n, nc, arrays, TOLERANCE), begin, repeats=5), iterations, residual
+    _, iterations, residual = solve_friction(nc, arrays, TOLERANCE)
+    us = quickest_us(lambda: solve_friction(nc, arrays, TOLERANCE), begin, repeats=5)
+    return us, iterations, residual, arrays.r.ravel().copy()
