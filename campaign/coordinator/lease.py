@@ -11,6 +11,7 @@ import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -98,17 +99,88 @@ def check_lease(store: Store, campaign_id: str, token: str) -> None:
         raise LeaseLost(f"campaign {campaign_id} was taken over by another process")
 
 
-def is_alive(store: Store, folder: str, lease: dict[str, Any], heartbeat: str = HEARTBEAT) -> bool:
-    """Return whether the process of a lease lives; watch its heartbeat for a while if it is on another machine."""
-    here = this_process()
-    if lease.get("host") == here["host"]:
-        return _lives(lease)
-    before, end = store.read_json(folder, heartbeat), time.monotonic() + STALE_AFTER
-    while time.monotonic() < end:
+@dataclass(frozen=True)
+class SignOfLife:
+    """What has been seen of the process that holds a lease; whoever looks again hands it over.
+
+    Attributes
+    ----------
+    token : str or None
+        Of the lease; None if there is none.
+    heartbeat : dict or None
+        The last heartbeat, where it tells whether the process lives.
+    seen_at : float
+        When the lease, or this heartbeat, was first seen, by the clock of whoever looks [s].
+    is_alive : bool or None
+        Whether the process lives; None as long as neither a new heartbeat nor enough silence has told.
+    """
+
+    token: str | None
+    heartbeat: dict[str, Any] | None
+    seen_at: float
+    is_alive: bool | None
+
+
+def judge_life(
+    lease: dict[str, Any] | None, heartbeat: dict[str, Any] | None, earlier: SignOfLife | None, now: float
+) -> SignOfLife:
+    """Return whether the process of a lease lives, as far as this look and the one before tell; nothing waits.
+
+    Parameters
+    ----------
+    lease : dict or None
+        Content of the lease; None if there is none.
+    heartbeat : dict or None
+        Content of the heartbeat beside it.
+    earlier : SignOfLife or None
+        What the look before returned; None at the first.
+    now : float
+        When the two were read, by a clock that only goes on [s].
+
+    Returns
+    -------
+    SignOfLife
+        Of a process on this machine the answer is known at once. One elsewhere is alive when its heartbeat is another
+        than before, and dead when it has been the same for `STALE_AFTER` seconds.
+    """
+    if lease is None:
+        return SignOfLife(None, None, now, False)
+    token = str(lease.get("token"))
+    if lease.get("host") == _host():
+        return SignOfLife(token, None, now, _lives(lease))
+    if earlier is None or earlier.token != token:
+        return SignOfLife(token, heartbeat, now, None)
+    if heartbeat != earlier.heartbeat:
+        return SignOfLife(token, heartbeat, now, True)
+    return replace(earlier, is_alive=False) if now - earlier.seen_at >= STALE_AFTER else earlier
+
+
+def sign_of_life(store: Store, folder: str, earlier: SignOfLife | None = None, now: float | None = None) -> SignOfLife:
+    """Look once at the lease and the heartbeat in a folder; see `judge_life`. It reads two files and waits for nothing.
+
+    Parameters
+    ----------
+    store : Store
+        Where they are; use `Store.hasty` where nothing may wait for a store that is away.
+    folder : str
+        Id of a campaign, or `campaign.store.layout.SERVICE`.
+    earlier : SignOfLife, optional
+        What the look before returned.
+    now : float, optional
+        By default the monotonic clock of this process [s].
+    """
+    lease, heartbeat = store.read_json(folder, LEASE), store.read_json(folder, HEARTBEAT)
+    return judge_life(lease, heartbeat, earlier, time.monotonic() if now is None else now)
+
+
+def is_alive(store: Store, folder: str, lease: dict[str, Any]) -> bool:
+    """Return whether the process of a lease lives; look for up to `STALE_AFTER` seconds if it is on another machine."""
+    sign: SignOfLife | None = None
+    while True:
+        sign = judge_life(lease, store.read_json(folder, HEARTBEAT), sign, time.monotonic())
+        if sign.is_alive is not None:
+            return sign.is_alive
         time.sleep(HEARTBEAT_INTERVAL / 2)
-        if store.read_json(folder, heartbeat) != before:
-            return True
-    return False
 
 
 def is_coordinated(store: Store, campaign_id: str) -> bool:

@@ -15,7 +15,9 @@ from campaign.coordinator.lease import (
     hold_lease,
     is_alive,
     is_coordinated,
+    judge_life,
     lease_holder,
+    sign_of_life,
     take_lease,
     this_process,
 )
@@ -126,3 +128,21 @@ def test_lease_taken_over_is_not_removed(store):
     with hold_lease(store, "demo"):
         store.write_json("demo", LEASE, {"token": "theirs"})
     assert json.loads(store.files.read("demo/lease.json"))["token"] == "theirs"
+
+
+def test_life_is_judged_without_waiting(store, elsewhere, monkeypatch):
+    """Whoever looks keeps what it saw; another lease, or none, begins anew."""
+    monkeypatch.setattr(leases.time, "sleep", lambda _: pytest.fail("it waits"))
+    first = sign_of_life(store, "demo", now=0.0)
+    assert (first.token, first.is_alive) == ("x", None)
+    assert sign_of_life(store, "demo", first, now=0.4) == first
+    assert sign_of_life(store, "demo", first, now=0.5).is_alive is False
+    store.write_json("demo", "heartbeat.json", {"beat": 1})
+    alive = sign_of_life(store, "demo", first, now=9.0)
+    assert (alive.is_alive, alive.seen_at) == (True, 9.0)
+    lease = store.read_json("demo", LEASE)
+    assert judge_life({**lease, "token": "y"}, alive.heartbeat, alive, 10.0).is_alive is None
+    assert judge_life(None, alive.heartbeat, alive, 10.0).is_alive is False
+    mine = {"token": "z", **this_process()}
+    assert judge_life(mine, None, None, 0.0).is_alive
+    assert judge_life({**mine, "started": "1"}, None, None, 0.0).is_alive is False

@@ -14,7 +14,9 @@ VARIES = ["wall_s", "attempts"]
 OF_DASK = "scheduler", "worker"  # their statuses and words are dask's
 STOPPED = {signal.SIGTERM, signal.SIGKILL}  # by which a supervisor ends what still runs
 FAILED_AT = "store ", "scheduler", "worker", "engine could not be"  # what a message of status 4 names
-BEFORE_PYTHON = "Fatal Python error: init"  # an interrupt before the interpreter is up ends it with 1 and its own traceback
+BEFORE_PYTHON = (
+    "Fatal Python error: init"  # an interrupt before the interpreter is up ends it with 1 and its own traceback
+)
 UNSHARE = "unshare: sigprocmask unblock failed"  # how ``unshare`` ends, with 1, when its child was killed by SIGKILL
 NO_PLAN = "no campaign "  # said by whoever starts while a storm has taken the plan away
 LEASE_WORDS = (
