@@ -4,6 +4,7 @@ import platform
 import shlex
 import tempfile
 from collections.abc import Collection, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,8 @@ from campaign.reports.spreads import Spreads
 from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.store import Store
 from campaign.store.command_line import store_option
-from campaign.store.layout import REPORT, STOPPED
+from campaign.store.layout import STOPPED
+from campaign.store.report_folders import report_folder
 from campaign.version import clearcap_version
 from engine.mechanism import unit_of
 from reporting import Design, ReportError, ReportSpec, ResponseSpec, VariableSpec, write_report
@@ -34,11 +36,12 @@ from reporting.write import USUAL
 
 BATCH = "production batch"
 _CDF_POINTS = 401
+_COMMAND = "command of this report"
 _CERTIFICATE = ("sample", "status", "message", "wall_s", "max_residual", "max_penetration", "settled")
 
 
 def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against: str | None = None) -> dict[str, str]:
-    """Write the report of a campaign into its folder of the store.
+    """Write the report of a campaign into its folder of the store, or its comparison with another campaign beside it.
 
     Parameters
     ----------
@@ -49,7 +52,9 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
     kinds : collection of str
         Files to write, see `reporting.write.NAMES`.
     against : str, optional
-        Id of another campaign of the store, to compare with.
+        Id of another campaign of the store, to compare with: the report then also compares the two, and is written
+        into a folder of its own (`campaign.store.report_folders`), so that neither the campaign's own report nor
+        another comparison is replaced.
 
     Returns
     -------
@@ -74,7 +79,8 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
     }
     try:
         options["repeats"] = repeats_of(store, plan)
-        return _write(store, plan, _with_production_batch(plan, _rows(store, plan)), options)
+        rows = _with_production_batch(plan, _rows(store, plan))
+        return _write(store, plan, rows, options, None if other is None else other.campaign_id)
     except ReportError as error:
         message = f"report of {plan.campaign_id}: {error}"
         raise (unwritable(message, error.__cause__) if error.__cause__ else CampaignError(message)) from error
@@ -123,10 +129,14 @@ def _has_production_batches(plan: Plan) -> bool:
     return production_batch(plan.spec, np.zeros(1, np.int64)) is not None
 
 
-def _write(store: Store, plan: Plan, rows: Iterable[pa.Table], options: dict[str, Any]) -> dict[str, str]:
-    """Write the report into the campaign's folder; behind a URL, upload it."""
-    folder = f"{plan.campaign_id}/{REPORT}"
-    spec = report_spec(plan, store)
+def _write(
+    store: Store, plan: Plan, rows: Iterable[pa.Table], options: dict[str, Any], against: str | None
+) -> dict[str, str]:
+    """Write the report into its folder of the store; behind a URL, upload it."""
+    folder, spec = report_folder(plan.campaign_id, against), report_spec(plan, store)
+    if against is not None:
+        command = f"{spec.provenance[_COMMAND]} --against {against}"
+        spec = replace(spec, provenance={**spec.provenance, _COMMAND: command})
     if store.files.local:
         return write_report(rows, spec, Path(store.files.path(folder)), **options)
     with tempfile.TemporaryDirectory(prefix="clearcap-report-") as temporary:
@@ -205,7 +215,7 @@ def provenance(plan: Plan, place: Iterable[str] = ()) -> dict[str, str]:
         "clearcap": clearcap_version(),
         "python": platform.python_version(),
         "report written on": f"{platform.node()}, {platform.machine()}, {platform.system()}",
-        "command of this report": shlex.join(["clearcap", "report", plan.campaign_id, *place]),
+        _COMMAND: shlex.join(["clearcap", "report", plan.campaign_id, *place]),
     }
 
 

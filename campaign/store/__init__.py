@@ -9,6 +9,7 @@ STORE/CAMPAIGN_ID/campaign.toml   the spec
                   repeats-1/  the same files with the repeats that the plan asks for; their manifest is repeats-1.json
                   repeats.json    shares of further repeats, which are in repeats-2/ and so on
                   report/         the report
+                  comparisons/    a report for each campaign that it was compared with
 """
 
 from campaign.store.parts import BadPart, Part, part_name

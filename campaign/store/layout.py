@@ -18,6 +18,7 @@ LEASE = "lease.json"
 HEARTBEAT = "heartbeat.json"
 CANCEL = "cancel"  # a marker: who finds it ends the campaign
 REPORT = "report"
+COMPARISONS = "comparisons"  # a folder for each campaign that it was compared with
 LOG = "coordinator.log"
 
 SERVICE = "service"  # beside the campaigns: the lease and the heartbeat of a coordinator that serves the store

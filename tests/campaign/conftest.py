@@ -72,6 +72,27 @@ def store(tmp_path, plan):
 
 
 @pytest.fixture(scope="module")
+def s3_port():
+    """Return the port of a server that speaks S3, for all tests of a module."""
+    from tests.campaign.store.files.test_s3 import s3_server  # which imports this module
+
+    with s3_server() as (_, port):
+        yield port
+
+
+@pytest.fixture(params=["folder", "s3"])
+def either_store(request, tmp_path, monkeypatch, plan):
+    """Return a store that holds the plan: in a folder, and on S3."""
+    from tests.campaign.store.files.test_s3 import bucket
+
+    in_folder = request.param == "folder"
+    url = str(tmp_path / "runs") if in_folder else bucket(monkeypatch, request.getfixturevalue("s3_port"))
+    opened = open_store(url)
+    opened.create_plan(plan)
+    return opened
+
+
+@pytest.fixture(scope="module")
 def kept_workers(tmp_path_factory):
     """Return two processes that compute for all tests of a module; they start in a folder of their own."""
     with process_workers(2) as workers:

@@ -13,7 +13,7 @@ def report(
     campaign: Id = None,
     store: StoreUrl = "runs",
     against: Annotated[
-        str | None, typer.Option(metavar="ID", help="Compare with another campaign of the store.")
+        str | None, typer.Option(metavar="ID", help="Compare with another campaign, as a document of its own.")
     ] = None,
     pdf: Annotated[
         bool, typer.Option("--pdf/--no-pdf", help="Also write report.pdf, which takes most of the time.")
@@ -45,8 +45,9 @@ def report(
     kinds = ["html", "json", "parquet", *(kind for kind, is_asked in asked.items() if is_asked)]
     files = write_report(opened, plan, kinds=kinds, against=against)
     if json:
-        print_json({"campaign": plan.campaign_id, "store": opened.url, "report": files})
+        other = None if against is None else opened.find(against)
+        print_json({"campaign": plan.campaign_id, "store": opened.url, "against": other, "report": files})
     else:
         for path in files.values():
-            print_text(f"report: {path}")
+            print_text(f"{'report' if against is None else 'comparison'}: {path}")
     fail_without_enough_ok(opened, plan, opened.survey(plan).statuses)

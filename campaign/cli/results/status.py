@@ -18,16 +18,19 @@ def status(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) ->
     """Show the progress of a campaign: state, rows done, failed and left, and the last message of its coordinator."""
     from campaign.store import open_store
     from campaign.store.files.patience import QUICK
+    from campaign.store.report_folders import comparisons, report_folder
 
     opened = open_store(store, QUICK)
     header = opened.plan_header(opened.find(campaign))
     state, counts = progress(opened, header)
+    others = comparisons(opened, header.campaign_id)
     heartbeat = _heartbeat(opened, header.campaign_id) if state["state"] == "running" else None
+    compared = {other: opened.files.address(report_folder(header.campaign_id, other)) for other in others}
     if state["fault"]:
         say(f"{header.campaign_id}: {state['fault']}")
     if json:
         document = {"campaign": header.campaign_id, "store": opened.url, **state, **counts}
-        print_json({**document, "heartbeat": heartbeat and heartbeat.to_json()})
+        print_json({**document, "heartbeat": heartbeat and heartbeat.to_json(), "comparisons": compared})
         return
     done, failed, left = counts["done"], counts["failed"], counts["left"]
     done_so_far = f"{done} of {counts['samples']} done, {failed} failed, {left} left"
@@ -42,6 +45,8 @@ def status(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) ->
     for status, count in counts["statuses"].items():
         if status != "ok":
             print_text(f"  {count} {status}")
+    for other, place in compared.items():
+        print_text(f"  compared with {other}: {place}")
     if state["state"] in ENDED:
         print_text(f"  continue it with: {opened.command('resume', header.campaign_id)}")
 

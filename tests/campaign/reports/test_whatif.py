@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -91,22 +90,6 @@ def test_a_share_below_one_sample_is_a_bound(filled):
     assert answer.ppm.value * answer.effective < 1e6
     shown = CliRunner().invoke(app, ["whatif", plan.campaign_id, "--set", "J1.std=0.017", "--store", store.url]).stdout
     assert "at most" in shown
-
-
-def test_two_campaigns_are_compared_on_one_page(filled, campaign_file):
-    """Report --against names the other campaign on the page and in the JSON."""
-    store, plan = filled
-    campaign_file.write_text(campaign_file.read_text().replace("seed = 7", "seed = 8"))
-    other = make_plan(load_campaign(str(campaign_file)), 25)
-    store.create_plan(other)
-    run_batch(CampaignAddress.of(store, other, fake_engine.simulate), BatchRequest(0))
-    words = ["report", plan.campaign_id, "--against", other.campaign_id, "--no-excel", "--json", "--store", store.url]
-    files = json.loads(CliRunner().invoke(app, words).stdout)["report"]
-    assert set(files) == {"html", "json", "parquet"}
-    content = json.loads(Path(files["json"]).read_text(encoding="utf-8"))
-    assert content["comparison"]["campaign"] == other.campaign_id
-    assert content["comparison"]["samples"] == 25
-    assert content["replay"] == f"clearcap replay --store {store.url} {plan.campaign_id}"
 
 
 def fails_where_wide(mechanism, values, **settings):
