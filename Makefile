@@ -9,7 +9,7 @@ PARALLEL := --numprocesses auto --dist loadfile --no-loadscope-reorder
 export MPLBACKEND := Agg
 
 .DEFAULT_GOAL := help
-.PHONY: help run test prove storms lint audit lock bench clean
+.PHONY: help run serve test prove storms lint audit lock bench clean
 
 help: ## show these verbs
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1|\2/' | column -t -s '|'
@@ -34,6 +34,10 @@ $(TOOLS)/uv:
 run: $(BIN)/clearcap ## install, simulate 500 C-60 circuit breakers on this machine's cores, write the capability report
 	$(BIN)/clearcap run c60 --samples 500 --store runs
 	@printf '\nTo go on, type:\n\n  source $(VENV)/bin/activate\n  clearcap simulate c60 --set J1=0.05\n\n'
+
+serve: $(BIN)/clearcap ## pages and an API over the store runs, on this machine; prints a link by which you log in
+	$(BIN)/pip install --quiet --constraint $(VENV)/versions.txt --editable '.[excel,web]'
+	$(BIN)/clearcap serve --store runs
 
 test: $(VENV)/.dev ## prove the parts, one process a core
 	$(BIN)/python -m pytest $(PARALLEL)

@@ -15,6 +15,7 @@ STAGES = {
     *("layout", "load", "loads", "local", "moments", "motions", "primitives", "responses"),
     *("samples", "spec", "summary", "time_laws", "verdict", "whatif", "worst_case", "write"),
 }
+FACES = "campaign.cli", "campaign.web.api", "campaign.web.pages"  # where a name is that of what is asked for
 PAGE = (ROOT / "ARCHITECTURE.md").read_text("utf-8")
 
 
@@ -92,12 +93,13 @@ def test_a_class_name_means_one_thing():
 def test_a_module_name_means_one_thing():
     """The same module name in several packages is the same concept at another stage.
 
-    The main module of a package may have the package's name, and a verb of the command that of what it does.
+    The main module of a package may have the package's name; a verb of the command, a call of the API and a page that of
+    what they do.
     """
     where = defaultdict(set)
     for module in modules():
         package, _, name = module.rpartition(".")
-        if name != "__main__" and not package.endswith(name) and not package.startswith("campaign.cli"):
+        if name != "__main__" and not package.endswith(name) and not package.startswith(FACES):
             where[name].add(module)
     assert {name: others for name, others in where.items() if len(others) > 1 and name not in STAGES} == {}
     assert {name for name in STAGES if len(where[name]) < 2} == set()
@@ -126,7 +128,7 @@ def rows(heading: str) -> list[list[str]]:
 
 def test_it_is_one_page():
     """It can be read in one go."""
-    assert len(PAGE.splitlines()) <= 160
+    assert len(PAGE.splitlines()) <= 170
 
 
 def test_cells_are_short():

@@ -12,8 +12,6 @@ from typer.core import TyperGroup
 
 from campaign.cli.bench import bench
 from campaign.cli.cancel import cancel
-from campaign.cli.certificates import certificates
-from campaign.cli.coordinate import coordinate
 from campaign.cli.mechanism import mechanism_app
 from campaign.cli.output import print_text, say, show_logs, visible
 from campaign.cli.polarisation import polarisation
@@ -32,6 +30,9 @@ from campaign.cli.results.whatif import whatif
 from campaign.cli.resume import resume
 from campaign.cli.run import run
 from campaign.cli.schema import schema_app
+from campaign.cli.servers.certificates import certificates
+from campaign.cli.servers.coordinate import coordinate
+from campaign.cli.servers.serve import serve
 from campaign.cli.simulate import simulate
 from campaign.cli.submit import submit
 from campaign.cli.termination import terminated_in_order
@@ -82,6 +83,7 @@ app.command()(simulate)
 app.command()(polarisation)
 app.command()(bench)
 app.command()(certificates)
+app.command()(serve)
 app.add_typer(mechanism_app, name="mechanism")
 app.add_typer(schema_app, name="schema")
 

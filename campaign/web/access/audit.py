@@ -1,0 +1,96 @@
+"""The audit trail: who did what, when. Each entry holds the digest of the one before, so that none can be taken out."""
+
+import hashlib
+import json
+import time
+from dataclasses import asdict, dataclass
+from sqlite3 import Row
+
+from campaign.web.access.database import Database
+
+_BEGINNING = "0" * 64
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One entry of the audit trail.
+
+    Attributes
+    ----------
+    number : int
+        From 1, without gaps.
+    time : float
+        [s since 1970]
+    who, how, address : str
+        Who it was, by session, token or share, and from which address.
+    action, object : str
+        What was done, as method and route, and to what.
+    status : int
+        The answer's: below 400 it was done.
+    detail : str
+        More about it.
+    digest : str
+        SHA-256 of the digest before and of all fields above.
+    """
+
+    number: int
+    time: float
+    who: str
+    how: str
+    address: str
+    action: str
+    object: str
+    status: int
+    detail: str
+    digest: str
+
+
+class AuditTrail:
+    """The audit trail of a server.
+
+    Parameters
+    ----------
+    database : Database
+        Where it is kept.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def add(self, who: str, how: str, address: str, action: str, subject: str, status: int, detail: str = "") -> Entry:
+        """Add an entry; it is on the disk when this returns."""
+        with self._database.write() as connection:
+            last = connection.execute("SELECT number, digest FROM audit ORDER BY number DESC LIMIT 1").fetchone()
+            number, before = (last["number"] + 1, last["digest"]) if last else (1, _BEGINNING)
+            entry = Entry(number, time.time(), who, how, address, action, subject, status, detail, "")
+            entry = Entry(**{**asdict(entry), "digest": _digest(before, entry)})
+            connection.execute(f"INSERT INTO audit VALUES ({', '.join('?' * 10)})", tuple(asdict(entry).values()))
+        return entry
+
+    def newest(self, before: int | None = None, subject: str | None = None, count: int = 100) -> list[Entry]:
+        """Return entries, newest first: those with a smaller number than `before`, and of one object."""
+        bounds = [("number < ?", before), ("object = ?", subject)]
+        given = [(condition, value) for condition, value in bounds if value is not None]
+        where = f"WHERE {' AND '.join(condition for condition, _ in given)}" if given else ""
+        statement = f"SELECT * FROM audit {where} ORDER BY number DESC LIMIT ?"
+        return [_entry(row) for row in self._database.rows(statement, *(value for _, value in given), count)]
+
+    def first_fault(self) -> int | None:
+        """Return the number of the first entry that was changed, or that follows a missing one; None: all are whole."""
+        before, expected = _BEGINNING, 1
+        for row in self._database.rows("SELECT * FROM audit ORDER BY number"):
+            entry = _entry(row)
+            if entry.number != expected or entry.digest != _digest(before, entry):
+                return expected
+            before, expected = entry.digest, expected + 1
+        return None
+
+
+def _digest(before: str, entry: Entry) -> str:
+    """Return the digest of an entry."""
+    content = {name: value for name, value in asdict(entry).items() if name != "digest"}
+    return hashlib.sha256((before + json.dumps(content, sort_keys=True)).encode()).hexdigest()
+
+
+def _entry(row: Row) -> Entry:
+    return Entry(**dict(row))

@@ -1,0 +1,127 @@
+"""The SQLite file of a server: what is true of it alone, and nowhere in the store."""
+
+import sqlite3
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from campaign.errors import SpecError
+
+VERSION = 1
+BUSY = 10.0  # s, for which a writer waits for another process, such as a backup
+SCHEMA = """
+CREATE TABLE users (
+    name TEXT PRIMARY KEY, role TEXT NOT NULL, password TEXT, subject TEXT UNIQUE, created REAL NOT NULL,
+    disabled INTEGER NOT NULL DEFAULT 0
+) STRICT;
+CREATE TABLE sessions (
+    digest BLOB PRIMARY KEY, user TEXT REFERENCES users(name), share INTEGER REFERENCES shares(id),
+    csrf TEXT NOT NULL, created REAL NOT NULL, seen REAL NOT NULL
+) STRICT;
+CREATE TABLE login_links (
+    digest BLOB PRIMARY KEY, user TEXT NOT NULL REFERENCES users(name), expires REAL NOT NULL
+) STRICT;
+CREATE TABLE tokens (
+    id INTEGER PRIMARY KEY, digest BLOB NOT NULL UNIQUE, user TEXT NOT NULL REFERENCES users(name), name TEXT NOT NULL,
+    role TEXT NOT NULL, created REAL NOT NULL, expires REAL, used REAL, revoked REAL
+) STRICT;
+CREATE TABLE shares (
+    id INTEGER PRIMARY KEY, digest BLOB NOT NULL UNIQUE, campaign TEXT NOT NULL, by TEXT NOT NULL, note TEXT NOT NULL,
+    created REAL NOT NULL, expires REAL NOT NULL, revoked REAL
+) STRICT;
+CREATE TABLE audit (
+    number INTEGER PRIMARY KEY, time REAL NOT NULL, who TEXT NOT NULL, how TEXT NOT NULL, address TEXT NOT NULL,
+    action TEXT NOT NULL, object TEXT NOT NULL, status INTEGER NOT NULL, detail TEXT NOT NULL, digest TEXT NOT NULL
+) STRICT;
+CREATE INDEX audit_by_object ON audit(object);
+CREATE TABLE idempotency (
+    key TEXT NOT NULL, user TEXT NOT NULL, question TEXT NOT NULL, status INTEGER NOT NULL, answer TEXT NOT NULL,
+    time REAL NOT NULL, PRIMARY KEY (key, user)
+) STRICT;
+CREATE TABLE signoffs (
+    id INTEGER PRIMARY KEY, campaign TEXT NOT NULL, document TEXT NOT NULL, signature TEXT NOT NULL
+) STRICT;
+CREATE INDEX signoffs_by_campaign ON signoffs(campaign);
+CREATE TABLE webhooks (
+    id INTEGER PRIMARY KEY, user TEXT NOT NULL REFERENCES users(name), campaign TEXT, url TEXT NOT NULL,
+    secret TEXT NOT NULL, created REAL NOT NULL
+) STRICT;
+CREATE TABLE deliveries (
+    id INTEGER PRIMARY KEY, webhook INTEGER NOT NULL REFERENCES webhooks(id) ON DELETE CASCADE, event TEXT NOT NULL,
+    body TEXT NOT NULL, attempts INTEGER NOT NULL, next REAL, status TEXT NOT NULL, UNIQUE (webhook, event)
+) STRICT;
+"""
+
+
+class Database:
+    """One SQLite file, used by all threads of a server, one after the other.
+
+    Parameters
+    ----------
+    path : Path
+        The file; it is made if it is missing. Only this user can read it.
+
+    Raises
+    ------
+    SpecError
+        If the file is of a later version, or no database.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lock = threading.RLock()
+        path.touch(0o600)
+        self._connection = sqlite3.connect(path, timeout=BUSY, isolation_level=None, check_same_thread=False)
+        self._connection.row_factory = sqlite3.Row
+        try:
+            self._prepare()
+        except sqlite3.DatabaseError as error:
+            self._connection.close()
+            raise SpecError(f"{path}: is no database of a server ({error}); restore it from a backup") from error
+
+    def _prepare(self) -> None:
+        """Make the tables of a new file, and check the version of an old one."""
+        # a write that was answered survives a loss of power
+        self._connection.executescript(
+            "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;"
+        )
+        with self.write() as connection:
+            version = connection.execute("PRAGMA user_version").fetchone()[0]
+            if version == 0:
+                for statement in filter(str.strip, SCHEMA.split(";\n")):
+                    connection.execute(statement)
+                connection.execute(f"PRAGMA user_version = {VERSION}")
+        if version > VERSION:
+            self._connection.close()
+            raise SpecError(
+                f"{self.path}: has version {version} of the tables, and this clearcap knows {VERSION}; use the clearcap"
+                " that wrote it, or a later one"
+            )
+
+    @contextmanager
+    def write(self) -> Iterator[sqlite3.Connection]:
+        """Hold a transaction in the block: all of it is kept, or, after an exception, nothing."""
+        with self._lock:
+            self._connection.execute("BEGIN IMMEDIATE")
+            try:
+                yield self._connection
+            except BaseException:
+                self._connection.execute("ROLLBACK")
+                raise
+            self._connection.execute("COMMIT")
+
+    def rows(self, statement: str, *values: object) -> list[sqlite3.Row]:
+        """Return the rows of a query."""
+        with self._lock:
+            return self._connection.execute(statement, values).fetchall()
+
+    def row(self, statement: str, *values: object) -> sqlite3.Row | None:
+        """Return the first row of a query; None if there is none."""
+        rows = self.rows(statement, *values)
+        return rows[0] if rows else None
+
+    def close(self) -> None:
+        """Close the file."""
+        with self._lock:
+            self._connection.close()

@@ -1,0 +1,77 @@
+"""Sessions of browsers: begun by a password, a one-time link, the login service, or a shared link."""
+
+import secrets
+import time
+
+from campaign.web.access.database import Database
+from campaign.web.access.principal import Principal, Role
+from campaign.web.access.secret_words import digest, new_secret
+
+IDLE = 12 * 3600.0  # s without a request, after which a session ends
+LONGEST = 7 * 24 * 3600.0  # s
+LINK_LIVES = 15 * 60.0  # s, for which a one-time link can be used
+SEEN_EVERY = 60.0  # s between two notes of a session's last request
+
+
+class Sessions:
+    """The sessions of a server's users.
+
+    Parameters
+    ----------
+    database : Database
+        Where they are kept.
+    """
+
+    def __init__(self, database: Database) -> None:
+        self._database = database
+
+    def begin(self, user: str | None = None, share: int | None = None) -> str:
+        """Begin a session of a user, or of whoever has a shared link; return the secret for its cookie."""
+        secret, now = new_secret("session"), time.time()
+        with self._database.write() as connection:
+            connection.execute("DELETE FROM sessions WHERE seen < ? OR created < ?", (now - IDLE, now - LONGEST))
+            connection.execute(
+                "INSERT INTO sessions (digest, user, share, csrf, created, seen) VALUES (?, ?, ?, ?, ?, ?)",
+                (digest(secret), user, share, secrets.token_urlsafe(24), now, now),
+            )
+        return secret
+
+    def principal(self, secret: str) -> Principal | None:
+        """Return whose session a cookie stands for; None if it has ended, or never was."""
+        now = time.time()
+        row = self._database.row(
+            "SELECT s.digest, s.csrf, s.seen, s.share, u.name, u.role, h.campaign"
+            " FROM sessions s LEFT JOIN users u ON u.name = s.user LEFT JOIN shares h ON h.id = s.share"
+            " WHERE s.digest = ? AND s.seen > ? AND s.created > ? AND coalesce(u.disabled, 0) = 0"
+            " AND (h.id IS NULL OR (h.revoked IS NULL AND h.expires > ?))",
+            digest(secret), now - IDLE, now - LONGEST, now,
+        )  # fmt: skip
+        if row is None:
+            return None
+        if now - row["seen"] > SEEN_EVERY:
+            with self._database.write() as connection:
+                connection.execute("UPDATE sessions SET seen = ? WHERE digest = ?", (now, row["digest"]))
+        if row["share"] is not None:
+            return Principal(f"share {row['share']}", Role.VIEWER, "share", row["campaign"], row["csrf"])
+        return Principal(row["name"], Role.of(row["role"]), "session", csrf=row["csrf"])
+
+    def end(self, secret: str) -> None:
+        """End a session."""
+        with self._database.write() as connection:
+            connection.execute("DELETE FROM sessions WHERE digest = ?", (digest(secret),))
+
+    def new_link(self, user: str) -> str:
+        """Return the secret of a link by which a user logs in once, within fifteen minutes."""
+        secret, now = new_secret("login"), time.time()
+        with self._database.write() as connection:
+            connection.execute("DELETE FROM login_links WHERE expires < ?", (now,))
+            connection.execute("INSERT INTO login_links VALUES (?, ?, ?)", (digest(secret), user, now + LINK_LIVES))
+        return secret
+
+    def use_link(self, secret: str) -> str | None:
+        """Return the user of a one-time link, which ends; None if it was used, or is too old."""
+        with self._database.write() as connection:
+            row = connection.execute(
+                "DELETE FROM login_links WHERE digest = ? RETURNING user, expires", (digest(secret),)
+            ).fetchone()
+        return None if row is None or row["expires"] < time.time() else str(row["user"])

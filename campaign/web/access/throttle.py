@@ -1,0 +1,50 @@
+"""Slow down whoever guesses passwords or tokens: after some failures nothing more is looked at for a while."""
+
+import threading
+import time
+from collections import OrderedDict, deque
+from collections.abc import Callable
+
+MOST_KEYS = 10_000  # names and addresses that are remembered; the oldest are forgotten
+
+
+class Throttle:
+    """Failures by name or address, in memory.
+
+    Parameters
+    ----------
+    failures : int
+        Failures within `seconds` after which a key has to wait.
+    seconds : float
+    clock : callable
+        The time [s].
+    """
+
+    def __init__(self, failures: int, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._most, self._seconds, self._clock = failures, seconds, clock
+        self._failures: OrderedDict[str, deque[float]] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def wait(self, *keys: str) -> float:
+        """Return for how long any of the keys still has to wait [s]; 0 if none has to."""
+        now = self._clock()
+        with self._lock:
+            times = [self._failures[key] for key in keys if key in self._failures]
+            full = [past[0] + self._seconds - now for past in times if len(past) == self._most]
+        return max([0.0, *full])
+
+    def failed(self, *keys: str) -> None:
+        """Note a failure of each key."""
+        now = self._clock()
+        with self._lock:
+            for key in keys:
+                self._failures.setdefault(key, deque(maxlen=self._most)).append(now)
+                self._failures.move_to_end(key)
+            while len(self._failures) > MOST_KEYS:
+                self._failures.popitem(last=False)
+
+    def succeeded(self, *keys: str) -> None:
+        """Forget the failures of each key."""
+        with self._lock:
+            for key in keys:
+                self._failures.pop(key, None)

@@ -1,0 +1,10 @@
+"""The calls of the HTTP API, a module for each kind of thing."""
+
+from fastapi import APIRouter
+
+from campaign.web.api import health
+
+
+def routers() -> list[APIRouter]:
+    """Return the routers of all calls."""
+    return [health.router]

@@ -1,0 +1,34 @@
+"""What all calls of the API share: their path, the summary and the refusals in their documentation."""
+
+from collections.abc import Callable
+from typing import Any
+
+from fastapi import APIRouter
+from fastapi.routing import APIRoute
+
+from campaign.web.http.problems import described
+
+PREFIX = "/api/v1"
+
+
+class _Call(APIRoute):
+    """A call whose summary is the first line of its docstring."""
+
+    def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
+        if not options.get("summary"):
+            options["summary"] = (endpoint.__doc__ or "").strip().split("\n")[0].rstrip(".")
+        super().__init__(path, endpoint, **options)
+
+
+def calls(tag: str, *, with_login: bool = True) -> APIRouter:
+    """Return a router for the calls of one kind.
+
+    Parameters
+    ----------
+    tag : str
+        The kind, in the documentation.
+    with_login : bool
+        The calls can be refused for what every call with a login can be refused for.
+    """
+    refusals = described(400, 401, 403, 413, 422, 429, 503) if with_login else {}
+    return APIRouter(prefix=PREFIX if with_login else "", tags=[tag], route_class=_Call, responses=refusals)

@@ -1,0 +1,42 @@
+"""Whether the server lives, whether it can work, and its counts."""
+
+from fastapi import Request
+from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
+from pydantic import BaseModel, Field
+from starlette.responses import Response
+
+from campaign.web.api.calls import calls
+from campaign.web.http.asking import TheService
+from campaign.web.http.problems import Refusal, described
+
+router = calls("operation", with_login=False)
+
+
+class Health(BaseModel):
+    """The server lives."""
+
+    status: str = Field(examples=["ok"])
+
+
+@router.get("/healthz")
+async def healthz() -> Health:
+    """Answer that the process lives; nothing else is looked at."""
+    return Health(status="ok")
+
+
+@router.get("/readyz", responses=described(503))
+def readyz(service: TheService) -> Health:
+    """Answer whether the store and the database can be read."""
+    service.database.row("SELECT 1")
+    try:
+        service.store.hasty.campaigns()
+    except Exception as error:
+        raise Refusal(503, f"the store cannot be read: {error}") from error
+    return Health(status="ok")
+
+
+@router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+def metrics(request: Request) -> Response:
+    """Return counts of requests, streams, jobs and campaigns, in the text format of Prometheus."""
+    registry = request.app.state.metrics.registry
+    return Response(generate_latest(registry), headers={"Content-Type": CONTENT_TYPE_LATEST})

@@ -1,0 +1,95 @@
+"""The application: what is answered where."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.staticfiles import StaticFiles
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+
+from campaign.errors import CampaignError
+from campaign.version import clearcap_version
+from campaign.web.api import routers
+from campaign.web.http.gate import Gate
+from campaign.web.http.problems import MEDIA_TYPE, Refusal, problem, refusal_of
+from campaign.web.http.request_record import Metrics, Record
+from campaign.web.pages import STATIC, page_routers
+from campaign.web.pages.refused import refused_page
+from campaign.web.web_service import Service
+from engine import EngineError
+
+DESCRIPTION = """
+Mechanisms, campaigns and their reports over HTTP. Log in as a browser does, or send a token:
+`Authorization: Bearer clearcap_token_...`. Whatever is refused is answered with problem details (RFC 9457).
+"""
+
+
+def make_app(service: Service) -> FastAPI:
+    """Return the application of a service.
+
+    Parameters
+    ----------
+    service : Service
+        What answers; it is closed when the application ends.
+    """
+
+    @asynccontextmanager
+    async def life(_: FastAPI) -> AsyncIterator[None]:
+        async with service.working():
+            yield
+
+    app = FastAPI(
+        title="clearcap",
+        summary="From clearance to capability",
+        description=DESCRIPTION,
+        version=clearcap_version(),
+        openapi_url="/api/v1/openapi.json",
+        docs_url=None,  # they load scripts from other hosts
+        redoc_url=None,
+        lifespan=life,
+    )
+    app.state.service = service
+    app.state.metrics = Metrics()
+    for router in (*routers(), *page_routers()):
+        app.include_router(router)
+    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    for kind in (Refusal, CampaignError, EngineError):
+        app.add_exception_handler(kind, _refuse)
+    app.add_exception_handler(HTTPException, _refuse_http)
+    app.add_exception_handler(RequestValidationError, _refuse_form)  # type: ignore[arg-type]  # narrower than Exception
+    # the last one added is the first one passed
+    app.add_middleware(Record, audit=service.audit, metrics=app.state.metrics)
+    settings = service.settings
+    app.add_middleware(Gate, names=settings.names, limits=settings.limits, secure=not settings.is_local)
+    return app
+
+
+def _refuse(request: Request, error: Exception) -> Response:
+    """Answer an error of the house."""
+    refusal = refusal_of(error)
+    assert refusal is not None
+    return _answer(request, refusal)
+
+
+def _refuse_http(request: Request, error: Exception) -> Response:
+    """Answer what the framework refuses: unknown paths and methods."""
+    assert isinstance(error, HTTPException)
+    headers = dict(error.headers or {})
+    return _answer(request, Refusal(error.status_code, f"{request.url.path}: {error.detail}"[:500], headers=headers))
+
+
+def _refuse_form(request: Request, error: RequestValidationError) -> Response:
+    """Answer a request whose parameters or body have faults."""
+    faults = [{"keys": [str(part) for part in fault["loc"]], "text": fault["msg"]} for fault in error.errors()[:100]]
+    detail = "; ".join(f"{'.'.join(fault['keys'])}: {fault['text']}" for fault in faults[:5])
+    return _answer(request, Refusal(422, detail, faults))
+
+
+def _answer(request: Request, refusal: Refusal) -> Response:
+    """Return a refusal as problem details, or as a page for a browser."""
+    if not request.url.path.startswith("/api/") and "text/html" in request.headers.get("accept", ""):
+        return refused_page(request, refusal)
+    content = problem(refusal.status, refusal.detail, refusal.faults).model_dump_json()
+    return Response(content, refusal.status, refusal.headers, MEDIA_TYPE)

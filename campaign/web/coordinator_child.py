@@ -1,0 +1,86 @@
+"""The coordinator that a server starts beside itself, and keeps alive."""
+
+import logging
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Sequence
+
+from campaign.environment import STORE
+from campaign.safe_path import python_environment
+from campaign.store import Store
+
+logger = logging.getLogger(__name__)
+FIRST_PAUSE, LONGEST_PAUSE = 1.0, 60.0  # s between the end of a coordinator and the start of the next
+SOUND_AFTER = 60.0  # s, after which a coordinator's end no longer counts as a failed start
+END_WITHIN = 30.0  # s
+
+
+class CoordinatorChild:
+    """Keep ``clearcap coordinate`` running: it computes what is queued in the store, also for others.
+
+    If another coordinator serves the store already, that one does the work, and this one waits for its end. One that
+    outlives a killed server goes on computing.
+
+    Parameters
+    ----------
+    store : Store
+        What it serves.
+    options : sequence of str
+        Options of the command: where to compute.
+    """
+
+    def __init__(self, store: Store, options: Sequence[str]) -> None:
+        self._words = [sys.executable, "-P", "-m", "campaign", "coordinate", *options]
+        self._environment = {**python_environment(), STORE: store.files.full_url}
+        self._over = threading.Event()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._thread = threading.Thread(target=self._keep_alive, name="coordinator", daemon=True)
+
+    def start(self) -> None:
+        """Start the coordinator."""
+        self._thread.start()
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether the coordinator runs now."""
+        process = self._process
+        return process is not None and process.poll() is None
+
+    def stop(self) -> None:
+        """End the coordinator in order; what it has computed is in the store."""
+        self._over.set()
+        process = self._process
+        if process is not None and process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+            try:
+                process.wait(END_WITHIN)
+            except subprocess.TimeoutExpired:
+                logger.warning("the coordinator (process %d) did not end within %g s", process.pid, END_WITHIN)
+                process.kill()
+                process.wait()
+        if self._thread.is_alive():
+            self._thread.join(END_WITHIN)
+
+    def _keep_alive(self) -> None:
+        """Start the coordinator again whenever it has ended, later each time it fails at once."""
+        pause = FIRST_PAUSE
+        while not self._over.is_set():
+            begin = time.monotonic()
+            self._process = subprocess.Popen(
+                self._words, stdin=subprocess.DEVNULL, cwd=os.sep, env=self._environment, start_new_session=True
+            )
+            if self._over.is_set():  # the server ended while it started
+                self._process.send_signal(signal.SIGTERM)
+            status = self._process.wait()
+            if self._over.is_set():
+                return
+            lasted = time.monotonic() - begin
+            pause = FIRST_PAUSE if lasted > SOUND_AFTER else min(2.0 * pause, LONGEST_PAUSE)
+            logger.warning(
+                "the coordinator ended with status %d after %.0f s; starts again in %g s", status, lasted, pause
+            )
+            self._over.wait(pause)

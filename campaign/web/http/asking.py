@@ -1,0 +1,119 @@
+"""Who asks: the cookie of a session or a token, and whether a write comes from this server's own pages."""
+
+import hmac
+from collections.abc import Callable
+from typing import Annotated
+from urllib.parse import urlsplit
+
+from fastapi import Depends, Request, Security
+from fastapi.security import APIKeyCookie, HTTPBearer
+
+from campaign.web.access import Principal, Role
+from campaign.web.http.problems import Refusal
+from campaign.web.web_service import Service
+
+COOKIE = "__Host-clearcap"
+CSRF_FIELD = "csrf"
+CSRF_HEADER = "x-csrf-token"
+SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+FORMS = "multipart/form-data", "application/x-www-form-urlencoded"
+
+_cookie = APIKeyCookie(
+    name=COOKIE, scheme_name="session", description="Cookie of a browser's session", auto_error=False
+)
+_bearer = HTTPBearer(scheme_name="token", description="A token, or the secret of a shared link", auto_error=False)
+
+
+def service_of(request: Request) -> Service:
+    """Return the service that answers."""
+    service: Service = request.app.state.service
+    return service
+
+
+def address_of(request: Request) -> str:
+    """Return the address that a request came from; behind a proxy the one that the proxy names."""
+    return request.client.host if request.client else "unknown"
+
+
+async def asking(request: Request, _: object = Security(_cookie), __: object = Security(_bearer)) -> Principal:
+    """Return who asks.
+
+    Raises
+    ------
+    Refusal
+        401 without a valid session or token, 403 for a write that comes from another site, 429 after many wrong tokens.
+    """
+    service = service_of(request)
+    scheme, _, secret = request.headers.get("authorization", "").partition(" ")
+    if scheme:
+        principal = service.tokens.principal(secret.strip()) if scheme.lower() == "bearer" else None
+        if principal is None:
+            _refuse_token(service, address_of(request))
+    else:
+        principal = service.sessions.principal(request.cookies.get(COOKIE, ""))
+        if principal is not None and request.method not in SAFE_METHODS:
+            check_origin(request)
+            await check_form(request, principal.csrf)
+    if principal is None:
+        raise Refusal(
+            401,
+            "log in, or send a token: Authorization: Bearer clearcap_token_...",
+            headers={"WWW-Authenticate": "Bearer"},
+        )
+    request.state.principal = principal
+    return principal
+
+
+def _refuse_token(service: Service, address: str) -> None:
+    """Refuse a wrong token; from an address that tried many, with 429."""
+    wait = service.throttle.wait(f"token {address}")
+    service.throttle.failed(f"token {address}")
+    if wait:
+        raise Refusal(429, f"many wrong tokens; wait {wait:.0f} s", headers={"Retry-After": f"{wait + 1:.0f}"})
+
+
+def check_origin(request: Request) -> None:
+    """Refuse a write by a browser that does not come from this server's own pages: 403."""
+    site, origin = request.headers.get("sec-fetch-site", "same-origin"), request.headers.get("origin")
+    is_own = site in ("same-origin", "none") and (
+        origin is None or (origin != "null" and urlsplit(origin).netloc == request.headers.get("host"))
+    )
+    if not is_own:
+        raise Refusal(403, "this write comes from the page of another site; use this server's own pages, or a token")
+
+
+async def check_form(request: Request, csrf: str) -> None:
+    """Refuse a write without the word that this session's pages send with each: 403."""
+    given = request.headers.get(CSRF_HEADER)
+    if given is None and request.headers.get("content-type", "").startswith(FORMS):
+        given = (await request.form()).get(CSRF_FIELD)  # type: ignore[assignment]  # a file is no token
+    if not isinstance(given, str) or not hmac.compare_digest(given.encode(), csrf.encode()):
+        raise Refusal(403, "the form is too old, or not from this server; load the page again")
+
+
+def needs(role: Role) -> Callable[[Principal], Principal]:
+    """Return what refuses a principal with less than a role, with 403; for use with ``Depends``."""
+
+    def check(principal: Annotated[Principal, Depends(asking)]) -> Principal:
+        if not principal.may(role):
+            raise Refusal(
+                403, f"{principal.name} is a {principal.role.word}; this needs the role {role.word}: ask an admin"
+            )
+        return principal
+
+    return check
+
+
+def needs_all_campaigns(principal: Annotated[Principal, Depends(asking)]) -> Principal:
+    """Refuse a shared link, which shows one campaign only: 403."""
+    if principal.campaign is not None:
+        raise Refusal(403, f"this link shows the campaign {principal.campaign} only")
+    return principal
+
+
+Asking = Annotated[Principal, Depends(asking)]
+Viewer = Annotated[Principal, Depends(needs_all_campaigns)]
+Engineer = Annotated[Principal, Depends(needs(Role.ENGINEER))]
+Approver = Annotated[Principal, Depends(needs(Role.APPROVER))]
+Admin = Annotated[Principal, Depends(needs(Role.ADMIN))]
+TheService = Annotated[Service, Depends(service_of)]

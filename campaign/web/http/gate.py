@@ -1,0 +1,130 @@
+"""What every request passes before it is looked at: its host, its size and the time that its body takes."""
+
+import asyncio
+import re
+import secrets
+from collections.abc import Iterable
+
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from campaign.web.http.problems import MEDIA_TYPE, problem
+from campaign.web.settings import LOOPBACK, Limits
+
+CONTENT_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self';"
+    " form-action 'self'; frame-src 'self'; base-uri 'none'; frame-ancestors 'none'"
+)
+HEADERS = {
+    "Content-Security-Policy": CONTENT_POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "same-origin",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+    "Cache-Control": "no-store",
+}
+TRANSPORT_SECURITY = "max-age=31536000"
+_HOST = re.compile(r"(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9.-]+)(?::(\d{1,5}))?")
+
+
+class _BodyRefused(Exception):
+    """The body of a request is too large, or too slow."""
+
+    def __init__(self, status: int, detail: str) -> None:
+        super().__init__(detail)
+        self.status, self.detail = status, detail
+
+
+class Gate:
+    """Refuse requests for other hosts, with too large or too slow bodies; add the headers that every answer has.
+
+    Parameters
+    ----------
+    app : ASGI application
+        What is behind the gate.
+    names : iterable of str
+        Host names by which the server may be addressed, besides those of loopback. A page of another site that has its
+        own name lead to this machine (DNS rebinding) is refused by its host name.
+    limits : Limits
+    secure : bool
+        The browser speaks TLS.
+    """
+
+    def __init__(self, app: ASGIApp, names: Iterable[str], limits: Limits, secure: bool) -> None:
+        self._app, self._limits = app, limits
+        self._names = {name.lower() for name in (*LOOPBACK, *names)}
+        self._headers = HEADERS | ({"Strict-Transport-Security": TRANSPORT_SECURITY} if secure else {})
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass one request on, or refuse it."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        state = scope.setdefault("state", {})
+        state["request"] = secrets.token_hex(8)
+        begun = False
+
+        async def send_with_headers(message: Message) -> None:
+            nonlocal begun
+            if message["type"] == "http.response.start":
+                begun = True
+                given = {name.lower() for name, _ in message["headers"]}
+                added = {**self._headers, "X-Request-Id": state["request"]}
+                message["headers"] = [
+                    *message["headers"],
+                    *((n.lower().encode(), v.encode()) for n, v in added.items() if n.lower().encode() not in given),
+                ]
+            await send(message)
+
+        headers = dict(scope["headers"])
+        try:
+            self._check_host(headers.get(b"host", b"").decode("latin-1"))
+            self._check_length(headers.get(b"content-length", b"0"))
+            await self._app(scope, self._bounded(receive), send_with_headers)
+        except _BodyRefused as refused:
+            if begun:
+                raise
+            # what is still to come of the body is not read
+            answer = Response(
+                problem(refused.status, refused.detail).model_dump_json(),
+                refused.status,
+                {"Connection": "close"},
+                MEDIA_TYPE,
+            )
+            await answer(scope, receive, send_with_headers)
+
+    def _check_host(self, host: str) -> None:
+        match = _HOST.fullmatch(host)
+        name = match[1].strip("[]").lower() if match else ""
+        if name not in self._names:
+            raise _BodyRefused(421, f"host {host!r:.100}: this server has other names; clearcap serve --name adds one")
+
+    def _check_length(self, length: bytes) -> None:
+        if not length.isdigit() or int(length[:20]) > self._limits.body:
+            raise _BodyRefused(413, f"the body may have at most {self._limits.body} bytes")
+
+    def _bounded(self, receive: Receive) -> Receive:
+        """Return a reader of the body that ends with an exception when it has become too long, or takes too long."""
+        size, limits = 0, self._limits
+        over, ended = asyncio.get_running_loop().time() + limits.body_seconds, False
+
+        async def read() -> Message:
+            nonlocal size, ended
+            if ended:  # waits for the end of the connection
+                return await receive()
+            try:
+                async with asyncio.timeout_at(over):
+                    message = await receive()
+            except TimeoutError:
+                raise _BodyRefused(
+                    408, f"the body did not arrive within {limits.body_seconds:g} s; send it again"
+                ) from None
+            ended = message["type"] != "http.request" or not message.get("more_body", False)
+            size += len(message.get("body", b""))
+            if size > limits.body:
+                raise _BodyRefused(413, f"the body may have at most {limits.body} bytes")
+            return message
+
+        return read

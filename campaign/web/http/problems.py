@@ -1,0 +1,83 @@
+"""Problem details (RFC 9457): every refusal says what is wrong, where, and what to do, in the words of the command."""
+
+from http import HTTPStatus
+from typing import Any
+
+from pydantic import BaseModel, Field
+
+from campaign.errors import CampaignError, SpecError, StoreError
+from engine import EngineError
+
+MEDIA_TYPE = "application/problem+json"
+
+
+class Refusal(Exception):
+    """A request is refused.
+
+    Parameters
+    ----------
+    status : int
+        Status of the answer.
+    detail : str
+        What is wrong, for the user.
+    faults : list of dict
+        Faults of what was sent, each with its key.
+    headers : dict of str to str
+        More headers of the answer.
+    """
+
+    def __init__(
+        self,
+        status: int,
+        detail: str,
+        faults: list[dict[str, Any]] | None = None,
+        headers: dict[str, str] | None = None,
+    ) -> None:
+        super().__init__(detail)
+        self.status, self.detail, self.faults, self.headers = status, detail, faults or [], headers or {}
+
+
+class FieldFault(BaseModel):
+    """A fault of what was sent."""
+
+    keys: list[str] = Field(description="Tables and key, from the outside in", examples=[["variables", "J1", "std"]])
+    text: str = Field(description="What is wrong, what is allowed, and the remedy")
+    line: int | None = Field(None, description="Line in the text that was sent, from 1")
+
+
+class Problem(BaseModel):
+    """Problem details, RFC 9457."""
+
+    type: str = Field("about:blank", description="Kind of the problem")
+    title: str = Field(description="The status in words", examples=["Not Found"])
+    status: int = Field(description="Status of the answer", examples=[404])
+    detail: str = Field(description="What is wrong and what to do", examples=["no campaign c60-1 in the store"])
+    faults: list[FieldFault] = Field(default=[], description="Faults of what was sent, each with its key")
+
+
+def problem(status: int, detail: str, faults: list[dict[str, Any]] | None = None) -> Problem:
+    """Return the details of a problem."""
+    marked = [FieldFault.model_validate(fault) for fault in faults or []]
+    return Problem(title=HTTPStatus(status).phrase, status=status, detail=detail, faults=marked)
+
+
+def refusal_of(error: Exception) -> Refusal | None:
+    """Return the refusal that an error of the house stands for; None for a bug."""
+    if isinstance(error, Refusal):
+        return error
+    if isinstance(error, StoreError):
+        return Refusal(503, str(error), headers={"Retry-After": "10"})
+    if isinstance(error, SpecError | EngineError):
+        return Refusal(422, str(error))
+    if isinstance(error, CampaignError):
+        return Refusal(409, str(error))
+    return None
+
+
+def described(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Return the documentation of the refusals of a call, for OpenAPI."""
+    content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
+    return {
+        status: {"description": HTTPStatus(status).phrase, "model": Problem, "content": content}
+        for status in sorted(statuses)
+    }

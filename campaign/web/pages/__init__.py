@@ -1,0 +1,14 @@
+"""The pages: HTML made on the server, with htmx for what moves; every form works without scripts."""
+
+from pathlib import Path
+
+from fastapi import APIRouter
+
+from campaign.web.pages import login
+
+STATIC = Path(__file__).parent / "static"
+
+
+def page_routers() -> list[APIRouter]:
+    """Return the routers of all pages; none is part of the documented API."""
+    return [login.router]

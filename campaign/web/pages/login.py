@@ -1,0 +1,99 @@
+"""Log in and out: by password, one-time link, or shared link."""
+
+from typing import Annotated
+from urllib.parse import urlsplit
+
+from fastapi import APIRouter, Depends, Form, Request
+from starlette.responses import RedirectResponse, Response
+
+from campaign.web.access import Principal
+from campaign.web.http.asking import COOKIE, TheService, address_of, asking, check_origin
+from campaign.web.http.problems import Refusal
+from campaign.web.pages.rendering import page
+
+router = APIRouter(include_in_schema=False)
+HOME = "/campaigns"
+
+
+@router.get("/")
+async def home() -> Response:
+    """Lead to the campaigns."""
+    return RedirectResponse(HOME, 303)
+
+
+@router.get("/login")
+async def show_login(request: Request, service: TheService, next: str = HOME) -> Response:
+    """Show the form of the login."""
+    return page(request, "login", next=own_path(next), has_oidc=service.settings.oidc is not None, fault="")
+
+
+@router.post("/login")
+def log_in(
+    request: Request,
+    service: TheService,
+    name: Annotated[str, Form(max_length=100)],
+    password: Annotated[str, Form(max_length=2000)],
+    next: Annotated[str, Form(max_length=2000)] = HOME,
+) -> Response:
+    """Begin a session by name and password."""
+    check_origin(request)
+    request.state.who, request.state.how = name[:64], "password"
+    keys = (f"name {name}", f"address {address_of(request)}")
+    if wait := service.throttle.wait(*keys):
+        headers = {"Retry-After": f"{wait + 1:.0f}"}
+        raise Refusal(429, f"too many failed logins; wait {wait:.0f} s and try again", headers=headers)
+    user = service.users.by_password(name, password)
+    if user is None:
+        service.throttle.failed(*keys)
+        has_oidc = service.settings.oidc is not None
+        fault = "name and password do not belong together"
+        return page(request, "login", 401, next=own_path(next), has_oidc=has_oidc, fault=fault)
+    service.throttle.succeeded(keys[0])
+    return entered(request, service.sessions.begin(user.name), next)
+
+
+@router.get("/login/link")
+def use_link(request: Request, service: TheService, key: str, next: str = HOME) -> Response:
+    """Begin a session by a one-time link."""
+    user = service.sessions.use_link(key)
+    if user is None:
+        raise Refusal(403, "this link was used, or is older than 15 minutes; the server prints another at its start")
+    service.audit.add(user, "link", address_of(request), "GET /login/link", "", 200)
+    return entered(request, service.sessions.begin(user), next)
+
+
+@router.get("/shared/{secret}")
+def use_share(request: Request, service: TheService, secret: str) -> Response:
+    """Begin a session that shows one campaign only."""
+    share = service.tokens.shared(secret)
+    if share is None:
+        raise Refusal(403, "this link has expired or was revoked; ask who sent it for another")
+    service.audit.add(f"share {share.id}", "share", address_of(request), "GET /shared", share.campaign, 200)
+    return entered(request, service.sessions.begin(share=share.id), f"/campaigns/{share.campaign}")
+
+
+@router.post("/logout")
+def log_out(request: Request, service: TheService, _: Annotated[Principal, Depends(asking)]) -> Response:
+    """End the session."""
+    service.sessions.end(request.cookies.get(COOKIE, ""))
+    answer = RedirectResponse("/login", 303)
+    answer.delete_cookie(COOKIE, path="/", secure=True, httponly=True, samesite="strict")
+    return answer
+
+
+def entered(request: Request, secret: str, wanted: str) -> Response:
+    """Return the page that ends a login: it goes on by itself.
+
+    It is a page and not a redirect, because a browser that came from another site, as from a mail, does not send a
+    strict cookie to where that site's link is redirected.
+    """
+    answer = page(request, "entered", wanted=own_path(wanted))
+    answer.set_cookie(COOKIE, secret, path="/", secure=True, httponly=True, samesite="strict")
+    return answer
+
+
+def own_path(wanted: str) -> str:
+    """Return a path of this server; whatever leads elsewhere becomes the first page."""
+    parts = urlsplit(wanted)
+    is_own = not parts.scheme and not parts.netloc and wanted.startswith("/") and not wanted.startswith(("//", "/\\"))
+    return wanted if is_own and wanted.isprintable() else HOME

@@ -1,0 +1,21 @@
+"""The page of a refusal."""
+
+from http import HTTPStatus
+from urllib.parse import quote
+
+from fastapi import Request
+from starlette.responses import RedirectResponse, Response
+
+from campaign.web.http.problems import Refusal
+from campaign.web.pages.rendering import page
+
+
+def refused_page(request: Request, refusal: Refusal) -> Response:
+    """Return the page of a refusal; who is not logged in is led to the login, and back afterwards."""
+    if refusal.status == 401 and request.method == "GET":
+        wanted = request.url.path + (f"?{request.url.query}" if request.url.query else "")
+        return RedirectResponse(f"/login?next={quote(wanted, safe='')}", 303)
+    title = HTTPStatus(refusal.status).phrase
+    answer = page(request, "refused", refusal.status, title=title, detail=refusal.detail, faults=refusal.faults)
+    answer.headers.update(refusal.headers)
+    return answer

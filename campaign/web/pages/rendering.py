@@ -1,0 +1,48 @@
+"""Make a page from its template."""
+
+from typing import Any
+
+from fastapi import Request
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from starlette.responses import HTMLResponse
+
+from campaign.web.access import Principal, Role
+from reporting import format_numbers
+
+_templates = Environment(
+    loader=PackageLoader("campaign.web.pages"),
+    autoescape=True,
+    undefined=StrictUndefined,
+    trim_blocks=True,
+    lstrip_blocks=True,
+)
+_templates.filters.update(
+    plain=format_numbers.plain,
+    index=format_numbers.index,
+    ppm=format_numbers.ppm,
+    percent=format_numbers.percent,
+    significant=format_numbers.significant,
+    grouped=format_numbers.grouped,
+    duration=format_numbers.duration,
+)
+
+
+def page(request: Request, name: str, status: int = 200, **values: Any) -> HTMLResponse:
+    """Return a page.
+
+    Parameters
+    ----------
+    request : Request
+        What it answers; the page shows who asks.
+    name : str
+        Name of the template, without ``.html.j2``.
+    status : int
+        Status of the answer.
+    values
+        What the template shows.
+    """
+    principal: Principal | None = getattr(request.state, "principal", None)
+    html = _templates.get_template(f"{name}.html.j2").render(
+        principal=principal, Role=Role, path=request.url.path, **values
+    )
+    return HTMLResponse(html, status)

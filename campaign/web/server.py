@@ -1,0 +1,113 @@
+"""Serve: from settings to an HTTP server that ends in order."""
+
+import logging
+import socket
+
+import uvicorn
+
+from campaign.errors import SpecError
+from campaign.web.access import Role
+from campaign.web.app import make_app
+from campaign.web.settings import LOOPBACK, Settings
+from campaign.web.web_service import Service
+
+FIRST_ADMIN = "admin"
+DRAIN = 20  # s, for which requests at work may go on when the server ends
+KEEP_ALIVE = 20  # s without a request, after which a connection is closed
+CONNECTIONS = 1000
+LARGEST_HEADERS = 64 * 1024  # bytes
+
+logger = logging.getLogger(__name__)
+
+
+class Server(uvicorn.Server):
+    """A server that ends its event streams first, so that it need not wait for them."""
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End in order."""
+        self.config.app.state.service.end_streams()  # type: ignore[union-attr]  # it is a FastAPI
+        await super().shutdown(sockets)
+
+
+def check_settings(settings: Settings) -> None:
+    """Refuse to serve others without TLS.
+
+    Raises
+    ------
+    SpecError
+        If other machines could connect without TLS.
+    """
+    if settings.is_local and settings.host not in LOOPBACK:
+        raise SpecError(
+            f"--host {settings.host}: other machines could read passwords and results on the way; give --https-cert and"
+            " --https-key, or --behind-proxy if a proxy in front of the server ends TLS"
+        )
+
+
+def login_link(service: Service, user: str = FIRST_ADMIN) -> str:
+    """Return a link by which a user logs in once; the first admin is made if there is no user yet.
+
+    Raises
+    ------
+    SpecError
+        If there is no such user.
+    """
+    if not service.users.all():
+        service.users.add(FIRST_ADMIN, Role.ADMIN)
+    found = service.users.get(user)
+    if found is None or found.is_disabled:
+        names = ", ".join(each.name for each in service.users.all() if not each.is_disabled)
+        raise SpecError(f"--login-link {user!r:.80}: no such user; users: {names}")
+    return f"{service.settings.address}/login/link?key={service.sessions.new_link(user)}"
+
+
+def serve_http(service: Service) -> None:
+    """Answer requests until SIGTERM or Ctrl-C; requests at work are answered first.
+
+    Raises
+    ------
+    SpecError
+        If the port is taken, or the certificate cannot be used.
+    """
+    settings = service.settings
+    cert, key = settings.https or (None, None)
+    config = uvicorn.Config(
+        make_app(service),
+        host=settings.host,
+        port=settings.port,
+        ssl_certfile=cert,
+        ssl_keyfile=key,
+        proxy_headers=settings.behind_proxy,
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=DRAIN,
+        timeout_keep_alive=KEEP_ALIVE,
+        limit_concurrency=CONNECTIONS,
+        h11_max_incomplete_event_size=LARGEST_HEADERS,
+        ws="none",
+    )
+    try:
+        config.load()
+    except (OSError, ValueError) as error:
+        raise SpecError(
+            f"--https-cert {cert}, --https-key {key}: no PEM certificate and the key that belongs to it ({error})"
+        ) from error
+    Server(config).run(sockets=[_listening(settings)])
+
+
+def _listening(settings: Settings) -> socket.socket:
+    """Return a socket on the port."""
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listening.bind((settings.host, settings.port))
+    except OSError as error:
+        listening.close()
+        raise SpecError(
+            f"--host {settings.host} --port {settings.port}: cannot listen there ({error.strerror}); another process"
+            " may use the port: choose another with --port"
+        ) from error
+    listening.listen(2048)
+    return listening

@@ -1,0 +1,62 @@
+"""Where a server may listen, and who gets the first link."""
+
+import pytest
+
+from campaign.errors import SpecError
+from campaign.web.configuration import SECRET, read_configuration
+from campaign.web.server import check_settings, login_link
+from campaign.web.settings import Limits, Settings
+from campaign.web.web_service import open_service
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.7", "::", "clearcap.example"])
+def test_other_machines_need_tls(tmp_path, host):
+    with pytest.raises(SpecError, match="--https-cert"):
+        check_settings(Settings("runs", tmp_path, host))
+    check_settings(Settings("runs", tmp_path, host, behind_proxy=True))
+    check_settings(Settings("runs", tmp_path, host, https=(tmp_path / "cert", tmp_path / "key")))
+
+
+def test_first_link_makes_the_admin(tmp_path):
+    service = open_service(Settings(str(tmp_path / "runs"), tmp_path / "data"))
+    assert login_link(service).startswith("http://127.0.0.1:8700/login/link?key=clearcap_login_")
+    assert [(user.name, user.role.word) for user in service.users.all()] == [("admin", "admin")]
+    with pytest.raises(SpecError, match="no such user; users: admin"):
+        login_link(service, "eva")
+    service.database.close()
+
+
+def test_data_folder_is_private(tmp_path):
+    open_service(Settings(str(tmp_path / "runs"), tmp_path / "data")).database.close()
+    assert (tmp_path / "data").stat().st_mode & 0o777 == 0o700
+
+
+def test_configuration(tmp_path, monkeypatch):
+    path = tmp_path / "serve.toml"
+    path.write_text("[limits]\njobs = 4\njob_seconds = 10\n[oidc]\nissuer = 'https://id.example'\nclient_id = 'c'\n")
+    with pytest.raises(SpecError, match=SECRET):
+        read_configuration(path)
+    monkeypatch.setenv(SECRET, "s3cret")
+    limits, oidc = read_configuration(path)
+    assert limits == Limits(jobs=4, job_seconds=10.0)
+    assert (oidc.issuer, oidc.client_secret) == ("https://id.example", "s3cret")
+    assert "s3cret" not in repr(oidc)
+    assert read_configuration(None) == (Limits(), None)
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("[limits]\njbs = 4\n", "limits.jbs: no such limit"),
+        ("[limits]\njobs = 0\n", "limits.jobs"),
+        ("[oidc]\nissuer = 'http://id.example'\nclient_id = 'c'\n", "oidc.issuer"),
+        ("[oidc]\nissuer = 'https://id.example'\nclient_id = 'c'\nroles = {a = 'king'}\n", "oidc.roles.a"),
+        ("jobs = 4\n", "jobs"),
+        ("x = ", "cannot be read"),
+    ],
+)
+def test_configuration_fault(tmp_path, monkeypatch, text, fault):
+    monkeypatch.setenv(SECRET, "s3cret")
+    (tmp_path / "serve.toml").write_text(text)
+    with pytest.raises(SpecError, match=fault):
+        read_configuration(tmp_path / "serve.toml")
