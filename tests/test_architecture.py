@@ -93,8 +93,8 @@ def test_a_class_name_means_one_thing():
 def test_a_module_name_means_one_thing():
     """The same module name in several packages is the same concept at another stage.
 
-    The main module of a package may have the package's name; a verb of the command, a call of the API and a page that of
-    what they do.
+    The main module of a package may have the package's name; a verb of the command, a call of the API and a page that
+    of what they do.
     """
     where = defaultdict(set)
     for module in modules():
