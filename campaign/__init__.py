@@ -3,18 +3,18 @@
 TYPE_CHECKING = False  # not from typing: ``python -m campaign`` would look for it in the current folder
 
 if TYPE_CHECKING:
-    from campaign.spec.load import load_campaign
+    from campaign.spec.load import load_campaign, load_campaign_text
     from campaign.store import open_store
 
-__all__ = ["load_campaign", "open_store"]
+__all__ = ["load_campaign", "load_campaign_text", "open_store"]
 
 
 def __getattr__(name: str) -> object:
     """Import a public function at its first use: ``clearcap --help`` imports this package and needs no tables."""
-    if name == "load_campaign":
-        from campaign.spec.load import load_campaign
+    if name in ("load_campaign", "load_campaign_text"):
+        from campaign.spec import load
 
-        return load_campaign
+        return getattr(load, name)
     if name == "open_store":
         from campaign.store import open_store
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
     from campaign.cluster.tls import Tls
     from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
-    from campaign.spec.load import Campaign, load_campaign
+    from campaign.spec.load import Campaign, load_campaign, load_campaign_text
     from campaign.store import Store, open_store
     from clearcap.results import Results, open_campaign, report
     from clearcap.running import run_campaign
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         check,
         library_names,
         load_mechanism,
+        load_mechanism_text,
         read_trajectory,
         set_values,
         simulate,
@@ -59,7 +60,9 @@ __all__ = [
     "check",
     "library_names",
     "load_campaign",
+    "load_campaign_text",
     "load_mechanism",
+    "load_mechanism_text",
     "open_campaign",
     "open_store",
     "read_trajectory",
@@ -74,13 +77,14 @@ _HOMES = {
     "campaign.cluster.cluster": ("Cluster",),
     "campaign.cluster.tls": ("Tls",),
     "campaign.errors": ("CampaignError", "SpecError", "StoreError", "UnreachableError"),
-    "campaign.spec.load": ("Campaign", "load_campaign"),
+    "campaign.spec.load": ("Campaign", "load_campaign", "load_campaign_text"),
     "campaign.store": ("Store", "open_store"),
     "clearcap.results": ("Results", "open_campaign", "report"),
     "clearcap.running": ("run_campaign",),
     "engine": (
         *("Certificate", "EngineError", "Mechanism", "MechanismError", "Recording", "Run", "Trajectory"),
-        *("check", "library_names", "load_mechanism", "read_trajectory", "set_values", "simulate"),
+        *("check", "library_names", "load_mechanism", "load_mechanism_text", "read_trajectory"),
+        *("set_values", "simulate"),
     ),
     "reporting": ("Capability", "ReportError", "capability"),
 }

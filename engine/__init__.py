@@ -3,7 +3,7 @@
 from engine.build import build_id
 from engine.compilation import missing_kernels
 from engine.errors import EngineError, FolderError, MechanismError, TrajectoryError
-from engine.mechanism import Mechanism, library_names, load_mechanism, set_values
+from engine.mechanism import Mechanism, library_names, load_mechanism, load_mechanism_text, set_values
 from engine.run import Certificate, Run
 from engine.simulate import check, simulate, warm_up
 from engine.trajectory import Recording, Trajectory, read_trajectory
@@ -22,6 +22,7 @@ __all__ = [
     "check",
     "library_names",
     "load_mechanism",
+    "load_mechanism_text",
     "missing_kernels",
     "read_trajectory",
     "set_values",

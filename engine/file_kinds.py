@@ -70,6 +70,20 @@ def unreadable_kind(path: str | Path, wanted: str) -> str | None:
         beginning = read_beginning(path, _BEGINNING)
     except (OSError, UnfitFile):
         return None
+    return content_kind(beginning, wanted)
+
+
+def content_kind(content: bytes, wanted: str) -> str | None:
+    """Return what the content of a file is that is no TOML, and what takes it; None if that is not known.
+
+    Parameters
+    ----------
+    content : bytes
+        Of the file.
+    wanted : str
+        ``mechanism`` or ``campaign``.
+    """
+    beginning = content[:_BEGINNING]
     for pattern, kind in _CONTENTS.items():
         if re.match(pattern, beginning, re.DOTALL):
             return f"{kind}; name a {wanted} file"

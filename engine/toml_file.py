@@ -48,7 +48,9 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def parse_toml(content: bytes) -> dict[str, Any]:
-    """Return the tables in the content of a TOML file; errors as of `read_toml`."""
+    """Return the tables in the content of a TOML file; UnfitToml if it is none in UTF-8, or goes beyond a limit."""
+    if len(content) > LARGEST:
+        raise UnfitToml(f"has {len(content)} bytes; allowed: up to {LARGEST}; shorten it")
     try:
         text = content.decode("utf-8-sig")  # some editors put a mark before the first character
     except UnicodeDecodeError as error:
@@ -61,6 +63,11 @@ def parse_toml(content: bytes) -> dict[str, Any]:
         raise UnfitToml(f"not TOML: {str(error).replace(chr(10), ' '):.200}; correct the file there") from None
     except (ValueError, RecursionError) as error:
         raise UnfitToml(f"not TOML: {error}; correct the file") from None
+
+
+def text_bytes(text: str | bytes) -> bytes:
+    """Return a text as the content of a file; what is not Unicode in it is left for `parse_toml` to refuse."""
+    return text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
 
 
 def _check_limits(text: str) -> None:

@@ -8,7 +8,7 @@ from typer.main import get_command
 
 from campaign.cli import app
 from campaign.cluster import scratch, tls_certificates
-from campaign.spec import data_files, data_formats
+from campaign.spec import data_files, data_formats, named_files
 from campaign.store.files import files
 from campaign.store.store import LARGEST_DOCUMENT
 from engine import toml_file
@@ -65,6 +65,7 @@ def test_limits():
         f"{expression.LONGEST} characters, {expression.DEEPEST} levels",
         f"{data_files.LARGEST_FILE // 10**6} MB, {data_formats.MOST_ROWS} rows, {data_formats.MOST_COLUMNS} columns,"
         f" {data_formats.LARGEST_DECODED >> 30} GiB to decode it",
+        f"{named_files.MOST_FILES} files, {named_files.LARGEST_TOTAL // 10**6} MB in all",
         f"{files.LARGEST >> 20} MiB; state, lease and heartbeat {LARGEST_DOCUMENT >> 20} MiB each",
         f"at most {tls_certificates.LONGEST}",
         f"`{scratch.PREFIX}...`",

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from pathlib import Path
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
@@ -10,8 +10,8 @@ import numpy as np
 from campaign.errors import SpecError
 from campaign.spec.data_formats import CsvColumns, ParquetColumns, bounded_memory, is_number
 from campaign.spec.faults import fault
+from campaign.spec.named_files import NamedFiles
 from engine.mechanism.faults import did_you_mean
-from engine.regular_file import UnfitFile, read_regular_file
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -20,15 +20,15 @@ LARGEST_FILE = 100_000_000  # bytes
 FORMATS = (".csv", ".parquet")
 
 
-def read_data_files(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, Any], list[str]]:
+def read_data_files(raw: Mapping[str, Any], files: NamedFiles) -> tuple[dict[str, Any], list[str]]:
     """Return a campaign in which the columns of its data files replace the names of the files.
 
     Parameters
     ----------
     raw : mapping
         The campaign as read. It may have faults.
-    folder : Path
-        The folder that relative paths start from.
+    files : NamedFiles
+        What the names of files in it stand for.
 
     Returns
     -------
@@ -45,7 +45,7 @@ def read_data_files(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, Any
             if not _names_file(entry, "values") or not isinstance(entry.get("column"), str):
                 continue
             try:
-                values = _read_beside(folder, entry["file"], [entry["column"]])[entry["column"]]
+                values = read_columns(files, entry["file"], [entry["column"]])[entry["column"]]
                 rest = {key: value for key, value in entry.items() if key not in ("file", "column")}
                 origin = f"{entry['file']}, column {entry['column']}"
                 whole["variables"][name] = {"source": origin, **rest, "values": values}
@@ -53,7 +53,7 @@ def read_data_files(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, Any
                 faults.append(fault(["variables", name, "file"], entry["file"], str(error)))
     if _names_file(table, "columns") and isinstance(variables, dict):
         try:
-            columns = _read_beside(folder, table["file"], list(variables))
+            columns = read_columns(files, table["file"], list(variables))
             rest = {key: value for key, value in table.items() if key != "file"}
             whole["table"] = {"source": table["file"], **rest, "columns": columns}
         except SpecError as error:
@@ -61,17 +61,17 @@ def read_data_files(raw: Mapping[str, Any], folder: Path) -> tuple[dict[str, Any
     return whole, faults
 
 
-def read_columns(path: Path, names: list[str], *, quote: bool = True) -> dict[str, list[float]]:
+def read_columns(files: NamedFiles, file: str, names: list[str]) -> dict[str, list[float]]:
     """Return columns of numbers of a CSV or Parquet file by name.
 
     Parameters
     ----------
-    path : Path
-        The file.
+    files : NamedFiles
+        Where it is.
+    file : str
+        Its name.
     names : list of str
         The columns to read.
-    quote : bool
-        Whether a message may name the columns of the file.
 
     Raises
     ------
@@ -81,38 +81,24 @@ def read_columns(path: Path, names: list[str], *, quote: bool = True) -> dict[st
     """
     import pyarrow as pa
 
-    suffix = path.suffix.lower()
+    suffix = PurePath(file).suffix.lower()
     if suffix not in FORMATS:
         raise SpecError("its name ends neither in .csv nor in .parquet; name a CSV or Parquet file")
+    content = files.content(file, LARGEST_FILE)
     try:
-        content = read_regular_file(path, LARGEST_FILE)
         with bounded_memory():
             columns = (CsvColumns if suffix == ".csv" else ParquetColumns)(content)
             if columns.names:  # otherwise reading says what is wrong
-                _check_names(names, columns.names, quote)
+                _check_names(names, columns.names, files.may_quote(file))
             table = columns.read(names)
-    except FileNotFoundError as error:
-        raise SpecError(f"no such file ({path}); paths are relative to the campaign file") from error
     except MemoryError as error:
         raise SpecError("its content takes too much memory; keep only the columns and rows that you need") from error
     except (pa.ArrowException, OverflowError, ValueError) as error:  # ValueError: a footer that is damaged
         raise SpecError(f"not {suffix[1:]}: {_reason(error)}; correct the file") from error
-    except UnfitFile as error:
-        most = f"files of up to {LARGEST_FILE // 1_000_000} MB; keep only the columns and rows that the campaign needs"
-        raise SpecError(f"cannot be read ({error.strerror}); allowed: {most}") from error
     except OSError as error:
         what = error.strerror if error.errno else _reason(error)  # pyarrow's own have no number
         raise SpecError(f"cannot be read ({what}); name a readable {suffix[1:]} file") from error
     return {name: _numbers(table.column(name), name) for name in names}
-
-
-def _read_beside(folder: Path, file: str, names: list[str]) -> dict[str, list[float]]:
-    """Return columns of a file; a message quotes nothing of one that lies outside the campaign's folder."""
-    try:
-        inside = (folder / file).resolve().is_relative_to(folder.resolve())
-    except (OSError, ValueError, RuntimeError) as error:  # a loop of links, a NUL in the name
-        raise SpecError(f"no such file ({error}); paths are relative to the campaign file") from error
-    return read_columns(folder / file, names, quote=inside)
 
 
 def _names_file(entry: Any, content: str) -> TypeGuard[dict[str, Any]]:

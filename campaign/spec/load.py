@@ -1,4 +1,4 @@
-"""Loading a campaign file: read it, check everything at once, and load its mechanism.
+"""Loading a campaign from a file or a text: read it, check everything at once, and load its mechanism.
 
 All faults of a file are collected before it is refused, so that a user can correct it in one go.
 """
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from importlib import resources
 from itertools import islice
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from pydantic import ValidationError
@@ -18,14 +19,16 @@ from campaign.inputs.sampling import SAMPLERS
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.data_files import read_data_files
 from campaign.spec.faults import fault, structure_faults
+from campaign.spec.named_files import FolderFiles, GivenFiles, NamedFiles
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from campaign.spec.targets import target_faults
-from engine import EngineError, load_mechanism, set_values
-from engine.file_kinds import other_kind, unreadable_kind
+from engine import EngineError, set_values
+from engine.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.mechanism import Mechanism, library_names
 from engine.mechanism.base import is_number
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, listed
-from engine.toml_file import UnfitToml, read_toml
+from engine.regular_file import read_regular_file
+from engine.toml_file import LARGEST, UnfitToml, parse_toml, text_bytes
 
 Source = str | Path | Mapping[str, Any]  # a shipped campaign's name, a file, or the tables of a file
 
@@ -75,14 +78,54 @@ def load_campaign(source: Source, *, samples: int | None = None, seed: int | Non
     """
     overrides = {key: value for key, value in (("samples", samples), ("seed", seed)) if value is not None}
     if isinstance(source, Mapping):
-        return _checked({**source, **overrides}, Path(), "campaign:")
+        return _checked({**source, **overrides}, FolderFiles(Path()), "campaign:")
     path = _locate(str(source))
-    return _checked(_read(path) | overrides, path.parent, f"campaign {path}:")
+    try:
+        content = read_regular_file(path, LARGEST)
+    except OSError as error:
+        unreadable = f"cannot be read ({error.strerror or error}); name a campaign file"
+        raise SpecError(f"campaign {path}: {unreadable_kind(path, 'campaign') or unreadable}") from error
+    return _checked(_tables(content, path) | overrides, FolderFiles(path.parent), f"campaign {path}:")
 
 
-def _checked(raw: dict[str, Any], folder: Path, heading: str) -> Campaign:
-    """Return the campaign of the tables of a file; `folder` is where its paths begin."""
-    raw, faults = read_data_files(raw, folder)
+def load_campaign_text(
+    text: str | bytes,
+    files: Mapping[str, bytes] = MappingProxyType({}),
+    *,
+    samples: int | None = None,
+    seed: int | None = None,
+) -> Campaign:
+    """Check a campaign that came as text, with the files that it names.
+
+    No file is opened but those of clearcap itself. So text that anybody posts can name no file of this machine.
+
+    Parameters
+    ----------
+    text : str or bytes
+        Content of a campaign file, at most a megabyte; bytes are UTF-8.
+    files : mapping of str to bytes
+        Content of each file that the campaign names, by that name: its mechanism, if that is not a shipped one, and its
+        data files. At most 100 files, of at most 200 MB in all.
+    samples, seed : int, optional
+        Number of samples and seed, instead of those of the text.
+
+    Returns
+    -------
+    Campaign
+        The same as `load_campaign` returns of a folder with these files.
+
+    Raises
+    ------
+    SpecError
+        With all faults, as of `load_campaign`; also if it names a file that is not among those given.
+    """
+    overrides = {key: value for key, value in (("samples", samples), ("seed", seed)) if value is not None}
+    return _checked(_tables(text_bytes(text), None) | overrides, GivenFiles(files), "campaign:")
+
+
+def _checked(raw: dict[str, Any], files: NamedFiles, heading: str) -> Campaign:
+    """Return the campaign of the tables of a file."""
+    raw, faults = read_data_files(raw, files)
     spec = None
     try:
         spec = CampaignSpec.model_validate(raw)
@@ -90,14 +133,15 @@ def _checked(raw: dict[str, Any], folder: Path, heading: str) -> Campaign:
         faults += structure_faults(error, CampaignSpec)
     mechanism, key = None, "mechanism"
     try:
-        mechanism = _mechanism(raw.get("mechanism"), folder)
+        name = raw.get("mechanism")
+        mechanism = files.mechanism(name) if isinstance(name, str) and name else None
         key, preset = "preset", raw.get("preset")
         values = mechanism.preset(preset) if mechanism and isinstance(preset, str) else {}
         key, bench = "bench", raw.get("bench")
         mechanism = mechanism.on_bench(bench) if mechanism and isinstance(bench, str) else mechanism
         key = "preset"
         mechanism = set_values(mechanism, values) if mechanism and values else mechanism
-    except EngineError as error:
+    except (EngineError, SpecError) as error:
         faults.append(fault([key], raw[key], str(error)))
     if mechanism is not None:
         faults += islice(mechanism_faults(raw, mechanism), MOST_FAULTS)
@@ -141,26 +185,16 @@ def _locate(name_or_path: str) -> Path:
     return path
 
 
-def _read(path: Path) -> dict[str, Any]:
-    """Return the content of a TOML file."""
+def _tables(content: bytes, path: Path | None) -> dict[str, Any]:
+    """Return the tables in the content of a file, or of a text that has no path."""
+    heading = f"campaign {path}" if path else "campaign"
     try:
-        tables = read_toml(path)
-    except OSError as error:
-        unreadable = f"cannot be read ({error.strerror or error}); name a campaign file"
-        raise SpecError(f"campaign {path}: {unreadable_kind(path, 'campaign') or unreadable}") from error
+        tables = parse_toml(content)
     except UnfitToml as error:
-        raise SpecError(f"campaign {path}: {unreadable_kind(path, 'campaign') or error}") from error
-    if other := other_kind(tables, path, "campaign"):
-        raise SpecError(f"campaign {path}: {other}")
+        raise SpecError(f"{heading}: {content_kind(content, 'campaign') or error}") from error
+    if other := other_kind(tables, path or "FILE", "campaign"):
+        raise SpecError(f"{heading}: {other}")
     return tables
-
-
-def _mechanism(name: Any, folder: Path) -> Mechanism | None:
-    """Return the mechanism with a name or path; None if the campaign file has no usable name."""
-    if not isinstance(name, str) or not name:
-        return None
-    is_path = Path(name).suffix == ".toml" or len(Path(name).parts) > 1
-    return load_mechanism(folder / name if is_path else name)
 
 
 def _name_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:

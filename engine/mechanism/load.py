@@ -1,4 +1,4 @@
-"""Read a mechanism from a TOML file, or a shipped one by its name."""
+"""Read a mechanism from a TOML file or from the text of one, or a shipped one by its name."""
 
 import os
 from importlib.resources import files
@@ -6,10 +6,11 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from engine.errors import MechanismError
-from engine.file_kinds import other_kind, unreadable_kind
+from engine.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.mechanism.faults import did_you_mean
 from engine.mechanism.models import Mechanism, mechanism_from
-from engine.toml_file import UnfitToml, parse_toml, read_toml
+from engine.regular_file import read_regular_file
+from engine.toml_file import LARGEST, UnfitToml, parse_toml, text_bytes
 
 
 def library_names() -> list[str]:
@@ -52,16 +53,46 @@ def load_mechanism(name_or_path: str | Path) -> Mechanism:
     return _read(path, text)
 
 
+def load_mechanism_text(text: str | bytes, name: str = "mechanism") -> Mechanism:
+    """Load a mechanism from the text of its file. A mechanism names no other files, and none is opened.
+
+    Parameters
+    ----------
+    text : str or bytes
+        Content of a TOML file, at most a megabyte; bytes are UTF-8.
+    name : str
+        What an error calls it, such as the name of the file that the text came from.
+
+    Returns
+    -------
+    Mechanism
+        Frozen and checked; the same as that of a file with this text.
+
+    Raises
+    ------
+    MechanismError
+        When it is no TOML or no mechanism, or with one line for each fault.
+    """
+    return _checked(text_bytes(text), name)
+
+
 def _read(file: Path | Traversable, source: str) -> Mechanism:
     """Read a file and check it; a MechanismError says what is wrong."""
     try:
-        data = read_toml(file) if isinstance(file, Path) else parse_toml(file.read_bytes())
+        content = read_regular_file(file, LARGEST) if isinstance(file, Path) else file.read_bytes()
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         unreadable = f"cannot be read ({reason}); give a mechanism's TOML file"
         raise MechanismError(f"{source}: {unreadable_kind(source, 'mechanism') or unreadable}") from None
+    return _checked(content, source)
+
+
+def _checked(content: bytes, source: str) -> Mechanism:
+    """Return the mechanism in the content of a file; a MechanismError says what is wrong."""
+    try:
+        data = parse_toml(content)
     except UnfitToml as error:
-        raise MechanismError(f"{source}: {unreadable_kind(source, 'mechanism') or error}") from None
+        raise MechanismError(f"{source}: {content_kind(content, 'mechanism') or error}") from None
     if other := other_kind(data, source, "mechanism"):
         raise MechanismError(f"{source}: {other}")
     if data and not data.keys() & {"format", "name", "units", "bodies"}:

@@ -33,6 +33,7 @@ from campaign.reports.cost_file import read_costs
 from campaign.reports.variable_settings import changed_variables
 from campaign.spec.data_files import read_columns
 from campaign.spec.load import load_campaign
+from campaign.spec.named_files import FolderFiles
 from campaign.store import BadPart, open_store
 from campaign.store.layout import HEARTBEAT, LEASE, MANIFEST, STATE, STOPPED
 from engine import EngineError, load_mechanism, simulate, warm_up
@@ -305,7 +306,7 @@ def data_files(folder, count):
     def use(mutated, number):
         name, content = mutated
         (folder / "data" / name).write_bytes(content)
-        columns = read_columns(folder / "data" / name, ["x", "y"][: 1 + number % 2])
+        columns = read_columns(FolderFiles(folder / "data"), name, ["x", "y"][: 1 + number % 2])
         for values in columns.values():
             assert np.isfinite(values).all()
 

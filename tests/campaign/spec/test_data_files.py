@@ -14,13 +14,14 @@ from pyarrow import parquet
 from campaign.errors import SpecError
 from campaign.spec import data_files
 from campaign.spec.data_files import read_columns, read_data_files
+from campaign.spec.named_files import FolderFiles
 from tests.house import ROOT
 
 
-def refusal(path, names=("x",), **options):
+def refusal(path, names=("x",)):
     """Return why a file is refused."""
     with pytest.raises(SpecError) as error:
-        read_columns(path, list(names), **options)
+        read_columns(FolderFiles(path.parent), path.name, list(names))
     assert len(str(error.value).splitlines()) == 1
     assert len(str(error.value)) < 2000
     return str(error.value)
@@ -65,7 +66,7 @@ def test_footer_that_says_fewer_rows(tmp_path):
     path, rows = tmp_path / "x.parquet", 3_000_000
     content = write_parquet(path, {"x": np.zeros(rows)}, row_group_size=rows)
     path.write_bytes(with_footer(content, {rows: 900_000}))
-    assert len(read_columns(path, ["x"])["x"]) == 900_000
+    assert len(read_columns(FolderFiles(tmp_path), path.name, ["x"])["x"]) == 900_000
 
 
 IN_LITTLE_MEMORY = """\
@@ -73,9 +74,10 @@ import sys
 from pathlib import Path
 from campaign.spec import data_formats
 from campaign.spec.data_files import read_columns
+from campaign.spec.named_files import FolderFiles
 
 data_formats.LARGEST_DECODED = 40_000_000
-read_columns(Path(sys.argv[1]), ["x"])
+read_columns(FolderFiles(Path(sys.argv[1]).parent), Path(sys.argv[1]).name, ["x"])
 """
 
 
@@ -154,7 +156,7 @@ def test_odd_csv_is_one_message(tmp_path, content, said):
 def test_csv_of_other_programs(tmp_path, content):
     """Line ends of Windows, a mark before the first character, lines inside quotes, empty lines."""
     (tmp_path / "x.csv").write_text(content, newline="")
-    assert read_columns(tmp_path / "x.csv", ["x"]) == {"x": [1.0, 2.0]}
+    assert read_columns(FolderFiles(tmp_path), "x.csv", ["x"]) == {"x": [1.0, 2.0]}
 
 
 @pytest.mark.parametrize("name", ["pipe.csv", "zero.csv", "folder.csv", "loop.csv", "nul\0.csv", "long" * 200 + ".csv"])
@@ -165,7 +167,7 @@ def test_only_regular_files_are_read(tmp_path, name):
     (tmp_path / "folder.csv").mkdir()
     (tmp_path / "loop.csv").symlink_to("loop.csv")
     raw = {"variables": {"x": {"distribution": "empirical", "file": name, "column": "x"}}}
-    whole, (said,) = read_data_files(raw, tmp_path)
+    whole, (said,) = read_data_files(raw, FolderFiles(tmp_path))
     assert whole == raw
     assert said.startswith('variables.x.file = "')
     assert "cannot be read (" in said or "no such file (" in said
@@ -186,7 +188,7 @@ def test_a_file_elsewhere_is_not_quoted(tmp_path):
     (tmp_path / "x.csv").write_text("x\n1\nroot,secret\n")
     for name, column in (("link.csv", "x"), ("link.csv", "root:secret"), ("../x.csv", "y"), ("../x.csv", "x")):
         raw = {"variables": {"x": {"distribution": "empirical", "file": name, "column": column}}}
-        _, (said,) = read_data_files(raw, tmp_path / "campaign")
+        _, (said,) = read_data_files(raw, FolderFiles(tmp_path / "campaign"))
         assert "secret" not in said.replace("root:secret", "") or column in said
         assert "user" not in said
         assert "root,secret" not in said
@@ -205,6 +207,7 @@ import sys
 from pathlib import Path
 from campaign.errors import SpecError
 from campaign.spec.data_files import read_columns
+from campaign.spec.named_files import FolderFiles
 path, first = Path(sys.argv[1]), int(sys.argv[2])
 content = path.read_bytes()
 refused = 0
@@ -212,7 +215,7 @@ for at in range(first, len(content)):
     for change in (1, 2, 0x10, 0xFF):
         path.write_bytes(content[:at] + bytes([content[at] ^ change]) + content[at + 1 :])
         try:
-            read_columns(path, ["x"])
+            read_columns(FolderFiles(path.parent), path.name, ["x"])
         except SpecError:
             refused += 1
 print(refused)

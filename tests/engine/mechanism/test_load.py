@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from engine import toml_file
 from engine.errors import MechanismError
-from engine.mechanism import Mechanism, library_names, load_mechanism, mechanism_from
+from engine.mechanism import Mechanism, library_names, load, load_mechanism, load_mechanism_text, mechanism_from
 from engine.mechanism.bodies import Body
 
 MINIMAL = """
@@ -71,6 +70,32 @@ def test_a_path_loads_as_text_and_as_path(tmp_path):
     assert load_mechanism(path).bodies["ball"].mass == 1.0
 
 
+def test_a_text_loads_as_its_file_does(tmp_path):
+    """As text and as bytes, with the mark that some editors write."""
+    mechanism = load_mechanism(write(tmp_path, MINIMAL))
+    assert load_mechanism_text(MINIMAL) == load_mechanism_text(b"\xef\xbb\xbf" + MINIMAL.encode()) == mechanism
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "a.toml: 6 faults\n  format: missing"),
+        ("x = ", "a.toml: not TOML: "),
+        (b"\xff", "a.toml: line 1: not UTF-8 text"),
+        ("\ud800", "a.toml: line 1: not UTF-8 text"),
+        (b"PAR1\x15\x00", "a.toml: is a Parquet file"),
+        ("#" * 1_000_001, "a.toml: has 1000001 bytes; allowed: up to 1000000; shorten it"),
+        ('mechanism = "c60"\nsamples = 3', "a.toml: is a campaign file, not a mechanism"),
+        ("a = 1", "a.toml: not a mechanism"),
+    ],
+)
+def test_a_text_that_is_no_mechanism(text, said):
+    """The message has the name that it is given by."""
+    with pytest.raises(MechanismError) as caught:
+        load_mechanism_text(text, "a.toml")
+    assert str(caught.value).startswith(said)
+
+
 def test_an_unknown_name_lists_the_shipped_ones():
     text = message("c61")
     assert text.startswith(
@@ -95,7 +120,7 @@ def test_a_file_that_may_not_be_read(tmp_path, monkeypatch):
     def refuse(path, at_most):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
-    monkeypatch.setattr(toml_file, "read_regular_file", refuse)
+    monkeypatch.setattr(load, "read_regular_file", refuse)
     assert "permission denied" in message(write(tmp_path, MINIMAL))
 
 

@@ -1,0 +1,134 @@
+"""The files that a campaign names: those of a folder, or a closed set of contents that came with its text."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+from campaign.errors import SpecError
+from engine import load_mechanism, load_mechanism_text
+from engine.mechanism import Mechanism, library_names
+from engine.mechanism.faults import did_you_mean
+from engine.regular_file import UnfitFile, read_regular_file
+
+MOST_FILES = 100  # that come with a campaign's text
+LARGEST_TOTAL = 200_000_000  # bytes of all of them
+LONGEST_NAME = 200  # characters
+
+
+class NamedFiles(Protocol):
+    """What the names of files in a campaign stand for."""
+
+    def mechanism(self, name: str) -> Mechanism:
+        """Return the mechanism of a name; MechanismError or SpecError if there is none, or it has faults."""
+
+    def content(self, name: str, at_most: int) -> bytes:
+        """Return the content of a data file of at most so many bytes; SpecError, without the key, if there is none."""
+
+    def may_quote(self, name: str) -> bool:
+        """Return whether a message may tell what is in a data file."""
+
+
+@dataclass(frozen=True)
+class FolderFiles:
+    """The files that a name leads to from a folder: all those that the user of this process may read.
+
+    Parameters
+    ----------
+    folder : Path
+        Where relative paths begin.
+    """
+
+    folder: Path
+
+    def mechanism(self, name: str) -> Mechanism:
+        """Return a shipped mechanism, or that of a file; MechanismError if there is none, or it has faults."""
+        is_path = Path(name).suffix == ".toml" or len(Path(name).parts) > 1
+        return load_mechanism(self.folder / name if is_path else name)
+
+    def content(self, name: str, at_most: int) -> bytes:
+        """Return the content of a regular file; SpecError if there is none, or it cannot be read."""
+        path = self.folder / name
+        try:
+            return read_regular_file(path, at_most)
+        except (FileNotFoundError, ValueError) as error:  # ValueError: a NUL in the name
+            what = path if isinstance(error, OSError) else error
+            raise SpecError(f"no such file ({what}); paths are relative to the campaign file") from error
+        except UnfitFile as error:
+            most = f"files of up to {at_most // 1_000_000} MB; keep only the columns and rows that the campaign needs"
+            raise SpecError(f"cannot be read ({error.strerror}); allowed: {most}") from error
+        except OSError as error:
+            kind = path.suffix.lower()[1:]
+            raise SpecError(f"cannot be read ({error.strerror or error}); name a readable {kind} file") from error
+
+    def may_quote(self, name: str) -> bool:
+        """Return whether a file lies in the folder: a campaign may name any file of the machine."""
+        try:
+            return (self.folder / name).resolve().is_relative_to(self.folder.resolve())
+        except (OSError, ValueError, RuntimeError):  # a loop of links, a NUL in the name
+            return False
+
+
+class GivenFiles:
+    """Files that came with the text of a campaign: no other is opened, whatever the text names.
+
+    Parameters
+    ----------
+    contents : mapping of str to bytes
+        Content of each file by the name that the campaign has for it, such as ``latch.toml`` or ``data/gaps.csv``.
+
+    Raises
+    ------
+    SpecError
+        If there are too many files, too large ones, or one whose name leads out of the campaign's folder.
+    """
+
+    def __init__(self, contents: Mapping[str, bytes]) -> None:
+        total = sum(map(len, contents.values()))
+        if len(contents) > MOST_FILES or total > LARGEST_TOTAL:
+            raise SpecError(
+                f"{len(contents)} files of {total} bytes are given with the campaign; allowed: {MOST_FILES} files and"
+                f" {LARGEST_TOTAL} bytes in all; give only those that it names"
+            )
+        for name in contents:
+            if len(name) > LONGEST_NAME or not name.isprintable() or not re.fullmatch(_RELATIVE, name):
+                raise SpecError(
+                    f"{name!a:.120}: no name of a file that is given with a campaign; allowed: relative names such as"
+                    f" latch.toml or data/gaps.csv, up to {LONGEST_NAME} characters, without .. and \\; rename it"
+                )
+        self._contents = dict(contents)
+
+    def mechanism(self, name: str) -> Mechanism:
+        """Return a shipped mechanism, or a given one; errors as of `NamedFiles`."""
+        if name in library_names():
+            return load_mechanism(name)
+        return load_mechanism_text(self._given(name, f", and shipped mechanisms: {', '.join(library_names())}"), name)
+
+    def content(self, name: str, at_most: int) -> bytes:
+        """Return the content of a given file; SpecError if it is none of them, or too large."""
+        content = self._given(name)
+        if len(content) > at_most:
+            raise SpecError(
+                f"has {len(content)} bytes; allowed: up to {at_most}; keep only the columns and rows that the campaign"
+                " needs"
+            )
+        return content
+
+    def may_quote(self, name: str) -> bool:
+        """Return that a message may tell what is in a file: whoever gave it knows."""
+        return True
+
+    def _given(self, name: str, others: str = "") -> bytes:
+        """Return the content of a file; SpecError names those that there are."""
+        content = self._contents.get(name.removeprefix("./"))
+        if content is None:
+            names = f": {', '.join(self._contents)}" if self._contents else "; there are none"
+            raise SpecError(
+                f"no such file is given with the campaign; allowed: those that are{names}{others}; give it too, or name"
+                f" another{did_you_mean(name, [*self._contents, *(library_names() if others else ())])}"
+            )
+        return content
+
+
+_RELATIVE = r"(?!.*(?:^|/)\.{0,2}(?:/|$))[^\\:]+"  # no part that is empty, . or ..; no drive
