@@ -6,7 +6,6 @@ would obey, and whatever hides or reorders letters, is printed as an escape such
 
 import json
 import logging
-import math
 import sys
 import traceback
 import unicodedata
@@ -15,6 +14,8 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from campaign.json_values import json_values
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -55,7 +56,7 @@ def say(text: str) -> None:
 
 def print_json(document: Any) -> None:
     """Print one JSON document on standard output; a number that is not finite becomes null."""
-    text = json.dumps(_finite(document), indent=2, ensure_ascii=False, allow_nan=False)
+    text = json.dumps(json_values(document), indent=2, ensure_ascii=False, allow_nan=False)
     print("".join(json.dumps(char)[1:-1] if _is_invisible(char) and char != "\n" else char for char in text))
 
 
@@ -132,14 +133,3 @@ def _is_invisible(char: str) -> bool:
 def _escape(char: str) -> str:
     """Return a character as Python writes it in ASCII."""
     return char.encode("unicode_escape").decode() if not "\ud800" <= char <= "\udfff" else f"\\u{ord(char):04x}"
-
-
-def _finite(document: Any) -> Any:
-    """Return a document with None in place of NaN and infinities."""
-    if isinstance(document, float):
-        return document if math.isfinite(document) else None
-    if isinstance(document, dict):
-        return {key: _finite(value) for key, value in document.items()}
-    if isinstance(document, list | tuple):
-        return [_finite(value) for value in document]
-    return document

@@ -1,7 +1,8 @@
 """The cost file of `clearcap advise --cost`: what a smaller standard deviation of a variable costs."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationError, model_validator
 
@@ -105,17 +106,37 @@ def read_costs(path: Path, plan: Plan) -> Costs:
         With all faults of the file.
     """
     try:
-        costs = Costs.model_validate(read_toml(path))
+        tables = read_toml(path)
     except OSError as error:
         raise SpecError(f"cost file {path}: {error.strerror or error}; name a file that can be read") from error
     except UnfitToml as error:
         raise SpecError(f"cost file {path}: {error}") from error
+    return costs_of(tables, plan, f"cost file {path}:")
+
+
+def costs_of(tables: Mapping[str, Any], plan: Plan, heading: str) -> Costs:
+    """Return the costs in the tables of a cost file.
+
+    Parameters
+    ----------
+    tables : mapping
+        Content of the file.
+    plan : Plan
+        The campaign whose variables they name.
+    heading : str
+        How a message about them begins.
+
+    Raises
+    ------
+    SpecError
+        With all faults.
+    """
+    try:
+        costs = Costs.model_validate(tables)
     except ValidationError as error:
-        raise SpecError("\n  ".join([f"cost file {path}:", *structure_faults(error, Costs)])) from error
+        raise SpecError("\n  ".join([heading, *structure_faults(error, Costs)])) from error
     unknown = [name for name in costs.variables if name not in plan.spec.variables]
     if unknown:
         allowed = ", ".join(plan.spec.variables)
-        raise SpecError(
-            f"cost file {path}: variables.{unknown[0]}: the campaign has no such variable; allowed: {allowed}"
-        )
+        raise SpecError(f"{heading} variables.{unknown[0]}: the campaign has no such variable; allowed: {allowed}")
     return costs

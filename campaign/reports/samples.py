@@ -1,5 +1,7 @@
 """Samples of a campaign as columns, for questions that need no new runs."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,8 +17,28 @@ from reporting.samples import whole_lots
 Limits = dict[str, tuple[float | None, float | None]]
 
 
-def independent_samples(store: Store, plan: Plan) -> tuple[dict[str, Array], NDArray[np.int64] | None]:
-    """Return the variables and responses of all samples that are drawn independently, and their production lots.
+@dataclass(frozen=True)
+class SampleColumns:
+    """Samples that are drawn independently, as columns.
+
+    Attributes
+    ----------
+    number : array of int64, shape (n,)
+        The samples.
+    values : dict of str to ndarray, each of shape (n,)
+        Variables and responses by name; NaN where a run has no value.
+    """
+
+    number: NDArray[np.int64]
+    values: dict[str, Array]
+
+    def first(self, count: int) -> "SampleColumns":
+        """Return the first samples, at most ``count``, without a copy."""
+        return SampleColumns(self.number[:count], {name: column[:count] for name, column in self.values.items()})
+
+
+def independent_samples(store: Store, plan: Plan) -> SampleColumns:
+    """Return the variables and responses of all samples that are drawn independently.
 
     Parameters
     ----------
@@ -25,19 +47,12 @@ def independent_samples(store: Store, plan: Plan) -> tuple[dict[str, Array], NDA
     plan : Plan
         The campaign.
 
-    Returns
-    -------
-    dict of str to ndarray, each of shape (n,)
-        By name; NaN where a run has no value.
-    array of int64, shape (n,), or None
-        Production lot of each sample; None if no variable varies by lot.
-
     Raises
     ------
     CampaignError
         If there are no rows.
     """
-    names = [*plan.spec.variables, *plan.mechanism.responses]
+    names = column_names(plan)
     pieces: dict[str, list[Array]] = {name: [] for name in names}
     samples: list[NDArray[np.int64]] = []
     for table in store.stream(plan, ["sample", *names]):
@@ -45,9 +60,14 @@ def independent_samples(store: Store, plan: Plan) -> tuple[dict[str, Array], NDA
         samples.append(table["sample"].to_numpy()[rows])
         for name in names:
             pieces[name].append(table[name].to_numpy()[rows])
-    if not pieces[names[0]]:
+    if not samples:
         raise CampaignError(f"{plan.campaign_id}: no sample is computed yet; wait for the first, or run the campaign")
-    return {name: np.concatenate(pieces.pop(name)) for name in names}, lots_of(plan, np.concatenate(samples))
+    return SampleColumns(np.concatenate(samples), {name: np.concatenate(pieces.pop(name)) for name in names})
+
+
+def column_names(plan: Plan) -> list[str]:
+    """Return the names of the columns that questions read: variables, then responses."""
+    return [*plan.spec.variables, *plan.mechanism.responses]
 
 
 def lots_of(plan: Plan, sample: NDArray[np.int64]) -> NDArray[np.int64] | None:

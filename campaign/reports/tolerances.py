@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,7 @@ from campaign.inputs.distributions import Distribution
 from campaign.plan import Plan
 from campaign.reports.changed_distributions import check_drawn
 from campaign.reports.cost_file import Cost, Costs
-from campaign.reports.samples import Limits, independent_samples, limits_of
+from campaign.reports.samples import Limits, SampleColumns, independent_samples, limits_of, lots_of
 from campaign.reports.spreads import Spreads
 from campaign.store import Store
 from engine.arrays import Array
@@ -25,14 +27,20 @@ from reporting.tolerance.tolerance_advice import AdvisedSamples, ToleranceAdvice
 
 
 def advice_of(store: Store, plan: Plan) -> ToleranceAdvice:
+    """Return `advice_from` the samples that the store has."""
+    check_drawn(plan.spec)
+    return advice_from(plan, independent_samples(store, plan))
+
+
+def advice_from(plan: Plan, columns: SampleColumns) -> ToleranceAdvice:
     """Return what must shrink for the responses below Cpk 1.33, and what may grow with the others.
 
     Parameters
     ----------
-    store : Store
-        Where the campaign is.
     plan : Plan
         The campaign.
+    columns : SampleColumns
+        Its samples.
 
     Raises
     ------
@@ -41,8 +49,9 @@ def advice_of(store: Store, plan: Plan) -> ToleranceAdvice:
     CampaignError
         If no response has limits and values.
     """
-    samples, limits, lots = _samples_and_limits(store, plan)
-    columns = {name: samples[name] for name in plan.spec.variables}
+    check_drawn(plan.spec)
+    samples, limits, lots = columns.values, _given_limits(plan), lots_of(plan, columns.number)
+    variables = {name: samples[name] for name in plan.spec.variables}
     spreads = Spreads(plan.spec, plan.mechanism)
 
     def rescale(factors: Mapping[str, float], rows: NDArray[np.intp]) -> Change:
@@ -54,19 +63,25 @@ def advice_of(store: Store, plan: Plan) -> ToleranceAdvice:
             raise ReportError("no response has limits and values that vary; give limits to at least one")
         responses, most_failed = {name: samples[name] for name in limits}, 1 - plan.spec.failures.min_ok
         return tolerance_advice(
-            AdvisedSamples(responses, limits, columns, _varied(plan), lots, most_failed), cpks, CAPABLE, rescale
+            AdvisedSamples(responses, limits, variables, _varied(plan), lots, most_failed), cpks, CAPABLE, rescale
         )
 
 
 def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
+    """Return `cheapest_from` the samples that the store has."""
+    check_drawn(plan.spec)
+    return cheapest_from(plan, independent_samples(store, plan), costs)
+
+
+def cheapest_from(plan: Plan, columns: SampleColumns, costs: Costs) -> Allocation:
     """Return the cheapest standard deviations with which every response keeps its target.
 
     Parameters
     ----------
-    store : Store
-        Where the campaign is.
     plan : Plan
         The campaign.
+    columns : SampleColumns
+        Its samples.
     costs : Costs
         Target, and cost of each variable.
 
@@ -77,7 +92,8 @@ def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
     CampaignError
         If no response has limits and values, or the costs are impossible.
     """
-    samples, limits, _ = _samples_and_limits(store, plan)
+    check_drawn(plan.spec)
+    samples, limits = columns.values, _given_limits(plan)
     values = {name: samples[name][np.isfinite(samples[name])] for name in limits}
     spreads = Spreads(plan.spec, plan.mechanism)
     variables = [_costed(name, plan.spec.variables[name], cost, spreads) for name, cost in costs.variables.items()]
@@ -107,17 +123,26 @@ def _advice_errors(plan: Plan) -> Iterator[None]:
         raise CampaignError(f"advice of {plan.campaign_id}: {error}") from error
 
 
-def _samples_and_limits(store: Store, plan: Plan) -> tuple[dict[str, Array], Limits, NDArray[np.int64] | None]:
-    """Return the samples, the limits of the responses that have any, and the samples' production lots."""
-    check_drawn(plan.spec)
-    limits = {name: pair for name, pair in limits_of(plan).items() if pair != (None, None)}
-    samples, lots = independent_samples(store, plan)
-    return samples, limits, lots
+def _given_limits(plan: Plan) -> Limits:
+    """Return the limits of the responses that have any."""
+    return {name: pair for name, pair in limits_of(plan).items() if pair != (None, None)}
 
 
 def _variables(plan: Plan, samples: Mapping[str, Array], rows: NDArray[np.intp]) -> dict[str, Array]:
     """Return the variables at some of the samples."""
     return {name: samples[name][rows] for name in plan.spec.variables}
+
+
+def advice_document(advised: ToleranceAdvice) -> dict[str, Any]:
+    """Return the advice as data, as ``clearcap advise --json`` and the web service write it."""
+    return {
+        "advice": [asdict(each) for each in advised.growth],
+        "kept": advised.kept,
+        "below": {each.response: [asdict(a) for a in each.alone] for each in advised.shortfalls},
+        "together": {each.response: each.together and asdict(each.together) for each in advised.shortfalls},
+        "remedies": {each.response: each.text for each in advised.shortfalls},
+        "note": advised.note,
+    }
 
 
 def _shares(plan: Plan, samples: Mapping[str, Array], limits: Limits) -> dict[str, dict[str, float]]:

@@ -1,25 +1,56 @@
 """What would the responses be under other distributions of the variables? Answered without new runs."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
 from campaign.errors import CampaignError
 from campaign.plan import Plan
 from campaign.reports.changed_distributions import change_distributions, check_drawn
-from campaign.reports.samples import independent_samples, limits_of
+from campaign.reports.samples import SampleColumns, independent_samples, limits_of, lots_of
 from campaign.reports.variable_settings import changed_variables
 from campaign.store import Store
 from reporting import ReportError
+from reporting.tolerance.reweighting import Change
 from reporting.tolerance.whatif import WhatIf, what_if_all
 
 
-def what_if(store: Store, plan: Plan, settings: list[str]) -> dict[str, WhatIf]:
+@dataclass(frozen=True)
+class Refused:
+    """Responses without an answer, for one reason.
+
+    Attributes
+    ----------
+    reason : str
+        Why the samples do not tell.
+    responses : tuple of str
+        Of which this is so.
+    runs : int
+        Number of new runs that give Cpk (without limits, sigma) of each of them to within 5 %.
+    """
+
+    reason: str
+    responses: tuple[str, ...]
+    runs: int
+
+
+def what_if(store: Store, plan: Plan, settings: Sequence[str]) -> dict[str, WhatIf]:
+    """Return `what_if_from` the samples that the store has."""
+    check_drawn(plan.spec)
+    changed_variables(plan.spec, settings)  # what is wrong with a setting is said before a row is read
+    return what_if_from(plan, independent_samples(store, plan), settings)
+
+
+def what_if_from(plan: Plan, columns: SampleColumns, settings: Sequence[str]) -> dict[str, WhatIf]:
     """Return every response under changed distributions.
 
     Parameters
     ----------
-    store : Store
-        Where the campaign is.
     plan : Plan
         The campaign.
-    settings : list of str
+    columns : SampleColumns
+        Its samples.
+    settings : sequence of str
         See `campaign.reports.variable_settings.changed_variables`.
 
     Returns
@@ -32,14 +63,42 @@ def what_if(store: Store, plan: Plan, settings: list[str]) -> dict[str, WhatIf]:
     SpecError
         If a setting is not possible, or the samples are not drawn from distributions.
     CampaignError
-        If there are no samples.
+        If the samples do not fit together.
     """
-    check_drawn(plan.spec)
-    changed = changed_variables(plan.spec, settings).variables
-    samples, lots = independent_samples(store, plan)
-    responses = {name: samples[name] for name in plan.mechanism.responses}
+    change = change_of(plan, columns, settings)
+    responses = {name: columns.values[name] for name in plan.mechanism.responses}
     try:
-        change = change_distributions(plan.spec, changed, samples)
-        return what_if_all(responses, change, limits_of(plan), lots=lots)
+        return what_if_all(responses, change, limits_of(plan), lots=lots_of(plan, columns.number))
     except ReportError as error:
         raise CampaignError(f"what if of {plan.campaign_id}: {error}") from error
+
+
+def change_of(plan: Plan, columns: SampleColumns, settings: Sequence[str]) -> Change:
+    """Return what settings make of the samples; errors as of `what_if_from`."""
+    check_drawn(plan.spec)
+    return change_distributions(plan.spec, changed_variables(plan.spec, settings).variables, columns.values)
+
+
+def refusals(answers: Mapping[str, WhatIf]) -> list[Refused]:
+    """Return the responses without an answer, those of one reason together."""
+    by_reason: dict[str, list[str]] = {}
+    for name, answer in answers.items():
+        if answer.refusal:
+            by_reason.setdefault(answer.refusal, []).append(name)
+    return [
+        Refused(reason, tuple(names), max(answers[name].runs for name in names)) for reason, names in by_reason.items()
+    ]
+
+
+def what_if_document(
+    plan: Plan, store_url: str, settings: Sequence[str], answers: Mapping[str, WhatIf]
+) -> dict[str, Any]:
+    """Return the answers as data, as ``clearcap whatif --json`` and the web service write them."""
+    return {
+        "campaign": plan.campaign_id,
+        "store": store_url,
+        "set": list(settings),
+        "assumed": changed_variables(plan.spec, settings).assumptions,
+        "responses": {name: asdict(answer) for name, answer in answers.items()},
+        "refused": [asdict(each) for each in refusals(answers)],
+    }

@@ -1,7 +1,7 @@
 """``clearcap advise``: how far tolerances may grow, answered by the samples of a campaign without new runs."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -26,7 +26,7 @@ def advise(
     from dataclasses import asdict
 
     from campaign.reports.cost_file import read_costs
-    from campaign.reports.tolerances import advice_of, cheapest_tolerances
+    from campaign.reports.tolerances import advice_document, advice_of, cheapest_tolerances
     from campaign.store import open_store
     from campaign.store.files.patience import QUICK
 
@@ -36,7 +36,7 @@ def advise(
     if cost is None:
         advised = advice_of(opened, plan)
         if json:
-            print_json({**document, **_advice_document(advised)})
+            print_json({**document, **advice_document(advised)})
         else:
             _print_advice(advised)
         if advised.note:
@@ -50,20 +50,6 @@ def advise(
     if proposal.refusal:
         say(f"no proposal: {proposal.refusal}")
         raise typer.Exit(1)
-
-
-def _advice_document(advised: "ToleranceAdvice") -> dict[str, Any]:
-    """Return the advice as data."""
-    from dataclasses import asdict
-
-    return {
-        "advice": [asdict(each) for each in advised.growth],
-        "kept": advised.kept,
-        "below": {each.response: [asdict(a) for a in each.alone] for each in advised.shortfalls},
-        "together": {each.response: each.together and asdict(each.together) for each in advised.shortfalls},
-        "remedies": {each.response: each.text for each in advised.shortfalls},
-        "note": advised.note,
-    }
 
 
 def _print_advice(advised: "ToleranceAdvice") -> None:

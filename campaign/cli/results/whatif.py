@@ -27,11 +27,8 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
     Exit status 1 if a response has no answer; a message then says which, why, and how many new runs it takes. The
     answers of the other responses are printed all the same.
     """
-    from dataclasses import asdict
-
     from campaign.errors import SpecError
-    from campaign.reports.variable_settings import changed_variables
-    from campaign.reports.whatif import what_if
+    from campaign.reports.whatif import refusals, what_if, what_if_document
     from campaign.store import open_store
     from campaign.store.files.patience import QUICK
 
@@ -40,27 +37,23 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
     opened = open_store(store, QUICK)
     plan = opened.plan(opened.find(campaign))
     answers = what_if(opened, plan, settings)
-    assumptions = changed_variables(plan.spec, settings).assumptions
+    document = what_if_document(plan, opened.url, settings, answers)
     if json:
-        responses = {name: asdict(answer) for name, answer in answers.items()}
-        document = {"campaign": plan.campaign_id, "store": opened.url, "set": settings, "assumed": assumptions}
-        print_json({**document, "responses": responses})
+        print_json(document)
     else:
         _print(answers, plan.mechanism.response_units())
-    for assumption in assumptions:
+    for assumption in document["assumed"]:
         say(assumption)
     for words in _failures(answers):
         say(words)
     for note in dict.fromkeys(note for answer in answers.values() for note in answer.notes):
         say(f"{', '.join(name for name, answer in answers.items() if note in answer.notes)}: {note}")
-    refused = {name: answer for name, answer in answers.items() if answer.refusal}
-    for reason in dict.fromkeys(answer.refusal for answer in refused.values()):
-        names = [name for name, answer in refused.items() if answer.refusal == reason]
-        runs = max(refused[name].runs for name in names)
-        of = "any response" if len(names) == len(answers) > 1 else ", ".join(names)
+    refused = refusals(answers)
+    for each in refused:
+        of = "any response" if len(each.responses) == len(answers) > 1 else ", ".join(each.responses)
         say(
-            f"no answer for {of}: {reason}; run a campaign with these distributions:"
-            f" {runs} samples give Cpk (without limits, sigma) to within 5 %"
+            f"no answer for {of}: {each.reason}; run a campaign with these distributions:"
+            f" {each.runs} samples give Cpk (without limits, sigma) to within 5 %"
         )
     if refused:
         raise typer.Exit(1)

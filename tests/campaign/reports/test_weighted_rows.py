@@ -12,7 +12,7 @@ from campaign.coordinator.rerun import rerun_batch
 from campaign.errors import SpecError
 from campaign.inputs.sampling import draw, sampler_named
 from campaign.reports.report import report
-from campaign.reports.samples import independent_samples
+from campaign.reports.samples import independent_samples, lots_of
 from campaign.spec.load import load_campaign
 from campaign.worker.messages import CampaignAddress
 from reporting.render.json import report_schema
@@ -81,11 +81,11 @@ def test_questions_go_to_production_alone(tmp_path):
     table = store.table()
     nominal = table["component"].to_numpy() == 0
     assert 20 < nominal.sum() < 60
-    samples, lots = independent_samples(store, plan)
-    assert lots is None
+    samples = independent_samples(store, plan)
+    assert lots_of(plan, samples.number) is None
     progress = Progress(store, plan, store.survey(plan))
     assert progress.moments["FC-1"].n == nominal.sum()
-    assert samples["J1"].tolist() == table["J1"].to_numpy()[nominal].tolist()
+    assert samples.values["J1"].tolist() == table["J1"].to_numpy()[nominal].tolist()
 
 
 def test_columns_keep_their_names(tmp_path):

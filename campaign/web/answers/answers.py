@@ -1,0 +1,192 @@
+"""Questions to the campaigns of a store, answered with the command's numbers: computed once, then kept as bytes."""
+
+import asyncio
+import hashlib
+import json
+from collections.abc import Callable, Coroutine, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from campaign.errors import SpecError
+from campaign.store import Store
+from campaign.version import clearcap_version
+from campaign.web.answers.column_cache import USUAL_SIZE
+from campaign.web.answers.job_pool import JobPool
+from campaign.web.answers.kept_answers import KeptAnswers, SingleFlight
+from campaign.web.answers.questions import (
+    AskedRows,
+    advice_answer,
+    allocation_answer,
+    histogram_answer,
+    what_if_answer,
+)
+from campaign.web.answers.rows_version import rows_version
+
+KEPT_BYTES = 64 << 20  # of all answers
+MOST_SETTINGS, LONGEST_SETTING = 200, 1000  # in a question; characters
+FRESH_FOR = 1.0  # s, in which a campaign is not looked at again
+LOOKING_SHARE = 0.05  # of the time, that looking at a campaign may take
+_OF_A_QUESTION = 2.0  # for so many times as long as a question took, the rows stay those that it was asked of
+
+
+@dataclass(frozen=True)
+class Answer:
+    """An answer as it is sent.
+
+    Attributes
+    ----------
+    content : bytes
+        JSON.
+    etag : str
+        Names the rows, the question and the version of the program; in quotes, as HTTP wants it.
+    """
+
+    content: bytes
+    etag: str
+
+
+@dataclass
+class _Version:
+    """Which rows a campaign has, and until when that is taken for true."""
+
+    name: str
+    until: float
+
+
+class Answers:
+    """Answers questions to the campaigns of a store, in one event loop.
+
+    Parameters
+    ----------
+    pool : JobPool
+        The processes that compute.
+    store : Store
+        Where the campaigns are.
+    folder : Path
+        Of the columns; see `campaign.web.answers.column_cache.columns_folder`.
+    at_most : int
+        Bytes of the files in the folder.
+    kept_bytes : int
+        Bytes of the answers that are kept.
+    """
+
+    def __init__(
+        self, pool: JobPool, store: Store, folder: Path, at_most: int = USUAL_SIZE, kept_bytes: int = KEPT_BYTES
+    ) -> None:
+        self._pool, self._store, self._folder, self._at_most = pool, store, folder, at_most
+        self._kept, self._flights = KeptAnswers(kept_bytes), SingleFlight()
+        self._versions: dict[str, _Version] = {}
+
+    async def what_if(self, user: str, campaign: str, settings: Sequence[str], *, preview: bool = False) -> Answer:
+        """Return the document of ``clearcap whatif CAMPAIGN --set ... --json``, with the same numbers to the last bit.
+
+        Parameters
+        ----------
+        user : str
+            Who asks.
+        campaign : str
+            Its whole id.
+        settings : sequence of str
+            Each ``VARIABLE.KEY=VALUE``.
+        preview : bool
+            Ask only the first 100,000 samples. If there are more, the document has
+            ``"preview": {"rows": 100000, "of": ...}``; without this key it is exact.
+
+        Raises
+        ------
+        SpecError
+            If a setting is not possible, or the samples are not drawn from distributions.
+        CampaignError, StoreError
+            If there are no samples, or the store cannot be read.
+        Busy, JobFailed
+            See `JobPool.run`.
+        """
+        return await self._ask(user, what_if_answer, [campaign], _checked(settings), preview)
+
+    async def histogram(
+        self, user: str, campaign: str, response: str, settings: Sequence[str] = (), *, preview: bool = False
+    ) -> Answer:
+        """Return the bins of a response before and after a change; see `questions.histogram_answer`, and `what_if`."""
+        checked = _checked(settings) if settings else ()
+        return await self._ask(user, histogram_answer, [campaign], response, checked, preview)
+
+    async def advise(self, user: str, campaign: str) -> Answer:
+        """Return the document of ``clearcap advise CAMPAIGN --json``; errors as of `what_if`."""
+        return await self._ask(user, advice_answer, [campaign])
+
+    async def allocate(self, user: str, campaign: str, costs: str | Mapping[str, Any]) -> Answer:
+        """Return the document of ``clearcap advise CAMPAIGN --cost FILE --json``, of a cost file's text or tables."""
+        return await self._ask(user, allocation_answer, [campaign], costs)
+
+    async def version(self, campaign: str) -> str:
+        """Return which rows a campaign has, at most a second or twenty times the time of looking old.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot be read, or has no such campaign.
+        """
+        known = self._versions.get(campaign)
+        if known is None or known.until < monotonic():
+            key = f"version of {campaign}"
+            await self._flights.once(key, lambda: self._look(campaign))
+            known = self._versions[campaign]
+        return known.name
+
+    async def _look(self, campaign: str) -> bytes:
+        """Find out which rows a campaign has; remember it."""
+        begun = monotonic()
+        name = await asyncio.to_thread(rows_version, self._store, campaign)
+        now = monotonic()
+        keep = max(FRESH_FOR, (now - begun) / LOOKING_SHARE)
+        self._versions = {other: each for other, each in self._versions.items() if each.until > now}
+        self._versions[campaign] = _Version(name, now + keep)
+        return name.encode()
+
+    async def _ask(self, user: str, question: Callable[..., Any], campaigns: Sequence[str], *rest: Any) -> Answer:
+        """Return the answer to a question to some campaigns, kept or computed."""
+        versions = [await self.version(campaign) for campaign in campaigns]
+        asked = [clearcap_version(), self._store.url, question.__name__, *campaigns, *versions, *rest]
+        key = hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()
+        content = self._kept.get(key)
+        if content is None:
+            rows = [self._rows(*each) for each in zip(campaigns, versions, strict=True)]
+            content = await self._flights.once(key, self._computing(key, user, question, rows, rest))
+        return Answer(content, f'"{key[:32]}"')
+
+    def _rows(self, campaign: str, version: str) -> AskedRows:
+        """Return what names the rows of a campaign to a worker."""
+        return AskedRows(self._store.files.full_url, campaign, version, str(self._folder), self._at_most)
+
+    def _computing(
+        self, key: str, user: str, question: Callable[..., Any], rows: list[AskedRows], rest: Sequence[Any]
+    ) -> Callable[[], Coroutine[None, None, bytes]]:
+        """Return what computes an answer and keeps it."""
+
+        async def compute() -> bytes:
+            begun = monotonic()
+            content = await self._pool.run(user, question, *rows, *rest)
+            self._kept.put(key, content)
+            # while rows arrive, the next question of a user who moves a slider is not again the first of its rows
+            until = monotonic() + _OF_A_QUESTION * (monotonic() - begun)
+            for asked in rows:
+                known = self._versions.get(asked.campaign)
+                if known is not None and known.name == asked.version:
+                    known.until = max(known.until, until)
+            return content
+
+        return compute
+
+
+def _checked(settings: Sequence[str]) -> tuple[str, ...]:
+    """Return settings if there are some, not too many, and none too long."""
+    if not settings:
+        raise SpecError("no --set is given, so no distribution changes; write for example --set J1.std=0.01")
+    if len(settings) > MOST_SETTINGS or any(len(setting) > LONGEST_SETTING for setting in settings):
+        raise SpecError(
+            f"--set: {len(settings)} settings, the longest of {max(map(len, settings))} characters; allowed: up to"
+            f" {MOST_SETTINGS} of up to {LONGEST_SETTING}"
+        )
+    return tuple(settings)

@@ -1,0 +1,133 @@
+"""A private folder with the columns of campaigns, one mapped file for each; it may be deleted at any time."""
+
+import fcntl
+import hashlib
+import logging
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from campaign.errors import SpecError
+from campaign.plan import Plan
+from campaign.reports.samples import SampleColumns, independent_samples
+from campaign.store import Store
+from campaign.web.answers.column_file import map_columns, write_columns
+from engine import FolderError
+from engine.private_folder import private_folder
+
+USUAL_SIZE = 4 << 30  # bytes: thirty campaigns of a million rows
+ABANDONED_AFTER = 3600.0  # s: no file takes so long to write
+_ENDING = ".columns"
+logger = logging.getLogger(__name__)
+
+
+def columns_folder() -> Path:
+    """Return the folder of the columns below the user's cache folder, which is ``XDG_CACHE_HOME`` or ``~/.cache``.
+
+    Raises
+    ------
+    SpecError
+        If somebody else could have filled it, or it cannot be made.
+    """
+    try:
+        cache = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
+        return private_folder(cache, "clearcap", "columns")
+    except (FolderError, OSError, RuntimeError) as error:  # RuntimeError: this user has no home
+        raise SpecError(
+            f"the columns of campaigns cannot be kept: {error}; name a folder in which only you can write with"
+            " XDG_CACHE_HOME"
+        ) from error
+
+
+class ColumnCache:
+    """Keeps the columns of campaigns that questions read.
+
+    Parameters
+    ----------
+    folder : Path
+        This user's alone; see `columns_folder`.
+    at_most : int
+        Bytes of all files together. Beyond that, those go that were not used for longest.
+    """
+
+    def __init__(self, folder: Path, at_most: int = USUAL_SIZE) -> None:
+        self._folder, self._at_most = folder, at_most
+
+    def columns(self, store: Store, plan: Plan, version: str) -> SampleColumns:
+        """Return the columns of a campaign, from their file; without one that is sound, from the store.
+
+        Parameters
+        ----------
+        store : Store
+            Where the campaign is.
+        plan : Plan
+            The campaign.
+        version : str
+            Of its rows; see `campaign.web.answers.rows_version`. The file of an earlier version is removed.
+
+        Raises
+        ------
+        CampaignError
+            If there are no rows.
+        StoreError
+            If the store cannot be read.
+        """
+        place = hashlib.sha256(f"{store.url}\n{plan.campaign_id}".encode()).hexdigest()[:16]
+        path = self._folder / f"{place}-{version[:32]}{_ENDING}"
+        with self._only_one(place):  # of several processes that ask for the same columns, one builds them
+            if (kept := self._kept(path, version)) is not None:
+                return kept
+            columns = independent_samples(store, plan)
+            try:
+                write_columns(path, version, columns)
+            except OSError as error:
+                logger.warning("the columns of %s are not kept: %s", plan.campaign_id, error.strerror or error)
+                return columns
+            self._remove_superseded(path, place)
+            self._remove_oldest()
+            # the columns that were read are given back to the system at once; those of the file cost none of it
+            return map_columns(path, version) if path.exists() else columns
+
+    def _kept(self, path: Path, version: str) -> SampleColumns | None:
+        """Return the columns in a file; None if it is not there or not sound."""
+        try:
+            columns = map_columns(path, version)
+            os.utime(path)
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError) as error:
+            logger.warning("the columns are built again: %s", error)
+            return None
+        return columns
+
+    @contextmanager
+    def _only_one(self, place: str) -> Iterator[None]:
+        """Hold a lock on the columns of a campaign; there are sixteen, so that their files need not be removed."""
+        with open(self._folder / f"{place[0]}.lock", "wb") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            yield
+
+    def _remove_superseded(self, path: Path, place: str) -> None:
+        """Remove the files of earlier versions; who has mapped one keeps it."""
+        for other in self._folder.glob(f"{place}-*{_ENDING}"):
+            if other != path:
+                other.unlink(missing_ok=True)
+
+    def _remove_oldest(self) -> None:
+        """Remove what was not used for longest until the rest is within bounds, and what a killed process left."""
+        found = []
+        for path in self._folder.iterdir():
+            with suppress(FileNotFoundError):
+                status = path.stat()
+                if path.suffix == ".tmp" and time.time() - status.st_mtime > ABANDONED_AFTER:
+                    path.unlink()
+                elif path.suffix == _ENDING:
+                    found.append((status.st_mtime, path, status.st_size))
+        total = sum(size for *_, size in found)
+        for _, path, size in sorted(found):
+            if total <= self._at_most:
+                return
+            path.unlink(missing_ok=True)
+            total -= size

@@ -1,0 +1,87 @@
+"""One file with the columns of a campaign that questions read: it is mapped into memory, not read.
+
+It is an Arrow file with one batch of rows, and the SHA-256 of it behind. A file that is cut short, changed or another's
+is found out when it is opened, and so costs no more than building it again.
+"""
+
+import hashlib
+import os
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from campaign.reports.samples import SampleColumns
+
+_DIGEST = hashlib.sha256().digest_size
+_NUMBER = "sample"
+_KEY = b"clearcap.columns"
+
+
+def write_columns(path: Path, key: str, columns: SampleColumns) -> None:
+    """Write a file of columns, whole or not at all, replacing an earlier one.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    key : str
+        What the columns are; who opens the file must ask for the same.
+    columns : SampleColumns
+        The columns.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    arrays = {_NUMBER: _as_it_is(pa.int64(), columns.number)}
+    arrays |= {name: _as_it_is(pa.float64(), column) for name, column in columns.values.items()}
+    batch = pa.record_batch(list(arrays.values()), names=list(arrays)).replace_schema_metadata({_KEY: key.encode()})
+    handle, temporary = tempfile.mkstemp(suffix=".tmp", dir=path.parent)
+    os.close(handle)
+    try:
+        with pa.OSFile(temporary, "wb") as sink, pa.ipc.new_file(sink, batch.schema) as writer:
+            writer.write_batch(batch)
+        with open(temporary, "r+b") as file:
+            digest = hashlib.file_digest(file, "sha256").digest()
+            file.write(digest)
+        os.replace(temporary, path)
+    except BaseException:
+        with suppress(OSError):
+            os.remove(temporary)
+        raise
+
+
+def map_columns(path: Path, key: str) -> SampleColumns:
+    """Return the columns in a file; their memory is the file's, and cannot be written.
+
+    Raises
+    ------
+    OSError
+        If it cannot be opened.
+    ValueError
+        If it is damaged, or holds other columns.
+    """
+    with pa.memory_map(str(path)) as source:
+        content = source.read_buffer()
+    end = content.size - _DIGEST
+    if end <= 0 or hashlib.sha256(memoryview(content)[:end]).digest() != memoryview(content)[end:].tobytes():
+        raise ValueError(f"{path} is damaged")
+    try:
+        with pa.ipc.open_file(pa.BufferReader(content.slice(0, end))) as reader:
+            if (reader.schema.metadata or {}).get(_KEY) != key.encode() or reader.num_record_batches != 1:
+                raise ValueError(f"{path} holds other columns")
+            batch = reader.get_batch(0)
+        arrays = {name: column.to_numpy() for name, column in zip(batch.schema.names, batch.columns, strict=True)}
+    except pa.ArrowException as error:
+        raise ValueError(f"{path} cannot be read: {error}") from error
+    return SampleColumns(arrays.pop(_NUMBER), arrays)
+
+
+def _as_it_is(kind: pa.DataType, values: NDArray[np.generic]) -> pa.Array:
+    """Return numbers as an Arrow array, without a copy or a look at each: NaN stays NaN."""
+    return pa.Array.from_buffers(kind, values.size, [None, pa.py_buffer(np.ascontiguousarray(values))])

@@ -1,0 +1,179 @@
+"""Some processes that compute whatever takes processor time, so that the process that serves never does.
+
+They are few, stay warm, and are replaced when a job takes too much, ends its process, or is cancelled. They are the
+project's own and not a library's, because a job needs limits of its own, a process an environment without the service's
+secrets, and its answer must not be unpickled; what a library would still do is less than what it would bring.
+"""
+
+import asyncio
+import json
+import logging
+from collections.abc import Callable
+from contextlib import suppress
+from types import TracebackType
+from typing import Any
+
+from campaign.errors import CampaignError
+from campaign.web.answers.job_limits import JobFailed, JobLimits
+from campaign.web.answers.job_process import JobProcess
+from campaign.web.answers.turns import Quota, Turns
+
+USUAL_PROCESSES = 2
+TO_WARM_UP = JobLimits(processor_s=600.0, wall_s=900.0)  # the engine may have to be compiled
+logger = logging.getLogger(__name__)
+
+
+class JobPool:
+    """Processes that compute jobs, one each at a time; an asynchronous context, in one event loop.
+
+    Parameters
+    ----------
+    processes : int
+        How many.
+    quota : Quota
+        What each user may ask for at a time.
+    limits : JobLimits
+        What a job may take, unless it says otherwise.
+    warm_up : callable, optional
+        What each process does before its first job, such as `engine.warm_up`.
+    """
+
+    def __init__(
+        self,
+        processes: int = USUAL_PROCESSES,
+        quota: Quota = Quota(),  # noqa: B008  # it is immutable
+        limits: JobLimits = JobLimits(),  # noqa: B008
+        warm_up: Callable[[], Any] | None = None,
+    ) -> None:
+        self._limits, self._warm_up = limits, warm_up
+        self._turns = Turns(processes, quota)
+        self._count = processes
+        self._idle: list[asyncio.Task[JobProcess]] = []  # last in, first out: what it has mapped may serve again
+        self._all: set[asyncio.Task[JobProcess]] = set()
+
+    async def __aenter__(self) -> "JobPool":
+        """Start the processes; they warm up meanwhile."""
+        for _ in range(self._count):
+            self._start()
+        return self
+
+    async def __aexit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        """End all processes at once, amid their jobs too."""
+        self._count = 0
+        for task in list(self._all):
+            await self._end(task)
+
+    @property
+    def running(self) -> int:
+        """Number of jobs that run."""
+        return self._turns.running
+
+    @property
+    def waiting(self) -> int:
+        """Number of jobs that wait for their turn."""
+        return self._turns.waiting
+
+    async def run(self, user: str, job: Callable[..., Any], *arguments: Any, limits: JobLimits | None = None) -> bytes:
+        """Compute a job in one of the processes when it is the user's turn; cancelling this call ends it.
+
+        Parameters
+        ----------
+        user : str
+            Who asks.
+        job : callable
+            A function of a module, which returns plain data or bytes.
+        *arguments
+            What it is called with.
+        limits : JobLimits, optional
+            What it may take.
+
+        Returns
+        -------
+        bytes
+            As the job returned them, or JSON of its plain data; numbers that are not finite are null.
+
+        Raises
+        ------
+        Busy
+            If too many jobs wait already; it says when to try again.
+        CampaignError
+            What the job raised; its attribute ``faults`` is None or the faults of an input as data.
+        JobFailed
+            If the job took more than it may, or ended its process.
+        """
+        async with self._turns.turn(user):
+            task = self._take()
+            try:
+                process = await asyncio.shield(task)
+            except asyncio.CancelledError:
+                self._idle.append(task)
+                raise
+            except (CampaignError, OSError) as error:
+                self._replace(task)
+                raise JobFailed(f"no process could be started for it: {error}") from error
+            try:
+                content = await process.ask(job, arguments, limits or self._limits)
+            except JobFailed as error:
+                if process.alive:
+                    logger.warning("a job of %s (%s) is ended: %s", user, job.__name__, error)
+                await self._end(task)
+                self._replace(task)
+                raise
+            except CampaignError:
+                self._idle.append(task)
+                raise
+            except BaseException:
+                await asyncio.shield(self._end(task))
+                self._replace(task)
+                raise
+            self._idle.append(task)
+            return content
+
+    async def data(self, user: str, job: Callable[..., Any], *arguments: Any, limits: JobLimits | None = None) -> Any:
+        """Return the plain data of a job; see `run`."""
+        return json.loads(await self.run(user, job, *arguments, limits=limits))
+
+    def _start(self) -> None:
+        """Start a process, which is idle once it is warm."""
+        task = asyncio.get_running_loop().create_task(self._warm_process())
+        self._all.add(task)
+        self._idle.append(task)
+
+    async def _warm_process(self) -> JobProcess:
+        """Return a process that has warmed up."""
+        process = await JobProcess.start()
+        if self._warm_up is not None:
+            try:
+                await process.ask(self._warm_up, (), TO_WARM_UP)
+            except BaseException:
+                await asyncio.shield(process.end())
+                raise
+        return process
+
+    def _take(self) -> "asyncio.Task[JobProcess]":
+        """Take an idle process, if possible one that is warm; one that has ended meanwhile is replaced."""
+        for task in [task for task in self._idle if task.done() and not _is_alive(task)]:
+            self._idle.remove(task)
+            self._replace(task)
+        warm = next((task for task in reversed(self._idle) if task.done()), self._idle[-1])
+        self._idle.remove(warm)
+        return warm
+
+    def _replace(self, task: "asyncio.Task[JobProcess]") -> None:
+        """Start a process in place of one that has ended."""
+        self._all.discard(task)
+        if self._count:
+            self._start()
+
+    async def _end(self, task: "asyncio.Task[JobProcess]") -> None:
+        """End a process, also one that is still warming up."""
+        task.cancel()
+        with suppress(asyncio.CancelledError, CampaignError, OSError):
+            await (await task).end()
+
+
+def _is_alive(task: "asyncio.Task[JobProcess]") -> bool:
+    """Return whether the process that a finished task has started runs."""
+    return not task.cancelled() and task.exception() is None and task.result().alive

@@ -1,0 +1,126 @@
+"""A process that computes jobs, seen from the one that serves: start it, ask it, end it."""
+
+import asyncio
+import json
+import os
+import pickle
+import re
+import signal
+from asyncio.subprocess import PIPE, Process
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from typing import Any
+
+from campaign import errors
+from campaign.errors import CampaignError
+from campaign.safe_path import python_environment
+from campaign.web.answers.job_child import COMMAND
+from campaign.web.answers.job_limits import JobFailed, JobLimits
+
+# What a process needs of the environment; whatever else the service has there, secrets of its own too, it does not get.
+_PASSED_ON = re.compile(
+    r"PATH|HOME|USER|LANG|LC_.*|TZ|TMPDIR|LD_LIBRARY_PATH|PYTHON.*|VIRTUAL_ENV|XDG_CACHE_HOME|NUMBA_.*|MPLBACKEND"
+    r"|CLEARCAP_TEMPORARY_CACHE|(HTTPS?|NO|ALL)_PROXY|SSL_CERT_(FILE|DIR)|AWS_.*|FSSPEC_.*|GOOGLE_APPLICATION_CREDENTIALS"
+    r"|AZURE_STORAGE_.*",
+    re.IGNORECASE,
+)
+_ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+_LARGEST_HEAD = 2**20  # bytes of the line before an answer
+
+
+def job_environment(environment: Mapping[str, str] | None = None) -> dict[str, str]:
+    """Return the environment of a process that computes jobs: what paths, languages and stores need, and no more.
+
+    Parameters
+    ----------
+    environment : mapping of str to str, optional
+        That of the service; by default this process's.
+    """
+    given = python_environment() if environment is None else environment
+    return {name: value for name, value in given.items() if _PASSED_ON.fullmatch(name)} | _ONE_THREAD
+
+
+class JobProcess:
+    """A process that computes one job at a time.
+
+    Parameters
+    ----------
+    process : asyncio.subprocess.Process
+        Which `start` has started.
+    """
+
+    def __init__(self, process: Process) -> None:
+        self._process = process
+
+    @classmethod
+    async def start(cls) -> "JobProcess":
+        """Start a process; it leads a session of its own, so that what jobs start ends with it."""
+        process = await asyncio.create_subprocess_exec(
+            *COMMAND, stdin=PIPE, stdout=PIPE, env=job_environment(), start_new_session=True, limit=_LARGEST_HEAD
+        )
+        return cls(process)
+
+    @property
+    def pid(self) -> int:
+        """Number of the process."""
+        return self._process.pid
+
+    @property
+    def alive(self) -> bool:
+        """Whether it has not ended, as far as is known."""
+        return self._process.returncode is None
+
+    async def ask(self, job: Callable[..., Any], arguments: tuple[Any, ...], limits: JobLimits) -> bytes:
+        """Return the answer to a job: bytes, or JSON of plain data.
+
+        After `JobFailed`, TimeoutError or a cancellation the process must be ended.
+
+        Raises
+        ------
+        CampaignError
+            What the job raised. An attribute ``faults`` has the faults of an input as data, None if there are none.
+        JobFailed
+            If it took more than it may, or its process ended.
+        """
+        stdin, stdout = self._process.stdin, self._process.stdout
+        assert stdin is not None
+        assert stdout is not None
+        request = pickle.dumps((job, arguments, limits))
+        try:
+            async with asyncio.timeout(limits.wall_s):
+                stdin.write(request)
+                await stdin.drain()
+                head = json.loads(await stdout.readuntil(b"\n"))
+                content = await stdout.readexactly(head["size"])
+        except TimeoutError:
+            raise JobFailed(f"it takes longer than {limits.wall_s:g} s; ask for less") from None
+        except (asyncio.IncompleteReadError, ConnectionError):
+            raise JobFailed(await self._why_ended(limits)) from None
+        if "error" in head:
+            error: CampaignError = _error(head["error"])(head["message"])
+            error.faults = head["faults"]  # type: ignore[attr-defined]
+            raise error
+        return content
+
+    async def end(self) -> None:
+        """End the process at once, and what its job has started."""
+        if self.alive:
+            with suppress(ProcessLookupError):
+                os.killpg(self._process.pid, signal.SIGKILL)
+        await self._process.wait()
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+
+    async def _why_ended(self, limits: JobLimits) -> str:
+        """Return how the process ended, in words."""
+        status = await self._process.wait()
+        if status == -signal.SIGXCPU:
+            return f"it takes more than {limits.processor_s:g} s of processor time; ask for less"
+        how = f"by signal {-status} ({signal.strsignal(-status)})" if status < 0 else f"with exit status {status}"
+        return f"its process ended {how}; it was replaced, and the log may say more"
+
+
+def _error(kind: str) -> type[CampaignError]:
+    """Return a class of errors by its name."""
+    found = JobFailed if kind == JobFailed.__name__ else getattr(errors, kind, JobFailed)
+    return found if isinstance(found, type) and issubclass(found, CampaignError) else JobFailed

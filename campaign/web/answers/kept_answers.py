@@ -1,0 +1,91 @@
+"""Answers that are kept as bytes, and questions that are computed once when they are asked at the same time."""
+
+import asyncio
+from collections import OrderedDict
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+
+from campaign.web.answers.turns import Busy
+
+_OVERHEAD = 500  # bytes of the key and its place
+
+
+class KeptAnswers:
+    """The answers that were asked for last.
+
+    Parameters
+    ----------
+    at_most : int
+        Bytes of all answers together.
+    """
+
+    def __init__(self, at_most: int) -> None:
+        self._at_most, self._size = at_most, 0
+        self._answers: OrderedDict[str, bytes] = OrderedDict()
+
+    def get(self, key: str) -> bytes | None:
+        """Return an answer, None if it is not kept."""
+        found = self._answers.get(key)
+        if found is not None:
+            self._answers.move_to_end(key)
+        return found
+
+    def put(self, key: str, answer: bytes) -> None:
+        """Keep an answer; those that were not asked for longest go."""
+        self._size -= _size(self._answers.pop(key, None))
+        self._answers[key] = answer
+        self._size += _size(answer)
+        while self._size > self._at_most:
+            _, oldest = self._answers.popitem(last=False)
+            self._size -= _size(oldest)
+
+
+def _size(answer: bytes | None) -> int:
+    """Return what an answer takes [bytes]."""
+    return 0 if answer is None else len(answer) + _OVERHEAD
+
+
+@dataclass
+class _Flight:
+    """A computation under way, and how many wait for it."""
+
+    task: "asyncio.Task[bytes]"
+    waiting: int = 0
+
+
+class SingleFlight:
+    """Computes what several ask for at the same time once; when nobody waits any more, it is cancelled."""
+
+    def __init__(self) -> None:
+        self._flights: dict[str, _Flight] = {}
+
+    async def once(self, key: str, compute: Callable[[], Coroutine[None, None, bytes]]) -> bytes:
+        """Return the outcome of ``compute``, or that of an equal computation that is under way.
+
+        Raises
+        ------
+        Busy
+            If this call's own computation may not wait. That another's may not is no reason: it is tried again.
+        """
+        while True:
+            flight = self._flights.get(key)
+            is_own = flight is None
+            if flight is None:
+                flight = self._flights[key] = _Flight(asyncio.get_running_loop().create_task(compute()))
+                flight.task.add_done_callback(lambda task: self._forget(key, task))
+            flight.waiting += 1
+            try:
+                return await asyncio.shield(flight.task)
+            except Busy:
+                if is_own:
+                    raise
+            finally:
+                flight.waiting -= 1
+                if not flight.waiting and not flight.task.done():
+                    flight.task.cancel()
+                    self._forget(key, flight.task)
+
+    def _forget(self, key: str, task: "asyncio.Task[bytes]") -> None:
+        """Let the next who asks compute anew."""
+        if key in self._flights and self._flights[key].task is task:
+            del self._flights[key]

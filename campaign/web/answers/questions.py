@@ -1,0 +1,159 @@
+"""Questions to the samples of a campaign, as a worker process answers them: plain data in, plain data out.
+
+A worker keeps the plans and the mapped columns of the campaigns that were asked last, so that a question costs what its
+arithmetic costs.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from campaign.errors import CampaignError, SpecError
+from campaign.plan import Plan
+from campaign.reports.cost_file import costs_of
+from campaign.reports.samples import SampleColumns, limits_of
+from campaign.reports.tolerances import advice_document, advice_from, cheapest_from
+from campaign.reports.whatif import change_of, what_if_document, what_if_from
+from campaign.store import open_store
+from campaign.store.files.patience import QUICK
+from campaign.web.answers.column_cache import ColumnCache
+from engine.toml_file import UnfitToml, parse_toml
+from reporting import ReportError
+from reporting.shape.histogram import histogram
+from reporting.tolerance.reweighting import weights
+
+PREVIEW_ROWS = 100_000  # of a million, they give Cpk to within 0.001
+KEPT_CAMPAIGNS = 8  # plans and mapped columns that a worker keeps
+
+
+@dataclass(frozen=True)
+class AskedRows:
+    """The rows that are asked.
+
+    Attributes
+    ----------
+    store : str
+        Path or URL of the store, with what access takes.
+    campaign : str
+        Id of the campaign.
+    version : str
+        Of its rows; see `campaign.web.answers.rows_version`.
+    folder : str
+        Of the cache of columns.
+    at_most : int
+        Largest size of the cache [bytes].
+    """
+
+    store: str
+    campaign: str
+    version: str
+    folder: str
+    at_most: int
+
+
+@dataclass(frozen=True)
+class _Opened:
+    """A campaign that a worker has open: where it is, its plan and its columns."""
+
+    url: str
+    plan: Plan
+    columns: SampleColumns
+
+
+@lru_cache(maxsize=KEPT_CAMPAIGNS)
+def _opened(rows: AskedRows) -> _Opened:
+    """Return a campaign with its columns; a newer version of its rows is another."""
+    store = open_store(rows.store, QUICK)
+    plan = store.plan(rows.campaign)
+    return _Opened(store.url, plan, ColumnCache(Path(rows.folder), rows.at_most).columns(store, plan, rows.version))
+
+
+def what_if_answer(rows: AskedRows, settings: tuple[str, ...], preview: bool) -> dict[str, Any]:
+    """Return the document of ``clearcap whatif --json``.
+
+    Parameters
+    ----------
+    rows : AskedRows
+        The samples.
+    settings : tuple of str
+        Each ``VARIABLE.KEY=VALUE``.
+    preview : bool
+        Take only the first 100,000 samples. If there are more, the document says so under ``preview``.
+    """
+    opened = _opened(rows)
+    columns, mark = _asked(opened.columns, preview)
+    answers = what_if_from(opened.plan, columns, settings)
+    return what_if_document(opened.plan, opened.url, settings, answers) | mark
+
+
+def histogram_answer(rows: AskedRows, response: str, settings: tuple[str, ...], preview: bool) -> dict[str, Any]:
+    """Return the bins of a response as it is and under changed distributions.
+
+    Returns
+    -------
+    dict
+        ``response``, ``unit``, ``lsl``, ``usl``; ``edges`` (k + 1); ``before``, the number of samples in each bin (k);
+        ``after``, the same as the new distributions weight them, null without settings or where they refuse, with the
+        reason in ``refusal``. The sum of both is the number of samples with a value.
+    """
+    opened = _opened(rows)
+    plan, (columns, mark) = opened.plan, _asked(opened.columns, preview)
+    if response not in plan.mechanism.responses:
+        allowed = ", ".join(plan.mechanism.responses)
+        raise SpecError(f"response {response}: campaign {plan.campaign_id} has no such response; allowed: {allowed}")
+    values, limits = columns.values[response], limits_of(plan)[response]
+    finite = np.isfinite(values)
+    bins = histogram(values[finite], *limits)
+    document: dict[str, Any] = {
+        "campaign": plan.campaign_id,
+        "set": list(settings),
+        "response": response,
+        "unit": plan.mechanism.response_units()[response],
+        "lsl": limits[0],
+        "usl": limits[1],
+        "edges": bins.edges if bins else [],
+        "before": bins.counts if bins else [],
+        "after": None,
+        "refusal": "",
+    }
+    if settings and bins:
+        try:
+            found = weights(change_of(plan, columns, settings))
+        except ReportError as error:
+            raise CampaignError(f"what if of {plan.campaign_id}: {error}") from error
+        document["refusal"] = found.refusal
+        if not found.refusal:
+            weight = found.weight[finite]
+            after, _ = np.histogram(values[finite], np.array(bins.edges), weights=weight * (weight.size / weight.sum()))
+            document["after"] = after.tolist()
+    return document | mark
+
+
+def advice_answer(rows: AskedRows) -> dict[str, Any]:
+    """Return the document of ``clearcap advise --json``."""
+    opened = _opened(rows)
+    advised = advice_document(advice_from(opened.plan, opened.columns))
+    return {"campaign": opened.plan.campaign_id, "store": opened.url, **advised}
+
+
+def allocation_answer(rows: AskedRows, costs: Mapping[str, Any] | str) -> dict[str, Any]:
+    """Return the document of ``clearcap advise --cost FILE --json``, for the text or the tables of a cost file."""
+    opened = _opened(rows)
+    try:
+        tables = parse_toml(costs.encode("utf-8", "surrogateescape")) if isinstance(costs, str) else costs
+    except UnfitToml as error:
+        raise SpecError(f"costs: {error}") from error
+    found = cheapest_from(opened.plan, opened.columns, costs_of(tables, opened.plan, "costs:"))
+    return {"campaign": opened.plan.campaign_id, "store": opened.url, "allocation": asdict(found)}
+
+
+def _asked(columns: SampleColumns, preview: bool) -> tuple[SampleColumns, dict[str, Any]]:
+    """Return the samples that a question takes, and what its document says if these are not all."""
+    total = columns.number.size
+    if not preview or total <= PREVIEW_ROWS:
+        return columns, {}
+    return columns.first(PREVIEW_ROWS), {"preview": {"rows": PREVIEW_ROWS, "of": total}}

@@ -1,0 +1,109 @@
+"""Jobs that end in all the ways in which jobs end."""
+
+import os
+import signal
+import subprocess
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from campaign.errors import SpecError, StoreError
+
+
+def add(a, b):
+    """Return a sum as data."""
+    return {"sum": a + b, "process": os.getpid()}
+
+
+def raw(size):
+    """Return bytes as they are."""
+    return b"\n\0" * (size // 2)
+
+
+def odd_numbers():
+    """Return what JSON has no word for."""
+    return {"values": (float("nan"), float("inf"), 1.5)}
+
+
+def environment():
+    """Return the environment of the process."""
+    return dict(os.environ)
+
+
+def sleep(seconds):
+    """Take time, but no processor."""
+    time.sleep(seconds)
+    return "slept"
+
+
+def spin():
+    """Take all processor time there is."""
+    while True:
+        pass
+
+
+def eat():
+    """Take all memory there is."""
+    kept = []
+    while True:
+        kept.append(bytearray(1 << 26))
+
+
+def crash():
+    """End the process by a signal."""
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def leave():
+    """End the process as a bug would."""
+    os._exit(7)
+
+
+def wrong_input():
+    """Refuse the input, with faults as data."""
+    error = SpecError("variables.J1.std: -1: must be above 0")
+    error.faults = [{"key": "variables.J1.std"}]
+    raise error
+
+
+def store_away():
+    """Fail to reach the store."""
+    raise StoreError("store s3://x: cannot be reached")
+
+
+def bug():
+    """Fail for a reason of the program's own."""
+    raise KeyError("secret detail")
+
+
+def print_something():
+    """Print where only answers belong."""
+    print("noise")
+    return "said"
+
+
+def start_child(note):
+    """Start a process of its own, note its number and wait for it."""
+    child = subprocess.Popen(["sleep", "600"])
+    Path(note).write_text(str(child.pid))
+    child.wait()
+
+
+def count_calls(note, seconds, answer):
+    """Note each call in a file."""
+    with open(note, "ab") as file:
+        file.write(b"x")
+    time.sleep(seconds)
+    return answer
+
+
+@dataclass(frozen=True)
+class Shouting:
+    """An argument of a class of its own."""
+
+    text: str
+
+
+def shout(words):
+    """Return what an argument holds."""
+    return words.text.upper()
