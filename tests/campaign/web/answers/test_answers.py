@@ -24,7 +24,7 @@ COSTS = "[variables.J1]\ncost = 1.0\n[variables.preload]\ncost = 2.0\n"
 
 
 @pytest.fixture(scope="module")
-def served():
+def pooled():
     """Return an event loop and a pool of one process, kept for all tests of this module: starting one takes seconds."""
     with asyncio.Runner() as runner:
         pool = JobPool(1)
@@ -34,9 +34,9 @@ def served():
 
 
 @pytest.fixture
-def asked(served, folder):
+def asked(pooled, folder):
     """Return what runs a coroutine function with the answers of a store."""
-    runner, pool = served
+    runner, pool = pooled
     return lambda store, question: runner.run(question(Answers(pool, store, folder)))
 
 
