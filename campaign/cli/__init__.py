@@ -21,6 +21,7 @@ from campaign.cli.results.advise import advise
 from campaign.cli.results.compact import compact
 from campaign.cli.results.delete import delete
 from campaign.cli.results.design import design
+from campaign.cli.results.label import label
 from campaign.cli.results.list_campaigns import list_campaigns
 from campaign.cli.results.repeat import repeat
 from campaign.cli.results.report import report
@@ -70,6 +71,7 @@ app.command()(watch)
 app.command()(resume)
 app.command()(cancel)
 app.command("list")(list_campaigns)
+app.command()(label)
 app.command()(compact)
 app.command()(delete)
 app.command()(repeat)

@@ -22,6 +22,10 @@ def submit(
     queue_only: Annotated[
         bool, typer.Option("--queue-only", help="Only queue the campaign, for a coordinator that serves the store.")
     ] = False,
+    owner: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Who answers for a new campaign; by default you.")
+    ] = None,
+    tag: Annotated[list[str], typer.Option(metavar="TAG", help="Give it a tag; may be repeated.")] = [],  # noqa: B006
     json: Json = False,
 ) -> None:
     """Hand a campaign to a coordinator in the background, print its id, and return.
@@ -31,8 +35,10 @@ def submit(
     """
     from campaign.coordinator.plan_campaign import plan_campaign
     from campaign.coordinator.submit import assign_coordinator
+    from campaign.store.labels import LabelChange
 
-    opened, plan = plan_campaign(campaign, store, samples, seed, batch_size)
+    labels = LabelChange(owner, tuple(tag))
+    opened, plan = plan_campaign(campaign, store, samples, seed, batch_size, labels)
     assignment = assign_coordinator(opened, plan, where.options(), queue_only=queue_only)
     say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {opened.url}; {assignment.text(opened)}")
     if json:

@@ -8,6 +8,7 @@ from campaign.plan import Plan, make_plan
 from campaign.spec.campaign_cautions import campaign_cautions
 from campaign.spec.load import Campaign, Source, load_campaign
 from campaign.store import Store, open_store
+from campaign.store.labels import LabelChange
 
 logger = logging.getLogger(__name__)
 
@@ -18,6 +19,7 @@ def plan_campaign(
     samples: int | None = None,
     seed: int | None = None,
     batch_size: int | None = None,
+    labels: LabelChange | None = None,
 ) -> tuple[Store, Plan]:
     """Open the store, load the campaign and plan it; return the plan that the store has if it has one.
 
@@ -33,6 +35,8 @@ def plan_campaign(
         Instead of those of the campaign.
     batch_size : int, optional
         Samples in a batch, see `campaign.coordinator.submit.submit`.
+    labels : LabelChange, optional
+        Owner and tags, see there.
 
     Raises
     ------
@@ -51,4 +55,4 @@ def plan_campaign(
     if make_plan(loaded, batch_size).campaign_id not in opened.campaigns():
         for caution in campaign_cautions(loaded):
             logger.warning("warning: %s", caution)
-    return opened, submit(opened, loaded, batch_size)
+    return opened, submit(opened, loaded, batch_size, labels=labels)

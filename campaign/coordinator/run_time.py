@@ -1,11 +1,18 @@
 """Estimate how long a run takes, before a campaign is divided into batches."""
 
+import json
 import tempfile
 import time
 from dataclasses import replace
+from typing import Any
 
+from campaign.errors import StoreError
 from campaign.plan import Plan
-from campaign.store import open_store
+from campaign.store import BadPart, Store, open_store
+from campaign.store.files.files import LARGEST
+from campaign.store.layout import PLAN
+from campaign.store.parts import batches_of, folder
+from campaign.store.survey import read_file
 from campaign.worker.compiling import announced_compilation
 from campaign.worker.messages import CampaignAddress, Simulate
 from campaign.worker.subprocess_runs import rows_in_subprocess
@@ -34,6 +41,45 @@ def seconds_per_run(plan: Plan, simulate: Simulate) -> float | None:
         start = time.perf_counter()
         statuses = [row["status"] for row in rows]
         return None if "crashed" in statuses else (time.perf_counter() - start) / len(statuses)
+
+
+def known_seconds_per_run(store: Store, plan: Plan) -> float | None:
+    """Return how long runs of a plan's mechanism took in the other campaigns of a store [s]; None if it has none.
+
+    Nothing is simulated. One file of rows is read, of the first campaign whose mechanism and settings of a run are the
+    same; its distributions may differ.
+    """
+    wanted = _what_time_depends_on(json.loads(plan.to_json()))
+    for campaign_id in store.campaigns():
+        try:
+            document = store.read_json(campaign_id, PLAN, LARGEST) or {}
+            if campaign_id != plan.campaign_id and _what_time_depends_on(document) == wanted:
+                seconds = _mean_time(store, campaign_id)
+                if seconds is not None:
+                    return seconds
+        except StoreError:
+            continue  # the plan is damaged, or of another version
+    return None
+
+
+def _what_time_depends_on(document: dict[str, Any]) -> list[Any]:
+    """Return those parts of a plan's document that decide, more than others, how long a run takes."""
+    spec = document.get("spec", {})
+    return [document.get("mechanism_digest"), *(spec.get(key) for key in ("simulation", "bench", "preset"))]
+
+
+def _mean_time(store: Store, campaign_id: str) -> float | None:
+    """Return the mean time of the runs in the first sound file of rows of a campaign [s]; None without one."""
+    header = store.plan_header(campaign_id)
+    for name in store.files.names(folder(header)):
+        if batches_of(name, header):
+            try:
+                times = read_file(store.files, header, name, ["wall_s"])["wall_s"].drop_null().to_pylist()
+            except (BadPart, FileNotFoundError):
+                continue
+            if times:
+                return float(sum(times) / len(times))
+    return None
 
 
 def _first_batch(samples: int, runs: int) -> tuple[tuple[int, int], ...]:

@@ -5,13 +5,13 @@ import logging
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from campaign.coordinator.lease import is_alive, is_coordinated
 from campaign.coordinator.reuse import reuse_rows
-from campaign.coordinator.run_time import seconds_per_run
+from campaign.coordinator.run_time import known_seconds_per_run, seconds_per_run
 from campaign.coordinator.state import state_of, write_state
 from campaign.environment import STORE
 from campaign.errors import unwritable
@@ -19,6 +19,8 @@ from campaign.plan import Plan, batch_size_is_fixed, make_plan
 from campaign.safe_path import python_environment
 from campaign.spec.load import Campaign
 from campaign.store import Store
+from campaign.store.label_versions import claim
+from campaign.store.labels import LabelChange, is_owner
 from campaign.store.layout import CANCEL, LEASE, LOG, SERVICE, SUBMISSION
 from campaign.worker.messages import Simulate
 from engine import simulate
@@ -26,7 +28,15 @@ from engine import simulate
 logger = logging.getLogger(__name__)
 
 
-def submit(store: Store, campaign: Campaign, batch_size: int | None = None, simulate: Simulate = simulate) -> Plan:
+def submit(
+    store: Store,
+    campaign: Campaign,
+    batch_size: int | None = None,
+    simulate: Simulate = simulate,
+    *,
+    labels: LabelChange | None = None,
+    tries_runs: bool = True,
+) -> Plan:
     """Write the plan of a campaign into a store, or return the one that the store has.
 
     Parameters
@@ -36,10 +46,16 @@ def submit(store: Store, campaign: Campaign, batch_size: int | None = None, simu
     campaign : Campaign
         The campaign.
     batch_size : int, optional
-        Samples in a batch of a new plan; default: as many as take about ten seconds, estimated from a few runs.
-        A plan that the store has keeps its batches.
+        Samples in a batch of a new plan; default: as many as take about ten seconds. A plan that the store has keeps
+        its batches.
     simulate : callable
         `engine.simulate`, or a function with the same parameters that takes its place.
+    labels : LabelChange, optional
+        Owner and tags. By default a new campaign's owner is the user of this process. Equal campaigns of two people are
+        one campaign: its first owner stays, and a message says so; tags are added.
+    tries_runs : bool
+        Estimate how long a run takes from a few runs, in a process of their own that may take minutes. If not, nothing
+        is simulated: the time is that of runs of this mechanism in the store; without any, batches are small.
 
     Returns
     -------
@@ -47,13 +63,17 @@ def submit(store: Store, campaign: Campaign, batch_size: int | None = None, simu
         The plan in the store.
     """
     new = make_plan(campaign, batch_size)
-    if new.campaign_id in store.campaigns():
+    is_new = new.campaign_id not in store.campaigns()
+    if not is_new:
         plan = store.plan(new.campaign_id)
     else:
-        is_size_known = batch_size is not None or batch_size_is_fixed(campaign.spec.samples)
-        seconds = None if is_size_known else seconds_per_run(new, simulate)
+        seconds = None
+        if batch_size is None and not batch_size_is_fixed(campaign.spec.samples):
+            seconds = seconds_per_run(new, simulate) if tries_runs else known_seconds_per_run(store, new)
         plan = store.create_plan(make_plan(campaign, batch_size, seconds))
-        store.create_json(plan.campaign_id, SUBMISSION, {"user": _user_name(), "time": time.time()})
+        store.create_json(plan.campaign_id, SUBMISSION, {"user": user_name(), "time": time.time()})
+    _label(store, plan, labels or LabelChange(), is_new=is_new)
+    if is_new:
         if reused := reuse_rows(store, plan):
             logger.info(
                 "%d rows are reused from a campaign that differs only in its number of samples or its limits", reused
@@ -64,7 +84,18 @@ def submit(store: Store, campaign: Campaign, batch_size: int | None = None, simu
     return plan
 
 
-def _user_name() -> str:
+def _label(store: Store, plan: Plan, wanted: LabelChange, *, is_new: bool) -> None:
+    """Give a campaign the owner and the tags that it is submitted with; say so if it has another owner already."""
+    user = user_name()
+    if wanted.owner is None and is_new and is_owner(user):
+        wanted = replace(wanted, owner=user)
+    labels = claim(store, plan.campaign_id, wanted, user)
+    submitter = user if wanted.owner is None else wanted.owner
+    if labels.owner and labels.owner != submitter:
+        logger.info("campaign %s was submitted before: its owner is and stays %s", plan.campaign_id, labels.owner)
+
+
+def user_name() -> str:
     """Return the name of this process's user; empty if the system has none for it, as in some containers."""
     try:
         return getpass.getuser()

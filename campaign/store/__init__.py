@@ -3,6 +3,7 @@
 STORE/CAMPAIGN_ID/campaign.toml   the spec
                   plan.json       the plan, immutable
                   manifest.json   the parts as last checked; without it a survey takes longer
+                  labels-000001.json  owner, tags, note, archived; a new file for each change
                   stopped.json    where the table ends, if the stopping rule ended the campaign
                   parts/part-000123.parquet          the rows of batch 123, written whole or not at all
                         rows-000000-000999.parquet   the rows of batches 0 to 999, merged from their parts

@@ -27,3 +27,8 @@ SERVICE = "service"  # beside the campaigns: the lease and the heartbeat of a co
 def manifest_name(plan: PlanHeader) -> str:
     """Return the name of the manifest of a campaign's rows, or of a set of its repeats, relative to the store."""
     return f"{plan.campaign_id}/{MANIFEST if plan.folder == PARTS else f'{plan.folder}.json'}"
+
+
+def labels_name(version: int) -> str:
+    """Return the name of a version of a campaign's labels, relative to its folder."""
+    return f"labels-{version:06d}.json"

@@ -1,6 +1,8 @@
 """``clearcap list``: the campaigns of a store."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from campaign.cli.options import StoreUrl
 from campaign.cli.output import Json, print_json, print_text, say, visible
@@ -9,22 +11,40 @@ from campaign.cli.results.status import progress
 
 if TYPE_CHECKING:
     from campaign.store import Store
+    from campaign.store.labels import Labels
 
-COLUMNS = ("campaign", "state", "done", "failed", "left", "when", "title")
+COLUMNS = ("campaign", "state", "done", "failed", "left", "when", "owner", "tags", "title")
 
 
-def list_campaigns(store: StoreUrl = "runs", json: Json = False) -> None:
-    """List the campaigns of a store: progress, date and title, and what differs between those of one title."""
+def list_campaigns(
+    store: StoreUrl = "runs",
+    owner: Annotated[str | None, typer.Option(metavar="NAME", help="Only the campaigns of this owner.")] = None,
+    tag: Annotated[list[str], typer.Option(metavar="TAG", help="Only campaigns with this tag; may be repeated.")] = [],  # noqa: B006
+    archived: Annotated[bool, typer.Option("--archived", help="Show archived campaigns too.")] = False,
+    json: Json = False,
+) -> None:
+    """List the campaigns of a store: progress, date, owner, tags, title, and what differs between those of one title.
+
+    Campaigns that somebody archived are left out.
+    """
     from campaign.store import open_store
     from campaign.store.files.patience import QUICK
     from campaign.store.which_campaign import check_is_store
 
     opened = open_store(store, QUICK)
     check_is_store(opened.files)
-    entries = [_entry(opened, campaign_id) for campaign_id in opened.campaigns()]
+    labelled = [(campaign_id, *_labels(opened, campaign_id)) for campaign_id in opened.campaigns()]
+    found = [each for each in labelled if each[1].has(owner, tag)]
+    shown = [each for each in found if archived or not each[1].archived]
+    entries = [_entry(opened, *each) for each in shown]
     add_differences(opened, entries)
     if json:
         print_json(entries)
+        return
+    if hidden := len(found) - len(shown):
+        say(f"{hidden} archived campaign{'s are' if hidden > 1 else ' is'} left out; show all with --archived")
+    if not entries and labelled:
+        say(f"store {opened.url}: none of its {len(labelled)} campaigns is to be shown")
         return
     if not entries:
         say(f"store {opened.url}: holds no campaign; make one: {opened.command('run', 'CAMPAIGN')}")
@@ -41,24 +61,40 @@ def list_campaigns(store: StoreUrl = "runs", json: Json = False) -> None:
 def _cell(entry: dict[str, Any], column: str) -> str:
     """Return a cell of the list."""
     value = entry[column]
-    if value is None:
+    if value is None or value in ("", []):
         return "-"
+    if column == "tags":
+        return visible(", ".join(value))
     if column == "when":  # the time here, without its offset
         return str(value)[:16].replace("T", " ")
     differences = in_words(entry["differs"]) if column == "title" else ""
     return visible(f"{value} ({differences})" if differences else str(value))
 
 
-def _entry(store: "Store", campaign_id: str) -> dict[str, Any]:
+def _labels(store: "Store", campaign_id: str) -> tuple["Labels", str | None]:
+    """Return the labels of a campaign; if they cannot be read none, and what is wrong with them."""
+    from campaign.errors import StoreError
+    from campaign.store.label_versions import read_labels
+    from campaign.store.labels import Labels
+
+    try:
+        return read_labels(store, campaign_id), None
+    except StoreError as error:
+        return Labels(), str(error)
+
+
+def _entry(store: "Store", campaign_id: str, labels: "Labels", fault: str | None) -> dict[str, Any]:
     """Return what the list says of a campaign; of a broken one, what is wrong with it."""
     from campaign.errors import CampaignError
 
-    entry: dict[str, Any] = dict.fromkeys((*COLUMNS, "samples", "fault")) | {"differs": {}}
-    entry |= {"campaign": campaign_id, "state": "broken"}
+    entry: dict[str, Any] = dict.fromkeys((*COLUMNS, "samples")) | {"differs": {}, "fault": fault}
+    said = labels.to_json()
+    entry |= {"campaign": campaign_id, "state": "broken", "labels_version": said.pop("version"), **said}
     try:
         header = store.plan_header(campaign_id)
         state, counts = progress(store, header)
     except CampaignError as error:
         return entry | {"fault": str(error)}
-    entry |= {"title": header.title, "state": state["state"], "when": state["since"], "fault": state["fault"]}
+    entry |= {"title": header.title, "state": state["state"], "when": state["since"]}
+    entry |= {"fault": fault or state["fault"]}
     return entry | {key: counts[key] for key in ("samples", "done", "failed", "left")}

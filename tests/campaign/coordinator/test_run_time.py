@@ -5,11 +5,12 @@ from functools import partial
 
 import pytest
 
-from campaign.coordinator.run_time import RUNS, seconds_per_run
+from campaign.coordinator.run_time import RUNS, known_seconds_per_run, seconds_per_run
 from campaign.coordinator.submit import submit
-from campaign.plan import batch_size_is_fixed, make_plan
-from campaign.store import open_store
+from campaign.plan import UNTRIED_BATCH, batch_size_is_fixed, make_plan
+from campaign.store import open_store, part_name
 from tests.campaign import fake_engine
+from tests.campaign.driving import computed
 
 
 def test_time_of_a_run_is_measured(plan):
@@ -49,3 +50,37 @@ def test_nothing_is_tried_where_it_decides_nothing(samples, tmp_path, campaign, 
     monkeypatch.setattr("campaign.coordinator.submit.seconds_per_run", lambda *_: tried.append(1))
     submit(open_store(str(tmp_path / "s")), sized)
     assert len(tried) == (0 if batch_size_is_fixed(samples) else 1)
+
+
+def of_a_size(campaign, samples, **changes):
+    """Return the campaign with so many samples and other changes of its spec."""
+    return type(campaign)(campaign.spec.model_copy(update={"samples": samples, **changes}), campaign.mechanism)
+
+
+def test_time_of_a_run_is_known_from_other_campaigns(tmp_path, campaign):
+    """The mean of a file of rows of the same mechanism and settings, whatever is drawn; a bad file is passed."""
+    took = partial(counting, str(tmp_path / "runs"))
+    store, other = computed(tmp_path / "s", of_a_size(campaign, 2, seed=3), 1, took)
+    new = make_plan(of_a_size(campaign, 4000), None)
+    assert known_seconds_per_run(store, new) == store.read_part(other, 0)["wall_s"][0].as_py() >= 0.5
+    store.files.write(part_name(other, 0), b"damaged")
+    assert known_seconds_per_run(store, new) == store.read_part(other, 1)["wall_s"][0].as_py()
+    coarse = campaign.spec.simulation.model_copy(update={"step": 0.01})
+    assert known_seconds_per_run(store, make_plan(of_a_size(campaign, 4000, simulation=coarse), None)) is None
+    store.files.write("demo-0123456789/plan.json", b"{}")
+    assert known_seconds_per_run(store, new) is not None
+    assert known_seconds_per_run(open_store(str(tmp_path / "empty")), new) is None
+
+
+def test_a_server_that_submits_simulates_nothing(tmp_path, campaign, monkeypatch):
+    """Batches fit the time that is known, and are small where none is."""
+    monkeypatch.setattr("campaign.coordinator.submit.seconds_per_run", lambda *_: pytest.fail("it simulates"))
+    monkeypatch.setattr("subprocess.Popen", lambda *_, **__: pytest.fail("it starts a process"))
+    store = open_store(str(tmp_path / "s"))
+    plan = submit(store, of_a_size(campaign, 40_000), tries_runs=False)
+    assert plan.batches[0] == (0, UNTRIED_BATCH)
+    monkeypatch.setattr("campaign.coordinator.submit.known_seconds_per_run", lambda *_: 0.1)
+    assert submit(store, of_a_size(campaign, 50_000), tries_runs=False).batches[0] == (0, 100)
+    monkeypatch.setattr("campaign.coordinator.submit.known_seconds_per_run", lambda *_: 1.0)
+    assert submit(store, of_a_size(campaign, 60_000), tries_runs=False).batches[0] == (0, 10)
+    assert submit(store, of_a_size(campaign, 40_000), tries_runs=False) == plan

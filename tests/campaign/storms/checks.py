@@ -51,7 +51,7 @@ def check_whole(store, plan, reference):
     known = load_manifest(store.files, plan)
     assert {part.batch: part for parts in known.values() for part in parts} == survey.parts
     root = plan.campaign_id
-    names = set(store.files.names(root)) - {layout.REPORT, layout.LOG, layout.SUBMISSION}
+    names = set(store.files.names(root)) - {layout.REPORT, layout.LOG, layout.SUBMISSION, layout.labels_name(1)}
     kept = {"plan.json", "campaign.toml", "state.json", "heartbeat.json", "parts", layout.MANIFEST}
     kept |= {"repeats-1", "repeats-1.json"}
     assert names == kept, names ^ kept  # no lease, no marker, nothing temporary

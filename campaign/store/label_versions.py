@@ -1,0 +1,145 @@
+"""The labels of campaigns in their store: no change is lost, whoever else changes them at the same time.
+
+Each change writes a document of its own, ``labels-000001.json`` and so on, which must not exist before. So of two
+people who change the same labels at once one is first, and the other begins again from what the first wrote, or is
+refused: no change replaces one that it has not seen, on shared folders without locks too. A campaign of an earlier
+version has none.
+"""
+
+import re
+import time
+from dataclasses import replace
+from typing import Any
+
+from campaign.errors import CampaignError, SpecError, StoreError
+from campaign.store.labels import LabelChange, Labels
+from campaign.store.layout import PLAN, labels_name
+from campaign.store.store import Store
+
+LARGEST_LABELS = 2**14  # bytes of a document: what the limits of labels allow, in four bytes a character
+KEPT = 20  # documents of a campaign; older ones are removed
+TRIES = 20  # against others who change the same labels at this moment
+_NAME = re.compile(r"labels-(\d{6})\.json")
+
+
+class StaleLabels(CampaignError):
+    """Somebody else changed the labels of a campaign after they were read."""
+
+
+def read_labels(store: Store, campaign_id: str) -> Labels:
+    """Return the labels of a campaign; empty ones of version 0 if nobody has given it any.
+
+    Raises
+    ------
+    StoreError
+        If they cannot be read, or are not what clearcap wrote.
+    """
+    return _newest(store, campaign_id, 0)
+
+
+def change_labels(
+    store: Store, campaign_id: str, change: LabelChange, *, by: str = "", version: int | None = None
+) -> Labels:
+    """Change the labels of a campaign, and return them.
+
+    Parameters
+    ----------
+    store : Store
+        Where the campaign is.
+    campaign_id : str
+        Its whole id.
+    change : LabelChange
+        What is to change.
+    by : str
+        Who changes it.
+    version : int, optional
+        Of the labels that the change was made for: if they have another by now, it is refused. Without it, what the
+        change names is changed in whatever the labels are by now.
+
+    Raises
+    ------
+    StaleLabels
+        If the labels are of another version.
+    SpecError
+        If there is no such campaign, or it would have too many tags.
+    StoreError
+        If the labels cannot be read or written.
+    """
+    if not store.files.exists(f"{campaign_id}/{PLAN}"):
+        raise SpecError(f"store {store.url}: no campaign {campaign_id}; see: {store.command('list')}")
+    at_least = 0
+    for _ in range(TRIES):
+        labels = _newest(store, campaign_id, at_least)
+        if version is not None and labels.version != version:
+            raise _stale(campaign_id, labels)
+        new = change.applied(labels)
+        if new == labels:
+            return labels
+        new = replace(new, version=labels.version + 1, changed_by=by, changed_at=time.time())
+        is_first = store.create_json(campaign_id, labels_name(new.version), new.document())
+        if is_first and _prune(store, campaign_id, new.version):
+            return new
+        at_least = new.version  # which a listing of a shared folder may not show yet
+    raise _stale(campaign_id, labels)
+
+
+def claim(store: Store, campaign_id: str, wanted: LabelChange, by: str = "") -> Labels:
+    """Give a campaign an owner, unless it has one, and make the other changes; return the labels that it then has."""
+    for _ in range(TRIES):
+        labels = read_labels(store, campaign_id)
+        change = replace(wanted, owner=None) if labels.owner else wanted
+        try:
+            return change_labels(store, campaign_id, change, by=by, version=labels.version)
+        except StaleLabels:
+            continue
+    raise _stale(campaign_id, labels)
+
+
+def _stale(campaign_id: str, labels: Labels) -> StaleLabels:
+    who = f" by {labels.changed_by}" if labels.changed_by else ""
+    return StaleLabels(
+        f"the labels of {campaign_id} were changed meanwhile{who}: they are version {labels.version} now;"
+        " look at them and change them again"
+    )
+
+
+def _versions(store: Store, campaign_id: str) -> list[int]:
+    """Return the numbers of the documents that are listed."""
+    found = map(_NAME.fullmatch, store.files.names(campaign_id))
+    return sorted(int(name[1]) for name in found if name)
+
+
+def _newest(store: Store, campaign_id: str, at_least: int) -> Labels:
+    """Return the newest labels; ``at_least`` is a version that is known to exist, whatever a listing shows."""
+    for _ in range(TRIES):
+        newest = max([at_least, *_versions(store, campaign_id)])
+        if newest == 0:
+            return Labels()
+        document = store.read_json(campaign_id, labels_name(newest), LARGEST_LABELS)
+        if document is not None:
+            return _parsed(store, campaign_id, newest, document)
+        at_least = 0  # it was removed, because there are many newer ones, or with its campaign
+    raise StoreError(f"store {store.url}: the labels of {campaign_id} change faster than they are read; try again")
+
+
+def _prune(store: Store, campaign_id: str, written: int) -> bool:
+    """Remove old documents; return whether the one that was written is not itself one of these.
+
+    If it is, its number was free only because its turn was long ago, and others have made changes that it knows not.
+    """
+    versions = _versions(store, campaign_id)
+    for version in versions:
+        if version <= max(versions[-1], written) - KEPT:
+            store.remove(campaign_id, labels_name(version))
+    return not versions or written > versions[-1] - KEPT
+
+
+def _parsed(store: Store, campaign_id: str, version: int, document: dict[str, Any]) -> Labels:
+    """Return the labels in a document; StoreError if clearcap did not write it."""
+    try:
+        return Labels.from_document(document, version)
+    except ValueError as error:
+        raise StoreError(
+            f"store {store.url}: {campaign_id}/{labels_name(version)} is not what clearcap wrote ({error}); restore or"
+            " remove it"
+        ) from error

@@ -1,0 +1,173 @@
+"""Labels of a campaign: its owner, tags, a note, and whether it is archived.
+
+They say nothing of what is computed: neither the id nor a row depends on them. `campaign.store.label_versions` keeps
+them in the store.
+"""
+
+import re
+import unicodedata
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from campaign.errors import SpecError
+
+FORMAT = 1
+LONGEST_OWNER, LONGEST_TAG, LONGEST_NOTE = 100, 40, 2000  # characters
+MOST_TAGS = 20
+_TAG = re.compile(rf"[^\W_][\w.:/+-]{{0,{LONGEST_TAG - 1}}}")
+_HIDDEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}  # categories of characters that are not seen, or reorder others
+
+
+@dataclass(frozen=True)
+class Labels:
+    """What people say of a campaign.
+
+    Attributes
+    ----------
+    owner : str
+        Who answers for it; empty if nobody does.
+    tags : tuple of str
+        In the order of the alphabet.
+    note : str
+        A text of any number of lines.
+    archived : bool
+        Whether lists leave it out unless they are asked for it.
+    version : int
+        Number of the last change; 0 if there was none.
+    changed_by : str
+        Who made it.
+    changed_at : float
+        When [s since 1970].
+    """
+
+    owner: str = ""
+    tags: tuple[str, ...] = ()
+    note: str = ""
+    archived: bool = False
+    version: int = 0
+    changed_by: str = ""
+    changed_at: float = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """Return owner, tags, note, archived and version as plain data."""
+        shown = {"owner": self.owner, "tags": list(self.tags), "note": self.note}
+        return {**shown, "archived": self.archived, "version": self.version}
+
+    def document(self) -> dict[str, Any]:
+        """Return what is written into the store."""
+        return {"format": FORMAT, **self.to_json(), "by": self.changed_by, "time": self.changed_at}
+
+    @classmethod
+    def from_document(cls, document: dict[str, Any], version: int) -> "Labels":
+        """Return the labels of a document.
+
+        Raises
+        ------
+        ValueError
+            If `document` did not make it.
+        """
+        try:
+            tags, at = document["tags"], float(document["time"])
+            labels = cls(
+                _owner(document["owner"]),
+                tuple(map(_tag, tags)) if isinstance(tags, list) else (),
+                _note(document["note"]),
+                document["archived"] is True,
+                version,
+                str(document["by"]),
+                at,
+            )
+        except (SpecError, KeyError, TypeError, OverflowError) as error:
+            raise ValueError(f"it lacks {error}" if isinstance(error, KeyError) else str(error)) from error
+        if document["format"] != FORMAT or len(labels.tags) > MOST_TAGS:
+            raise ValueError(f"it has format {document['format']!r:.20} and {len(labels.tags)} tags")
+        return labels
+
+    def has(self, owner: str | None, tags: Iterable[str]) -> bool:
+        """Return whether a campaign is this owner's, if one is given, and has all these tags."""
+        return owner in (None, self.owner) and set(tags) <= set(self.tags)
+
+
+@dataclass(frozen=True)
+class LabelChange:
+    """What is to change in labels; what is None, or not named, stays.
+
+    Attributes
+    ----------
+    owner, note : str, optional
+        Instead of the present ones; empty to have none.
+    add, remove : tuple of str
+        Tags.
+    archived : bool, optional
+        Whether lists are to leave the campaign out.
+
+    Raises
+    ------
+    SpecError
+        If something is too long, or has characters that are not allowed.
+    """
+
+    owner: str | None = None
+    add: tuple[str, ...] = ()
+    remove: tuple[str, ...] = ()
+    note: str | None = None
+    archived: bool | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "owner", None if self.owner is None else _owner(self.owner))
+        object.__setattr__(self, "note", None if self.note is None else _note(self.note))
+        object.__setattr__(self, "add", tuple(map(_tag, self.add)))
+        object.__setattr__(self, "remove", tuple(map(_tag, self.remove)))
+
+    def applied(self, labels: Labels) -> Labels:
+        """Return labels with this change; SpecError if they have too many tags then."""
+        tags = tuple(sorted({*labels.tags, *self.add} - set(self.remove)))
+        if len(tags) > MOST_TAGS:
+            raise SpecError(f"tags: there would be {len(tags)}; allowed: up to {MOST_TAGS}; remove some")
+        return replace(
+            labels,
+            owner=labels.owner if self.owner is None else self.owner,
+            tags=tags,
+            note=labels.note if self.note is None else self.note,
+            archived=labels.archived if self.archived is None else self.archived,
+        )
+
+
+def is_owner(name: str) -> bool:
+    """Return whether an owner can have this name."""
+    try:
+        return bool(_owner(name))
+    except SpecError:
+        return False
+
+
+def _owner(text: Any) -> str:
+    return _plain("owner", text, LONGEST_OWNER)
+
+
+def _note(text: Any) -> str:
+    return _plain("note", text, LONGEST_NOTE, keep="\n\t")
+
+
+def _tag(text: Any) -> str:
+    tag = _plain("tag", text, LONGEST_TAG)
+    if not _TAG.fullmatch(tag):
+        raise SpecError(
+            f"tag {tag!r}: not allowed; a tag has letters, digits and _ . : / + -, no spaces, and begins with a letter"
+            " or a digit"
+        )
+    return tag
+
+
+def _plain(what: str, text: Any, longest: int, keep: str = "") -> str:
+    """Return a text in its normal form without spaces around it; SpecError if it is too long or hides characters."""
+    if not isinstance(text, str):
+        raise SpecError(f"{what}: {text!r:.40} is no text")
+    normal = unicodedata.normalize("NFC", text).strip()
+    if len(normal) > longest:
+        raise SpecError(f"{what}: has {len(normal)} characters; allowed: up to {longest}")
+    hidden = [char for char in normal if unicodedata.category(char) in _HIDDEN and char not in keep]
+    if hidden:
+        raise SpecError(f"{what}: has the hidden character U+{ord(hidden[0]):04X}; leave it out")
+    return normal

@@ -1,0 +1,107 @@
+"""``clearcap label``, and what `submit` and `list` make of labels."""
+
+import json
+
+import pytest
+
+from campaign.coordinator import submit as submission
+from campaign.plan import make_plan
+from campaign.spec.load import load_campaign
+from campaign.store import open_store
+from campaign.store.label_versions import read_labels
+from tests.campaign.commands import clearcap_here
+
+
+@pytest.fixture
+def say(capsys, monkeypatch, store):
+    """Return a function that runs the command on the store as a user of some name."""
+
+    def run(user, *words):
+        monkeypatch.setattr(submission.getpass, "getuser", lambda: user)
+        return clearcap_here(capsys, monkeypatch, *words, "--store", store.url)
+
+    return run
+
+
+def test_labels_are_changed_and_shown(store, plan, say):
+    """Each option changes one thing; a version that is old is refused with exit status 1."""
+    name = plan.campaign_id
+    assert say("zoe", "label", name) == (0, f"{name}: owner -, no tags (version 0)\n", "")
+    words = ("--owner", "alice", "--tag", "b", "--tag", "a", "--note", "a note", "--archive")
+    code, printed, _ = say("zoe", "label", name[:-2], *words)
+    assert (code, printed.splitlines()) == (
+        0,
+        [f"{name}: owner alice, tags a, b, archived (version 1)", "  a note"],
+    )
+    assert read_labels(store, name).changed_by == "zoe"
+    code, printed, _ = say("zoe", "label", name, "--untag", "a", "--restore", "--version", "1", "--json")
+    changed = {"owner": "alice", "tags": ["b"], "note": "a note", "archived": False, "version": 2}
+    assert (code, json.loads(printed)) == (0, {"campaign": name, "store": store.url, **changed})
+    code, _, said = say("bob", "label", name, "--note", "", "--version", "1")
+    assert code == 1
+    assert "changed meanwhile by zoe: they are version 2 now" in said
+    code, _, said = say("bob", "label", name, "--tag", "two words")
+    assert code == 2
+    assert "tag 'two words': not allowed" in said
+
+
+def test_list_filters_and_hides(store, plan, campaign_file, say):
+    """By owner and by all of several tags; archived ones only if they are asked for."""
+    other = make_plan(load_campaign(str(campaign_file), seed=1), 10).campaign_id
+    store.create_plan(make_plan(load_campaign(str(campaign_file), seed=1), 10))
+    say("zoe", "label", plan.campaign_id, "--owner", "alice", "--tag", "a", "--tag", "b")
+    say("zoe", "label", other, "--owner", "bob", "--tag", "a", "--archive")
+
+    def listed(*words):
+        return {entry["campaign"] for entry in json.loads(say("zoe", "list", "--json", *words)[1])}
+
+    assert listed() == listed("--owner", "alice") == listed("--tag", "a", "--tag", "b") == {plan.campaign_id}
+    assert listed("--archived") == listed("--archived", "--tag", "a") == {plan.campaign_id, other}
+    assert listed("--owner", "bob") == listed("--owner", "nobody", "--archived") == set()
+    entry = json.loads(say("zoe", "list", "--json")[1])[0]
+    labels = {"owner": "alice", "tags": ["a", "b"], "note": "", "archived": False, "labels_version": 1}
+    assert {key: entry[key] for key in labels} == labels
+    _, printed, said = say("zoe", "list")
+    assert "  alice  a, b  demo" in printed
+    assert "1 archived campaign is left out; show all with --archived" in said
+    _, printed, said = say("zoe", "list", "--owner", "nobody")
+    assert (printed, "none of its 2 campaigns is to be shown" in said) == ("", True)
+
+
+def test_strange_labels_break_no_list(store, plan, say):
+    """They count as none, and the list says what is wrong."""
+    store.files.write(f"{plan.campaign_id}/labels-000001.json", b"{}")
+    code, printed, said = say("zoe", "list")
+    assert code == 0
+    assert plan.campaign_id in printed
+    assert "labels-000001.json is not what clearcap wrote" in said
+
+
+def test_the_first_who_submits_is_the_owner(tmp_path, campaign_file, say):
+    """By default under the own name; whoever submits the same learns whose it is, and its tags are added."""
+    campaign_file.write_text(campaign_file.read_text().replace("seed = 7", "seed = 6"))
+    code, name, said = say("alice", "submit", str(campaign_file), "--queue-only", "--tag", "a")
+    store = open_store(str(tmp_path / "runs"))
+    labels = read_labels(store, name := name.strip())
+    assert (code, labels.owner, labels.tags, labels.changed_by) == (0, "alice", ("a",), "alice")
+    assert "its owner" not in said
+    assert "its owner" not in say("alice", "submit", str(campaign_file), "--queue-only")[2]
+    for words in ((), ("--owner", "bob"), ("--tag", "b", "--owner", "carol")):
+        _, again, said = say("bob", "submit", str(campaign_file), "--queue-only", *words)
+        assert again.strip() == name
+        assert f"campaign {name} was submitted before: its owner is and stays alice" in said
+    assert (read_labels(store, name).owner, read_labels(store, name).tags) == ("alice", ("a", "b"))
+    campaign_file.write_text(campaign_file.read_text().replace("seed = 6", "seed = 8"))
+    name = say("alice", "submit", str(campaign_file), "--queue-only", "--owner", "the press shop")[1].strip()
+    assert read_labels(store, name).owner == "the press shop"
+    campaign_file.write_text(campaign_file.read_text().replace("seed = 8", "seed = 9"))
+    code, name, _ = say("\x1b[31m", "submit", str(campaign_file), "--queue-only")
+    assert (code, read_labels(store, name.strip()).owner) == (0, "")
+
+
+def test_a_campaign_without_an_owner_gets_one_that_is_named(store, plan, campaign_file, say):
+    """One of an earlier version: whoever submits it again is not its owner, unless he says so."""
+    say("bob", "submit", str(campaign_file), "--queue-only")
+    assert read_labels(store, plan.campaign_id).version == 0
+    say("bob", "submit", str(campaign_file), "--queue-only", "--owner", "bob")
+    assert read_labels(store, plan.campaign_id).owner == "bob"
