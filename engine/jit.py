@@ -5,8 +5,8 @@ which the caller judges, and no exception), no fast-math (a row must be the same
 
 Only what Python calls becomes machine code: one module, with all kernels below it, optimised once and kept on disk.
 By itself Numba does that for each kernel, and again for all kernels below it, so that a kernel ten calls deep is
-optimised ten times. What a kernel costs to compile is the text of its code: arrays are passed in tuples by their seven
-numbers each, so a tuple is taken apart where it is used and not built anew on the way.
+optimised ten times. What a kernel costs to compile is the text of its code, so tuples of arrays are passed by address,
+see `engine.compiler`.
 """
 
 import atexit
@@ -43,6 +43,8 @@ with chdir("/") if os.path.lexists(SETTINGS) else nullcontext():
     from numba.core.codegen import JITCodeLibrary
     from numba.core.compiler import Compiler
     from numba.core.types import Dispatcher
+
+    from engine.compiler.remembered_types import choices_remembered
 
 config._config_fname = os.devnull
 if os.path.lexists(SETTINGS):  # a program that imported Numba before has read it
@@ -151,8 +153,16 @@ class _CalleeLibrary(JITCodeLibrary):  # type: ignore[misc]
         self._finalized = True
 
 
-class _CalleeCompiler(Compiler):  # type: ignore[misc]
-    """Numba's compiler, down to the code that callers link."""
+class _KernelCompiler(Compiler):  # type: ignore[misc]
+    """Numba's compiler, which remembers what it has looked up."""
+
+    def _compile_core(self) -> Any:
+        with choices_remembered():
+            return super()._compile_core()
+
+
+class _CalleeCompiler(_KernelCompiler):
+    """The same, down to the code that callers link."""
 
     def _compile_core(self) -> Any:
         state, name = self.state, self.state.func_id.func_qualname
@@ -168,7 +178,7 @@ class _CalleeCompiler(Compiler):  # type: ignore[misc]
 inner: Any = numba.njit(**_OPTIONS, no_cpython_wrapper=True, pipeline_class=_CalleeCompiler)  # type: ignore[call-overload]
 
 # For the copy of the time loop that is measured: its clocks have addresses, which cannot be kept on disk.
-uncached: Any = numba.njit(**_OPTIONS)  # type: ignore[call-overload]
+uncached: Any = numba.njit(**_OPTIONS, pipeline_class=_KernelCompiler)  # type: ignore[call-overload]
 
 
 class Kernel:
@@ -184,7 +194,8 @@ class Kernel:
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self.py_func = function
-        self.compiled: Any = numba.njit(**_OPTIONS, cache=True)(function)  # type: ignore[call-overload]
+        options = {**_OPTIONS, "cache": True, "pipeline_class": _KernelCompiler}
+        self.compiled: Any = numba.njit(**options)(function)  # type: ignore[call-overload]
         self._callee = inner(function)
         self._numba_type_ = Dispatcher(self._callee)  # what Numba takes this object for in a kernel
         update_wrapper(self, function)

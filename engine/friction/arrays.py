@@ -10,6 +10,7 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from engine.arrays import Array, Integers, copied
+from engine.compiler.tuples_by_address import by_address
 from engine.friction.bilateral import BilateralSystem, solve_bilateral
 from engine.friction.blocks import BODY, PIECE, ROW, Elimination, clear
 from engine.jit import inner
@@ -19,6 +20,7 @@ CONVERGED = 0
 NOT_CONVERGED = 1
 
 
+@by_address
 class ContactRows(NamedTuple):
     """The rows of G: contact i touches the unknowns of the nodes ``node[i]``; -1: no such node."""
 
@@ -27,6 +29,7 @@ class ContactRows(NamedTuple):
     G: np.ndarray  # (nc, 3, 8 runs) rows (N, T1, T2): six columns and two zeros for each node
 
 
+@by_address
 class ContactLanes(NamedTuple):
     """The contacts' numbers, eight contacts side by side; what is behind the last one is 0."""
 
@@ -52,6 +55,7 @@ class ContactLanes(NamedTuple):
     kept: np.ndarray  # (3, m) impulses of the best attempt
 
 
+@by_address
 class FrictionArrays(NamedTuple):
     """A whitened friction problem of at most ``nc`` contacts and ``n`` unknowns, and work space.
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from engine.compiler.tuples_by_address import by_address
 from engine.friction.blocks import BODY, PIECE, ROW, clear, factorise, start_system, substitute
 from engine.jit import inner, kernel
 
@@ -21,6 +22,7 @@ REFINEMENTS = 1
 TINY = 1e-300
 
 
+@by_address
 class BilateralSystem(NamedTuple):
     """The bilateral rows of a friction problem, whitened, and their factorised system."""
 

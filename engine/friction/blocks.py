@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from engine.compiler.tuples_by_address import by_address
 from engine.jit import inner
 from engine.lanes import LANES, fused, read, spread, total, write
 
@@ -22,6 +23,7 @@ ROW = LANES
 PIECE = BODY * ROW
 
 
+@by_address
 class Elimination(NamedTuple):
     """Which blocks a system has, and in which order they are eliminated; see `engine.friction.elimination`."""
 

@@ -2,10 +2,12 @@
 
 from typing import NamedTuple
 
+from engine.compiler.tuples_by_address import by_address
 from engine.friction.arrays import FrictionArrays
 from engine.kernels.model import Model, Scratch, State
 
 
+@by_address
 class Control(NamedTuple):
     """Settings of a run; lengths and times in the mechanism's units."""
 

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from engine.compiler.tuples_by_address import by_address
+
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME = range(8)
 CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE = range(8, 11)  # the impulses of a whole step, divided by its length
@@ -18,6 +20,7 @@ SLIDE, TURN = range(2)
 GEOMETRY = 13  # numbers that describe one primitive
 
 
+@by_address
 class Bodies(NamedTuple):
     """``nb`` moving bodies; units of the mechanism file."""
 
@@ -27,6 +30,7 @@ class Bodies(NamedTuple):
     node: np.ndarray  # (nb,) int64, node of each body's velocities among the unknowns of a step
 
 
+@by_address
 class Contacts(NamedTuple):
     """``nc`` potential contacts."""
 
@@ -40,6 +44,7 @@ class Contacts(NamedTuple):
     pair: np.ndarray  # (nc,) int64, first piece of the two bodies in the system of a step, see `engine.friction.blocks`
 
 
+@by_address
 class Laws(NamedTuple):
     """The contact laws."""
 
@@ -47,6 +52,7 @@ class Laws(NamedTuple):
     restitution: np.ndarray  # (nc,)
 
 
+@by_address
 class TimeLaws(NamedTuple):
     """Functions of time: cubic pieces, and a sine on top."""
 
@@ -58,6 +64,7 @@ class TimeLaws(NamedTuple):
     begun: np.ndarray  # (n_phase,) when each phase began; inf before; written by the run
 
 
+@by_address
 class BilateralRows(NamedTuple):
     """Bilateral constraints, one row each: ideal joints and prescribed motions (eqs. 14-16)."""
 
@@ -72,6 +79,7 @@ class BilateralRows(NamedTuple):
     acts: np.ndarray  # (nt,) bool, in the present phase; written by the run
 
 
+@by_address
 class Loads(NamedTuple):
     """Forces and torques."""
 
@@ -93,6 +101,7 @@ class Loads(NamedTuple):
     force_phase: np.ndarray  # (nf, n_phase) bool
 
 
+@by_address
 class Responses(NamedTuple):
     """The responses and when they are reported; responses.py describes the rows of ``body`` and ``point``."""
 
@@ -108,6 +117,7 @@ class Responses(NamedTuple):
     limit: np.ndarray  # (nr, 2) limit of the trigger; side: 1 above it or a maximum, -1 below it or a minimum
 
 
+@by_address
 class Phases(NamedTuple):
     """The parts of a run, in order."""
 
@@ -117,6 +127,7 @@ class Phases(NamedTuple):
     damping: np.ndarray  # (n_phase,) rate [1/time]
 
 
+@by_address
 class Model(NamedTuple):
     """Constants of a run."""
 
@@ -130,6 +141,7 @@ class Model(NamedTuple):
     phases: Phases
 
 
+@by_address
 class State(NamedTuple):
     """Motion at one instant; the last body is the ground."""
 
@@ -142,6 +154,7 @@ class State(NamedTuple):
     gap: np.ndarray  # (nc,) at the end of the step; for contacts that are not near, a lower bound
 
 
+@by_address
 class BroadPhase(NamedTuple):
     """The broad phase tells which contacts are near, see broad_phase.py."""
 
@@ -151,6 +164,7 @@ class BroadPhase(NamedTuple):
     near: np.ndarray  # (nc,) bool, updated at this pose
 
 
+@by_address
 class BilateralState(NamedTuple):
     """The bilateral rows at one pose, see bilateral.py."""
 
@@ -160,6 +174,7 @@ class BilateralState(NamedTuple):
     direction: np.ndarray  # (nt, 3)
 
 
+@by_address
 class StepStart(NamedTuple):
     """The start of a step, to which a step that is repeated goes back."""
 
@@ -168,6 +183,7 @@ class StepStart(NamedTuple):
     r: np.ndarray  # (nc, 3)
 
 
+@by_address
 class ContactSites(NamedTuple):
     """Points and frames of the contacts at one pose, in the world."""
 
@@ -175,6 +191,7 @@ class ContactSites(NamedTuple):
     frame: np.ndarray  # (nc, 3, 3) rows N, T1, T2
 
 
+@by_address
 class Scratch(NamedTuple):
     """Work space of a step."""
 

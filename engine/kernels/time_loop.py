@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from engine.compiler.tuples_by_address import by_address
 from engine.friction.arrays import CONVERGED
 from engine.jit import inner, kernel
 from engine.kernels.bilateral import begin_rows
@@ -28,6 +29,7 @@ PAUSE, PHASE_END, FASTEST, LONGEST, SLOW_TIME = range(5, 10)
 PATIENCE = 3  # windows of rest: a mechanism that is slow for so long and does not come to rest gets shorter steps
 
 
+@by_address
 class Course(NamedTuple):
     """The progress of a run and its certificate; the loop continues from here when it is called again."""
 

@@ -1,0 +1,1 @@
+"""What Numba lacks: tuples of arrays by address, and a memory of its choices."""
