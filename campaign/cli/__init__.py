@@ -26,6 +26,7 @@ from campaign.cli.results.list_campaigns import list_campaigns
 from campaign.cli.results.repeat import repeat
 from campaign.cli.results.report import report
 from campaign.cli.results.status import status
+from campaign.cli.results.verify import verify
 from campaign.cli.results.watch import watch
 from campaign.cli.results.whatif import whatif
 from campaign.cli.resume import resume
@@ -81,6 +82,7 @@ app.command()(report)
 app.command()(whatif)
 app.command()(advise)
 app.command()(design)
+app.command()(verify)
 app.command()(simulate)
 app.command()(polarisation)
 app.command()(bench)

@@ -1,0 +1,1 @@
+"""Sign-offs: who approved which bytes of a campaign, in a document that anybody can verify without the server."""

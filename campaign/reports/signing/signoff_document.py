@@ -1,0 +1,111 @@
+"""The document of a sign-off: its format, its digests, and its signature by Ed25519."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from campaign.store.layout import CAMPAIGN_FILE, PLAN, REPORT
+
+LONGEST_COMMENT = 5000  # characters
+
+Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+
+
+class Signoff(BaseModel):
+    """What an approver signed; the names of files are relative to the campaign's folder."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+    kind: Literal["clearcap sign-off"] = "clearcap sign-off"
+    format: Literal[1] = 1
+    campaign: str = Field(description="Id of the campaign", examples=["c60-0a1b2c3d4e"])
+    plan: Digest = Field(description="SHA-256 of plan.json", examples=["0f" * 32])
+    rows: Digest = Field(description="Digest over names and SHA-256 of all files of rows", examples=["1e" * 32])
+    report: Digest = Field(description="Digest over names and SHA-256 of the report's files", examples=["2d" * 32])
+    files: dict[str, Digest] = Field(description="SHA-256 of each file", examples=[{"plan.json": "0f" * 32}])
+    signer: str = Field(examples=["ada"])
+    role: str = Field(examples=["approver"])
+    time: str = Field(description="When it was signed, ISO 8601 in UTC", examples=["2026-11-23T09:00:00Z"])
+    comment: str = Field(examples=["checked against drawing 4711"])
+    submitted_by: str = Field(description="Who submitted the campaign, as its store says", examples=["eva"])
+    is_submitter: bool = Field(description="The signer also submitted the campaign: no second pair of eyes")
+    previous: Digest | None = Field(description="Digest of the campaign's sign-off before; null for the first")
+
+    @model_validator(mode="after")
+    def _digests_fit(self) -> "Signoff":
+        """Refuse digests that are not those of the files that are named."""
+        if (self.plan, self.rows, self.report) != digests_of(self.files):
+            raise ValueError("its digests are not those of its files")
+        return self
+
+    def to_bytes(self) -> bytes:
+        """Return the canonical bytes of the document: these are signed."""
+        return canonical(self.model_dump())
+
+
+def canonical(content: Any) -> bytes:
+    """Return plain data as JSON in the one way that is signed: keys sorted, no spaces, UTF-8."""
+    return json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+
+
+def sha256(content: bytes) -> str:
+    """Return a SHA-256 as 64 hexadecimal digits."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def digests_of(files: Mapping[str, str]) -> tuple[str, str, str]:
+    """Return the digests over the plan, the rows and the report among files with their SHA-256.
+
+    Rows are whatever is neither plan nor report: parts, repeats, and the documents that say where the table ends.
+    """
+    report = {name: value for name, value in files.items() if part_of(name) == "report"}
+    rows = {name: value for name, value in files.items() if part_of(name) == "rows"}
+    return files.get(PLAN, ""), sha256(canonical(rows)), sha256(canonical(report))
+
+
+def part_of(name: str) -> str:
+    """Return what a file of a campaign belongs to: ``plan``, ``rows`` or ``report``."""
+    if name in (PLAN, CAMPAIGN_FILE):
+        return "plan"
+    return "report" if name.startswith(f"{REPORT}/") else "rows"
+
+
+def content_digest(files: Mapping[str, str]) -> str:
+    """Return one digest over all files that would be signed, by which an approver says what he has looked at."""
+    return sha256(canonical(dict(files)))
+
+
+def differences(signed: Mapping[str, str], found: Mapping[str, str]) -> list[str]:
+    """Return in words what differs from what was signed, file by file; nothing if all bytes are the same."""
+    words = []
+    for name in sorted(signed.keys() | found.keys()):
+        if name not in found:
+            words.append(f"{part_of(name)}: {name} is missing")
+        elif name not in signed:
+            words.append(f"{part_of(name)}: {name} was not signed")
+        elif signed[name] != found[name]:
+            words.append(f"{part_of(name)}: {name} differs")
+    return words
+
+
+def fingerprint(key: Ed25519PublicKey) -> str:
+    """Return the fingerprint of a server's key: the SHA-256 of its 32 bytes."""
+    return sha256(key.public_bytes_raw())
+
+
+def sign(document: bytes, key: Ed25519PrivateKey) -> bytes:
+    """Return the signature of a document, 64 bytes."""
+    return key.sign(document)
+
+
+def is_signed(document: bytes, signature: bytes, key: Ed25519PublicKey) -> bool:
+    """Return whether a signature of a document is that of a key."""
+    try:
+        key.verify(signature, document)
+    except InvalidSignature:
+        return False
+    return True

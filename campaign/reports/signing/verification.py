@@ -1,0 +1,142 @@
+"""Verify an export without the server: who signed what, and whether the files are those that were signed."""
+
+import re
+from dataclasses import dataclass
+
+from cryptography.exceptions import UnsupportedAlgorithm
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+from cryptography.hazmat.primitives.serialization import load_pem_public_key
+from pydantic import ValidationError
+
+from campaign.errors import CampaignError
+from campaign.reports.signing.signed_archive import Archive, UnfitArchive
+from campaign.reports.signing.signed_export import KEY, SIGNOFFS, document_name, signature_name
+from campaign.reports.signing.signoff_document import Signoff, differences, fingerprint, is_signed, sha256
+
+LARGEST_SIGNOFF = 64 * 2**20  # bytes: it names every file
+_LARGEST_KEY = 10_000  # bytes
+_DOCUMENT = re.compile(rf"{SIGNOFFS}/(\d{{4,}})\.json")
+
+
+@dataclass(frozen=True)
+class VerifiedSignoff:
+    """A sign-off of an export whose signature is right.
+
+    Attributes
+    ----------
+    number : int
+        From 1, the oldest first.
+    signoff : Signoff
+        What was signed.
+    differences : list of str
+        What differs between the files of the export and those that were signed.
+    """
+
+    number: int
+    signoff: Signoff
+    differences: list[str]
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What an export proves.
+
+    Attributes
+    ----------
+    campaign : str
+    key : str
+        Fingerprint of the key that the export names.
+    signoffs : list of VerifiedSignoff
+        The oldest first.
+    faults : list of str
+        Why the export is not what was signed last; empty if it is.
+    """
+
+    campaign: str
+    key: str
+    signoffs: list[VerifiedSignoff]
+    faults: list[str]
+
+
+def verify_export(archive: Archive, key: str | None = None) -> Verification:
+    """Verify an export.
+
+    Parameters
+    ----------
+    archive : Archive
+        The export.
+    key : str, optional
+        Fingerprint of the server's key, known from elsewhere: without it anybody could have made the export with a key
+        of his own.
+
+    Returns
+    -------
+    Verification
+        It is sound if it names no faults: every signature is right, each sign-off follows the one before, and the last
+        one was signed for exactly these files.
+
+    Raises
+    ------
+    UnfitArchive
+        If a file of the export cannot be read.
+    """
+    public = _public_key(archive)
+    found = {name: archive.digest(name) for name in archive.names if not name.startswith(f"{SIGNOFFS}/")}
+    signed, faults = list[VerifiedSignoff](), list[str]()
+    if key is not None and key.lower().replace(":", "") != fingerprint(public):
+        faults.append(f"key: the export has the key {fingerprint(public)}, not {key}")
+    count = sum(1 for name in archive.names if _DOCUMENT.fullmatch(name))
+    known = {KEY} | {name(number) for number in range(1, count + 1) for name in (document_name, signature_name)}
+    faults += [f"sign-offs: {name} belongs to no sign-off" for name in sorted(_documents(archive) - known)]
+    faults += [] if count else ["sign-offs: there is none"]
+    previous = None
+    for number in range(1, count + 1):
+        try:
+            document, signoff = _signoff(archive, number, public)
+        except CampaignError as error:
+            faults.append(f"sign-off {number}: {error}")
+            break
+        if signed and signoff.campaign != signed[0].signoff.campaign:
+            faults.append(f"sign-off {number}: is of another campaign, {signoff.campaign}")
+        if signoff.previous != previous:
+            faults.append(f"sign-off {number}: does not follow the one before: one was taken out or put in")
+        previous = sha256(document)
+        signed.append(VerifiedSignoff(number, signoff, differences(signoff.files, found)))
+    if signed and signed[-1].differences:
+        faults += [f"signed version differs: {words}" for words in signed[-1].differences]
+    campaign = signed[-1].signoff.campaign if signed else archive.campaign
+    return Verification(campaign, fingerprint(public), signed, faults)
+
+
+def _documents(archive: Archive) -> set[str]:
+    """Return the names of all files among the sign-offs."""
+    return {name for name in archive.names if name.startswith(f"{SIGNOFFS}/")}
+
+
+def _public_key(archive: Archive) -> Ed25519PublicKey:
+    """Return the key of an export."""
+    try:
+        key = load_pem_public_key(archive.read(KEY, _LARGEST_KEY))
+    except (ValueError, UnsupportedAlgorithm) as error:
+        raise UnfitArchive(f"{KEY}: is no public key; get the export from the server again") from error
+    if not isinstance(key, Ed25519PublicKey):
+        raise UnfitArchive(f"{KEY}: is a key of another kind than Ed25519; a server has none of that kind")
+    return key
+
+
+def _signoff(archive: Archive, number: int, key: Ed25519PublicKey) -> tuple[bytes, Signoff]:
+    """Return the document of a sign-off, and what it says.
+
+    Raises
+    ------
+    CampaignError
+        If it cannot be read, was not signed by the key, or says what no sign-off says.
+    """
+    document = archive.read(document_name(number), LARGEST_SIGNOFF)
+    if not is_signed(document, archive.read(signature_name(number), 64), key):
+        raise CampaignError(f"{document_name(number)} was changed, or the key of {KEY} did not sign it")
+    try:
+        return document, Signoff.model_validate_json(document)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise CampaignError(f"{document_name(number)}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
