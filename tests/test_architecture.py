@@ -128,7 +128,7 @@ def rows(heading: str) -> list[list[str]]:
 
 def test_it_is_one_page():
     """It can be read in one go."""
-    assert len(PAGE.splitlines()) <= 170
+    assert len(PAGE.splitlines()) <= 180
 
 
 def test_cells_are_short():

@@ -6,18 +6,12 @@ from campaign.cli.output import Json, print_json, print_text
 
 def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
     """Stop a campaign; unfinished runs are given up, finished rows stay, and ``resume`` continues it."""
-    from campaign.coordinator.lease import is_coordinated
-    from campaign.coordinator.state import state_of, write_state
+    from campaign.coordinator.cancellation import cancel_campaign
     from campaign.store import open_store
-    from campaign.store.layout import CANCEL
 
     opened = open_store(store)
     campaign_id = opened.find(campaign)
-    before = state_of(opened, campaign_id)["state"]
-    if before != "completed":
-        opened.files.write(f"{campaign_id}/{CANCEL}", b"")
-        if not is_coordinated(opened, campaign_id):
-            write_state(opened, campaign_id, "cancelled")
+    before = cancel_campaign(opened, campaign_id)
     if json:
         print_json({"campaign": campaign_id, "store": opened.url, "before": before})
     elif before == "completed":

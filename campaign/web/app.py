@@ -2,9 +2,12 @@
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from functools import partial
+from typing import Any
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
+from fastapi.openapi.utils import get_openapi
 from fastapi.staticfiles import StaticFiles
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
@@ -13,7 +16,7 @@ from campaign.errors import CampaignError
 from campaign.version import clearcap_version
 from campaign.web.api import routers
 from campaign.web.http.gate import Gate
-from campaign.web.http.problems import MEDIA_TYPE, Refusal, problem, refusal_of
+from campaign.web.http.problems import MEDIA_TYPE, Refusal, described, problem, problem_schemas, refusal_of
 from campaign.web.http.request_record import Metrics, Record
 from campaign.web.pages import STATIC, page_routers
 from campaign.web.pages.refused import refused_page
@@ -50,6 +53,7 @@ def make_app(service: Service) -> FastAPI:
         redoc_url=None,
         lifespan=life,
     )
+    app.openapi = partial(_described, app)  # type: ignore[method-assign]  # FastAPI's own way to extend it
     app.state.service = service
     app.state.metrics = Metrics()
     for router in (*routers(), *page_routers()):
@@ -64,6 +68,29 @@ def make_app(service: Service) -> FastAPI:
     settings = service.settings
     app.add_middleware(Gate, names=settings.names, limits=settings.limits, secure=not settings.is_local)
     return app
+
+
+def _described(app: FastAPI) -> dict[str, Any]:
+    """Return the description of the API, OpenAPI 3.1, with the schemas of refusals; it is made once."""
+    if app.openapi_schema is None:
+        app.openapi_schema = get_openapi(
+            title=app.title,
+            version=app.version,
+            summary=app.summary,
+            description=app.description,
+            routes=app.routes,
+        )
+        app.openapi_schema["components"]["schemas"].update(problem_schemas())
+        for path in app.openapi_schema["paths"].values():
+            for call in path.values():
+                _without_frameworks_fault(call["responses"])
+    return app.openapi_schema
+
+
+def _without_frameworks_fault(responses: dict[str, Any]) -> None:
+    """Replace FastAPI's own description of wrong parameters by the one that is sent."""
+    if "application/json" in responses.get("422", {}).get("content", {}):
+        responses["422"] = described(422)[422]
 
 
 def _refuse(request: Request, error: Exception) -> Response:

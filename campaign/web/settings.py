@@ -91,6 +91,8 @@ class Settings:
         A proxy in front of the server ends TLS, and says so in ``X-Forwarded-Proto``.
     coordinate : tuple of str or None
         Options of the ``clearcap coordinate`` that the server starts and keeps alive; None: it starts none.
+    processes : int
+        Processes for what takes processor time: simulations, questions, reports.
     limits : Limits
     oidc : Oidc or None
     """
@@ -103,6 +105,7 @@ class Settings:
     https: tuple[Path, Path] | None = None
     behind_proxy: bool = False
     coordinate: tuple[str, ...] | None = None
+    processes: int = 2
     limits: Limits = Limits()
     oidc: Oidc | None = None
 

@@ -1,8 +1,9 @@
 """What answers requests: the store, and what only the server keeps."""
 
 import asyncio
+from collections import Counter
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 
 from campaign.store import Store, open_store
@@ -12,8 +13,17 @@ from campaign.web.access.sessions import Sessions
 from campaign.web.access.throttle import Throttle
 from campaign.web.access.tokens import Tokens
 from campaign.web.access.users import Users
+from campaign.web.answers.answers import Answers
+from campaign.web.answers.column_cache import columns_folder
+from campaign.web.answers.job_limits import JobLimits
+from campaign.web.answers.job_pool import JobPool
+from campaign.web.answers.turns import Quota
 from campaign.web.coordinator_child import CoordinatorChild
 from campaign.web.settings import Settings
+from campaign.web.watch.index import CampaignIndex
+from campaign.web.watch.marks import campaign_marks
+from campaign.web.watch.watcher import Watcher
+from engine import warm_up
 
 
 @dataclass
@@ -31,8 +41,14 @@ class Service:
         Parts of the database.
     throttle : Throttle
         Failed logins.
-    ending : asyncio.Event
-        Set when the server ends: event streams end with it.
+    watcher : Watcher
+        Looks at the store for all.
+    streams : Counter of str
+        Open event streams by user.
+    pool : JobPool
+        Processes for whatever takes processor time.
+    answers : Answers
+        Questions to the rows of campaigns.
     """
 
     settings: Settings
@@ -43,18 +59,36 @@ class Service:
     tokens: Tokens = field(init=False)
     audit: AuditTrail = field(init=False)
     throttle: Throttle = field(init=False)
-    ending: asyncio.Event = field(init=False)
+    watcher: Watcher = field(init=False)
+    streams: Counter[str] = field(init=False)
+    pool: JobPool = field(init=False)
+    answers: Answers = field(init=False)
 
     def __post_init__(self) -> None:
         self.users, self.sessions = Users(self.database), Sessions(self.database)
         self.tokens, self.audit = Tokens(self.database), AuditTrail(self.database)
-        self.ending = asyncio.Event()
+        self.streams = Counter()
+        limits = self.settings.limits
+        taken = JobLimits(limits.job_seconds, 3.0 * limits.job_seconds, limits.job_memory / 2**30)
+        self.pool = JobPool(
+            self.settings.processes, quota=Quota(limits.jobs, limits.waiting), limits=taken, warm_up=warm_up
+        )
+        self.answers = Answers(self.pool, self.store.hasty, columns_folder())
+        index = CampaignIndex(self.database.path.with_name("index.sqlite"))
+        self.watcher = Watcher(self.store, index, campaign_marks)
         self.throttle = Throttle(self.settings.limits.failures, self.settings.limits.failures_within)
 
     @asynccontextmanager
     async def working(self) -> AsyncIterator[None]:
         """Keep at work in the block what works beside the requests, such as the coordinator."""
-        child = None
+        async with self.pool, self._beside():
+            yield
+        self.close()
+
+    @asynccontextmanager
+    async def _beside(self) -> AsyncIterator[None]:
+        """Keep the reader of the store, and the coordinator, at work in the block."""
+        watching, child = asyncio.create_task(self.watcher.run()), None
         if self.settings.coordinate is not None:
             child = CoordinatorChild(self.store, self.settings.coordinate)
             child.start()
@@ -63,11 +97,22 @@ class Service:
         finally:
             if child is not None:
                 await asyncio.to_thread(child.stop)
-            self.database.close()
+            watching.cancel()
+            with suppress(asyncio.CancelledError):
+                await watching
+
+    def close(self) -> None:
+        """Close the files."""
+        self.watcher.index.close()
+        self.database.close()
+
+    def is_signed(self, campaign_id: str) -> bool:
+        """Return whether somebody has signed a campaign."""
+        return self.database.row("SELECT 1 FROM signoffs WHERE campaign = ?", campaign_id) is not None
 
     def end_streams(self) -> None:
         """End all event streams, because the server ends."""
-        self.ending.set()
+        self.watcher.end_streams()
 
 
 def open_service(settings: Settings) -> Service:

@@ -78,7 +78,16 @@ def serve(
     options = None if no_drive else tuple(where.options())
     limits, oidc = read_configuration(config)
     settings = Settings(
-        store, data or _data_folder(url), host, port, tuple(name or ()), https, behind_proxy, options, limits, oidc
+        store,
+        data or _data_folder(url),
+        host,
+        port,
+        tuple(name or ()),
+        https,
+        behind_proxy,
+        options,
+        limits=limits,
+        oidc=oidc,
     )
     check_settings(settings)
     service = open_service(settings)

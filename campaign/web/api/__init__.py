@@ -2,9 +2,9 @@
 
 from fastapi import APIRouter
 
-from campaign.web.api import health
+from campaign.web.api import campaign_changes, campaigns, health, reports
 
 
 def routers() -> list[APIRouter]:
     """Return the routers of all calls."""
-    return [health.router]
+    return [health.router, campaigns.router, campaign_changes.router, reports.router]

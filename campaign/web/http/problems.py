@@ -6,9 +6,11 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from campaign.errors import CampaignError, SpecError, StoreError
+from campaign.web.answers.turns import Busy
 from engine import EngineError
 
 MEDIA_TYPE = "application/problem+json"
+WITHOUT_PROBLEM = (206, 304, 416)  # answers that are no refusals, or have no body
 
 
 class Refusal(Exception):
@@ -65,6 +67,8 @@ def refusal_of(error: Exception) -> Refusal | None:
     """Return the refusal that an error of the house stands for; None for a bug."""
     if isinstance(error, Refusal):
         return error
+    if isinstance(error, Busy):
+        return Refusal(429, str(error), headers={"Retry-After": str(error.retry_after_s)})
     if isinstance(error, StoreError):
         return Refusal(503, str(error), headers={"Retry-After": "10"})
     if isinstance(error, SpecError | EngineError):
@@ -75,9 +79,15 @@ def refusal_of(error: Exception) -> Refusal | None:
 
 
 def described(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Return the documentation of the refusals of a call, for OpenAPI."""
-    content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
+    """Return the documentation of the refusals of a call, and of answers without a body, for OpenAPI."""
+    content = {MEDIA_TYPE: {"schema": {"$ref": f"#/components/schemas/{Problem.__name__}"}}}
     return {
-        status: {"description": HTTPStatus(status).phrase, "model": Problem, "content": content}
+        status: {"description": HTTPStatus(status).phrase} | ({} if status in WITHOUT_PROBLEM else {"content": content})
         for status in sorted(statuses)
     }
+
+
+def problem_schemas() -> dict[str, Any]:
+    """Return the schemas of problem details, to which `described` refers, for the components of OpenAPI."""
+    schema = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
+    return {**schema.pop("$defs"), Problem.__name__: schema}

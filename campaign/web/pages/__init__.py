@@ -4,11 +4,11 @@ from pathlib import Path
 
 from fastapi import APIRouter
 
-from campaign.web.pages import login
+from campaign.web.pages import campaigns, login
 
 STATIC = Path(__file__).parent / "static"
 
 
 def page_routers() -> list[APIRouter]:
     """Return the routers of all pages; none is part of the documented API."""
-    return [login.router]
+    return [login.router, campaigns.router]

@@ -1,6 +1,7 @@
 """Make a page from its template."""
 
 from typing import Any
+from urllib.parse import urlencode
 
 from fastapi import Request
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -24,6 +25,7 @@ _templates.filters.update(
     significant=format_numbers.significant,
     grouped=format_numbers.grouped,
     duration=format_numbers.duration,
+    dict_query=lambda asked: urlencode(asked, doseq=True),
 )
 
 

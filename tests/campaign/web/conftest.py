@@ -5,6 +5,7 @@ from contextlib import contextmanager
 import pytest
 from starlette.testclient import TestClient
 
+from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
 from campaign.web.access import Role
 from campaign.web.app import make_app
@@ -34,14 +35,15 @@ def finished_store(tmp_path_factory):
     """Return the folder of a store with a finished campaign of 25 samples, and its id; only to be read."""
     folder = tmp_path_factory.mktemp("finished")
     (folder / "demo.toml").write_text(SPEC)
-    _, plan = computed(folder / "runs", load_campaign(str(folder / "demo.toml")), 10)
+    store, plan = computed(folder / "runs", load_campaign(str(folder / "demo.toml")), 10)
+    write_state(store, plan.campaign_id, "completed")
     return folder / "runs", plan.campaign_id
 
 
 @pytest.fixture
 def settings(tmp_path):
     """Return settings of a server on loopback with a store of its own."""
-    return Settings(str(tmp_path / "runs"), tmp_path / "data", limits=Limits(failures=5))
+    return Settings(str(tmp_path / "runs"), tmp_path / "data", processes=0, limits=Limits(failures=5))
 
 
 @pytest.fixture

@@ -1,1 +1,55 @@
 "use strict";
+// Follow a campaign: each event holds all that is known, so a page that missed some shows the last.
+(function () {
+  const live = document.getElementById("live");
+  if (!live || !live.dataset.events || !window.EventSource) return;
+  const field = (name) => live.querySelector(`[data-field="${name}"]`);
+  const grouped = (n) => (n === null ? "" : n.toLocaleString("en").replace(/,/g, "\u202f"));
+  const fixed = (x, digits) => (x === null || x === undefined ? "" : x.toFixed(digits));
+  const brief = (x) => (x === null || x === undefined ? "" : String(Number(x.toPrecision(4))));
+  const duration = (s) => {
+    if (s === null) return "";
+    if (s < 100) return `${Math.round(s)} s`;
+    return s < 6000 ? `${Math.round(s / 60)} min` : `${(s / 3600).toFixed(1)} h`;
+  };
+  const cell = (row, kind, text, numeric) => {
+    const made = row.appendChild(document.createElement(kind));
+    made.textContent = text;
+    if (numeric) made.className = "number";
+    return made;
+  };
+  const show = (p) => {
+    field("state").textContent = p.state;
+    field("state").className = `state ${p.state}`;
+    field("message").textContent = p.message;
+    if (p.done === null) return;
+    field("bar").max = p.samples || 1;
+    field("bar").value = p.done;
+    for (const name of ["done", "samples", "failed"]) field(name).textContent = grouped(p[name]);
+    field("rate").textContent = p.rate ? `${brief(p.rate)} runs/s` : "";
+    field("eta").textContent = duration(p.eta_s);
+    field("workers").textContent = p.workers;
+    const statuses = field("statuses");
+    statuses.replaceChildren();
+    for (const [status, count] of Object.entries(p.statuses)) {
+      statuses.appendChild(document.createElement("li")).textContent = `${grouped(count)} ${status}`;
+    }
+    const rows = field("responses");
+    rows.replaceChildren();
+    for (const [name, r] of Object.entries(p.responses)) {
+      const row = rows.appendChild(document.createElement("tr"));
+      cell(row, "th", name).scope = "row";
+      cell(row, "td", grouped(r.n), true);
+      cell(row, "td", brief(r.mean), true);
+      cell(row, "td", brief(r.std), true);
+      cell(row, "td", fixed(r.cpk, 2), true);
+      cell(row, "td", r.cpk_interval ? `${fixed(r.cpk_interval[0], 2)} to ${fixed(r.cpk_interval[1], 2)}` : "");
+    }
+  };
+  const source = new EventSource(live.dataset.events);
+  source.addEventListener("progress", (event) => show(JSON.parse(event.data)));
+  source.addEventListener("end", () => {
+    source.close();
+    window.setTimeout(() => window.location.reload(), 2000); // for the report, and what may be done now
+  });
+})();

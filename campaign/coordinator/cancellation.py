@@ -1,0 +1,34 @@
+"""End a campaign on request."""
+
+from campaign.coordinator.lease import is_coordinated
+from campaign.coordinator.state import state_of, write_state
+from campaign.store import Store
+from campaign.store.layout import CANCEL
+
+
+def cancel_campaign(store: Store, campaign_id: str) -> str:
+    """End a campaign: unfinished runs are given up, finished rows stay.
+
+    Parameters
+    ----------
+    store : Store
+        Where it is.
+    campaign_id : str
+        Its whole id.
+
+    Returns
+    -------
+    str
+        The state before; nothing is done if that is ``completed``.
+
+    Raises
+    ------
+    StoreError
+        If the store cannot be written.
+    """
+    before = str(state_of(store, campaign_id)["state"])
+    if before != "completed":
+        store.files.write(f"{campaign_id}/{CANCEL}", b"")
+        if not is_coordinated(store, campaign_id):
+            write_state(store, campaign_id, "cancelled")
+    return before

@@ -1,0 +1,95 @@
+"""What is done to a campaign: it is ended, continued, labelled, or deleted."""
+
+import asyncio
+from typing import Annotated
+
+from fastapi import Header
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.responses import Response
+
+from campaign.coordinator.cancellation import cancel_campaign
+from campaign.coordinator.delete import delete_campaign
+from campaign.coordinator.submit import assign_coordinator
+from campaign.store.label_versions import change_labels
+from campaign.store.labels import LabelChange
+from campaign.web.access import Role
+from campaign.web.api.calls import calls
+from campaign.web.api.whose import TheCampaign
+from campaign.web.http.asking import Engineer, TheService
+from campaign.web.http.problems import Refusal, described
+from campaign.web.watch.entry import CampaignEntry
+
+router = calls("campaigns")
+
+
+class Done(BaseModel):
+    """What was done."""
+
+    campaign: str = Field(examples=["c60-0a1b2c3d4e"])
+    before: str = Field(description="State before", examples=["running"])
+    note: str = Field("", description="What happens next")
+
+
+@router.post("/campaigns/{campaign}/cancel", responses=described(404))
+def cancel(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
+    """End a campaign; finished rows stay, and `resume` continues it."""
+    before = cancel_campaign(service.store.hasty, campaign)
+    service.watcher.hurry()
+    note = "it is completed; nothing to cancel" if before == "completed" else "its workers end within some seconds"
+    return Done(campaign=campaign, before=before, note=note)
+
+
+@router.post("/campaigns/{campaign}/resume", responses=described(404))
+def resume(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
+    """Queue a campaign again that was cancelled or interrupted, that failed, or that lost rows."""
+    entry = service.watcher.index.entry(campaign)
+    plan = service.store.hasty.plan(campaign)
+    assignment = assign_coordinator(service.store.hasty, plan, [], queue_only=True)
+    service.watcher.hurry()
+    note = "a coordinator computes it already" if assignment.kind == "coordinator" else "queued"
+    return Done(campaign=campaign, before=entry.state if entry else "planned", note=note)
+
+
+class LabelRequest(BaseModel):
+    """What changes in the labels of a campaign; what is left out stays."""
+
+    model_config = ConfigDict(extra="forbid")
+    owner: str | None = Field(None, max_length=200, examples=["eva"])
+    add_tags: list[str] = Field(default=[], max_length=50, examples=[["release-3"]])
+    remove_tags: list[str] = Field(default=[], max_length=50)
+    note: str | None = Field(None, max_length=5000)
+    archived: bool | None = None
+    version: int | None = Field(None, ge=0, description="`labels_version` of what was seen; 409 if it is another now")
+
+
+@router.patch("/campaigns/{campaign}/labels", responses=described(404, 409))
+async def label(service: TheService, campaign: TheCampaign, who: Engineer, wanted: LabelRequest) -> CampaignEntry:
+    """Change owner, tags and note of a campaign, or archive it."""
+    change = LabelChange(wanted.owner, tuple(wanted.add_tags), tuple(wanted.remove_tags), wanted.note, wanted.archived)
+    await asyncio.to_thread(change_labels, service.store.hasty, campaign, change, by=who.name, version=wanted.version)
+    await service.watcher.list_campaigns()
+    entry = service.watcher.index.entry(campaign)
+    if entry is None:
+        raise Refusal(404, f"no campaign {campaign} in the store")
+    return entry
+
+
+@router.delete("/campaigns/{campaign}", status_code=204, responses=described(404, 409), response_class=Response)
+def delete(
+    service: TheService,
+    campaign: TheCampaign,
+    who: Engineer,
+    confirm: Annotated[str, Header(alias="X-Confirm", description="The id once more: rows are lost for ever")] = "",
+) -> Response:
+    """Delete a campaign with all its rows; its owner and admins may, unless it is signed."""
+    entry = service.watcher.index.entry(campaign)
+    owner = entry.owner or entry.submitted_by if entry else ""
+    if not who.may(Role.ADMIN) and owner != who.name:
+        raise Refusal(403, f"campaign {campaign} is {owner or 'nobody'}'s; its owner or an admin may delete it")
+    if confirm != campaign:
+        raise Refusal(422, f"X-Confirm = {confirm!r:.120}: deleting ends all rows; send the id {campaign} once more")
+    if service.is_signed(campaign):
+        raise Refusal(409, f"campaign {campaign} is signed; archive it instead")
+    delete_campaign(service.store.hasty, campaign)
+    service.watcher.hurry()
+    return Response(status_code=204)

@@ -1,0 +1,143 @@
+"""The campaigns of the store: a list, and each with its state, files and labels."""
+
+from collections.abc import Callable, Iterable
+from datetime import UTC, datetime
+from typing import Annotated, Any
+
+from fastapi import Query, Request
+from pydantic import BaseModel, Field
+from starlette.concurrency import run_in_threadpool
+from starlette.responses import Response, StreamingResponse
+
+from campaign.store.layout import CAMPAIGN_FILE
+from campaign.web.api.calls import calls
+from campaign.web.api.whose import TheCampaign
+from campaign.web.http.asking import Asking, TheService, Viewer
+from campaign.web.http.problems import Refusal, described
+from campaign.web.http.tagged import tagged
+from campaign.web.watch.entry import CampaignEntry
+
+router = calls("campaigns")
+MOST_LISTED = 1000
+_OLDEST = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+class Listing(BaseModel):
+    """A page of the list of campaigns."""
+
+    campaigns: list[CampaignEntry]
+    total: int = Field(description="Campaigns that fit the question", examples=[1])
+    next: str | None = Field(description="Cursor of the next page; null on the last one")
+
+
+class ListQuestion(BaseModel):
+    """Which campaigns are listed, and in which order."""
+
+    search: str = Field("", max_length=200, description="Part of the id, title, owner, tags, or note")
+    owner: str | None = Field(None, max_length=200)
+    tag: list[str] = Field(default=[], max_length=20, description="Campaigns have all of these")
+    state: str | None = Field(None, max_length=40)
+    archived: bool = Field(False, description="Also those that are archived")
+    sort: str = Field("newest", pattern="^(newest|oldest|title|cpk|yield|state|owner)$")
+
+
+_ORDERS: dict[str, tuple[Callable[[CampaignEntry], Any], bool]] = {  # key, and whether it falls
+    "newest": (lambda e: e.submitted_at or _OLDEST, True),
+    "oldest": (lambda e: e.submitted_at or _OLDEST, False),
+    "title": (lambda e: e.title.casefold(), False),
+    "cpk": (lambda e: (e.weakest is None, e.weakest.cpk if e.weakest else 0.0), False),
+    "yield": (lambda e: (e.share_ok is None, e.share_ok or 0.0), False),
+    "state": (lambda e: e.state, False),
+    "owner": (lambda e: e.owner.casefold(), False),
+}
+
+
+def listed(entries: Iterable[tuple[CampaignEntry, bytes]], question: ListQuestion) -> list[tuple[CampaignEntry, bytes]]:
+    """Return the entries that fit a question, in its order; equals are in the order of their ids."""
+    words = question.search.casefold().split()
+    found = [pair for pair in entries if _fits(pair[0], question, words)]
+    key, falls = _ORDERS[question.sort]
+    found.sort(key=lambda pair: pair[0].campaign)
+    found.sort(key=lambda pair: key(pair[0]), reverse=falls)
+    return found
+
+
+def _fits(entry: CampaignEntry, question: ListQuestion, words: list[str]) -> bool:
+    """Return whether an entry fits a question."""
+    if entry.archived and not question.archived:
+        return False
+    if question.owner not in (None, entry.owner) or question.state not in (None, entry.state):
+        return False
+    if not set(question.tag) <= set(entry.tags):
+        return False
+    text = " ".join((entry.campaign, entry.title, entry.owner, *entry.tags, entry.note)).casefold() if words else ""
+    return all(word in text for word in words)
+
+
+@router.get("/campaigns", response_model=Listing, responses=described(304))
+async def list_campaigns(
+    request: Request,
+    service: TheService,
+    _: Viewer,
+    question: Annotated[ListQuestion, Query()],
+    cursor: Annotated[int, Query(ge=0, le=10**9, description="From the page before")] = 0,
+    limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 100,
+) -> Response:
+    """List campaigns: state, progress, yield, weakest Cpk, owner and tags."""
+    if service.watcher.listed_at is None:
+        await service.watcher.list_campaigns()
+    found = listed(service.watcher.index.entries(), question)
+    page = found[cursor : cursor + limit]
+    following = f'"{cursor + limit}"' if cursor + limit < len(found) else "null"
+    body = b'{"campaigns":[%b],"total":%d,"next":%b}' % (
+        b",".join(text for _, text in page), len(found), following.encode()
+    )  # fmt: skip
+    return tagged(request, body, "application/json")
+
+
+@router.get("/campaigns/{campaign}", responses=described(404))
+async def show_campaign(service: TheService, campaign: TheCampaign) -> CampaignEntry:
+    """Show a campaign: state, progress, yield, weakest Cpk, owner and tags."""
+    entry = service.watcher.index.entry(campaign)
+    if entry is None:
+        await service.watcher.list_campaigns()
+        entry = service.watcher.index.entry(campaign)
+    if entry is None:
+        raise Refusal(404, f"no campaign {campaign} in the store")
+    return entry
+
+
+@router.get(
+    "/campaigns/{campaign}/events",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}, **described(404)},
+)
+async def follow_campaign(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
+    """Follow a campaign by server-sent events: progress, rate, failures by status, each Cpk with its interval.
+
+    Each event `progress` holds all that is known; `Last-Event-ID` leaves out what was seen. `end` is the last.
+    """
+    limit = service.settings.limits.streams
+    if service.streams[who.name] >= limit:
+        raise Refusal(429, f"{who.name} has {limit} event streams open; close one", headers={"Retry-After": "5"})
+
+    async def events() -> Any:
+        service.streams[who.name] += 1
+        try:
+            async for event in service.watcher.follow(campaign, request.headers.get("last-event-id", "")[:64]):
+                yield event
+        finally:
+            service.streams[who.name] -= 1
+
+    return StreamingResponse(events(), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"})
+
+
+@router.get(
+    "/campaigns/{campaign}/campaign.toml",
+    response_class=Response,
+    responses={200: {"content": {"application/toml": {"schema": {"type": "string"}}}}, **described(304, 404)},
+)
+async def campaign_file(request: Request, service: TheService, campaign: TheCampaign) -> Response:
+    """Return the campaign file, as it was submitted."""
+    content = await run_in_threadpool(service.store.hasty.files.read, f"{campaign}/{CAMPAIGN_FILE}")
+    return tagged(request, content, "application/toml")

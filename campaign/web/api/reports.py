@@ -1,0 +1,89 @@
+"""The reports of a campaign: its own, and its comparisons with others."""
+
+from typing import Annotated, Any
+
+from fastapi import Path, Request
+from pydantic import BaseModel, Field
+from starlette.concurrency import run_in_threadpool
+from starlette.responses import Response
+
+from campaign.store.files.files import TEMPORARY
+from campaign.store.report_folders import comparisons, report_folder
+from campaign.web.api.calls import calls
+from campaign.web.api.whose import PATTERN, TheCampaign
+from campaign.web.http.asking import TheService
+from campaign.web.http.problems import Refusal, described
+from campaign.web.http.tagged import tagged
+from campaign.web.web_service import Service
+
+router = calls("reports")
+TYPES = {
+    "html": "text/html; charset=utf-8",
+    "json": "application/json",
+    "parquet": "application/vnd.apache.parquet",
+    "pdf": "application/pdf",
+    "xlsx": "application/vnd.openxmlformats-officedocument.spreadsheetml.sheet",
+    "svg": "image/svg+xml",
+    "png": "image/png",
+}
+# of a report's page: it runs nothing, loads nothing, and only this server's pages show it in a frame
+REPORT_POLICY = (
+    "sandbox allow-popups; default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none';"
+    " form-action 'none'; frame-ancestors 'self'"
+)
+FileName = Annotated[str, Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$", examples=["report.html"])]
+_FILE: dict[int | str, dict[str, Any]] = {
+    200: {"content": {kind.partition(";")[0]: {} for kind in [*TYPES.values(), "application/octet-stream"]}}
+}
+
+
+class ReportFiles(BaseModel):
+    """The files of a campaign's reports."""
+
+    files: list[str] = Field(description="Of its own report; empty if none is written", examples=[["report.html"]])
+    comparisons: dict[str, list[str]] = Field(description="Of its comparisons, by the id of the other campaign")
+
+
+@router.get("/campaigns/{campaign}/reports", responses=described(404))
+def report_files(service: TheService, campaign: TheCampaign) -> ReportFiles:
+    """List the files of a campaign's report and comparisons."""
+    names = service.store.hasty.files.names(report_folder(campaign))
+    own = [name for name in names if not name.endswith(TEMPORARY)]
+    return ReportFiles(files=own, comparisons=comparisons(service.store.hasty, campaign))
+
+
+@router.get(
+    "/campaigns/{campaign}/reports/own/{name}",
+    response_class=Response,
+    responses={**_FILE, **described(206, 304, 404, 416)},
+)
+async def report_file(request: Request, service: TheService, campaign: TheCampaign, name: FileName) -> Response:
+    """Return a file of a campaign's report, whole or in parts."""
+    return await _file(request, service, report_folder(campaign), name)
+
+
+@router.get(
+    "/campaigns/{campaign}/reports/against/{other}/{name}",
+    response_class=Response,
+    responses={**_FILE, **described(206, 304, 404, 416)},
+)
+async def comparison_file(
+    request: Request,
+    service: TheService,
+    campaign: TheCampaign,
+    other: Annotated[str, Path(pattern=PATTERN, description="Id of the other campaign")],
+    name: FileName,
+) -> Response:
+    """Return a file of a comparison of two campaigns, whole or in parts."""
+    return await _file(request, service, report_folder(campaign, other), name)
+
+
+async def _file(request: Request, service: Service, folder: str, name: str) -> Response:
+    """Return a file of a report."""
+    kind = TYPES.get(name.rpartition(".")[2], "application/octet-stream")
+    try:
+        content = await run_in_threadpool(service.store.hasty.files.read, f"{folder}/{name}")
+    except FileNotFoundError as error:
+        raise Refusal(404, f"{folder}: has no file {name}; write the report first") from error
+    frame = {"Content-Security-Policy": REPORT_POLICY, "X-Frame-Options": "SAMEORIGIN"}
+    return tagged(request, content, kind, frame)

@@ -1,0 +1,45 @@
+"""Answers that a client may have already, or may want in parts."""
+
+import re
+from hashlib import sha256
+
+from fastapi import Request
+from starlette.responses import Response
+
+_RANGE = re.compile(r"bytes=(\d{0,15})-(\d{0,15})")
+
+
+def tagged(request: Request, body: bytes, media_type: str, headers: dict[str, str] | None = None) -> Response:
+    """Return an answer with its ETag.
+
+    Parameters
+    ----------
+    request : Request
+        Who has the body already, by ``If-None-Match``, gets 304 without it. Who wants a part of it, by ``Range``, gets
+        206 with it, or 416 if there is no such part.
+    body : bytes
+        The whole body.
+    media_type : str
+    headers : dict of str to str, optional
+        More headers.
+    """
+    tag = f'"{sha256(body).hexdigest()[:32]}"'
+    headers = {"ETag": tag, "Cache-Control": "private, no-cache", "Accept-Ranges": "bytes", **(headers or {})}
+    known = [word.strip().removeprefix("W/") for word in request.headers.get("if-none-match", "").split(",")]
+    if tag in known or "*" in known:
+        return Response(status_code=304, headers=headers)
+    wanted = _RANGE.fullmatch(request.headers.get("range", ""))
+    if wanted is None or wanted.groups() == ("", "") or request.headers.get("if-range", tag) != tag:
+        return Response(body, headers=headers, media_type=media_type)
+    begin, end = _part(wanted[1], wanted[2], len(body))
+    if begin >= end:
+        return Response(status_code=416, headers={**headers, "Content-Range": f"bytes */{len(body)}"})
+    headers["Content-Range"] = f"bytes {begin}-{end - 1}/{len(body)}"
+    return Response(body[begin:end], 206, headers, media_type)
+
+
+def _part(first: str, last: str, size: int) -> tuple[int, int]:
+    """Return where a range begins and ends; the end is not part of it."""
+    if not first:  # the last so many bytes
+        return max(0, size - int(last)), size
+    return int(first), min(size, int(last) + 1) if last else size

@@ -1,0 +1,111 @@
+"""The list of campaigns, and the page of each: how far it is, its report, what may be done with it."""
+
+from typing import Annotated, Any
+from urllib.parse import quote
+
+from fastapi import APIRouter, Form, Query, Request
+from starlette.concurrency import run_in_threadpool
+from starlette.responses import RedirectResponse, Response
+
+from campaign.coordinator.follow import observe
+from campaign.web.access import Role
+from campaign.web.api.campaign_changes import LabelRequest, cancel, delete, label, resume
+from campaign.web.api.campaigns import ListQuestion, listed, show_campaign
+from campaign.web.api.reports import report_files
+from campaign.web.api.whose import TheCampaign
+from campaign.web.http.asking import Asking, Engineer, TheService, Viewer
+from campaign.web.pages.rendering import page
+from campaign.web.watch.snapshot import progress_of
+
+router = APIRouter(include_in_schema=False)
+ON_A_PAGE = 50
+SORTS = ("newest", "oldest", "title", "cpk", "yield", "state", "owner")
+
+
+@router.get("/campaigns")
+async def campaigns_page(
+    request: Request,
+    service: TheService,
+    _: Viewer,
+    question: Annotated[ListQuestion, Query()],
+    cursor: Annotated[int, Query(ge=0, le=10**9)] = 0,
+) -> Response:
+    """Show the list of campaigns."""
+    if service.watcher.listed_at is None:
+        await service.watcher.list_campaigns()
+    known = list(service.watcher.index.entries())
+    found = listed(known, question)
+    asked = question.model_dump(exclude_defaults=True)
+    entries = [entry for entry, _ in found[cursor : cursor + ON_A_PAGE]]
+    tags = sorted({tag for entry, _ in known for tag in entry.tags})
+    owners = sorted({entry.owner for entry, _ in known if entry.owner})
+    states = sorted({entry.state for entry, _ in known})
+    following = cursor + ON_A_PAGE if cursor + ON_A_PAGE < len(found) else None
+    values: dict[str, Any] = {"question": question, "entries": entries, "total": len(found), "sorts": SORTS}
+    values |= {"tags": tags, "owners": owners, "states": states, "cursor": cursor, "following": following}
+    return page(request, "campaigns", asked=asked, fault=service.watcher.fault, on_a_page=ON_A_PAGE, **values)
+
+
+async def frame(request: Request, service: TheService, campaign: str, who: Asking) -> dict[str, Any]:
+    """Return what the frame of all pages of a campaign shows: its entry, and who may do what."""
+    entry = await show_campaign(service, campaign)
+    owner = entry.owner or entry.submitted_by
+    return {"entry": entry, "may_delete": who.may(Role.ADMIN) or (who.may(Role.ENGINEER) and owner == who.name)}
+
+
+@router.get("/campaigns/{campaign}")
+async def campaign_page(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
+    """Show how far a campaign is; it moves while rows arrive."""
+    seen = await run_in_threadpool(observe, service.store.hasty, campaign)
+    shown = await frame(request, service, campaign, who)
+    return page(request, "campaign", progress=progress_of(seen), **shown)
+
+
+@router.get("/campaigns/{campaign}/report")
+async def report_page(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
+    """Show the report of a campaign in a frame, and its files."""
+    files = await run_in_threadpool(report_files, service, campaign)
+    return page(request, "report_frame", files=files, **await frame(request, service, campaign, who))
+
+
+@router.post("/campaigns/{campaign}/cancel")
+async def cancel_form(service: TheService, campaign: TheCampaign, who: Engineer) -> Response:
+    """End a campaign."""
+    await run_in_threadpool(cancel, service, campaign, who)
+    return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
+
+
+@router.post("/campaigns/{campaign}/resume")
+async def resume_form(service: TheService, campaign: TheCampaign, who: Engineer) -> Response:
+    """Continue a campaign."""
+    await run_in_threadpool(resume, service, campaign, who)
+    return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
+
+
+@router.post("/campaigns/{campaign}/labels")
+async def labels_form(
+    service: TheService,
+    campaign: TheCampaign,
+    who: Engineer,
+    version: Annotated[int, Form(ge=0)],
+    owner: Annotated[str, Form(max_length=200)] = "",
+    tags: Annotated[str, Form(max_length=2000)] = "",
+    note: Annotated[str, Form(max_length=5000)] = "",
+    archived: Annotated[bool, Form()] = False,
+) -> Response:
+    """Change owner, tags and note of a campaign, or archive it."""
+    entry = await show_campaign(service, campaign)
+    wanted = set(tags.replace(",", " ").split())
+    add, remove = sorted(wanted - set(entry.tags)), sorted(set(entry.tags) - wanted)
+    change = LabelRequest(owner=owner, add_tags=add, remove_tags=remove, note=note, archived=archived, version=version)
+    await label(service, campaign, who, change)
+    return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
+
+
+@router.post("/campaigns/{campaign}/delete")
+async def delete_form(
+    service: TheService, campaign: TheCampaign, who: Engineer, confirm: Annotated[str, Form(max_length=200)] = ""
+) -> Response:
+    """Delete a campaign with all its rows."""
+    await run_in_threadpool(delete, service, campaign, who, confirm)
+    return RedirectResponse("/campaigns", 303)

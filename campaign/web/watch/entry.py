@@ -1,0 +1,125 @@
+"""What the list says of one campaign."""
+
+from datetime import UTC, datetime
+from typing import Any
+
+from pydantic import BaseModel, Field
+
+from campaign.coordinator.follow import observe
+from campaign.errors import CampaignError
+from campaign.store import Store
+from campaign.store.files.files import LARGEST
+from campaign.store.label_versions import read_labels
+from campaign.store.layout import REPORT, SUBMISSION
+
+REPORT_DOCUMENT = f"{REPORT}/capability.json"
+
+
+class Weakest(BaseModel):
+    """The response with the smallest Cpk."""
+
+    response: str = Field(examples=["FC-1"])
+    cpk: float = Field(examples=[1.21])
+    interval: tuple[float, float] | None = Field(None, examples=[(1.18, 1.24)])
+
+
+class CampaignEntry(BaseModel):
+    """What the list says of one campaign."""
+
+    campaign: str = Field(description="Id of the campaign", examples=["c60-0a1b2c3d4e"])
+    title: str = Field("", examples=["Schneider C-60"])
+    state: str = Field(
+        description="queued, running, completed, incomplete, cancelled, failed, interrupted, planned or broken",
+        examples=["completed"],
+    )
+    message: str = Field("", description="Details of the state, or what is wrong with a broken campaign")
+    since: datetime | None = Field(None, description="When the state began")
+    samples: int | None = Field(None, description="Rows that are planned", examples=[30850])
+    done: int | None = Field(None, description="Rows that are stored", examples=[30850])
+    ok: int | None = Field(None, description="Rows with status ok", examples=[30850])
+    failed: int | None = Field(None, description="Rows with another status", examples=[0])
+    left: int | None = Field(None, description="Rows that are to be computed", examples=[0])
+    share_ok: float | None = Field(None, description="Share of the product within all limits", examples=[0.9987])
+    weakest: Weakest | None = Field(None, description="Smallest Cpk of the report, or of the rows so far")
+    headline: str = Field("", description="What the report concludes")
+    has_report: bool = Field(False, description="A report is written")
+    submitted_by: str = ""
+    submitted_at: datetime | None = None
+    owner: str = Field("", examples=["eva"])
+    tags: list[str] = Field(default=[], examples=[["c60", "release-3"]])
+    note: str = ""
+    archived: bool = False
+    labels_version: int = Field(0, description="Send it back with a change, so that nobody's change is lost")
+
+
+def entry_of(store: Store, campaign_id: str) -> CampaignEntry:
+    """Read what the list says of a campaign; of a broken one, what is wrong with it.
+
+    Parameters
+    ----------
+    store : Store
+        One that does not wait: see `Store.hasty`.
+    campaign_id : str
+        Its whole id.
+    """
+    try:
+        return _entry(store, campaign_id)
+    except CampaignError as error:
+        return CampaignEntry(campaign=campaign_id, state="broken", message=str(error))
+
+
+def _entry(store: Store, campaign_id: str) -> CampaignEntry:
+    """Return the entry of a sound campaign."""
+    header, seen = store.plan_header(campaign_id), observe(store, campaign_id)
+    labels = read_labels(store, campaign_id)
+    entry = CampaignEntry(
+        campaign=campaign_id, title=header.title, state=seen.state, message=seen.message, since=_date(seen.since)
+    )
+    submission = store.read_json(campaign_id, SUBMISSION) or {}
+    entry.submitted_by, entry.submitted_at = str(submission.get("user", ""))[:200], _date(submission.get("time"))
+    entry.owner, entry.tags, entry.note = labels.owner, list(labels.tags), labels.note
+    entry.archived, entry.labels_version = labels.archived, labels.version
+    if seen.state == "running" and seen.heartbeat is not None:
+        beat = seen.heartbeat
+        entry.samples, entry.done, entry.ok = beat.samples, beat.done, beat.ok
+        entry.failed, entry.left = beat.failed, beat.left
+        entry.weakest = _weakest_of({name: (r["cpk"], None) for name, r in beat.responses.items()})
+        return entry
+    survey, entry.samples = store.survey(header), store.end(header)
+    entry.done, entry.ok = survey.rows, survey.statuses.get("ok", 0)
+    entry.failed, entry.left = entry.done - entry.ok, entry.samples - entry.done
+    if entry.state == "completed" and entry.left:
+        entry.state, entry.message = "incomplete", f"{entry.left} rows were lost after the campaign was completed"
+    _add_report(entry, store.read_json(campaign_id, REPORT_DOCUMENT, LARGEST))
+    return entry
+
+
+def _add_report(entry: CampaignEntry, report: dict[str, Any] | None) -> None:
+    """Add what a report concludes; one of another version says less."""
+    if report is None:
+        return
+    entry.has_report = True
+    try:
+        entry.headline = str(report["headline"])
+        capabilities = {r["spec"]["name"]: r["capability"] for r in report["responses"]}
+        entry.weakest = _weakest_of({name: (c["cpk"], c["cpk_interval"]) for name, c in capabilities.items()})
+        product = report["product"]
+        entry.share_ok = None if product is None else (product["with_failures"] or product["counted"])["share"]
+    except (KeyError, TypeError):
+        entry.message = entry.message or "the report was written by another version; write it again"
+
+
+def _weakest_of(indices: dict[str, tuple[Any, Any]]) -> Weakest | None:
+    """Return the response with the smallest Cpk; None if there is none."""
+    known = {name: (cpk, interval) for name, (cpk, interval) in indices.items() if isinstance(cpk, int | float)}
+    if not known:
+        return None
+    name = min(known, key=lambda each: known[each][0])
+    cpk, interval = known[name]
+    return Weakest(response=name, cpk=cpk, interval=None if interval is None else (interval[0], interval[1]))
+
+
+def _date(seconds: Any) -> datetime | None:
+    """Return a time [s since 1970] as a date; None if it is none."""
+    is_number = isinstance(seconds, int | float) and not isinstance(seconds, bool)
+    return datetime.fromtimestamp(seconds, UTC) if is_number and 0.0 < seconds < 3e10 else None

@@ -1,0 +1,117 @@
+"""An index of the campaigns of a store: what the list says of each, read again only when its files have changed.
+
+It is a file that may be deleted at any time: it is built again from the store.
+"""
+
+import sqlite3
+import threading
+from collections.abc import Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from campaign.store import Store
+from campaign.web.watch.entry import CampaignEntry, entry_of
+
+FORMAT = 1
+READERS = 4  # campaigns that are read at a time
+AT_ONCE = 200  # campaigns between two writes
+
+
+class CampaignIndex:
+    """The index of a store.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path, self._lock = path, threading.Lock()
+        self._entries: dict[str, tuple[str, CampaignEntry, bytes]] = {}  # mark, entry, and the entry as JSON
+        self._connection = _opened(path)
+        for campaign, mark, text in self._connection.execute("SELECT campaign, mark, entry FROM entries").fetchall():
+            try:
+                self._entries[campaign] = mark, CampaignEntry.model_validate_json(text), text.encode()
+            except ValidationError:  # of another version: read again from the store
+                continue
+
+    def refresh(self, store: Store, marks: Mapping[str, str]) -> set[str]:
+        """Read the campaigns again whose marks are others than before; forget those that are gone.
+
+        Parameters
+        ----------
+        store : Store
+        marks : dict of str to str
+            Campaign -> what changes whenever its files change.
+
+        Returns
+        -------
+        set of str
+            The campaigns whose entries have changed.
+        """
+        gone = set(self._entries) - set(marks)
+        with self._lock:
+            for campaign in gone:
+                del self._entries[campaign]
+            self._connection.executemany("DELETE FROM entries WHERE campaign = ?", [(campaign,) for campaign in gone])
+            self._connection.commit()
+        stale = [campaign for campaign, mark in marks.items() if self._mark(campaign) != mark]
+        for begin in range(0, len(stale), AT_ONCE):
+            self._read(store, {campaign: marks[campaign] for campaign in stale[begin : begin + AT_ONCE]})
+        return {*gone, *stale}
+
+    def _mark(self, campaign: str) -> str | None:
+        known = self._entries.get(campaign)
+        return known[0] if known else None
+
+    def _read(self, store: Store, marks: Mapping[str, str]) -> None:
+        """Read some campaigns, and keep what the list says of them."""
+        with ThreadPoolExecutor(READERS) as readers:
+            entries = list(readers.map(lambda campaign: entry_of(store, campaign), marks))
+        texts = [entry.model_dump_json() for entry in entries]
+        with self._lock:
+            for (campaign, mark), entry, text in zip(marks.items(), entries, texts, strict=True):
+                self._entries[campaign] = mark, entry, text.encode()
+            rows = [(campaign, mark, text) for (campaign, mark), text in zip(marks.items(), texts, strict=True)]
+            self._connection.executemany("INSERT OR REPLACE INTO entries VALUES (?, ?, ?)", rows)
+            self._connection.commit()
+
+    def entries(self) -> Iterator[tuple[CampaignEntry, bytes]]:
+        """Yield the entries of all campaigns, each also as JSON."""
+        with self._lock:
+            known = list(self._entries.values())
+        for _, entry, text in known:
+            yield entry, text
+
+    def entry(self, campaign: str) -> CampaignEntry | None:
+        """Return the entry of a campaign; None if there is none."""
+        with self._lock:
+            known = self._entries.get(campaign)
+        return known[1] if known else None
+
+    def close(self) -> None:
+        """Close the file."""
+        self._connection.close()
+
+
+def _opened(path: Path) -> sqlite3.Connection:
+    """Open the file; one that is damaged, or of another format, is made anew."""
+    for _ in range(2):
+        connection = sqlite3.connect(path, check_same_thread=False)
+        try:
+            connection.execute("PRAGMA synchronous = OFF")  # after a loss of power it is made anew
+            if connection.execute("PRAGMA user_version").fetchone()[0] == FORMAT:
+                connection.execute("SELECT count(*) FROM entries").fetchone()
+                return connection
+            connection.execute("DROP TABLE IF EXISTS entries")
+            connection.execute("CREATE TABLE entries (campaign TEXT PRIMARY KEY, mark TEXT, entry TEXT) STRICT")
+            connection.execute(f"PRAGMA user_version = {FORMAT}")
+            connection.commit()
+            return connection
+        except sqlite3.DatabaseError:
+            connection.close()
+            path.unlink(missing_ok=True)
+    raise sqlite3.DatabaseError(f"{path}: cannot be made")

@@ -1,0 +1,68 @@
+"""How far a campaign is, as its followers see it."""
+
+import json
+from dataclasses import dataclass
+from hashlib import sha256
+from typing import Any
+
+from campaign.coordinator.follow import Observation
+from reporting.capability.intervals import cpk_interval
+
+CONFIDENCE = 0.95
+PRELIMINARY = "normal theory for independent samples; the report looks at their shape and may give a wider one"
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """How far a campaign is at a moment.
+
+    Attributes
+    ----------
+    state : str
+        See `Observation`.
+    is_over : bool
+        Nothing more happens unless somebody asks for it.
+    data : str
+        All of it as JSON, on one line.
+    id : str
+        Digest of the data, by which a follower that comes back says what it has seen.
+    """
+
+    state: str
+    is_over: bool
+    data: str
+    id: str
+
+    @property
+    def event(self) -> bytes:
+        """The snapshot as a server-sent event."""
+        return f"id: {self.id}\nevent: progress\ndata: {self.data}\n\n".encode()
+
+
+def snapshot(seen: Observation) -> Snapshot:
+    """Return what followers see of an observation."""
+    data = json.dumps(progress_of(seen), allow_nan=False, separators=(",", ":"))
+    return Snapshot(seen.state, seen.is_over, data, sha256(data.encode()).hexdigest()[:16])
+
+
+def progress_of(seen: Observation) -> dict[str, Any]:
+    """Return the progress that an observation shows, as plain data; counts are None before the first heartbeat.
+
+    Each Cpk has its interval by normal theory: it narrows as rows arrive, and it is not the report's.
+    """
+    beat = seen.heartbeat
+    document: dict[str, Any] = {"campaign": seen.campaign, "state": seen.state, "message": seen.message}
+    document |= {"since": seen.since, "over": seen.is_over, "odd": seen.odd}
+    counts = ("samples", "done", "ok", "failed", "left", "statuses", "rate", "eta_s", "workers", "repeats", "repeated")
+    document |= {name: None if beat is None else getattr(beat, name) for name in counts}
+    responses = {} if beat is None else beat.responses
+    document["responses"] = {
+        name: response | {"cpk_interval": _interval(response)} for name, response in responses.items()
+    }
+    return document | {"interval": PRELIMINARY}
+
+
+def _interval(response: dict[str, float | None]) -> tuple[float, float] | None:
+    """Return the interval of a Cpk; None without one, or with two values or fewer."""
+    cpk, n = response["cpk"], response["n"]
+    return None if cpk is None or not n or n < 3 else cpk_interval(cpk, int(n), CONFIDENCE)

@@ -1,0 +1,168 @@
+"""One reader of the store for all who follow it."""
+
+import asyncio
+import logging
+import time
+from collections.abc import AsyncIterator, Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+from campaign.coordinator.follow import Observation, observe
+from campaign.errors import CampaignError
+from campaign.store import Store
+from campaign.web.watch.index import CampaignIndex
+from campaign.web.watch.snapshot import Snapshot, snapshot
+
+LOOK_EVERY = 1.0  # s, at campaigns that run or are followed
+LIST_EVERY = 5.0  # s, at the marks of all campaigns
+KEEP_ALIVE = 15.0  # s without news, after which a stream sends a comment, so that proxies keep it open
+COMMENT = b": still here\n\n"
+RETRY = b"retry: 2000\n\n"  # ms, after which a browser connects again
+
+T = TypeVar("T")
+logger = logging.getLogger(__name__)
+
+
+class Feed:
+    """The latest snapshot of a campaign, for any number of followers."""
+
+    def __init__(self) -> None:
+        self.latest: Snapshot | None = None
+        self.seen: Observation | None = None
+        self.followers = 0
+        self._news = asyncio.Event()
+
+    def publish(self, seen: Observation) -> None:
+        """Give followers a new observation; nothing happens if it shows nothing new."""
+        if self.latest is not None and seen == self.seen:
+            self.seen = seen  # what it knows of the coordinator's life is newer
+            return
+        self.seen, self.latest = seen, snapshot(seen)
+        self.wake()
+
+    def wake(self) -> None:
+        """Let all followers look."""
+        self._news.set()
+        self._news = asyncio.Event()
+
+    async def news(self, seconds: float) -> None:
+        """Wait for the next snapshot, at most so long."""
+        try:
+            async with asyncio.timeout(seconds):
+                await self._news.wait()
+        except TimeoutError:
+            pass
+
+
+class Watcher:
+    """Looks at the store, keeps the index, and tells followers what has changed.
+
+    Parameters
+    ----------
+    store : Store
+    index : CampaignIndex
+    marks : callable
+        Returns, of a store, campaign -> what changes whenever its files change.
+    """
+
+    def __init__(self, store: Store, index: CampaignIndex, marks: Callable[[Store], dict[str, str]]) -> None:
+        self._store, self._marks = store.hasty, marks
+        self.index = index
+        self.listed_at: float | None = None  # by the monotonic clock, when the store was last listed
+        self.fault = ""  # why the store cannot be read
+        self._feeds: dict[str, Feed] = {}
+        self._reader = ThreadPoolExecutor(1, thread_name_prefix="store-reader")
+        self._wake = asyncio.Event()
+        self._is_ending = False
+
+    async def run(self) -> None:
+        """Look at the store again and again, until cancelled."""
+        self._loop = asyncio.get_running_loop()
+        try:
+            while True:
+                await self._look()
+                try:
+                    async with asyncio.timeout(LOOK_EVERY):
+                        await self._wake.wait()
+                except TimeoutError:
+                    pass
+                self._wake.clear()
+        finally:
+            self._reader.shutdown(wait=False, cancel_futures=True)
+
+    async def _look(self) -> None:
+        """Look once; a store that is away is looked at again later."""
+        try:
+            if self.listed_at is None or time.monotonic() - self.listed_at >= LIST_EVERY:
+                await self.list_campaigns()
+            for campaign, feed in list(self._feeds.items()):
+                if feed.followers:
+                    feed.publish(await self._in_reader(observe, self._store, campaign, feed.seen))
+                else:
+                    del self._feeds[campaign]
+            self.fault = ""
+        except CampaignError as error:
+            if self.fault != str(error):
+                logger.warning("%s", error)
+            self.fault = str(error)
+        except Exception:
+            logger.exception("the store could not be looked at")
+
+    async def list_campaigns(self) -> None:
+        """Bring the index up to date now."""
+        await self._in_reader(self._refresh)
+        self.listed_at = time.monotonic()
+
+    def _refresh(self) -> None:
+        self.index.refresh(self._store, self._marks(self._store))
+
+    async def _in_reader(self, function: Callable[..., T], *arguments: object) -> T:
+        """Call a function in the one thread that reads the store."""
+        return await asyncio.get_running_loop().run_in_executor(self._reader, function, *arguments)
+
+    def hurry(self) -> None:
+        """Look soon, because somebody has just changed something here; any thread may call it."""
+        self.listed_at = None
+        self._loop.call_soon_threadsafe(self._wake.set)
+
+    def end_streams(self) -> None:
+        """End the streams of all followers, because the server ends; they come back to the next one."""
+        self._is_ending = True
+        for feed in self._feeds.values():
+            feed.wake()
+
+    @property
+    def followers(self) -> int:
+        """Number of open streams."""
+        return sum(feed.followers for feed in self._feeds.values())
+
+    async def follow(self, campaign: str, last: str = "") -> AsyncIterator[bytes]:
+        """Yield the events of a campaign until nothing more happens, the follower leaves, or the server ends.
+
+        Parameters
+        ----------
+        campaign : str
+            Its whole id.
+        last : str
+            Id of the last event that the follower has seen; the first event comes when there is another.
+        """
+        feed = self._feeds.setdefault(campaign, Feed())
+        feed.followers += 1
+        try:
+            yield RETRY
+            if feed.latest is None:
+                feed.publish(await self._in_reader(observe, self._store, campaign, None))
+            while not self._is_ending:
+                latest = feed.latest
+                assert latest is not None
+                if latest.id != last:
+                    last = latest.id
+                    yield latest.event
+                if latest.is_over:
+                    yield b"event: end\ndata: {}\n\n"
+                    return
+                await feed.news(KEEP_ALIVE)
+                if feed.latest is latest:
+                    yield COMMENT
+        finally:
+            feed.followers -= 1

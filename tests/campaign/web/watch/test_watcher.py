@@ -1,0 +1,142 @@
+"""The index follows the store, and followers hear of what has changed, each thing once."""
+
+import asyncio
+import json
+
+import pytest
+
+from campaign.coordinator.state import write_state
+from campaign.store import open_store
+from campaign.store.label_versions import change_labels
+from campaign.store.labels import LabelChange
+from campaign.web.watch import watcher as watching
+from campaign.web.watch.entry import entry_of
+from campaign.web.watch.index import CampaignIndex
+from campaign.web.watch.marks import campaign_marks
+from campaign.web.watch.watcher import Watcher
+
+
+@pytest.fixture
+def index(tmp_path):
+    made = CampaignIndex(tmp_path / "index.sqlite")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def finished(finished_store):
+    return open_store(str(finished_store[0])), finished_store[1]
+
+
+def test_entry_of_a_finished_campaign(finished):
+    entry = entry_of(*finished)
+    assert (entry.samples, entry.done, entry.ok, entry.failed, entry.left) == (25, 25, 25, 0, 0)
+    assert entry.title == "demo"
+
+
+def test_entry_of_a_broken_campaign(tmp_path):
+    (tmp_path / "runs" / "x-1").mkdir(parents=True)
+    (tmp_path / "runs" / "x-1" / "plan.json").write_text("{")
+    entry = entry_of(open_store(str(tmp_path / "runs")), "x-1")
+    assert entry.state == "broken"
+    assert "plan.json" in entry.message
+
+
+def test_index_reads_only_what_changed(store, plan, index, monkeypatch):
+    read = []
+    monkeypatch.setattr("campaign.web.watch.index.entry_of", lambda s, c: (read.append(c), entry_of(s, c))[1])
+    assert index.refresh(store, campaign_marks(store)) == {plan.campaign_id}
+    assert index.refresh(store, campaign_marks(store)) == set()
+    assert read == [plan.campaign_id]
+    change_labels(store, plan.campaign_id, LabelChange(owner="eva"))
+    index.refresh(store, campaign_marks(store))
+    assert index.entry(plan.campaign_id).owner == "eva"
+    write_state(store, plan.campaign_id, "cancelled")
+    index.refresh(store, campaign_marks(store))
+    assert index.entry(plan.campaign_id).state == "cancelled"
+    assert len(read) == 3
+
+
+def test_index_is_kept_and_can_be_deleted(store, plan, index, tmp_path, monkeypatch):
+    index.refresh(store, campaign_marks(store))
+    again = CampaignIndex(tmp_path / "index.sqlite")
+    assert again.entry(plan.campaign_id) == index.entry(plan.campaign_id)
+    assert again.refresh(store, campaign_marks(store)) == set()
+    again.close()
+    (tmp_path / "index.sqlite").write_bytes(b"damaged" * 1000)
+    new = CampaignIndex(tmp_path / "index.sqlite")
+    assert list(new.entries()) == []
+    new.refresh(store, campaign_marks(store))
+    assert list(new.entries()) == list(index.entries())
+    new.close()
+
+
+def test_index_forgets_what_is_gone(store, plan, index):
+    index.refresh(store, campaign_marks(store))
+    store.files.remove_tree(plan.campaign_id)
+    assert index.refresh(store, campaign_marks(store)) == {plan.campaign_id}
+    assert list(index.entries()) == []
+
+
+def _followed(store, index, campaign, act, last="", most=10):
+    """Return the events of a campaign that is followed while `act` changes it."""
+
+    async def follow():
+        watcher = Watcher(store, index, campaign_marks)
+        looking = asyncio.create_task(watcher.run())
+        events = []
+        acting = asyncio.create_task(act(watcher))
+        async for event in watcher.follow(campaign, last):
+            events.append(event)
+            if len(events) == most:
+                break
+        await acting
+        assert watcher.followers == 0
+        looking.cancel()
+        return [event for event in events if event.startswith((b"id", b"event"))]
+
+    return asyncio.run(asyncio.wait_for(follow(), 30))
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    monkeypatch.setattr(watching, "LOOK_EVERY", 0.02)
+
+
+def _data(event):
+    return json.loads(event.decode().split("data: ")[1])
+
+
+def test_follower_hears_each_change_once(store, plan, index, quick):
+    async def act(_):
+        write_state(store, plan.campaign_id, "queued")
+        await asyncio.sleep(0.3)
+        write_state(store, plan.campaign_id, "cancelled", "by a test")
+
+    write_state(store, plan.campaign_id, "queued")
+    events = _followed(store, index, plan.campaign_id, act)
+    assert [_data(event).get("state") for event in events] in (
+        ["queued", "cancelled", None],
+        ["queued", "queued", "cancelled", None],  # the second one since another moment
+    )
+    assert _data(events[-2])["message"] == "by a test"
+    assert events[-1] == b"event: end\ndata: {}\n\n"
+
+
+def test_follower_that_comes_back_hears_what_is_new(finished, index, quick):
+    async def act(_):
+        pass
+
+    events = _followed(*finished[:1], index, finished[1], act)
+    assert [_data(event).get("state") for event in events] == ["completed", None]
+    last = events[0].decode().split("\n")[0].removeprefix("id: ")
+    assert _followed(finished[0], index, finished[1], act, last) == [b"event: end\ndata: {}\n\n"]
+
+
+def test_streams_end_with_the_server(store, plan, index, quick):
+    async def act(watcher):
+        await asyncio.sleep(0.1)
+        watcher.end_streams()
+
+    write_state(store, plan.campaign_id, "queued")
+    assert len(_followed(store, index, plan.campaign_id, act)) == 1
