@@ -3,11 +3,13 @@
 import os
 from contextlib import contextmanager
 from functools import partial
+from multiprocessing import forkserver, get_context
 
+import dask
 import pytest
 from typer.testing import CliRunner
 
-from campaign.cluster.process_workers import process_workers
+from campaign.cluster import process_workers
 from campaign.coordinator import coordinate as coordinating
 from campaign.coordinator import rerun as rerunning
 from campaign.coordinator import submit as submission
@@ -92,10 +94,32 @@ def either_store(request, tmp_path, monkeypatch, plan):
     return opened
 
 
+@pytest.fixture(scope="session")
+def server_of_processes():
+    """Start a process of which workers are forks: it has imported what each of them would import for two seconds."""
+    needed = ["distributed.nanny", "campaign.worker.batch", "engine.loop", "pandas", "tests.campaign.fake_engine"]
+    get_context("forkserver").set_forkserver_preload(needed)
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("PYTHONSAFEPATH", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"):
+            patch.setenv(name, "1")
+        forkserver.ensure_running()
+
+
 @pytest.fixture(scope="module")
-def kept_workers(tmp_path_factory):
+def forked_workers(server_of_processes):
+    """Have the workers of a module's campaigns forked; clusters and storms prove how they start elsewhere."""
+    with (
+        dask.config.set({"distributed.worker.multiprocessing-method": "forkserver"}),
+        pytest.MonkeyPatch.context() as patch,
+    ):
+        patch.setattr(process_workers, "get_context", lambda _: get_context("forkserver"))
+        yield
+
+
+@pytest.fixture(scope="module")
+def kept_workers(tmp_path_factory, forked_workers):
     """Return two processes that compute for all tests of a module; they start in a folder of their own."""
-    with process_workers(2) as workers:
+    with process_workers.process_workers(2) as workers:
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(tmp_path_factory.mktemp("workers"))
             for _ in range(2):

@@ -195,8 +195,8 @@ def depends_on_step(mechanism, values, *, step=None, horizon=None, cancel=None):
 
 
 def kills_below_its_step(mechanism, values, *, step=None, horizon=None, cancel=None):
-    """Kill the process with signal 11 in a run with half the step if J1 is above its mean."""
-    if step_of(mechanism, values, step) < mechanism.simulation.step and values["J1"] > 0.07:
+    """Kill the process with signal 11 in a run with half the step if J1 is above 0.08."""
+    if step_of(mechanism, values, step) < mechanism.simulation.step and values["J1"] > 0.08:
         os.kill(os.getpid(), signal.SIGSEGV)
     return depends_on_step(mechanism, values, step=step)
 

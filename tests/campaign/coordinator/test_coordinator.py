@@ -24,6 +24,8 @@ from campaign.worker.messages import Cancelled, WrongBuild
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows, start
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 
 def test_rows_do_not_depend_on_workers_and_batches(tmp_path, campaign):
     """The bits of one process, for 1 and 2 workers and batches of 7 and 3; storms/test_same_bits.py goes on."""

@@ -16,6 +16,8 @@ from reporting import capability
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed, rows, start
 
+pytestmark = pytest.mark.usefixtures("forked_workers")
+
 RULE = """
 [stop]
 response = "FC-1"
