@@ -10,6 +10,7 @@ from reporting.arrays import Array
 from reporting.capability.verdict import CAPABLE
 from reporting.comparison import Comparison, compare
 from reporting.designs import Design
+from reporting.errors import ReportError
 from reporting.failures import FailedSample, StatusCount, count_statuses, list_failures
 from reporting.headline import headline
 from reporting.inputs import CorrelationAnalysis, VariableAnalysis, analyse_correlations, analyse_variable
@@ -148,7 +149,7 @@ def analyse(
         The rows of the other campaign do not fit its spec, or the limits of a response are crossed.
     """
     samples, rounding = leveled_samples(samples, spec)
-    other = None if against is None else _other(*against)
+    other = None if against is None else _drawn(*against)
     corners = next((pair for pair in ((samples, spec), other) if pair and pair[1].corners), None)
     if other is corners:  # corners do not represent production: only their worst case is shown
         other = None
@@ -210,8 +211,33 @@ def analyse(
     )
 
 
-def _other(rows: "Rows", spec: ReportSpec) -> tuple[Samples, ReportSpec]:
-    """Return the samples of another campaign that its distributions drew, and its spec."""
+def compare_rows(
+    rows: "Rows", spec: ReportSpec, other_rows: "Rows", other_spec: ReportSpec, confidence: float = CONFIDENCE
+) -> Comparison:
+    """Return what `analyse` says of another campaign, and nothing else.
+
+    Parameters
+    ----------
+    rows, spec
+        Of the campaign; see `reporting.samples.read_samples`.
+    other_rows, other_spec
+        Of the other one.
+    confidence : float
+        Of the intervals, two-sided.
+
+    Raises
+    ------
+    ReportError
+        The rows do not fit their spec, the campaigns have no response in common, or the samples of one are corners.
+    """
+    corners = next((each.campaign for each in (spec, other_spec) if each.corners), None)
+    if corners is not None:
+        raise ReportError(f"the samples of {corners} are corners, which do not represent production; compare others")
+    return compare(*_drawn(rows, spec), *_drawn(other_rows, other_spec), confidence)
+
+
+def _drawn(rows: "Rows", spec: ReportSpec) -> tuple[Samples, ReportSpec]:
+    """Return the samples of a campaign that its distributions drew, and its spec."""
     samples, _ = leveled_samples(read_samples(rows, spec), spec)
     return independent_draws(samples, spec), spec
 

@@ -5,6 +5,7 @@ import shlex
 import tempfile
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -71,7 +72,7 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
     other = None if against is None else store.plan(store.find(against))
     if other is not None and other.campaign_id == plan.campaign_id:
         raise SpecError(f"--against {against}: is the campaign itself; name another one, see: {store.command('list')}")
-    comparison = None if other is None else (_rows(store, other), report_spec(other, store))
+    comparison = None if other is None else (report_rows(store, other), report_spec(other, store))
     options: dict[str, Any] = {
         "kinds": kinds,
         "rescale": Spreads(plan.spec, plan.mechanism).change,
@@ -79,7 +80,7 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
     }
     try:
         options["repeats"] = repeats_of(store, plan)
-        rows = _with_production_batch(plan, _rows(store, plan))
+        rows = report_rows(store, plan)
         return _write(store, plan, rows, options, None if other is None else other.campaign_id)
     except ReportError as error:
         message = f"report of {plan.campaign_id}: {error}"
@@ -103,25 +104,25 @@ def analysis(store: Store, plan: Plan) -> Analysis:
     """
     spec = report_spec(plan, store)
     try:
-        samples = read_samples(_with_production_batch(plan, _rows(store, plan)), spec)
+        samples = read_samples(report_rows(store, plan), spec)
         return analyse(samples, spec, Spreads(plan.spec, plan.mechanism).change, repeats=repeats_of(store, plan))
     except ReportError as error:
         raise CampaignError(f"analysis of {plan.campaign_id}: {error}") from error
 
 
-def _rows(store: Store, plan: Plan) -> Iterator[pa.Table]:
-    """Yield an empty table, then the columns of a campaign that a report reads, a file at a time."""
+def report_rows(store: Store, plan: Plan) -> Iterator[pa.Table]:
+    """Yield an empty table, then the columns of a campaign that a report reads, a file at a time.
+
+    If the campaign has production batches, the number of its batch is a column of each row.
+    """
     columns = [*_CERTIFICATE, *plan.spec.variables, *plan.mechanism.responses]
     columns += sampler_named(plan.spec.sampler).columns
-    yield plan.schema.empty_table().select(columns)
-    yield from store.stream(plan, columns)
-
-
-def _with_production_batch(plan: Plan, tables: Iterable[pa.Table]) -> Iterable[pa.Table]:
-    """Return the rows with the number of their production batch, if the campaign has production batches."""
+    tables = chain([plan.schema.empty_table().select(columns)], store.stream(plan, columns))
     if not _has_production_batches(plan):
-        return tables
-    return (t.append_column(BATCH, pa.array(production_batch(plan.spec, t["sample"].to_numpy()))) for t in tables)
+        yield from tables
+        return
+    for table in tables:
+        yield table.append_column(BATCH, pa.array(production_batch(plan.spec, table["sample"].to_numpy())))
 
 
 def _has_production_batches(plan: Plan) -> bool:

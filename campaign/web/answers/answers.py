@@ -19,6 +19,7 @@ from campaign.web.answers.questions import (
     AskedRows,
     advice_answer,
     allocation_answer,
+    comparison_answer,
     histogram_answer,
     what_if_answer,
 )
@@ -119,6 +120,13 @@ class Answers:
     async def allocate(self, user: str, campaign: str, costs: str | Mapping[str, Any]) -> Answer:
         """Return the document of ``clearcap advise CAMPAIGN --cost FILE --json``, of a cost file's text or tables."""
         return await self._ask(user, allocation_answer, [campaign], costs)
+
+    async def compare(self, user: str, campaign: str, other: str) -> Answer:
+        """Return two campaigns side by side, as ``capability.json`` of a report against the other does.
+
+        The document is ``{"campaign", "store", "comparison": {...}}``; errors as of `what_if`.
+        """
+        return await self._ask(user, comparison_answer, [campaign, other])
 
     async def version(self, campaign: str) -> str:
         """Return which rows a campaign has, at most a second or twenty times the time of looking old.

@@ -16,6 +16,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
+from dataclasses import asdict, is_dataclass
 from typing import Any, BinaryIO
 
 from campaign.errors import CampaignError
@@ -106,7 +107,10 @@ def _kind(error: CampaignError) -> str:
 
 def _failure(kind: str, message: str, error: Exception | None = None) -> dict[str, Any]:
     """Return the head of an answer that is an error."""
-    return {"size": 0, "error": kind, "message": message, "faults": json_values(getattr(error, "faults", None))}
+    faults = getattr(error, "faults", None)
+    if faults is not None:
+        faults = [asdict(fault) if is_dataclass(fault) and not isinstance(fault, type) else fault for fault in faults]
+    return {"size": 0, "error": kind, "message": message, "faults": json_values(faults)}
 
 
 def _send(answers: BinaryIO, head: dict[str, Any], content: bytes) -> None:

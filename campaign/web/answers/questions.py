@@ -151,6 +151,16 @@ def allocation_answer(rows: AskedRows, costs: Mapping[str, Any] | str) -> dict[s
     return {"campaign": opened.plan.campaign_id, "store": opened.url, "allocation": asdict(found)}
 
 
+def comparison_answer(rows: AskedRows, other: AskedRows) -> dict[str, Any]:
+    """Return two campaigns side by side; see `campaign.reports.campaign_comparison`."""
+    from campaign.reports.campaign_comparison import comparison_document  # loads what only reports need
+
+    if rows.campaign == other.campaign:
+        raise SpecError(f"{other.campaign}: is the campaign itself; name another one to compare with")
+    store = open_store(rows.store, QUICK)
+    return comparison_document(store, store.plan(rows.campaign), store.plan(other.campaign))
+
+
 def _asked(columns: SampleColumns, preview: bool) -> tuple[SampleColumns, dict[str, Any]]:
     """Return the samples that a question takes, and what its document says if these are not all."""
     total = columns.number.size

@@ -94,7 +94,7 @@ def test_report_lies_in_the_store(plan, tmp_path, kind):
 def test_error_of_reporting_is_for_the_user(store, plan, monkeypatch):
     """What reporting refuses ends in one message."""
     rows = plan.schema.empty_table().drop_columns(["status"])
-    monkeypatch.setattr("campaign.reports.report._rows", lambda store, plan: [rows])
+    monkeypatch.setattr("campaign.reports.report.report_rows", lambda store, plan: [rows])
     with pytest.raises(CampaignError, match=f"report of {plan.campaign_id}"):
         report(store, plan)
 

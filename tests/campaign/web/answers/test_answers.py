@@ -10,14 +10,19 @@ from typer.testing import CliRunner
 
 from campaign.cli import app
 from campaign.errors import CampaignError, SpecError, StoreError
+from campaign.plan import make_plan
 from campaign.reports.samples import independent_samples
 from campaign.reports.whatif import change_of
+from campaign.spec.load import load_campaign
 from campaign.web.answers import questions
 from campaign.web.answers.answers import Answers
 from campaign.web.answers.job_pool import JobPool
 from campaign.web.answers.questions import AskedRows, histogram_answer, what_if_answer
 from campaign.web.answers.rows_version import rows_version
+from campaign.worker.batch import run_batch
+from campaign.worker.messages import BatchRequest, CampaignAddress
 from reporting.tolerance.reweighting import weights
+from tests.campaign import fake_engine
 
 NARROWER = ["J1.std=0.016"]
 COSTS = "[variables.J1]\ncost = 1.0\n[variables.preload]\ncost = 2.0\n"
@@ -171,6 +176,25 @@ def test_a_campaign_that_is_not_there_or_empty_is_one_error(growing, asked):
         return await answers.what_if("u", plan.campaign_id, NARROWER)
 
     assert asked(store, ask).content
+
+
+def test_two_campaigns_are_compared(filled, asked, campaign_file):
+    """A campaign with another, and not with itself."""
+    store, plan = filled
+    campaign_file.write_text(campaign_file.read_text().replace("mean = 0.07", "mean = 0.08"))
+    other = make_plan(load_campaign(str(campaign_file)), 25)
+    store.create_plan(other)
+    run_batch(CampaignAddress.of(store, other, fake_engine.simulate), BatchRequest(0))
+
+    async def ask(answers):
+        with pytest.raises(SpecError, match="is the campaign itself"):
+            await answers.compare("u", plan.campaign_id, plan.campaign_id)
+        return await answers.compare("u", plan.campaign_id, other.campaign_id)
+
+    found = json.loads(asked(store, ask).content)
+    assert found["campaign"] == plan.campaign_id
+    assert found["comparison"]["campaign"] == other.campaign_id
+    assert found["comparison"]["responses"][0]["mean_difference"] < 0
 
 
 @pytest.fixture

@@ -1,0 +1,195 @@
+"""Rows of a campaign as Arrow, Parquet or CSV, made while they are sent: some ten thousand rows are in memory."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any, Protocol
+
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet as pq
+
+from campaign.errors import SpecError
+from campaign.plan import Plan
+from campaign.store import Store
+from campaign.version import clearcap_version
+
+# What a file of each kind is called, and its media type.
+FORMATS = {
+    "arrow": "application/vnd.apache.arrow.stream",
+    "parquet": "application/vnd.apache.parquet",
+    "csv": "text/csv; charset=utf-8",
+}
+
+
+@dataclass(frozen=True)
+class RowSelection:
+    """Which rows and columns.
+
+    Attributes
+    ----------
+    columns : tuple of str
+        Names of columns, in this order; all if it is empty.
+    first, last : int or None
+        Least and largest sample.
+    statuses : tuple of str
+        Statuses of runs; all if it is empty.
+    """
+
+    columns: tuple[str, ...] = ()
+    first: int | None = None
+    last: int | None = None
+    statuses: tuple[str, ...] = ()
+
+
+def rows_etag(version: str, kind: str, selection: RowSelection) -> str:
+    """Return what names the bytes of an export, in quotes: rows, format, selection, and what writes them.
+
+    Parameters
+    ----------
+    version : str
+        Of the rows; see `campaign.web.answers.rows_version`.
+    kind : str
+        One of `FORMATS`.
+    selection : RowSelection
+        What is exported.
+    """
+    import hashlib
+
+    made_of = repr((version, kind, selection, pa.__version__, clearcap_version()))
+    return f'"{hashlib.sha256(made_of.encode("utf-8", "surrogateescape")).hexdigest()[:32]}"'
+
+
+def export_rows(
+    store: Store,
+    plan: Plan,
+    kind: str,
+    selection: RowSelection = RowSelection(),  # it is immutable
+) -> Iterator[bytes]:
+    """Return the bytes of a file of rows, in the order of the samples, a piece at a time.
+
+    The first piece is made before this function returns, so that what is wrong is said before anything is sent.
+
+    Parameters
+    ----------
+    store : Store
+        Where the campaign is.
+    plan : Plan
+        The campaign.
+    kind : str
+        ``arrow`` (a stream of batches, not a file), ``parquet`` or ``csv``. Arrow and Parquet keep the units in the
+        metadata of the columns.
+    selection : RowSelection
+        Which rows and columns; missing batches are left out.
+
+    Raises
+    ------
+    SpecError
+        If there is no such format or column, or the range is empty.
+    StoreError
+        If the store cannot be read; later, while the pieces are made, too.
+    """
+    if kind not in FORMATS:
+        raise SpecError(f"format {kind}: unknown; allowed: {', '.join(FORMATS)}")
+    names = list(selection.columns) or plan.schema.names
+    for name in names:
+        if name not in plan.schema.names:
+            raise SpecError(
+                f"column {name}: campaign {plan.campaign_id} has none; allowed: {', '.join(plan.schema.names)}"
+            )
+    if len(set(names)) < len(names):
+        raise SpecError(f"columns {', '.join(names)}: one is named twice; name each once")
+    if selection.first is not None and selection.last is not None and selection.first > selection.last:
+        raise SpecError(f"samples {selection.first} to {selection.last}: there are none; exchange the ends")
+    pieces = _pieces(store, plan, kind, names, selection)
+    return chain([next(pieces)], pieces)
+
+
+def _pieces(store: Store, plan: Plan, kind: str, names: list[str], selection: RowSelection) -> Iterator[bytes]:
+    """Yield the pieces of a file; the first may be empty."""
+    schema = pa.schema([plan.schema.field(name) for name in names], plan.schema.metadata)
+    sent = _Pieces()
+    with _writer(kind, sent, schema) as writer:
+        yield sent.take()
+        for table in _selected(store, plan, names, selection):
+            writer.write_table(table.cast(schema))
+            yield sent.take()
+    yield sent.take()
+
+
+def _selected(store: Store, plan: Plan, names: list[str], selection: RowSelection) -> Iterator[pa.Table]:
+    """Yield the rows and columns that are selected; reading stops behind the last sample."""
+    read = list(dict.fromkeys(["sample", *(["status"] if selection.statuses else []), *names]))
+    for table in store.stream(plan, read):
+        numbers = table["sample"].to_numpy()
+        wanted = numbers >= (0 if selection.first is None else selection.first)
+        if selection.last is not None:
+            wanted &= numbers <= selection.last
+        if selection.statuses:
+            wanted &= pa.compute.is_in(table["status"], pa.array(selection.statuses, pa.string())).to_numpy()
+        if wanted.any():
+            chosen = table if wanted.all() else table.filter(pa.array(wanted))
+            yield chosen.select(names).combine_chunks()
+        if selection.last is not None and numbers.size and numbers[-1] >= selection.last:
+            return
+
+
+class _Pieces:
+    """A file to be written that hands on what is written."""
+
+    closed = False
+
+    def __init__(self) -> None:
+        self._written: list[bytes] = []
+        self._size = 0
+
+    def write(self, content: Any) -> int:
+        """Keep what is written until it is taken."""
+        self._written.append(bytes(content))
+        self._size += len(self._written[-1])
+        return len(self._written[-1])
+
+    def tell(self) -> int:
+        """Return how much was written in all."""
+        return self._size
+
+    def flush(self) -> None:
+        """Do nothing: everything is here already."""
+
+    def close(self) -> None:
+        """Do nothing: what was written last is still to be taken."""
+
+    def writable(self) -> bool:
+        """Return that it can be written."""
+        return True
+
+    def take(self) -> bytes:
+        """Return what was written since the last time."""
+        content = b"".join(self._written)
+        self._written.clear()
+        return content
+
+
+class _TableWriter(Protocol):
+    """What Arrow, Parquet and CSV writers have in common."""
+
+    def __enter__(self) -> "_TableWriter": ...
+
+    def __exit__(self, *error: Any) -> None: ...
+
+    def write_table(self, table: pa.Table) -> None:
+        """Write some rows."""
+
+
+def _writer(kind: str, sink: _Pieces, schema: pa.Schema) -> _TableWriter:
+    """Return what writes tables in a format."""
+    file = pa.PythonFile(sink, "w")
+    match kind:
+        case "arrow":
+            writer = pa.ipc.new_stream(file, schema)
+        case "parquet":
+            writer = pq.ParquetWriter(file, schema, compression="zstd")
+        case _:
+            writer = pyarrow.csv.CSVWriter(file, schema)
+    found: _TableWriter = writer
+    return found
