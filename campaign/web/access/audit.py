@@ -9,6 +9,7 @@ from sqlite3 import Row
 from campaign.web.access.database import Database
 
 _BEGINNING = "0" * 64
+_PAGE = 1000  # entries read at a time: others may ask between
 
 
 @dataclass(frozen=True)
@@ -67,9 +68,12 @@ class AuditTrail:
             connection.execute(f"INSERT INTO audit VALUES ({', '.join('?' * 10)})", tuple(asdict(entry).values()))
         return entry
 
-    def newest(self, before: int | None = None, subject: str | None = None, count: int = 100) -> list[Entry]:
-        """Return entries, newest first: those with a smaller number than `before`, and of one object."""
-        bounds = [("number < ?", before), ("object = ?", subject)]
+    def newest(
+        self, before: int | None = None, subject: str | None = None, who: str | None = None, count: int = 100
+    ) -> list[Entry]:
+        """Return entries, newest first: those below the number `before`, of one object, of one user."""
+        own = None if subject is None else f"{subject} "  # "demo-1 3" is of demo-1, as its shared link 3
+        bounds = [("number < ?", before), ("instr(object || ' ', ?) = 1", own), ("who = ?", who)]
         given = [(condition, value) for condition, value in bounds if value is not None]
         where = f"WHERE {' AND '.join(condition for condition, _ in given)}" if given else ""
         statement = f"SELECT * FROM audit {where} ORDER BY number DESC LIMIT ?"
@@ -78,11 +82,14 @@ class AuditTrail:
     def first_fault(self) -> int | None:
         """Return the number of the first entry that was changed, or that follows a missing one; None: all are whole."""
         before, expected = _BEGINNING, 1
-        for row in self._database.rows("SELECT * FROM audit ORDER BY number"):
-            entry = _entry(row)
-            if entry.number != expected or entry.digest != _digest(before, entry):
-                return expected
-            before, expected = entry.digest, expected + 1
+        while rows := self._database.rows(
+            "SELECT * FROM audit WHERE number >= ? ORDER BY number LIMIT ?", expected, _PAGE
+        ):
+            for row in rows:
+                entry = _entry(row)
+                if entry.number != expected or entry.digest != _digest(before, entry):
+                    return expected
+                before, expected = entry.digest, expected + 1
         return None
 
 

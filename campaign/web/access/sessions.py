@@ -60,6 +60,19 @@ class Sessions:
         with self._database.write() as connection:
             connection.execute("DELETE FROM sessions WHERE digest = ?", (digest(secret),))
 
+    def end_all(self, user: str) -> None:
+        """End all sessions of a user, and the one-time links that he has not used."""
+        with self._database.write() as connection:
+            connection.execute("DELETE FROM sessions WHERE user = ?", (user,))
+            connection.execute("DELETE FROM login_links WHERE user = ?", (user,))
+
+    def count(self, user: str) -> int:
+        """Return how many sessions of a user have not ended."""
+        now = time.time()
+        statement = "SELECT count(*) FROM sessions WHERE user = ? AND seen > ? AND created > ?"
+        row = self._database.row(statement, user, now - IDLE, now - LONGEST)
+        return int(row[0]) if row else 0
+
     def new_link(self, user: str) -> str:
         """Return the secret of a link by which a user logs in once, within fifteen minutes."""
         secret, now = new_secret("login"), time.time()
@@ -69,9 +82,11 @@ class Sessions:
         return secret
 
     def use_link(self, secret: str) -> str | None:
-        """Return the user of a one-time link, which ends; None if it was used, or is too old."""
+        """Return the user of a one-time link, which ends; None if it was used, is too old, or he is disabled."""
         with self._database.write() as connection:
             row = connection.execute(
-                "DELETE FROM login_links WHERE digest = ? RETURNING user, expires", (digest(secret),)
+                "DELETE FROM login_links WHERE digest = ? RETURNING expires, (SELECT name FROM users"
+                " WHERE name = login_links.user AND NOT disabled) AS name",
+                (digest(secret),),
             ).fetchone()
-        return None if row is None or row["expires"] < time.time() else str(row["user"])
+        return None if row is None or row["expires"] < time.time() else row["name"]

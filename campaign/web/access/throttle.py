@@ -27,24 +27,48 @@ class Throttle:
 
     def wait(self, *keys: str) -> float:
         """Return for how long any of the keys still has to wait [s]; 0 if none has to."""
-        now = self._clock()
         with self._lock:
-            times = [self._failures[key] for key in keys if key in self._failures]
-            full = [past[0] + self._seconds - now for past in times if len(past) == self._most]
-        return max([0.0, *full])
+            return self._wait(keys)
+
+    def attempt(self, *keys: str) -> float:
+        """Note an attempt of each key as a failure, until it is taken back; return for how long one has to wait [s].
+
+        Attempts at the same time cannot all pass before the first has failed. Nothing is noted if one has to wait.
+        """
+        with self._lock:
+            wait = self._wait(keys)
+            if not wait:
+                self._note(keys)
+        return wait
+
+    def take_back(self, *keys: str) -> None:
+        """Take back the last failure of each key."""
+        with self._lock:
+            for key in keys:
+                if self._failures.get(key):
+                    self._failures[key].pop()
 
     def failed(self, *keys: str) -> None:
         """Note a failure of each key."""
-        now = self._clock()
         with self._lock:
-            for key in keys:
-                self._failures.setdefault(key, deque(maxlen=self._most)).append(now)
-                self._failures.move_to_end(key)
-            while len(self._failures) > MOST_KEYS:
-                self._failures.popitem(last=False)
+            self._note(keys)
 
     def succeeded(self, *keys: str) -> None:
         """Forget the failures of each key."""
         with self._lock:
             for key in keys:
                 self._failures.pop(key, None)
+
+    def _wait(self, keys: tuple[str, ...]) -> float:
+        now = self._clock()
+        times = [self._failures[key] for key in keys if key in self._failures]
+        full = [past[0] + self._seconds - now for past in times if len(past) == self._most]
+        return max([0.0, *full])
+
+    def _note(self, keys: tuple[str, ...]) -> None:
+        now = self._clock()
+        for key in keys:
+            self._failures.setdefault(key, deque(maxlen=self._most)).append(now)
+            self._failures.move_to_end(key)
+        while len(self._failures) > MOST_KEYS:
+            self._failures.popitem(last=False)

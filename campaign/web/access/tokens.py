@@ -39,6 +39,11 @@ class Token:
     used: float | None
     revoked: float | None
 
+    @property
+    def is_valid(self) -> bool:
+        """Whether it has neither expired nor been revoked."""
+        return self.revoked is None and self.expires > time.time()
+
 
 @dataclass(frozen=True)
 class SharedLink:
@@ -64,6 +69,11 @@ class SharedLink:
     created: float
     expires: float
     revoked: float | None
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether it has neither expired nor been revoked."""
+        return self.revoked is None and self.expires > time.time()
 
 
 class Tokens:

@@ -2,9 +2,11 @@
 
 from fastapi import APIRouter
 
-from campaign.web.api import campaign_changes, campaigns, health, reports
+from campaign.web.api import account, audit_trail, campaign_changes, campaigns, health, reports, tokens, users
 
 
 def routers() -> list[APIRouter]:
     """Return the routers of all calls."""
-    return [health.router, campaigns.router, campaign_changes.router, reports.router]
+    of_campaigns = [campaigns.router, campaign_changes.router, reports.router]
+    of_people = [users.router, account.router, tokens.router, audit_trail.router]
+    return [health.router, *of_campaigns, *of_people]

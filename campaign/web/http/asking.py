@@ -1,6 +1,7 @@
 """Who asks: the cookie of a session or a token, and whether a write comes from this server's own pages."""
 
 import hmac
+import ipaddress
 from collections.abc import Callable
 from typing import Annotated
 from urllib.parse import urlsplit
@@ -35,6 +36,15 @@ def address_of(request: Request) -> str:
     return request.client.host if request.client else "unknown"
 
 
+def network_of(address: str) -> str:
+    """Return what counts as one place that guesses: an IPv4 address, or the /64 that one IPv6 host has as a whole."""
+    try:
+        parsed = ipaddress.ip_address(address)
+    except ValueError:
+        return address
+    return address if parsed.version == 4 else str(ipaddress.ip_network((parsed, 64), strict=False))
+
+
 async def asking(request: Request, _: object = Security(_cookie), __: object = Security(_bearer)) -> Principal:
     """Return who asks.
 
@@ -52,6 +62,7 @@ async def asking(request: Request, _: object = Security(_cookie), __: object = S
     else:
         principal = service.sessions.principal(request.cookies.get(COOKIE, ""))
         if principal is not None and request.method not in SAFE_METHODS:
+            request.state.who, request.state.how = principal.name, "a page in his name"  # of a refusal's audit entry
             check_origin(request)
             await check_form(request, principal.csrf)
     if principal is None:
@@ -66,8 +77,7 @@ async def asking(request: Request, _: object = Security(_cookie), __: object = S
 
 def _refuse_token(service: Service, address: str) -> None:
     """Refuse a wrong token; from an address that tried many, with 429."""
-    wait = service.throttle.wait(f"token {address}")
-    service.throttle.failed(f"token {address}")
+    wait = service.throttle.attempt(f"token {network_of(address)}")
     if wait:
         raise Refusal(429, f"many wrong tokens; wait {wait:.0f} s", headers={"Retry-After": f"{wait + 1:.0f}"})
 
@@ -75,11 +85,17 @@ def _refuse_token(service: Service, address: str) -> None:
 def check_origin(request: Request) -> None:
     """Refuse a write by a browser that does not come from this server's own pages: 403."""
     site, origin = request.headers.get("sec-fetch-site", "same-origin"), request.headers.get("origin")
-    is_own = site in ("same-origin", "none") and (
-        origin is None or (origin != "null" and urlsplit(origin).netloc == request.headers.get("host"))
-    )
+    is_own = site in ("same-origin", "none") and (origin is None or _host_of(origin) == request.headers.get("host"))
     if not is_own:
         raise Refusal(403, "this write comes from the page of another site; use this server's own pages, or a token")
+
+
+def _host_of(origin: str) -> str | None:
+    """Return host and port of an origin; None of ``null``, and of what no browser sends."""
+    try:
+        return urlsplit(origin).netloc or None
+    except ValueError:
+        return None
 
 
 async def check_form(request: Request, csrf: str) -> None:

@@ -8,6 +8,7 @@ from starlette.responses import RedirectResponse, Response
 
 from campaign.web.access import Principal
 from campaign.web.http.asking import COOKIE, TheService, address_of, asking, check_origin
+from campaign.web.http.password_login import checked_user
 from campaign.web.http.problems import Refusal
 from campaign.web.pages.rendering import page
 
@@ -37,18 +38,13 @@ def log_in(
 ) -> Response:
     """Begin a session by name and password."""
     check_origin(request)
-    request.state.who, request.state.how = name[:64], "password"
-    keys = (f"name {name}", f"address {address_of(request)}")
-    if wait := service.throttle.wait(*keys):
-        headers = {"Retry-After": f"{wait + 1:.0f}"}
-        raise Refusal(429, f"too many failed logins; wait {wait:.0f} s and try again", headers=headers)
-    user = service.users.by_password(name, password)
+    # what is no user's name may be a password that was typed into the wrong field
+    request.state.who, request.state.how = name if service.users.get(name) else "unknown", "password"
+    user = checked_user(request, name, password)
     if user is None:
-        service.throttle.failed(*keys)
         has_oidc = service.settings.oidc is not None
         fault = "name and password do not belong together"
         return page(request, "login", 401, next=own_path(next), has_oidc=has_oidc, fault=fault)
-    service.throttle.succeeded(keys[0])
     return entered(request, service.sessions.begin(user.name), next)
 
 
@@ -94,6 +90,9 @@ def entered(request: Request, secret: str, wanted: str) -> Response:
 
 def own_path(wanted: str) -> str:
     """Return a path of this server; whatever leads elsewhere becomes the first page."""
-    parts = urlsplit(wanted)
+    try:
+        parts = urlsplit(wanted)
+    except ValueError:
+        return HOME
     is_own = not parts.scheme and not parts.netloc and wanted.startswith("/") and not wanted.startswith(("//", "/\\"))
     return wanted if is_own and wanted.isprintable() else HOME

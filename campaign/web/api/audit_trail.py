@@ -1,0 +1,69 @@
+"""The audit trail, for admins."""
+
+from datetime import UTC, datetime
+from typing import Annotated
+
+from fastapi import Query
+from pydantic import BaseModel, Field
+
+from campaign.web.access.audit import Entry
+from campaign.web.api.calls import calls
+from campaign.web.http.asking import Admin, TheService
+
+router = calls("audit")
+
+
+class ListedEntry(BaseModel):
+    """An entry of the audit trail."""
+
+    number: int = Field(examples=[1])
+    time: datetime = Field(examples=["2026-11-23T09:00:00Z"])
+    who: str = Field(examples=["eva"])
+    how: str = Field(description="session, token, share, password, link, company or none", examples=["session"])
+    address: str = Field(examples=["127.0.0.1"])
+    action: str = Field(examples=["POST /api/v1/tokens"])
+    object: str = Field(examples=["c60-0a1b2c3d4e"])
+    status: int = Field(description="Status of the answer: below 400 it was done", examples=[201])
+    detail: str = Field(examples=["token 1, engineer, 90 days"])
+    digest: str = Field(description="SHA-256 of the digest before and all fields above", examples=["0f" * 32])
+
+    @classmethod
+    def of(cls, entry: Entry) -> "ListedEntry":
+        """Return an entry as it is listed."""
+        return cls.model_validate({**vars(entry), "time": datetime.fromtimestamp(entry.time, UTC)})
+
+
+class EntryList(BaseModel):
+    """A page of the audit trail, newest first."""
+
+    entries: list[ListedEntry]
+    next: int | None = Field(description="Cursor of the next page; null on the last one", examples=[None])
+
+
+class Wholeness(BaseModel):
+    """Whether the audit trail is whole."""
+
+    whole: bool = Field(examples=[True])
+    first_fault: int | None = Field(description="First entry that was changed, or is missing", examples=[None])
+
+
+@router.get("/audit")
+def list_audit(
+    service: TheService,
+    _: Admin,
+    object: Annotated[str | None, Query(max_length=200, description="Of this campaign, user or token")] = None,
+    who: Annotated[str | None, Query(max_length=100, description="Of this user")] = None,
+    cursor: Annotated[int | None, Query(ge=0, le=2**53, description="From the page before")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> EntryList:
+    """List who did what and when, newest first."""
+    entries = service.audit.newest(cursor, object or None, who or None, limit + 1)
+    following = entries[limit - 1].number if len(entries) > limit else None
+    return EntryList(entries=[ListedEntry.of(entry) for entry in entries[:limit]], next=following)
+
+
+@router.get("/audit/check")
+def check_audit(service: TheService, _: Admin) -> Wholeness:
+    """Check that no entry of the audit trail was changed or taken out."""
+    fault = service.audit.first_fault()
+    return Wholeness(whole=fault is None, first_fault=fault)

@@ -1,0 +1,31 @@
+"""Check a password, slowly for whoever guesses."""
+
+from fastapi import Request
+
+from campaign.web.access.users import User
+from campaign.web.http.asking import address_of, network_of, service_of
+from campaign.web.http.problems import Refusal
+
+
+def checked_user(request: Request, name: str, password: str) -> User | None:
+    """Return the user with a name and a password; None if they do not belong together.
+
+    Raises
+    ------
+    Refusal
+        429 after many failures for this name or from this address, 503 if many passwords are checked now.
+    """
+    service = service_of(request)
+    by_name, by_address = f"name {name}", f"address {network_of(address_of(request))}"
+    if wait := service.throttle.attempt(by_name, by_address):
+        headers = {"Retry-After": f"{wait + 1:.0f}"}
+        raise Refusal(429, f"too many failed logins; wait {wait:.0f} s and try again", headers=headers)
+    try:
+        user = service.users.by_password(name, password)
+    except TimeoutError as error:
+        service.throttle.take_back(by_name, by_address)
+        raise Refusal(503, "many log in now; try again in some seconds", headers={"Retry-After": "5"}) from error
+    if user is not None:
+        service.throttle.take_back(by_address)
+        service.throttle.succeeded(by_name)
+    return user
