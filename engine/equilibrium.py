@@ -5,14 +5,67 @@ Those reported are the limit of contacts that are all equally, and hardly, compl
 pose alone, not from its history. Ideal joints and prescribed motions hold any load.
 """
 
+import math
+from dataclasses import replace
+
 import numpy as np
 
-from engine.arrays import Array, Integers
+from engine.arrays import Array, Integers, copied
 from engine.assembly import Assembly
 from engine.friction.arrays import dense_rows
 from engine.friction.indeterminacy import force_ranges
+from engine.kernels.model import CONTACT_FORCE, END
+from engine.kernels.responses import measure
 from engine.kernels.statics import HELD, effect_on_bodies, hold_loads
 from engine.linear_algebra import one_thread
+from engine.mechanism import Mechanism
+
+
+class PoseAtRest:
+    """A mechanism at rest, on copies of what its run writes: the run may go on as if nobody had looked.
+
+    Attributes
+    ----------
+    assembly : Assembly
+        The copies, with the contact forces at rest; they share the friction problem of the run.
+    reported : (n,) array
+        What the responses report, with the contact forces as the pose determines them.
+    forces : (nc, 3) array or None
+        Those forces. None if no forces in the friction cones that balance the loads were found, or nothing asks for
+        any.
+    moves : bool
+        Whether there are none, and bodies begin to move: the twists of ``assembly`` say how.
+    """
+
+    def __init__(self, mechanism: Mechanism, assembly: Assembly, phase: int, t: float) -> None:
+        """Find the contact forces that balance the loads of ``phase`` and time ``t``, if a response measures any."""
+        self.assembly = replace(assembly, state=copied(assembly.state), work=copied(assembly.work))
+        self.forces: Array | None = None
+        self.moves = False
+        self.reported = self.assembly.work.reported
+        if (assembly.model.responses.kind >= CONTACT_FORCE).any():
+            self._measure(mechanism, phase, t)
+
+    def _measure(self, mechanism: Mechanism, phase: int, t: float) -> None:
+        """Measure the contact forces once more; they are NaN if no forces balance the loads."""
+        model, state, work = self.assembly.model, self.assembly.state, self.assembly.work
+        sim = mechanism.simulation
+        touching_gap = max(sim.penetration, sim.rest.drift)  # a gap no larger than the drift allowed at rest is closed
+        self.forces = forces_at_rest(self.assembly, phase, sim.step, touching_gap, t)
+        self.moves = self.forces is None and bool(state.v.any())
+        state.r[:] = math.nan if self.forces is None else self.forces
+        measure(model.responses, model.contacts, model.loads, state, work.sites, work.values, work.vectors, (t, 1.0))
+        responses, last = model.responses, len(mechanism.phases) - 1
+        # speeds keep their values, and so do responses that were read at the end of an earlier phase
+        forces_at_end = (responses.at == END) & (responses.kind >= CONTACT_FORCE) & (responses.to_phase == last)
+        self.reported[forces_at_end] = work.values[forces_at_end]
+
+    def ranges(self, contacts: list[str]) -> dict[str, tuple[float, float]]:
+        """Return contact -> least and largest normal force that friction allows; empty without forces."""
+        if self.forces is None or not contacts:
+            return {}
+        numbers = [self.assembly.contact_names.index(contact) for contact in contacts]
+        return dict(zip(contacts, normal_force_ranges(self.assembly, self.forces, numbers), strict=True))
 
 
 def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float, t: float = 0.0) -> Array | None:

@@ -12,7 +12,21 @@ from engine.clock import set_after
 from engine.jit import Kernel
 from engine.kernels.context import Control
 from engine.kernels.record import record, row_length
-from engine.kernels.time_loop import FULL, STATUS, STEP, TIME, Course, new_course, run_to_end
+from engine.kernels.time_loop import (
+    COMPLETED,
+    FULL,
+    OK,
+    PAUSE,
+    PHASE,
+    PHASE_END,
+    SETTLED,
+    STATUS,
+    STEP,
+    TIME,
+    Course,
+    new_course,
+    run_to_end,
+)
 from engine.mechanism import Mechanism
 
 TIMEOUT, CANCELLED = 1, 2  # values of the stop flag
@@ -69,8 +83,12 @@ def drive(
     cancel: Cancel | None = None,
     sink: Callable[[Array], None] | None = None,
     every: int = 1,
+    moves: Callable[[Course], bool] | None = None,
 ) -> Course:
     """Run the time loop to its end.
+
+    In a pose at rest that nothing holds, bodies have only begun to move, too little to be seen. The run then goes on
+    until nothing has moved for twice the window, and something holds the pose; if not, four times; or to the horizon.
 
     Parameters
     ----------
@@ -85,6 +103,9 @@ def drive(
         Called with blocks of rows, see `kernels.record`.
     every : int
         The sink gets every ``every``-th step, and the last one.
+    moves : callable, optional
+        Called when the last phase ends at rest before the horizon: whether bodies begin to move in that pose, because
+        nothing holds it. It leaves the arrays of the run as they are.
 
     Returns
     -------
@@ -98,10 +119,18 @@ def drive(
     stride = every if sink else 0
     try:
         with limited(cancel, wall_limit) as stop:
-            run_to_end(assembly.arrays, control, course, rows, stride, stop)
-            while course.counts[STATUS] == FULL and sink:
-                _flush(rows, sink)
-                run_to_end(assembly.arrays, control, course, rows, stride, stop)
+            window = control.window
+            while True:
+                run_to_end(assembly.arrays, control._replace(window=window), course, rows, stride, stop)
+                if course.counts[STATUS] == FULL and sink:
+                    _flush(rows, sink)
+                elif moves and _rests_early(assembly, control, course) and moves(course):
+                    window *= 2
+                    course.counts[[SETTLED, COMPLETED]] = 0
+                else:
+                    break
+            if _rests(assembly, control, course):
+                course.counts[[SETTLED, COMPLETED]] = 1  # at the horizon there is no time for a longer window
     finally:
         if sink:
             if record(model, state, work, course.reals[TIME], course.reals[STEP], rows):
@@ -109,6 +138,18 @@ def drive(
                 record(model, state, work, course.reals[TIME], course.reals[STEP], rows)
             _flush(rows, sink)
     return course
+
+
+def _rests(assembly: Assembly, control: Control, course: Course) -> bool:
+    """Return whether a run is in a last phase that ends at rest, and nothing has moved for the window of rest."""
+    phases, phase = assembly.model.phases, course.counts[PHASE]
+    last = phase == len(phases.duration) - 1 and phases.duration[phase] == np.inf and phases.trigger[phase] < 0
+    return bool(last and course.counts[STATUS] == OK and course.reals[PAUSE] >= control.window)
+
+
+def _rests_early(assembly: Assembly, control: Control, course: Course) -> bool:
+    """Return whether a run is at rest before its horizon."""
+    return _rests(assembly, control, course) and course.reals[TIME] < course.reals[PHASE_END] - 0.5 * control.step
 
 
 @contextmanager

@@ -39,7 +39,8 @@ def judge(mechanism: Mechanism, measured: Mapping[str, float], settled: bool, dr
         rest = mechanism.simulation.rest
         return "not_at_rest", (
             f"no contact forces hold the pose: {drift}; for {rest.window:g} {mechanism.unit('time')} nothing measured "
-            f"moved by {rest.drift:g} {mechanism.unit('length')}: make simulation.rest.window longer, or hold the body"
+            f"moved by {rest.drift:g} {mechanism.unit('length')}: give it more time "
+            "(simulation.horizon, or the duration of the last phase), or hold the body"
         )
     if missing:
         return (

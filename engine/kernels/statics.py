@@ -4,7 +4,7 @@ From zero impulses the interior-point method finds which contacts open, slide an
 digits. So the impulses follow from the pose alone, not from its history.
 """
 
-from engine.friction.arrays import CONVERGED, NOT_CONVERGED, Effort, Goal, give_contacts, square, take_contacts
+from engine.friction.arrays import CONVERGED, NOT_CONVERGED, Effort, Goal, finish, give_contacts, square, take_contacts
 from engine.friction.blocks import BODY, ROW
 from engine.friction.interior import interior_point
 from engine.friction.newton import newton
@@ -138,6 +138,7 @@ def _solve(nc, p, tolerance, given):
             interior_point(nc, p, rough, NEAR if given else INSIDE, INTERIOR_STEPS)
         _, reached, _ = newton(nc, p, goal, 0.0, 0.0, 0.0, POLISHING)
         if reached <= tolerance:
+            finish(nc, p)  # short of its goal Newton leaves the bodies' velocities of where it began
             give_contacts(nc, p)
             return CONVERGED
     for j in range(nc):

@@ -53,7 +53,7 @@ def unrest(
     if fine is None or len(fine.time) < 3:
         return ""
     mover = find_mover(assembly, control, fine.twist, fine.own)
-    if len(turns_of(mover.speed)) >= TREMBLES:
+    if fine.rested is None and len(turns_of(mover.speed)) >= TREMBLES:
         return f"{_motion(mechanism, assembly, mover, 'trembles')}; " + _shorter_step(
             mechanism, assembly, control, course, seconds, cancel
         )

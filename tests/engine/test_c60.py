@@ -1,5 +1,7 @@
 """The C-60 as a machine: its contact force by hand, its convergence with the step, its validity."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -27,6 +29,38 @@ TREMBLING = [
         0.06120323497743659,
     ),
 ]  # mm: samples 316 and 405 of the shipped campaign
+
+# mm: samples 2071 and 5506, at rest where Newton's method finds the forces, but not to its last digit
+NEARLY_EXACT = [
+    (
+        0.07612823996280829,
+        0.047564790556434616,
+        0.053223141340533804,
+        0.10202488667863625,
+        0.034585704404902474,
+        0.05709790102893107,
+        0.08152757685369455,
+    ),
+    (
+        0.08799831553632692,
+        0.07598814462605019,
+        0.05531355773518783,
+        0.06555855692401216,
+        0.06945015305493284,
+        0.05496709065523242,
+        0.0925820676249437,
+    ),
+]
+# mm: sample 15080, whose handle creeps for 60 ms
+CREEPING = (
+    0.11381819296483567,
+    0.06032292315778654,
+    0.05693061065459911,
+    0.06305128471304045,
+    0.07389257575491141,
+    0.04731036062429262,
+    0.057621506343409526,
+)
 
 
 @pytest.fixture(scope="module")
@@ -136,3 +170,23 @@ def test_what_friction_holds_does_not_tremble(clearances):
     assert run.status == "ok", run.message
     assert run.certificate.time < 10
     assert run.certificate.repeated <= 2
+
+
+@pytest.mark.parametrize("clearances", NEARLY_EXACT)
+def test_forces_that_hold_a_pose_are_not_denied(clearances):
+    """Forces that leave 1e-12 of the load unbalanced hold the pose: it was once said to move."""
+    run = simulate(load_mechanism("c60"), {f"J{i}": clearance for i, clearance in enumerate(clearances, 1)})
+    assert run.status == "ok", run.message
+    assert run.certificate.time < 5
+    assert 12 < run.responses["FC-1"] < 13
+
+
+def test_a_creeping_handle_has_time_to_stop():
+    """It comes to rest at 61 ms; with a horizon of 60 ms the message says that, and not that it trembles."""
+    values = {f"J{i}": clearance for i, clearance in enumerate(CREEPING, 1)}
+    run = simulate(load_mechanism("c60"), values)
+    assert run.status == "ok", run.message
+    assert run.certificate.time == pytest.approx(61, abs=1)
+    short = simulate(load_mechanism("c60"), values, horizon=60.0)
+    assert short.status == "not_at_rest"
+    assert re.search(r"comes to rest at about 6[01](\.\d)? ms: raise simulation.horizon to 7\d", short.message)

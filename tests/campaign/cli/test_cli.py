@@ -339,4 +339,4 @@ def test_a_step_longer_than_the_horizon_is_refused(capsys, monkeypatch):
     """Exit 2, with step and horizon."""
     code, _, said = clearcap_here(capsys, monkeypatch, "simulate", "c60", "--step", "1000")
     assert code == 2
-    assert "simulation.step = 1000 ms: longer than simulation.horizon = 60 ms" in said
+    assert "simulation.step = 1000 ms: longer than simulation.horizon = 200 ms" in said

@@ -176,15 +176,17 @@ def test_a_step_too_long_for_a_damper_is_named_with_one_that_does():
 
 
 def test_a_rest_that_no_force_holds_is_not_rest():
-    """Drift and window so coarse that a block that has only begun to slide counts as unmoved: its forces tell."""
+    """Drift and horizon so coarse that a block that has only begun to slide counts as unmoved: its forces tell."""
     data = block_on_floor(friction=0.1, origin=[0, 0, 0.1])
     data["gravity"] = [GRAVITY * math.sin(0.5), 0, -GRAVITY * math.cos(0.5)]
-    data["simulation"]["rest"] = {"window": 2e-3, "drift": 1e-3}
+    data["simulation"] |= {"horizon": 5e-3, "rest": {"window": 2e-3, "drift": 1e-3}}
     data["responses"]["force"] = {"type": "contact_force", "contact": "corner_0"}
     run = simulate(made(data))
     assert run.status == "not_at_rest"
     assert "no contact forces hold the pose: block slides along +x;" in run.message
-    assert "simulation.rest.window" in run.message
+    assert "give it more time (simulation.horizon" in run.message
+    assert run.certificate.settled
+    assert run.certificate.time == pytest.approx(5e-3)
 
 
 def test_the_message_is_a_function_of_the_run():
