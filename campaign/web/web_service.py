@@ -20,6 +20,7 @@ from campaign.web.answers.job_pool import JobPool
 from campaign.web.answers.turns import Quota
 from campaign.web.coordinator_child import CoordinatorChild
 from campaign.web.settings import Settings
+from campaign.web.signatory import Signatory
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.marks import campaign_marks
 from campaign.web.watch.watcher import Watcher
@@ -39,6 +40,8 @@ class Service:
         What only the server keeps.
     users, sessions, tokens, audit
         Parts of the database.
+    signatory : Signatory
+        Signs campaigns for approvers.
     throttle : Throttle
         Failed logins.
     watcher : Watcher
@@ -58,6 +61,7 @@ class Service:
     sessions: Sessions = field(init=False)
     tokens: Tokens = field(init=False)
     audit: AuditTrail = field(init=False)
+    signatory: Signatory = field(init=False)
     throttle: Throttle = field(init=False)
     watcher: Watcher = field(init=False)
     streams: Counter[str] = field(init=False)
@@ -67,6 +71,7 @@ class Service:
     def __post_init__(self) -> None:
         self.users, self.sessions = Users(self.database), Sessions(self.database)
         self.tokens, self.audit = Tokens(self.database), AuditTrail(self.database)
+        self.signatory = Signatory(self.database, self.store.hasty)
         self.streams = Counter()
         limits = self.settings.limits
         taken = JobLimits(limits.job_seconds, 3.0 * limits.job_seconds, limits.job_memory / 2**30)

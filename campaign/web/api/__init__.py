@@ -2,11 +2,22 @@
 
 from fastapi import APIRouter
 
-from campaign.web.api import account, audit_trail, campaign_changes, campaigns, health, reports, tokens, users
+from campaign.web.api import (
+    account,
+    audit_trail,
+    campaign_changes,
+    campaigns,
+    health,
+    reports,
+    shares,
+    signoffs,
+    tokens,
+    users,
+)
 
 
 def routers() -> list[APIRouter]:
     """Return the routers of all calls."""
     of_campaigns = [campaigns.router, campaign_changes.router, reports.router]
-    of_people = [users.router, account.router, tokens.router, audit_trail.router]
+    of_people = [users.router, account.router, tokens.router, audit_trail.router, shares.router, signoffs.router]
     return [health.router, *of_campaigns, *of_people]

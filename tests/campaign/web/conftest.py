@@ -1,6 +1,8 @@
 """A service over a store with one finished campaign, and browsers and programs that ask it."""
 
+import shutil
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 from starlette.testclient import TestClient
@@ -89,3 +91,15 @@ def browse(served):
         return {CSRF_HEADER: csrf, "Origin": URL, "Sec-Fetch-Site": "same-origin"}
 
     return headers
+
+
+@pytest.fixture
+def reported(finished_store, settings):
+    """Return the id of a completed campaign with a report, in a store of its own, to be served by `settings`."""
+    runs, campaign = finished_store
+    shutil.copytree(runs, settings.store)
+    folder = Path(settings.store) / campaign / "report"
+    folder.mkdir()
+    (folder / "report.html").write_text("<p>Cpk 1.33</p>")
+    (folder / "capability.json").write_text('{"headline": "capable", "responses": []}')
+    return campaign

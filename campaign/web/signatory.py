@@ -1,0 +1,233 @@
+"""The server as the notary of sign-offs: its key, the documents that it has signed, and whether they still hold."""
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    load_pem_private_key,
+)
+
+from campaign.coordinator.state import state_of
+from campaign.errors import CampaignError, SpecError
+from campaign.reports.signing.signed_export import SignedDocument, stream_export
+from campaign.reports.signing.signed_files import check_whole, digest_file, signed_files, signed_names
+from campaign.reports.signing.signoff_document import Signoff, content_digest, differences, digests_of, sha256, sign
+from campaign.store import Store
+from campaign.store.layout import SUBMISSION
+from campaign.web.access import Principal
+from campaign.web.access.database import Database
+from engine.regular_file import read_regular_file
+
+KEY_FILE = "signing_key.pem"
+_LARGEST_KEY = 10_000  # bytes
+_SETTLED = 2.0  # s since the last change of a file, after which a later one shows in its time
+_TURN_WITHIN = 20.0  # s, for which a request waits while another one reads files
+_MOST_DIGESTS = 200_000  # that are remembered
+
+
+@dataclass(frozen=True)
+class KeptSignoff:
+    """A sign-off of this server.
+
+    Attributes
+    ----------
+    number : int
+        Its number among those of its campaign, from 1.
+    digest : str
+        SHA-256 of its document.
+    signoff : Signoff
+    differences : list of str
+        What differs now from what was signed.
+    """
+
+    number: int
+    digest: str
+    signoff: Signoff
+    differences: list[str]
+
+
+class Signatory:
+    """Signs campaigns, and says whether what was signed is still there.
+
+    Parameters
+    ----------
+    database : Database
+        Where sign-offs are kept; the key is a file beside it.
+    store : Store
+        The campaigns.
+
+    Attributes
+    ----------
+    key : Ed25519PrivateKey
+        The key of this server; it is made when there is none.
+
+    Raises
+    ------
+    SpecError
+        If the file of the key holds none, or others can read it.
+    """
+
+    def __init__(self, database: Database, store: Store) -> None:
+        self._database, self._store = database, store
+        self._turn = threading.Lock()
+        self._digests: dict[tuple[str, str], tuple[object, str]] = {}
+        self.key = _key(database.path.with_name(KEY_FILE))
+
+    def content(self, campaign: str, *, anew: bool) -> dict[str, str]:
+        """Return the SHA-256 of each file that a sign-off covers.
+
+        Parameters
+        ----------
+        campaign : str
+        anew : bool
+            Read every file; otherwise only those that changed since they were last read.
+
+        Raises
+        ------
+        TimeoutError
+            If another request reads files for long.
+        """
+        with self._reading():
+            if anew:
+                self._digests = {key: kept for key, kept in self._digests.items() if key[0] != campaign}
+            return signed_files(self._store, self._store.plan_header(campaign), self._digest)
+
+    def signoffs(self, campaign: str, *, anew: bool = False) -> list[KeptSignoff]:
+        """Return the sign-offs of a campaign, the oldest first, and what differs by now; see `content`."""
+        kept = self._kept(campaign)
+        if not kept:
+            return []
+        found, made = self.content(campaign, anew=anew), []
+        for number, each in enumerate(kept, start=1):
+            signoff = Signoff.model_validate_json(each.document)
+            made.append(KeptSignoff(number, sha256(each.document), signoff, differences(signoff.files, found)))
+        return made
+
+    def submitter(self, campaign: str) -> str:
+        """Return who submitted a campaign, as its store says; empty if it does not."""
+        user = (self._store.read_json(campaign, SUBMISSION) or {}).get("user")
+        return user if isinstance(user, str) else ""
+
+    def sign(self, campaign: str, who: Principal, comment: str, content: str) -> Signoff:
+        """Sign plan, rows and report of a campaign in the name of an approver.
+
+        Parameters
+        ----------
+        campaign : str
+        who : Principal
+            The approver.
+        comment : str
+        content : str
+            `content_digest` of what he has looked at.
+
+        Raises
+        ------
+        CampaignError
+            If the campaign is not completed and whole, or has changed since he looked.
+        TimeoutError
+            If another request reads files for long.
+        """
+        state = state_of(self._store, campaign)["state"]
+        if state != "completed":
+            raise CampaignError(f"{campaign} is {state}; only what is completed is signed")
+        check_whole(self._store, self._store.plan_header(campaign))
+        files = self.content(campaign, anew=True)
+        if content_digest(files) != content:
+            raise CampaignError(f"{campaign} has changed since you looked at it; read the report again, then sign")
+        submitter = self.submitter(campaign)
+        plan, rows, report = digests_of(files)
+        with self._database.write() as connection:
+            last = connection.execute(
+                "SELECT document FROM signoffs WHERE campaign = ? ORDER BY id DESC LIMIT 1", (campaign,)
+            ).fetchone()
+            signoff = Signoff(
+                campaign=campaign,
+                plan=plan,
+                rows=rows,
+                report=report,
+                files=files,
+                signer=who.name,
+                role=who.role.word,
+                time=datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z"),
+                comment=comment,
+                submitted_by=submitter,
+                is_submitter=submitter == who.name,
+                previous=None if last is None else sha256(last["document"].encode()),
+            )
+            document = signoff.to_bytes()
+            connection.execute(
+                "INSERT INTO signoffs (campaign, document, signature) VALUES (?, ?, ?)",
+                (campaign, document.decode(), sign(document, self.key).hex()),
+            )
+        return signoff
+
+    def export(self, campaign: str) -> Iterator[bytes]:
+        """Yield the bytes of a ZIP with a campaign and its sign-offs; see `stream_export`."""
+        names = signed_names(self._store, self._store.plan_header(campaign))
+        return stream_export(self._store, campaign, names, self._kept(campaign), self.key.public_key())
+
+    def _kept(self, campaign: str) -> list[SignedDocument]:
+        rows = self._database.rows("SELECT document, signature FROM signoffs WHERE campaign = ? ORDER BY id", campaign)
+        return [SignedDocument(row["document"].encode(), bytes.fromhex(row["signature"])) for row in rows]
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        """Hold the turn to read files: one request at a time."""
+        if not self._turn.acquire(timeout=_TURN_WITHIN):
+            raise TimeoutError
+        try:
+            yield
+        finally:
+            self._turn.release()
+
+    def _digest(self, store: Store, campaign: str, name: str) -> str:
+        """Return the digest of a file, which is read unless it is as it was when it was last read."""
+        mark = _mark(store, f"{campaign}/{name}")
+        known = self._digests.get((campaign, name))
+        if known is not None and mark is not None and known[0] == mark:
+            return known[1]
+        digest = digest_file(store, campaign, name)
+        if len(self._digests) >= _MOST_DIGESTS:
+            self._digests.clear()
+        self._digests[campaign, name] = mark, digest
+        return digest
+
+
+def _mark(store: Store, name: str) -> object:
+    """Return what changes with a file; None if nothing does for sure, as just after a change, or behind a URL."""
+    if not store.files.local:
+        return None
+    status = os.lstat(store.files.path(name))
+    is_settled = time.time() - max(status.st_mtime, status.st_ctime) > _SETTLED
+    return (status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns) if is_settled else None
+
+
+def _key(path: Path) -> Ed25519PrivateKey:
+    """Return the key in a file, which is made if it is missing."""
+    if not path.exists():
+        made, unfinished = Ed25519PrivateKey.generate(), path.with_suffix(".new")
+        unfinished.unlink(missing_ok=True)
+        with open(os.open(unfinished, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+            file.write(made.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
+            file.flush()
+            os.fsync(file.fileno())
+        unfinished.replace(path)
+    if path.stat().st_mode & 0o077:
+        raise SpecError(f"{path}: others can read the key of sign-offs; chmod 600 it, if nobody has")
+    try:
+        key = load_pem_private_key(read_regular_file(path, _LARGEST_KEY), None)
+    except (ValueError, TypeError) as error:
+        raise SpecError(f"{path}: is no key of sign-offs ({error}); restore it from a backup") from error
+    if not isinstance(key, Ed25519PrivateKey):
+        raise SpecError(f"{path}: is a key of another kind than Ed25519; restore it from a backup")
+    return key
