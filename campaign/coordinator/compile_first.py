@@ -1,4 +1,4 @@
-"""Have one worker of this machine compile the engine, so that the others load the result."""
+"""Have one worker of this machine compile the engine, if it is not compiled, so that all others load the result."""
 
 import logging
 from collections.abc import Callable
@@ -17,7 +17,9 @@ T = TypeVar("T")
 
 
 def compile_first(workers: Workers) -> None:
-    """Have a worker compile the engine, or load it; if something ends that worker, have another do it.
+    """Have a worker compile the engine; if something ends that worker, have another do it.
+
+    Where it is compiled, nothing is done: every worker loads it, all at the same time, with its first batch.
 
     Raises
     ------
@@ -26,8 +28,9 @@ def compile_first(workers: Workers) -> None:
     """
     for attempt in range(1, ATTEMPTS + 1):
         try:
-            with announced_compilation(_result(workers, missing_kernels)):
-                _result(workers, warm_up)
+            if missing := _result(workers, missing_kernels):
+                with announced_compilation(missing):
+                    _result(workers, warm_up)
             return
         except WorkerDied as error:
             if attempt == ATTEMPTS:

@@ -17,7 +17,23 @@ from engine import missing_kernels, simulate, warm_up
 
 @lru_cache(maxsize=4)
 def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
-    """Return the store and the plan of a campaign, with the engine compiled; read once in each process.
+    """Return the store and the plan of a campaign, with the engine compiled, for a process that computes rows.
+
+    Raises
+    ------
+    WrongBuild, StoreError
+        See `read_campaign`.
+    """
+    check_build(address.campaign_id, address.row_build)
+    if address.simulate is simulate:
+        with announced_compilation(missing_kernels()):
+            warm_up()  # compiling must not count as time of a run
+    return read_campaign(address)
+
+
+@lru_cache(maxsize=4)
+def read_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
+    """Return the store and the plan of a campaign, read once in each process; the engine need not be compiled.
 
     Raises
     ------
@@ -27,9 +43,6 @@ def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
         If the store or the plan cannot be read.
     """
     check_build(address.campaign_id, address.row_build)
-    if address.simulate is simulate:
-        with announced_compilation(missing_kernels()):
-            warm_up()  # compiling must not count as time of a run
     store = open_store(address.store, address.patience)
     return store, store.plan(address.campaign_id)
 

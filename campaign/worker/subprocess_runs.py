@@ -22,7 +22,7 @@ from campaign.safe_path import python_environment
 from campaign.worker.isolated_child import COMMAND
 from campaign.worker.messages import CampaignAddress, ChildFailed
 from campaign.worker.row import Row, crashed_row, longest_sample, sample_values
-from campaign.worker.runs import open_campaign
+from campaign.worker.runs import read_campaign
 from campaign.worker.silent_child import ChildWatch
 
 logger = logging.getLogger(__name__)
@@ -100,11 +100,11 @@ def rows_in_subprocess(address: CampaignAddress, samples: Sequence[int], attempt
     Cancelled
         If the campaign is cancelled meanwhile.
     WrongBuild, StoreError
-        If a child cannot open the campaign; see `campaign.worker.runs.open_campaign`.
+        If the campaign cannot be read; see `campaign.worker.runs.read_campaign`.
     ChildFailed
         If `STARTS` children in a row fail for reasons of their own.
     """
-    _, plan = open_campaign(address)
+    _, plan = read_campaign(address)
     deaths = alone = failures = 0  # children that ended in the next run; in their first run; for reasons of their own
     while samples:
         requested = samples[:1] if deaths else samples

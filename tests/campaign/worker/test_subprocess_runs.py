@@ -21,6 +21,7 @@ from campaign.worker.limits import memory_limit, time_limit
 from campaign.worker.messages import CampaignAddress, Cancelled, ChildFailed, WrongBuild
 from campaign.worker.runs import rows_in_process
 from campaign.worker.subprocess_runs import rows_in_subprocess
+from engine import simulate
 from tests.campaign import fake_engine
 
 
@@ -35,6 +36,17 @@ def test_rows_are_the_same_as_in_process(store, plan):
     address = CampaignAddress.of(store, plan, fake_engine.simulate)
     assert list(rows_in_subprocess(address, range(3, 8), 1)) == list(rows_in_process(address, range(3, 8)))
     assert [row["sample"] for row in rows_in_subprocess(address, [2, 9, 4], 1)] == [2, 9, 4]
+
+
+def test_only_the_child_loads_the_engine(store, plan, monkeypatch):
+    """The process that waits for rows neither compiles the engine nor loads it: it would do so before the child."""
+
+    def warm_up():
+        pytest.fail("the engine was loaded here")
+
+    monkeypatch.setattr("campaign.worker.runs.warm_up", warm_up)
+    address = CampaignAddress.of(store, plan, simulate)
+    assert [row["sample"] for row in rows_in_subprocess(address, [3], 1)] == [3]
 
 
 def same(rows, store, plan):
@@ -63,7 +75,7 @@ def test_a_store_that_fails_the_child_is_no_fault_of_a_run(store, plan):
 def test_another_build_is_no_fault_of_a_run(store, plan, monkeypatch):
     """The child says which build it runs."""
     address = replace(CampaignAddress.of(store, plan, fake_engine.simulate), row_build="engine another")
-    monkeypatch.setattr(subprocess_runs, "open_campaign", lambda _: (store, plan))
+    monkeypatch.setattr(subprocess_runs, "read_campaign", lambda _: (store, plan))
     with pytest.raises(WrongBuild, match="planned for another build"):
         list(rows_in_subprocess(address, range(3), 1))
 
