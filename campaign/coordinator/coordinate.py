@@ -104,6 +104,7 @@ def coordinate(
     """
     start = time.perf_counter()
     with hold_lease(store, plan.campaign_id) as token:
+        store.plan_header(plan.campaign_id)  # which may have been deleted since it was read, but no longer can be
         write_state(store, plan.campaign_id, "running")
         try:
             coordinator = Coordinator(store, plan, token, show, simulate)

@@ -1,14 +1,20 @@
-"""Delete a campaign: plan, rows and report."""
+"""Delete a campaign: plan, rows and report.
 
-from campaign.coordinator.lease import hold_lease
+First the plan gets another name, in one step: from then on the campaign is none, so that no interruption leaves one
+that seems to have lost rows. Then the rest goes, and what bears that name last. A deletion that was interrupted is
+finished by the next one of the same campaign, or before the campaign is submitted again.
+"""
+
+from campaign.coordinator.beat import beating
+from campaign.coordinator.lease import check_lease, hold_lease
 from campaign.store import Store
-from campaign.store.layout import LEASE, PLAN
+from campaign.store.layout import DELETED, HEARTBEAT, LEASE, PLAN
 
 
 def delete_campaign(store: Store, campaign_id: str) -> None:
-    """Delete the folder of a campaign with all that it holds.
+    """Delete the folder of a campaign with all that it holds; or finish a deletion that was interrupted.
 
-    The plan goes last, so that a campaign whose deletion was interrupted is still listed and can be deleted again.
+    It takes up to ten seconds where another machine holds the lease, and as long as the files take to remove.
 
     Parameters
     ----------
@@ -20,13 +26,35 @@ def delete_campaign(store: Store, campaign_id: str) -> None:
     Raises
     ------
     LeaseHeld
-        If a process computes it.
+        If a process computes it, or deletes it already.
     StoreError
         If it cannot be deleted.
     """
-    files = store.files
-    with hold_lease(store, campaign_id):
-        for name in files.names(campaign_id):
-            if name not in (PLAN, LEASE):
-                files.remove_tree(f"{campaign_id}/{name}")
-        files.remove_tree(campaign_id)
+    with hold_lease(store, campaign_id) as token:
+        with beating(store, campaign_id):
+            if store.files.exists(f"{campaign_id}/{PLAN}"):
+                store.files.move(f"{campaign_id}/{PLAN}", f"{campaign_id}/{DELETED}")
+            for name in store.files.names(campaign_id):
+                if name not in (DELETED, LEASE, HEARTBEAT):
+                    check_lease(store, campaign_id, token)  # who was away for long may come back to a new campaign
+                    store.files.remove_tree(f"{campaign_id}/{name}")
+        for name in (HEARTBEAT, DELETED):
+            check_lease(store, campaign_id, token)
+            store.remove(campaign_id, name)
+    store.files.remove(campaign_id)
+
+
+def is_half_deleted(store: Store, campaign_id: str) -> bool:
+    """Return whether a deletion of a campaign has begun and is not finished."""
+    return not store.files.exists(f"{campaign_id}/{PLAN}") and store.files.exists(f"{campaign_id}/{DELETED}")
+
+
+def unfinished_deletions(store: Store) -> list[str]:
+    """Return the ids of the campaigns whose deletion has begun and is not finished, sorted."""
+    return [name for name in store.folders() if is_half_deleted(store, name)]
+
+
+def finish_deletion(store: Store, campaign_id: str) -> None:
+    """Finish the deletion of a campaign, if one was interrupted; raises what `delete_campaign` raises."""
+    if is_half_deleted(store, campaign_id):
+        delete_campaign(store, campaign_id)

@@ -1,12 +1,10 @@
 """Serve a store: coordinate every queued campaign, one after the other."""
 
 import logging
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 from campaign.cluster.cluster import Cluster
+from campaign.coordinator.beat import beating
 from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.failed_runs import lack_of_ok
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseHeld, hold_lease
@@ -14,8 +12,7 @@ from campaign.coordinator.state import close_campaign, state_of
 from campaign.errors import CampaignError, StoreError
 from campaign.plan import Plan
 from campaign.store import Store
-from campaign.store.files.patience import Outage
-from campaign.store.layout import HEARTBEAT, SERVICE
+from campaign.store.layout import SERVICE
 
 logger = logging.getLogger(__name__)
 
@@ -46,10 +43,12 @@ def serve(store: Store, cluster: Cluster, *, once: bool = False, with_report: bo
     """
     completed: list[str] = []
     unreadable: dict[str, str] = {}
-    with hold_lease(store, SERVICE), _service_heartbeats(store):
+    with hold_lease(store, SERVICE), beating(store, SERVICE):
         while True:
             queued = [c for c in store.campaigns() if _is_open(store, c, unreadable)]
             for campaign_id in queued:
+                if not _is_open(store, campaign_id, unreadable):
+                    continue  # it was cancelled or deleted while another one was computed
                 logger.info("computing campaign %s", campaign_id)
                 if _coordinate(store, campaign_id, cluster, with_report):
                     completed.append(campaign_id)
@@ -113,28 +112,3 @@ def _report(store: Store, plan: Plan) -> None:
         close_campaign(store, plan.campaign_id, f"no report, because of a bug in clearcap: {error!r}")
     else:
         close_campaign(store, plan.campaign_id)
-
-
-@contextmanager
-def _service_heartbeats(store: Store) -> Iterator[None]:
-    """Write a heartbeat of the service every two seconds while the block runs."""
-    over, hasty, outage = threading.Event(), store.hasty, Outage(store.url, store.files.patience)
-
-    def write_heartbeats() -> None:
-        count = 0
-        while not over.is_set():
-            count += 1
-            try:
-                hasty.write_json(SERVICE, HEARTBEAT, {"beat": count, "time": time.time()})
-                outage.end()
-            except StoreError as error:
-                outage.begin(error)
-            over.wait(HEARTBEAT_INTERVAL)
-
-    thread = threading.Thread(target=write_heartbeats, name="service", daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        over.set()
-        thread.join()

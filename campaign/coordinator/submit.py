@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from campaign.coordinator.delete import finish_deletion
 from campaign.coordinator.lease import is_alive, is_coordinated
 from campaign.coordinator.reuse import reuse_rows
 from campaign.coordinator.run_time import known_seconds_per_run, seconds_per_run
@@ -67,6 +68,7 @@ def submit(
     if not is_new:
         plan = store.plan(new.campaign_id)
     else:
+        finish_deletion(store, new.campaign_id)
         seconds = None
         if batch_size is None and not batch_size_is_fixed(campaign.spec.samples):
             seconds = seconds_per_run(new, simulate) if tries_runs else known_seconds_per_run(store, new)

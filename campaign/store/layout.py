@@ -7,6 +7,7 @@ what is computed now (state, lease, heartbeat, cancel marker), and its report.
 from campaign.plan_header import PlanHeader
 
 PLAN = "plan.json"
+DELETED = "plan.json.deleted"  # the plan of a campaign whose deletion has begun
 CAMPAIGN_FILE = "campaign.toml"
 SUBMISSION = "submission.json"  # who submitted it, and when
 PARTS = "parts"

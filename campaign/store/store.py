@@ -55,8 +55,11 @@ class Store:
 
     def campaigns(self) -> list[str]:
         """Return the ids of all campaigns, sorted."""
-        names = filter(_CAMPAIGN.fullmatch, self.files.names(""))
-        return [name for name in names if self.files.exists(f"{name}/{PLAN}")]
+        return [name for name in self.folders() if self.files.exists(f"{name}/{PLAN}")]
+
+    def folders(self) -> list[str]:
+        """Return the names of all folders that could be a campaign's, sorted."""
+        return list(filter(_CAMPAIGN.fullmatch, self.files.names("")))
 
     def command(self, verb: str, *words: str) -> str:
         """Return a command on this store, to be typed as it stands; see `command_line`."""

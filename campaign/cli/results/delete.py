@@ -19,21 +19,23 @@ def delete(
     store: StoreUrl = "runs",
     json: Json = False,
 ) -> None:
-    """Delete a campaign for good: its plan, its rows and its report."""
-    from campaign.coordinator.delete import delete_campaign
+    """Delete a campaign for good: its plan, its rows and its report; or finish a deletion that was interrupted."""
+    from campaign.coordinator.delete import delete_campaign, unfinished_deletions
     from campaign.coordinator.lease import is_coordinated
     from campaign.errors import CampaignError, SpecError
     from campaign.store import open_store
     from campaign.store.files.patience import QUICK
+    from campaign.store.which_campaign import which_campaign
 
     opened = open_store(store, QUICK)
-    campaign_id = opened.find(campaign)
+    begun = unfinished_deletions(opened)
+    campaign_id = which_campaign(opened.files, sorted([*opened.campaigns(), *begun]), campaign)
     if is_coordinated(opened, campaign_id):
         command = opened.command("cancel", campaign_id)
         raise CampaignError(f"{campaign_id} is being computed; to delete it, end it first with: {command}")
-    rows = _rows(opened, campaign_id)
+    rows = None if campaign_id in begun else _rows(opened, campaign_id)
     content = "its plan and its report" if rows is None else f"its plan, its {rows} rows and its report"
-    if not yes:
+    if not yes and campaign_id not in begun:
         if json or not sys.stdin.isatty():
             raise SpecError(
                 f"{campaign_id} is not deleted: {content} would be gone for good; add --yes if you want that"

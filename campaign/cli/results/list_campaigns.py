@@ -27,6 +27,7 @@ def list_campaigns(
 
     Campaigns that somebody archived are left out.
     """
+    from campaign.coordinator.delete import unfinished_deletions
     from campaign.store import open_store
     from campaign.store.files.patience import QUICK
     from campaign.store.which_campaign import check_is_store
@@ -41,6 +42,9 @@ def list_campaigns(
     if json:
         print_json(entries)
         return
+    for campaign_id in unfinished_deletions(opened):
+        command = opened.command("delete", campaign_id)
+        say(f"{campaign_id}: its deletion was interrupted; finish it with: {command}")
     if hidden := len(found) - len(shown):
         say(f"{hidden} archived campaign{'s are' if hidden > 1 else ' is'} left out; show all with --archived")
     if not entries and labelled:

@@ -214,7 +214,7 @@ class Files:
         self._do(move, old, "moved")
 
     def remove(self, name: str) -> None:
-        """Remove a file, if it exists."""
+        """Remove a file, or a folder without files, if it exists."""
         self._do(self._backend.remove, name, "removed")
 
     def remove_tree(self, name: str) -> None:

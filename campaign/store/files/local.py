@@ -115,8 +115,14 @@ class LocalFolder:
         _sync_names(new)
 
     def remove(self, path: str) -> None:
-        """Remove a file."""
-        _discard(path)
+        """Remove a file, or a folder that is empty; one that is not stays."""
+        try:
+            _discard(path)
+        except (IsADirectoryError, PermissionError):  # the latter on systems that say so of folders
+            if not os.path.isdir(path) or os.path.islink(path):
+                raise
+            with contextlib.suppress(OSError):
+                os.rmdir(path)
 
     def remove_tree(self, path: str) -> None:
         """Remove a file, or a folder with all that it holds; of a link, the link."""

@@ -6,6 +6,7 @@ import campaign.reports.report
 from campaign.cluster.cluster import Cluster
 from campaign.coordinator import service
 from campaign.coordinator.coordinate import coordinate
+from campaign.coordinator.delete import delete_campaign
 from campaign.coordinator.service import serve
 from campaign.coordinator.state import state_of, write_state
 from campaign.errors import CampaignError, StoreError
@@ -124,3 +125,18 @@ def test_interrupted_service_leaves_its_campaign_to_the_next(store, plan, monkey
     with pytest.raises(KeyboardInterrupt):
         coordinate(store, plan, CLUSTER)  # of this one campaign: it was ended
     assert not state_of(store, plan.campaign_id)["open"]
+
+
+def test_campaign_that_is_deleted_meanwhile(done, campaign_file, monkeypatch):
+    """It was queued when another one began: it is passed over, and nobody waits for its plan to come back."""
+    store, _ = done
+    computed(store.url, load_campaign(str(campaign_file), samples=5), 5)
+
+    def deletes_the_other(store, plan, *words, **options):
+        for other in set(store.campaigns()) - {plan.campaign_id}:
+            delete_campaign(store, other)
+        return coordinate(store, plan, *words, **options)
+
+    monkeypatch.setattr(service, "coordinate", deletes_the_other)
+    served = serve(store, CLUSTER, once=True)
+    assert (len(served), store.campaigns()) == (1, served)
