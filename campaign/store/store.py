@@ -1,7 +1,6 @@
 """The store: plans, parts, tables and small documents of campaigns under one root."""
 
 import json
-import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -16,7 +15,7 @@ from campaign.store.parts import Part, check, encode, file_name, part_name
 from campaign.store.quarantine import quarantine
 from campaign.store.rows import read_batch, stream
 from campaign.store.survey import Survey, read_file, survey
-from campaign.store.which_campaign import which_campaign
+from campaign.store.which_campaign import folders_of_campaigns, which_campaign
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from campaign.plan import Plan
     from campaign.store.compact import Compacted
 
-_CAMPAIGN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}")
 LARGEST_DOCUMENT = 2**20  # bytes: a thousand times what a state, a lease or a heartbeat takes
 P = TypeVar("P", bound=PlanHeader)
 
@@ -59,7 +57,7 @@ class Store:
 
     def folders(self) -> list[str]:
         """Return the names of all folders that could be a campaign's, sorted."""
-        return list(filter(_CAMPAIGN.fullmatch, self.files.names("")))
+        return folders_of_campaigns(self.files.names(""))
 
     def command(self, verb: str, *words: str) -> str:
         """Return a command on this store, to be typed as it stands; see `command_line`."""

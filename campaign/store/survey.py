@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from campaign.errors import StoreError
 from campaign.plan_header import PlanHeader
 from campaign.store import manifest
-from campaign.store.files.files import Files, OddFile
+from campaign.store.files.files import Files
+from campaign.store.files.odd_file import OddFile
 from campaign.store.layout import manifest_name
 from campaign.store.parts import BadPart, Part, batches_of, check, decode, folder, total
 

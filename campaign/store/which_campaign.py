@@ -1,8 +1,9 @@
 """Which campaign of a store a user means: an id, the beginning of one, or none where the store has only one."""
 
 import os
+import re
 import stat
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from campaign.errors import SpecError
 from campaign.store.command_line import command_line
@@ -10,6 +11,7 @@ from campaign.store.files.files import Files
 from campaign.store.layout import PLAN
 
 MOST_LISTED = 10  # ids in a message
+_CAMPAIGN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}")
 
 
 def check_is_store(files: Files) -> None:
@@ -38,6 +40,11 @@ def check_is_store(files: Files) -> None:
         raise SpecError(
             f"store {files.url}: is the folder of one campaign, not a store; write {name} --store {parent or '.'}"
         )
+
+
+def folders_of_campaigns(names: Iterable[str]) -> list[str]:
+    """Return those names of folders that a campaign's can have, sorted."""
+    return sorted(filter(_CAMPAIGN.fullmatch, names))
 
 
 def which_campaign(files: Files, ids: Sequence[str], wanted: str | None) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from campaign.errors import SpecError, StoreError, unwritable
 from campaign.store.files.local import LocalFolder
+from campaign.store.files.odd_file import OddFile
 from campaign.store.files.patience import HASTY, PATIENT, Outage, Patience
 from campaign.store.files.private_url import PrivateUrl
 from engine.regular_file import UnfitFile
@@ -22,25 +23,6 @@ LONGEST_NAME = 500  # characters of a name relative to the root
 DEAD_AFTER = 3600.0  # s: no write of one file takes this long
 
 T = TypeVar("T")
-
-
-class OddFile(StoreError):
-    """What has the name of a file is not one that clearcap wrote: a pipe, a link, a folder, or too large.
-
-    Parameters
-    ----------
-    where : str
-        The store and the file.
-    reason : str
-        What it is instead.
-    """
-
-    def __init__(self, where: str, reason: str) -> None:
-        super().__init__(f"{where} {reason}, so clearcap did not write it; move it away")
-        self.where, self.reason = where, reason
-
-    def __reduce__(self) -> tuple[type["OddFile"], tuple[str, str]]:
-        return OddFile, (self.where, self.reason)
 
 
 class Files:
@@ -176,6 +158,14 @@ class Files:
     def names(self, folder: str) -> list[str]:
         """Return the names of the files and folders in a folder, sorted; none if there is no such folder."""
         return self._do(self._backend.names, folder, "listed")
+
+    def stamps(self, folder: str) -> dict[str, str]:
+        """Return a stamp by name, which is another when what has the name has changed.
+
+        In a folder of this machine the names are those of its files and folders; a folder has changed when a file in it
+        was written or removed. Behind a URL, where there are no folders, they are those of all files below it.
+        """
+        return self._do(self._backend.stamps, folder, "listed")
 
     def write(self, name: str, content: bytes) -> None:
         """Write a file whole or not at all, replacing an earlier one; StoreError if it would hold the URL's secret."""

@@ -15,11 +15,13 @@ import shutil
 import socket
 import stat
 import tempfile
+import time
 from functools import cache
 from pathlib import Path
 
 from engine.regular_file import UnfitFile, read_regular_file
 
+RECENT = 2.0  # s: no file system dates files more coarsely
 FINAL = {errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.EINVAL}  # the same if it were tried again
 
 
@@ -86,6 +88,22 @@ class LocalFolder:
             with contextlib.suppress(FileNotFoundError):  # renamed since it was listed
                 sizes[name] = self.size(os.path.join(path, name))
         return sizes
+
+    def stamps(self, path: str) -> dict[str, str]:
+        """Return a stamp of each file and folder in a folder; one that changed just now never has the same twice.
+
+        A second change may come in the same tick of the clock that dates files, and would not be seen.
+        """
+        self._check_within(path)
+        stamps: dict[str, str] = {}
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(path) as entries:
+            for entry in entries:
+                with contextlib.suppress(FileNotFoundError):  # removed since it was listed
+                    found = entry.stat(follow_symlinks=False)
+                    stamp, now = f"{found.st_ino} {found.st_size} {found.st_mtime_ns}", time.time_ns()
+                    is_recent = now - found.st_mtime_ns < RECENT * 1e9
+                    stamps[entry.name] = f"{stamp} {now}" if is_recent else stamp
+        return stamps
 
     def write(self, path: str, content: bytes) -> None:
         """Write a file whole or not at all."""

@@ -22,6 +22,7 @@ FINAL = (  # errors that would be the same if the request were repeated
     AttributeError,
     ImportError,
 )
+STAMPED = ("size", "ETag", "LastModified", "mtime", "modify", "created", "md5")  # what file systems say of a file
 
 
 class ObjectStore:
@@ -99,6 +100,16 @@ class ObjectStore:
     def sizes(self, path: str) -> dict[str, int]:
         """Return the size of each file in a folder."""
         return {_name(entry): int(entry["size"]) for entry in self._entries(path) if entry["type"] == "file"}
+
+    def stamps(self, path: str) -> dict[str, str]:
+        """Return a stamp of each file below a folder, by its name relative to the folder; on S3 from one listing."""
+        self._fs.invalidate_cache()
+        try:
+            found = self._fs.find(path, detail=True)
+        except (FileNotFoundError, NotADirectoryError):
+            return {}
+        start = len(path.rstrip("/")) + 1
+        return {name[start:]: " ".join(str(entry.get(key, "")) for key in STAMPED) for name, entry in found.items()}
 
     def write(self, path: str, content: bytes) -> None:
         """Put a file."""

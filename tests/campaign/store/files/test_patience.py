@@ -10,7 +10,8 @@ import time
 import pytest
 
 from campaign.errors import StoreError
-from campaign.store.files.files import Files, OddFile
+from campaign.store.files.files import Files
+from campaign.store.files.odd_file import OddFile
 from campaign.store.files.patience import HASTY, PATIENT, Patience
 
 SOON = Patience(30.0, 0.001, 0.01)
