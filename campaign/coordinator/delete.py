@@ -5,8 +5,7 @@ that seems to have lost rows. Then the rest goes, and what bears that name last.
 finished by the next one of the same campaign, or before the campaign is submitted again.
 """
 
-from campaign.coordinator.beat import beating
-from campaign.coordinator.lease import check_lease, hold_lease
+from campaign.coordinator.lease import beating, check_lease, hold_lease
 from campaign.store import Store
 from campaign.store.layout import DELETED, HEARTBEAT, LEASE, PLAN
 

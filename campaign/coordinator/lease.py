@@ -8,6 +8,7 @@ longer changes. Clocks of two machines are never compared.
 import os
 import secrets
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -17,6 +18,7 @@ from typing import Any
 
 from campaign.errors import CampaignError, StoreError
 from campaign.store import Store
+from campaign.store.files.patience import Outage
 from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
 
 HEARTBEAT_INTERVAL = 2.0  # s, between two heartbeats
@@ -55,6 +57,39 @@ def _give_back(store: Store, campaign_id: str, token: str) -> None:
     with suppress(StoreError):
         if lease_holder(store, campaign_id) == token:
             store.remove(campaign_id, LEASE)
+
+
+@contextmanager
+def beating(store: Store, folder: str) -> Iterator[None]:
+    """Write a heartbeat every two seconds while the block runs, for a process that holds a lease and computes nothing.
+
+    Parameters
+    ----------
+    store : Store
+        Where the lease is.
+    folder : str
+        Id of a campaign, or `campaign.store.layout.SERVICE`.
+    """
+    over, hasty, outage = threading.Event(), store.hasty, Outage(store.url, store.files.patience)
+
+    def write_heartbeats() -> None:
+        count = 0
+        while not over.is_set():
+            count += 1
+            try:
+                hasty.write_json(folder, HEARTBEAT, {"beat": count, "time": time.time()})
+                outage.end()
+            except StoreError as error:
+                outage.begin(error)
+            over.wait(HEARTBEAT_INTERVAL)
+
+    thread = threading.Thread(target=write_heartbeats, name=f"heartbeats of {folder}", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 def take_lease(store: Store, campaign_id: str) -> str:

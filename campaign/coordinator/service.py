@@ -4,10 +4,9 @@ import logging
 import time
 
 from campaign.cluster.cluster import Cluster
-from campaign.coordinator.beat import beating
 from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.failed_runs import lack_of_ok
-from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseHeld, hold_lease
+from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseHeld, beating, hold_lease
 from campaign.coordinator.state import close_campaign, state_of
 from campaign.errors import CampaignError, StoreError
 from campaign.plan import Plan
