@@ -47,6 +47,7 @@ def show(
 ) -> None:
     """Show the content of a mechanism: inputs with value and unit, responses, validity conditions."""
     from campaign.errors import SpecError
+    from campaign.mechanism_summary import mechanism_summary
     from engine import load_mechanism
     from engine.mechanism import settable_keys
 
@@ -59,7 +60,7 @@ def show(
     if keys:
         _print_keys(loaded, pattern, json)
         return
-    document = _description(loaded)
+    document = mechanism_summary(loaded)
     if json:
         print_json(document)
         return
@@ -90,23 +91,16 @@ def show(
 @mechanism_app.command()
 def check(mechanism: MechanismName, json: Json = False) -> None:
     """Check a mechanism, also on its test benches and with its presets; warn of what looks wrong but can run."""
-    from engine import check as check_start
-    from engine import load_mechanism, set_values
-    from engine.preflight import cautions
+    from campaign.mechanism_summary import mechanism_warnings
+    from engine import load_mechanism
 
     loaded = load_mechanism(mechanism)
-    variants = {"": loaded, **{f"bench {name}": loaded.on_bench(name) for name in loaded.benches}}
-    variants |= {f"preset {name}": set_values(loaded, loaded.preset(name)) for name in loaded.presets}
-    warnings: dict[str, dict[str, object]] = {}
-    for where, variant in variants.items():
-        check_start(variant)
-        for caution in cautions(variant):
-            warnings.setdefault(str(caution), {**caution.to_json(), "where": where})
+    warnings = mechanism_warnings(loaded)
     if json:
-        print_json({"mechanism": loaded.name, "ok": True, "digest": loaded.digest(), "warnings": [*warnings.values()]})
+        print_json({"mechanism": loaded.name, "ok": True, "digest": loaded.digest(), "warnings": warnings})
         return
-    for text, entry in warnings.items():
-        print_text(f"warning: {mechanism}: {entry['where']}{': ' if entry['where'] else ''}{text}")
+    for entry in warnings:
+        print_text(f"warning: {mechanism}: {entry['where']}{': ' if entry['where'] else ''}{entry['text']}")
     count = f", {len(warnings)} warning{'s' if len(warnings) > 1 else ''}" if warnings else ""
     print_text(f"{mechanism}: no errors{count}")
 
@@ -151,35 +145,3 @@ def _draw(mechanism: Any, picture: Path) -> None:
 def _counted(count: int, one: str, many: str = "") -> str:
     """Return a number of things in words."""
     return f"{count} {one if count == 1 else many or one + 's'}"
-
-
-def _description(mechanism: Any) -> dict[str, Any]:
-    """Return the contents of a mechanism as plain data."""
-    from engine.mechanism import get_value, unit_of
-
-    units = mechanism.response_units()
-    return {
-        "name": mechanism.name,
-        "title": mechanism.title,
-        "description": mechanism.description.strip(),
-        "units": mechanism.units,
-        "digest": mechanism.digest(),
-        "bodies": len(mechanism.bodies),
-        "moving_bodies": sum(not body.fixed for body in mechanism.bodies.values()),
-        "joints": len(mechanism.joints),
-        "contacts": len(mechanism.contacts),
-        "parameters": {
-            name: {"value": value, "unit": mechanism.parameter_units[name]}
-            for name, value in mechanism.parameters.items()
-        },
-        "clearances": {
-            name: {"value": get_value(mechanism, name), "unit": unit_of(mechanism, name)}
-            for name in mechanism.loose_joints()
-        },
-        "responses": {
-            name: {"title": response.title, "unit": units[name]} for name, response in mechanism.responses.items()
-        },
-        "validity": [str(condition) for condition in mechanism.validity],
-        "benches": {name: bench.title for name, bench in mechanism.benches.items()},
-        "presets": {name: preset.title for name, preset in mechanism.presets.items()},
-    }

@@ -2,9 +2,10 @@
 
 import asyncio
 from collections import Counter
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
+from hashlib import sha256
 
 from campaign.store import Store, open_store
 from campaign.web.access.audit import AuditTrail
@@ -17,6 +18,7 @@ from campaign.web.answers.answers import Answers
 from campaign.web.answers.column_cache import columns_folder
 from campaign.web.answers.job_limits import JobLimits
 from campaign.web.answers.job_pool import JobPool
+from campaign.web.answers.kept_answers import KeptAnswers, SingleFlight
 from campaign.web.answers.turns import Quota
 from campaign.web.coordinator_child import CoordinatorChild
 from campaign.web.settings import Settings
@@ -25,6 +27,8 @@ from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.marks import campaign_marks
 from campaign.web.watch.watcher import Watcher
 from engine import warm_up
+
+KEPT_BYTES = 64 << 20  # of pictures
 
 
 @dataclass
@@ -73,6 +77,7 @@ class Service:
         self.tokens, self.audit = Tokens(self.database), AuditTrail(self.database)
         self.signatory = Signatory(self.database, self.store.hasty)
         self.streams = Counter()
+        self._kept, self._flights = KeptAnswers(KEPT_BYTES), SingleFlight()
         limits = self.settings.limits
         taken = JobLimits(limits.job_seconds, 3.0 * limits.job_seconds, limits.job_memory / 2**30)
         self.pool = JobPool(
@@ -110,6 +115,25 @@ class Service:
         """Close the files."""
         self.watcher.index.close()
         self.database.close()
+
+    async def kept(self, user: str, job: Callable[..., bytes], *arguments: object) -> bytes:
+        """Return the bytes of a job that depends on its arguments alone; the last ones are kept.
+
+        Parameters
+        ----------
+        user : str
+            Who asks.
+        job : callable
+            See `JobPool.run`.
+        *arguments
+            With the same text if they are equal.
+        """
+        key = sha256(repr((job.__module__, job.__name__, arguments)).encode(errors="surrogatepass")).hexdigest()
+        known = self._kept.get(key)
+        if known is None:
+            known = await self._flights.once(key, lambda: self.pool.run(user, job, *arguments))
+            self._kept.put(key, known)
+        return known
 
     def is_signed(self, campaign_id: str) -> bool:
         """Return whether somebody has signed a campaign."""

@@ -8,16 +8,32 @@ from campaign.web.api import (
     campaign_changes,
     campaigns,
     health,
+    mechanisms,
     reports,
     shares,
     signoffs,
+    simulations,
     tokens,
     users,
 )
 
+# each kind of thing on a line of its own
+ROUTERS = [
+    health.router,
+    mechanisms.router,
+    simulations.router,
+    campaigns.router,
+    campaign_changes.router,
+    reports.router,
+    users.router,
+    account.router,
+    tokens.router,
+    audit_trail.router,
+    shares.router,
+    signoffs.router,
+]
+
 
 def routers() -> list[APIRouter]:
     """Return the routers of all calls."""
-    of_campaigns = [campaigns.router, campaign_changes.router, reports.router]
-    of_people = [users.router, account.router, tokens.router, audit_trail.router, shares.router, signoffs.router]
-    return [health.router, *of_campaigns, *of_people]
+    return ROUTERS

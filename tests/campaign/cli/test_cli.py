@@ -178,6 +178,7 @@ def test_status(faked, campaign_file):
         "message": "",
         "open": False,
         "heartbeat": None,
+        "comparisons": {},
         "samples": 25,
         "done": 25,
         "ok": 25,

@@ -1,0 +1,72 @@
+"""What a mechanism is, in plain data, and what looks wrong in it: for the terminal and for pages."""
+
+from typing import Any
+
+from engine import check, set_values
+from engine.mechanism import Mechanism, get_value, unit_of
+from engine.preflight import cautions
+
+
+def mechanism_summary(mechanism: Mechanism) -> dict[str, Any]:
+    """Return the contents of a mechanism: inputs with value and unit, responses, validity conditions.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+
+    Returns
+    -------
+    dict
+        ``name``, ``title``, ``description``, ``units``, ``digest``; the numbers of ``bodies``, ``moving_bodies``,
+        ``joints`` and ``contacts``; ``parameters`` and ``clearances`` by name, each with ``value`` and ``unit``;
+        ``responses`` by name, each with ``title`` and ``unit``; ``validity``; titles of ``benches`` and ``presets``.
+    """
+    units = mechanism.response_units()
+    return {
+        "name": mechanism.name,
+        "title": mechanism.title,
+        "description": mechanism.description.strip(),
+        "units": mechanism.units,
+        "digest": mechanism.digest(),
+        "bodies": len(mechanism.bodies),
+        "moving_bodies": sum(not body.fixed for body in mechanism.bodies.values()),
+        "joints": len(mechanism.joints),
+        "contacts": len(mechanism.contacts),
+        "parameters": {
+            name: {"value": value, "unit": mechanism.parameter_units[name]}
+            for name, value in mechanism.parameters.items()
+        },
+        "clearances": {
+            name: {"value": get_value(mechanism, name), "unit": unit_of(mechanism, name)}
+            for name in mechanism.loose_joints()
+        },
+        "responses": {
+            name: {"title": response.title, "unit": units[name]} for name, response in mechanism.responses.items()
+        },
+        "validity": [str(condition) for condition in mechanism.validity],
+        "benches": {name: bench.title for name, bench in mechanism.benches.items()},
+        "presets": {name: preset.title for name, preset in mechanism.presets.items()},
+    }
+
+
+def mechanism_warnings(mechanism: Mechanism) -> list[dict[str, Any]]:
+    """Check the start of a mechanism, also on its test benches and with its presets; return what looks wrong.
+
+    Returns
+    -------
+    list of dict
+        Each caution once, as plain data, with its ``text`` and ``where``: empty, or the bench or preset.
+
+    Raises
+    ------
+    EngineError
+        If the mechanism cannot start, such as with parts that overlap.
+    """
+    variants = {"": mechanism, **{f"bench {name}": mechanism.on_bench(name) for name in mechanism.benches}}
+    variants |= {f"preset {name}": set_values(mechanism, mechanism.preset(name)) for name in mechanism.presets}
+    warnings: dict[str, dict[str, Any]] = {}
+    for where, variant in variants.items():
+        check(variant)
+        for caution in cautions(variant):
+            warnings.setdefault(str(caution), {**caution.to_json(), "where": where, "text": str(caution)})
+    return [*warnings.values()]

@@ -1,0 +1,119 @@
+"""Mechanisms that people have saved in a store, for all who use it: each change is a version of its own."""
+
+import re
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from campaign.errors import CampaignError, SpecError, StoreError
+from campaign.store.store import Store
+
+FOLDER = "mechanisms"
+LARGEST_TEXT = 2**20  # bytes of a mechanism's file
+_LARGEST_DOCUMENT = 8 * LARGEST_TEXT  # as JSON, with all characters escaped
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+_FILE = re.compile(r"([A-Za-z0-9][A-Za-z0-9_-]{0,63})\.(\d{6})\.json")
+
+
+class StaleMechanism(CampaignError):
+    """Somebody else saved the mechanism after it was read."""
+
+
+@dataclass(frozen=True)
+class SavedMechanism:
+    """One version of a saved mechanism.
+
+    Attributes
+    ----------
+    name : str
+    version : int
+        From 1.
+    text : str
+        Content of its TOML file.
+    by : str
+        Who saved it.
+    at : float
+        When [s since 1970].
+    """
+
+    name: str
+    version: int
+    text: str
+    by: str
+    at: float
+
+
+def saved_mechanisms(store: Store) -> dict[str, int]:
+    """Return the newest version of each saved mechanism, by name."""
+    newest: dict[str, int] = {}
+    for file in store.files.names(FOLDER):
+        if match := _FILE.fullmatch(file):
+            newest[match[1]] = max(newest.get(match[1], 0), int(match[2]))
+    return dict(sorted(newest.items()))
+
+
+def read_mechanism(store: Store, name: str, version: int | None = None) -> SavedMechanism | None:
+    """Return a version of a mechanism, by default the newest; None if there is none.
+
+    Raises
+    ------
+    StoreError
+        If it cannot be read, or is not what clearcap wrote.
+    """
+    if not _NAME.fullmatch(name):
+        return None
+    wanted = saved_mechanisms(store).get(name) if version is None else version
+    if wanted is None or not 0 < wanted < 10**6:
+        return None
+    document = store.read_json(FOLDER, _file(name, wanted), _LARGEST_DOCUMENT)
+    return None if document is None else _parsed(store, name, wanted, document)
+
+
+def save_mechanism(store: Store, name: str, text: str, by: str, version: int | None = None) -> SavedMechanism:
+    """Save a mechanism as a new version; earlier ones stay.
+
+    Parameters
+    ----------
+    store : Store
+    name : str
+        Letters, digits, ``_`` and ``-``, at most 64.
+    text : str
+        Content of its file; it is not checked here.
+    by : str
+        Who saves it.
+    version : int, optional
+        The newest version that its author has seen, 0 for none: if there is a later one, it is refused.
+
+    Raises
+    ------
+    SpecError
+        If the name is not allowed, or the text too long.
+    StaleMechanism
+        If there is a later version.
+    """
+    if not _NAME.fullmatch(name):
+        raise SpecError(f"name {name!r:.100}: not allowed; allowed: 1 to 64 letters, digits, _ and -, no - or _ first")
+    if len(text.encode(errors="replace")) > LARGEST_TEXT:
+        raise SpecError(f"mechanism {name}: has more than {LARGEST_TEXT} bytes")
+    newest = saved_mechanisms(store).get(name, 0)
+    if version is not None and newest != version:
+        raise StaleMechanism(f"mechanism {name}: is version {newest} by now; look at it and save yours again")
+    saved = SavedMechanism(name, newest + 1, text, by, time.time())
+    document = {"text": text, "by": by, "time": saved.at}
+    if not store.create_json(FOLDER, _file(name, saved.version), document):
+        raise StaleMechanism(f"mechanism {name}: somebody else saved it at the same time; save yours again")
+    return saved
+
+
+def _file(name: str, version: int) -> str:
+    return f"{name}.{version:06d}.json"
+
+
+def _parsed(store: Store, name: str, version: int, document: dict[str, Any]) -> SavedMechanism:
+    """Return what a document holds; StoreError if clearcap did not write it."""
+    text, by, at = (document.get(key) for key in ("text", "by", "time"))
+    if not (isinstance(text, str) and isinstance(by, str) and isinstance(at, int | float)):
+        raise StoreError(
+            f"store {store.url}: {FOLDER}/{_file(name, version)} is not what clearcap wrote; restore or remove it"
+        )
+    return SavedMechanism(name, version, text, by, float(at))

@@ -1,0 +1,104 @@
+"""Jobs about one mechanism: check its text, list its numbers, simulate it once, draw it."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from campaign.errors import SpecError
+from campaign.mechanism_summary import mechanism_summary, mechanism_warnings
+from engine import load_mechanism, load_mechanism_text, read_trajectory, set_values, simulate
+from engine.mechanism import Mechanism, library_names
+from engine.mechanism.keys.listing import settable_numbers
+
+PICTURES = ("svg", "png")
+ANIMATION_FRAMES = 45  # half of what the command draws, so that it comes within seconds
+
+
+@dataclass(frozen=True)
+class MechanismSource:
+    """Which mechanism a job is about.
+
+    Attributes
+    ----------
+    name : str
+        Name of a shipped mechanism, or what messages call the text.
+    text : str or None
+        Content of its file; None for a shipped one.
+    bench, preset : str or None
+        One of its test benches, and one of its sets of values.
+    values : dict of str to float
+        Values of keys, after those of the preset.
+    """
+
+    name: str
+    text: str | None = None
+    bench: str | None = None
+    preset: str | None = None
+    values: Mapping[str, float] = field(default_factory=dict)
+
+    def load(self) -> Mechanism:
+        """Return the mechanism, without its values.
+
+        Raises
+        ------
+        MechanismError
+            If it has faults, or no such bench.
+        SpecError
+            If no mechanism of this name is shipped.
+        """
+        if self.text is None and self.name not in library_names():
+            raise SpecError(f"mechanism {self.name!r:.100}: none of this name; shipped: {', '.join(library_names())}")
+        loaded = load_mechanism(self.name) if self.text is None else load_mechanism_text(self.text, self.name)
+        return loaded.on_bench(self.bench) if self.bench else loaded
+
+    def all_values(self, mechanism: Mechanism) -> dict[str, float]:
+        """Return the values of the preset, and over them those of the question."""
+        return (dict(mechanism.preset(self.preset)) if self.preset else {}) | dict(self.values)
+
+
+def describe(source: MechanismSource) -> dict[str, Any]:
+    """Return what a mechanism is: its summary, and every number that can be set, with value, unit and limits."""
+    mechanism = source.load()
+    return {**mechanism_summary(mechanism), "keys": [asdict(entry) for entry in settable_numbers(mechanism, "")]}
+
+
+def check_text(source: MechanismSource) -> dict[str, Any]:
+    """Return the summary of a mechanism's text, and what looks wrong in it; faults are raised."""
+    mechanism = source.load()
+    return {"summary": mechanism_summary(mechanism), "warnings": mechanism_warnings(mechanism)}
+
+
+def simulate_once(source: MechanismSource, step: float | None = None, horizon: float | None = None) -> dict[str, Any]:
+    """Simulate a mechanism; return what ``clearcap simulate --json`` prints, but for files."""
+    mechanism = source.load()
+    values = source.all_values(mechanism)
+    run = simulate(mechanism, values, step=step, horizon=horizon, indeterminacy=True)
+    results = {"status": run.status, "message": run.message, "responses": run.measured, "units": run.units}
+    return {**results, "ranges": run.ranges, "certificate": asdict(run.certificate)}
+
+
+def animate_once(source: MechanismSource, step: float | None = None, horizon: float | None = None) -> bytes:
+    """Simulate a mechanism and return its motion as a GIF."""
+    from campaign.pictures.animation import animate
+
+    mechanism = source.load()
+    with TemporaryDirectory(prefix="clearcap-") as folder:
+        motion, picture = Path(folder, "motion.h5"), Path(folder, "motion.gif")
+        simulate(mechanism, source.all_values(mechanism), step=step, horizon=horizon, trajectory=motion)
+        animate(read_trajectory(motion), picture, ANIMATION_FRAMES)
+        return picture.read_bytes()
+
+
+def draw(source: MechanismSource, kind: str = "svg") -> bytes:
+    """Return a picture of a mechanism at its start, with what its responses measure: ``svg`` or ``png``."""
+    from campaign.pictures.measurement_figure import plot_measurements
+
+    if kind not in PICTURES:
+        raise SpecError(f"picture {kind!r:.20}: allowed: {', '.join(PICTURES)}")
+    mechanism = source.load()
+    with TemporaryDirectory(prefix="clearcap-") as folder:
+        picture = Path(folder, f"picture.{kind}")
+        plot_measurements(set_values(mechanism, source.all_values(mechanism)), picture)
+        return picture.read_bytes()
