@@ -30,7 +30,7 @@ class SimulationRequest(BaseModel):
     horizon: float | None = Field(None, gt=0)
 
 
-class Simulation(BaseModel):
+class SimulatedRun(BaseModel):
     """One run."""
 
     status: str = Field(examples=["ok"])
@@ -42,7 +42,7 @@ class Simulation(BaseModel):
 
 
 @router.post("/simulations", responses=described(404, 409))
-async def simulate(service: TheService, who: Engineer, wanted: SimulationRequest) -> Simulation:
+async def simulate(service: TheService, who: Engineer, wanted: SimulationRequest) -> SimulatedRun:
     """Simulate a mechanism once."""
     if (wanted.text is None) == (not wanted.mechanism):
         raise Refusal(422, "mechanism, text: give one of them")
@@ -52,7 +52,7 @@ async def simulate(service: TheService, who: Engineer, wanted: SimulationRequest
     else:
         source = await source_of(service, wanted.mechanism, **more)
     content = await service.pool.data(who.name, simulate_once, source, wanted.step, wanted.horizon)
-    return Simulation.model_validate(content)
+    return SimulatedRun.model_validate(content)
 
 
 @router.get(
