@@ -1,6 +1,11 @@
 """Errors of a campaign that are no bugs; every message is complete and written for the user."""
 
 import errno
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:  # the engine is imported by those alone who check something
+    from engine.faults.fault import Fault
 
 
 class CampaignError(Exception):
@@ -16,9 +21,21 @@ class CampaignError(Exception):
 
 
 class SpecError(CampaignError):
-    """The input is wrong: a campaign file, an option, the address of a store. Nothing was written."""
+    """The input is wrong: a campaign file, an option, the address of a store. Nothing was written.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong; of a file, one line for each fault.
+    faults : iterable of Fault
+        The faults of a file as data; none where it is no file that is wrong.
+    """
 
     exit_code = 2
+
+    def __init__(self, message: str, faults: "Iterable[Fault]" = ()) -> None:
+        super().__init__(message)
+        self.faults = tuple(faults)
 
 
 class StoreError(CampaignError):

@@ -3,6 +3,8 @@
 from engine.build import build_id
 from engine.compilation import missing_kernels
 from engine.errors import EngineError, FolderError, MechanismError, TrajectoryError
+from engine.faults.fault import Fault
+from engine.faults.toml_positions import TextPosition, position_of
 from engine.mechanism import Mechanism, library_names, load_mechanism, load_mechanism_text, set_values
 from engine.run import Certificate, Run
 from engine.simulate import check, simulate, warm_up
@@ -11,11 +13,13 @@ from engine.trajectory import Recording, Trajectory, read_trajectory
 __all__ = [
     "Certificate",
     "EngineError",
+    "Fault",
     "FolderError",
     "Mechanism",
     "MechanismError",
     "Recording",
     "Run",
+    "TextPosition",
     "Trajectory",
     "TrajectoryError",
     "build_id",
@@ -24,6 +28,7 @@ __all__ = [
     "load_mechanism",
     "load_mechanism_text",
     "missing_kernels",
+    "position_of",
     "read_trajectory",
     "set_values",
     "simulate",

@@ -1,5 +1,9 @@
 """Errors of the engine: every message is complete and meant for the person who reads it."""
 
+from collections.abc import Iterable
+
+from engine.faults.fault import Fault
+
 
 class EngineError(Exception):
     """Base of every error the engine raises on purpose."""
@@ -12,7 +16,13 @@ class MechanismError(EngineError):
     ----------
     message : str
         The file or mechanism, then one line for each fault.
+    faults : iterable of Fault
+        The same as data; none where no single key is at fault.
     """
+
+    def __init__(self, message: str, faults: Iterable[Fault] = ()) -> None:
+        super().__init__(message)
+        self.faults = tuple(faults)
 
 
 class TrajectoryError(EngineError):

@@ -17,16 +17,28 @@ MOST_NESTED = 16  # arrays and inline tables in each other
 MOST_TABLES = 20_000  # keys; and tables, arrays and inline tables
 LONGEST_WORD = 400  # characters of a bare key or number
 
-_TOKEN = re.compile(
-    r'''(?P<skipped>[ \t\r]+|\#[^\n]*
-        |"""(?:[^\\"]|\\.|"(?!""))*+(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:[^"\\\n]|\\[^\n])*+"?|'[^'\n]*+'?)
+TOKEN = re.compile(
+    r'''(?P<skipped>[ \t\r]+|\#[^\n]*)
+    |(?P<string>"""(?:[^\\"]|\\.|"(?!""))*+(?:"""|\Z)|\'\'\'.*?(?:\'\'\'|\Z)|"(?:[^"\\\n]|\\[^\n])*+"?|'[^'\n]*+'?)
     |(?P<word>[^\s\#"'\[\]{}=,.]+)|(?P<dot>\.)|(?P<key>=)|(?P<comma>,)|(?P<open>[\[{])|(?P<close>[\]}])|(?P<end>\n)|(?P<other>.)''',
     re.VERBOSE | re.DOTALL,
 )
 
 
 class UnfitToml(ValueError):
-    """A text is no TOML, or goes beyond a limit; the message says where and what to do."""
+    """A text is no TOML, or goes beyond a limit.
+
+    Parameters
+    ----------
+    message : str
+        Where, what, and what to do.
+    line, column : int, optional
+        Where, from 1.
+    """
+
+    def __init__(self, message: str, line: int | None = None, column: int | None = None) -> None:
+        super().__init__(message)
+        self.line, self.column = line, column
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -55,14 +67,22 @@ def parse_toml(content: bytes) -> dict[str, Any]:
         text = content.decode("utf-8-sig")  # some editors put a mark before the first character
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
-        raise UnfitToml(f"line {line}: not UTF-8 text; save the file as UTF-8") from None
+        raise UnfitToml(f"line {line}: not UTF-8 text; save the file as UTF-8", line) from None
     _check_limits(text)
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise UnfitToml(f"not TOML: {str(error).replace(chr(10), ' '):.200}; correct the file there") from None
+        what = f"not TOML: {str(error).replace(chr(10), ' '):.200}; correct the file there"
+        raise UnfitToml(what, *_place(str(error), text)) from None
     except (ValueError, RecursionError) as error:
         raise UnfitToml(f"not TOML: {error}; correct the file") from None
+
+
+def _place(message: str, text: str) -> tuple[int, int]:
+    """Return line and column of which the parser's message speaks."""
+    if place := re.search(r"\(at line (\d+), column (\d+)\)$", message):
+        return int(place[1]), int(place[2])
+    return text.count("\n") + 1, len(text) - text.rfind("\n")  # at the end
 
 
 def text_bytes(text: str | bytes) -> bytes:
@@ -73,9 +93,9 @@ def text_bytes(text: str | bytes) -> bytes:
 def _check_limits(text: str) -> None:
     """Refuse a text that would take the parser long, or that nests too deeply."""
     parts, depth, keys, tables, line = 1, 0, 0, 0, 1
-    for token in _TOKEN.finditer(text):
+    for token in TOKEN.finditer(text):
         match token.lastgroup:
-            case "skipped":
+            case "skipped" | "string":
                 line += token[0].count("\n")
                 continue
             case "dot":
@@ -101,4 +121,4 @@ def _check_limits(text: str) -> None:
 
 def _check(count: int, most: int, text: str, line: int) -> None:
     if count > most:
-        raise UnfitToml(f"line {line}: {text.format(most)}")
+        raise UnfitToml(f"line {line}: {text.format(most)}", line)

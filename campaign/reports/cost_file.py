@@ -134,7 +134,8 @@ def costs_of(tables: Mapping[str, Any], plan: Plan, heading: str) -> Costs:
     try:
         costs = Costs.model_validate(tables)
     except ValidationError as error:
-        raise SpecError("\n  ".join([heading, *structure_faults(error, Costs)])) from error
+        faults = structure_faults(error, Costs)
+        raise SpecError("\n  ".join([heading, *map(str, faults)]), faults) from error
     unknown = [name for name in costs.variables if name not in plan.spec.variables]
     if unknown:
         allowed = ", ".join(plan.spec.variables)

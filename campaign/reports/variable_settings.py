@@ -78,8 +78,8 @@ def changed_variables(spec: CampaignSpec, settings: Sequence[str]) -> ChangedVar
         new = CampaignSpec.model_validate(tables)
     except ValidationError as error:
         faults = [
-            line.replace("missing; add it", "missing; give it in the same command")
-            for line in structure_faults(error, CampaignSpec)
+            str(fault).replace("missing; add it", "missing; give it in the same command")
+            for fault in structure_faults(error, CampaignSpec)
         ]
         raise SpecError("\n  ".join(["--set:", *faults])) from error
     changed = {name: v for name, v in new.variables.items() if v != spec.variables[name]}

@@ -9,7 +9,7 @@ import numpy as np
 
 from campaign.errors import SpecError
 from campaign.spec.data_formats import CsvColumns, ParquetColumns, bounded_memory, is_number
-from campaign.spec.faults import fault
+from campaign.spec.faults import SpecFault, fault
 from campaign.spec.named_files import NamedFiles
 from engine.mechanism.faults import did_you_mean
 
@@ -20,7 +20,7 @@ LARGEST_FILE = 100_000_000  # bytes
 FORMATS = (".csv", ".parquet")
 
 
-def read_data_files(raw: Mapping[str, Any], files: NamedFiles) -> tuple[dict[str, Any], list[str]]:
+def read_data_files(raw: Mapping[str, Any], files: NamedFiles) -> tuple[dict[str, Any], list[SpecFault]]:
     """Return a campaign in which the columns of its data files replace the names of the files.
 
     Parameters
@@ -34,10 +34,10 @@ def read_data_files(raw: Mapping[str, Any], files: NamedFiles) -> tuple[dict[str
     -------
     dict
         The campaign; a table whose file cannot be read is left as it was.
-    list of str
-        What is wrong with the files, one line for each fault.
+    list of SpecFault
+        What is wrong with the files.
     """
-    whole, faults = dict(raw), []
+    whole, faults = dict(raw), list[SpecFault]()
     variables, table = raw.get("variables"), raw.get("table")
     if isinstance(variables, dict):
         whole["variables"] = dict(variables)

@@ -3,16 +3,38 @@
 import json
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
 from campaign.inputs.distributions import DISTRIBUTIONS
-from engine.mechanism.faults import MOST_FAULTS, did_you_mean, locate, one_line
+from engine.faults.fault import Fault
+from engine.mechanism.faults import MOST_FAULTS, did_you_mean, locate
+
+_LONGEST_VALUE = 60  # characters of a value in a line
 
 
-def structure_faults(error: ValidationError, root: type[BaseModel]) -> list[str]:
-    """Return one line for each fault that pydantic sees, at most as many as are listed.
+@dataclass(frozen=True)
+class SpecFault(Fault):
+    """One thing that is wrong with a campaign file; keys and values are shown as TOML has them."""
+
+    @property
+    def key(self) -> str:
+        """Dotted path of the key, parts quoted where TOML needs it."""
+        return ".".join(k if re.fullmatch(r"[A-Za-z0-9_-]+", k) else json.dumps(k) for k in self.keys)
+
+    @property
+    def shown(self) -> str:
+        """The value; empty if there is none, and of tables and lists."""
+        if self.value is None or isinstance(self.value, dict | list):
+            return ""
+        text = json.dumps(self.value, ensure_ascii=False, default=str)
+        return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 3] + "..."
+
+
+def structure_faults(error: ValidationError, root: type[BaseModel]) -> list[SpecFault]:
+    """Return the faults that pydantic sees, each once, at most as many as are listed.
 
     Parameters
     ----------
@@ -21,22 +43,16 @@ def structure_faults(error: ValidationError, root: type[BaseModel]) -> list[str]
     root : type of BaseModel
         The model that was validated.
     """
-    lines = dict.fromkeys(_line(details, root) for details in error.errors(include_url=False)[: MOST_FAULTS + 1])
-    return list(lines)[:MOST_FAULTS]
+    found = (_fault(details, root) for details in error.errors(include_url=False)[: MOST_FAULTS + 1])
+    return list({str(fault): fault for fault in found}.values())[:MOST_FAULTS]
 
 
-def fault(keys: Iterable[str], value: Any, text: str) -> str:
-    """Return ``table.key = value: text``; tables are named without their content."""
-    shown = "" if value is None or isinstance(value, (dict, list)) else f" = {_shown(value)}"
-    return one_line(f"{key_path(keys)}{shown}: {text}")
+def fault(keys: Iterable[str], value: Any, text: str, within: tuple[Fault, ...] = ()) -> SpecFault:
+    """Return the fault of a key; ``within`` are those of the file that its value names."""
+    return SpecFault(tuple(keys), text, value, within=within)
 
 
-def key_path(keys: Iterable[str]) -> str:
-    """Return a dotted TOML key, parts quoted where TOML needs it."""
-    return ".".join(k if re.fullmatch(r"[A-Za-z0-9_-]+", k) else json.dumps(k) for k in keys)
-
-
-def _line(error: Mapping[str, Any], root: type[BaseModel]) -> str:
+def _fault(error: Mapping[str, Any], root: type[BaseModel]) -> SpecFault:
     """Return one fault with its key and value."""
     refused = error.get("ctx", {}) if error["type"] == "refused" else {}
     below = refused.get("key")  # a table refuses one of its keys
@@ -46,8 +62,23 @@ def _line(error: Mapping[str, Any], root: type[BaseModel]) -> str:
         text = "must be a number of levels, 2 to a million, or a list of levels, finite numbers; correct it"
         return fault(keys[:2], None, text)
     text = _text(error, keys, at.known_keys)
-    value = refused["value"] if below else error["input"]
-    return fault(keys, value, text) if keys else text  # without keys: of the campaign as a whole
+    if not keys:  # of the campaign as a whole
+        return _with_its_key(text, root)
+    return fault(keys, refused["value"] if below else error["input"], text)
+
+
+def _with_its_key(text: str, root: type[BaseModel]) -> SpecFault:
+    """Return the fault of a file as a whole, with the key at which a text of the form ``key = value: ...`` begins."""
+    begins = re.fullmatch(r"([A-Za-z_][\w.-]*)(?: = ([^:]+))?: (.*)", text, re.DOTALL)
+    if begins and begins[1].split(".")[0] in root.model_fields:
+        try:
+            value = None if begins[2] is None else json.loads(begins[2])
+        except ValueError:
+            value = None
+        keyed = fault(begins[1].split("."), value, begins[3])
+        if str(keyed) == str(fault((), None, text)):
+            return keyed
+    return fault((), None, text)
 
 
 def _text(error: Mapping[str, Any], keys: list[str], known: list[str]) -> str:
@@ -84,8 +115,3 @@ def _text(error: Mapping[str, Any], keys: list[str], known: list[str]) -> str:
 def _must(error: Mapping[str, Any]) -> str:
     """Return pydantic's own words as a demand."""
     return str(error["msg"]).replace("Input should be", "must be").replace("String should", "must")
-
-
-def _shown(value: Any) -> str:
-    text = json.dumps(value, ensure_ascii=False, default=str)
-    return text if len(text) <= 60 else text[:57] + "..."

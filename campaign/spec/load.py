@@ -18,11 +18,12 @@ from campaign.errors import SpecError
 from campaign.inputs.sampling import SAMPLERS
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.data_files import read_data_files
-from campaign.spec.faults import fault, structure_faults
+from campaign.spec.faults import SpecFault, fault, structure_faults
 from campaign.spec.named_files import FolderFiles, GivenFiles, NamedFiles
 from campaign.spec.result_columns import CERTIFICATE_COLUMNS
 from campaign.spec.targets import target_faults
-from engine import EngineError, set_values
+from engine import MechanismError, set_values
+from engine.faults.toml_positions import with_positions
 from engine.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.mechanism import Mechanism, library_names
 from engine.mechanism.base import is_number
@@ -85,7 +86,8 @@ def load_campaign(source: Source, *, samples: int | None = None, seed: int | Non
     except OSError as error:
         unreadable = f"cannot be read ({error.strerror or error}); name a campaign file"
         raise SpecError(f"campaign {path}: {unreadable_kind(path, 'campaign') or unreadable}") from error
-    return _checked(_tables(content, path) | overrides, FolderFiles(path.parent), f"campaign {path}:")
+    tables = _tables(content, path) | overrides
+    return _checked(tables, FolderFiles(path.parent), f"campaign {path}:", content)
 
 
 def load_campaign_text(
@@ -120,11 +122,12 @@ def load_campaign_text(
         With all faults, as of `load_campaign`; also if it names a file that is not among those given.
     """
     overrides = {key: value for key, value in (("samples", samples), ("seed", seed)) if value is not None}
-    return _checked(_tables(text_bytes(text), None) | overrides, GivenFiles(files), "campaign:")
+    content = text_bytes(text)
+    return _checked(_tables(content, None) | overrides, GivenFiles(files), "campaign:", content)
 
 
-def _checked(raw: dict[str, Any], files: NamedFiles, heading: str) -> Campaign:
-    """Return the campaign of the tables of a file."""
+def _checked(raw: dict[str, Any], files: NamedFiles, heading: str, content: bytes = b"") -> Campaign:
+    """Return the campaign of the tables of a file; with its content, faults know their lines."""
     raw, faults = read_data_files(raw, files)
     spec = None
     try:
@@ -141,17 +144,19 @@ def _checked(raw: dict[str, Any], files: NamedFiles, heading: str) -> Campaign:
         mechanism = mechanism.on_bench(bench) if mechanism and isinstance(bench, str) else mechanism
         key = "preset"
         mechanism = set_values(mechanism, values) if mechanism and values else mechanism
-    except (EngineError, SpecError) as error:
-        faults.append(fault([key], raw[key], str(error)))
+    except (MechanismError, SpecError) as error:
+        faults.append(fault([key], raw[key], str(error), error.faults))
     if mechanism is not None:
         faults += islice(mechanism_faults(raw, mechanism), MOST_FAULTS)
     if faults or spec is None or mechanism is None:
-        raise SpecError("\n  ".join([heading, *listed(faults, len(faults))]))
+        lines = map(str, listed(faults, len(faults)))
+        first = faults[:MOST_FAULTS]
+        raise SpecError("\n  ".join([heading, *lines]), with_positions(first, content) if content else first)
     return Campaign(spec, mechanism)
 
 
-def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
-    """Yield what does not fit between a campaign and its mechanism, one line for each fault.
+def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
+    """Yield what does not fit between a campaign and its mechanism, one for each.
 
     Parameters
     ----------
@@ -191,13 +196,15 @@ def _tables(content: bytes, path: Path | None) -> dict[str, Any]:
     try:
         tables = parse_toml(content)
     except UnfitToml as error:
-        raise SpecError(f"{heading}: {content_kind(content, 'campaign') or error}") from error
+        text = content_kind(content, "campaign") or str(error)
+        at = SpecFault((), text, line=error.line, column=error.column)
+        raise SpecError(f"{heading}: {text}", [at]) from error
     if other := other_kind(tables, path or "FILE", "campaign"):
-        raise SpecError(f"{heading}: {other}")
+        raise SpecError(f"{heading}: {other}", [SpecFault((), other)])
     return tables
 
 
-def _name_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
+def _name_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
     """Yield the faults of variables with the name of another column, and of responses that the mechanism lacks."""
     responses = list(mechanism.responses)
     sampler = SAMPLERS.get(str(raw.get("sampler")))
@@ -216,7 +223,7 @@ def _name_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
                 yield fault([table, name], None, _no_response(name, mechanism))
 
 
-def _step_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
+def _step_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
     """Yield the faults of fixed steps that are longer than the simulated time."""
     failures = raw.get("failures")
     retries = failures.get("retry") if isinstance(failures, dict) else None
@@ -231,7 +238,7 @@ def _step_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
             yield fault([*keys, "step"], step, text)
 
 
-def _stop_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
+def _stop_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
     """Yield the faults of a stopping rule whose response does not exist or lacks the limits that it needs."""
     rule, responses = raw.get("stop"), raw.get("responses")
     name = rule.get("response") if isinstance(rule, dict) else None

@@ -8,7 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from campaign.inputs.distributions import Distribution, Empirical, Variable
 from campaign.spec.campaign_file import MOST_VARIABLES
-from campaign.spec.faults import fault
+from campaign.spec.faults import SpecFault, fault
 from engine import MechanismError, check
 from engine.mechanism import Mechanism, full_key, get_value
 from engine.mechanism.base import is_number
@@ -18,8 +18,8 @@ from engine.mechanism.parameters.formulas import PREFIX, following
 _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(Variable)
 
 
-def target_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[str]:
-    """Yield the faults of variables and their targets, one line for each.
+def target_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
+    """Yield the faults of variables and their targets, one for each.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def _extremes(raw: Mapping[str, Any], name: str) -> list[float]:
     return [min(numbers), max(numbers)] if numbers else []
 
 
-def _faults_of(name: str, target: str, values: set[float], mechanism: Mechanism) -> Iterator[str]:
+def _faults_of(name: str, target: str, values: set[float], mechanism: Mechanism) -> Iterator[SpecFault]:
     """Yield the faults of a variable whose target cannot be set, or of values that the mechanism refuses."""
     keys = ["variables", name]
     try:

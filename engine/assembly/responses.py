@@ -9,9 +9,10 @@ from engine.assembly.contacts import Pair
 from engine.assembly.frames import BodyFrame
 from engine.assembly.phases import event_limit
 from engine.errors import MechanismError
+from engine.faults.fault import Fault
 from engine.kernels import model
 from engine.kernels.model import Responses, State
-from engine.mechanism.faults import Fault, did_you_mean
+from engine.mechanism.faults import did_you_mean
 from engine.mechanism.models import Mechanism
 from engine.mechanism.readout import Peak
 
@@ -153,12 +154,12 @@ def _refuse_missing_contacts(mechanism: Mechanism, contacts: list[str]) -> None:
             own = [c for c in contacts if c.startswith(f"{contact.partition('.')[0]}.")]
             names = ", ".join(own) or "it has none, as an ideal joint"
             text = f"no such contact of the joint; allowed: {names}{did_you_mean(contact, own)}"
-            faults.append(Fault(f"responses.{name}.contact", text, contact))
+            faults.append(Fault(("responses", name, "contact"), text, contact))
         elif joint is not None and not any(c.startswith(f"{joint}.") for c in contacts):
             text = (
                 "the joint has no contacts; allowed: joints with clearance; give it clearance, or remove the response"
             )
-            faults.append(Fault(f"responses.{name}.joint", text, joint))
+            faults.append(Fault(("responses", name, "joint"), text, joint))
     if faults:
         lines = "\n".join(f"  {fault}" for fault in faults)
-        raise MechanismError(f"{mechanism.name}: responses that cannot be read\n{lines}")
+        raise MechanismError(f"{mechanism.name}: responses that cannot be read\n{lines}", faults)

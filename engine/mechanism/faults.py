@@ -10,44 +10,13 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
 
+from engine.faults.fault import Fault
 from engine.mechanism.base import is_number
 from engine.mechanism.keys.closest import closest
 from engine.mechanism.keys.components import declared
 from engine.mechanism.quantities import Quantity, UnitSystem
 
 MOST_FAULTS = 50  # that are listed of one file
-LONGEST_FAULT = 1000  # characters
-
-_NOTHING = object()
-
-
-@dataclass(frozen=True)
-class Fault:
-    """One thing that is wrong with a mechanism.
-
-    Parameters
-    ----------
-    key : str
-        Dotted path of the key at fault.
-    text : str
-        What is wrong; what is allowed; what to do.
-    value : object
-        The value of the key, if it has one.
-    unit : str
-        Unit of the value, if it is a number that has one.
-    """
-
-    key: str
-    text: str
-    value: Any = _NOTHING
-    unit: str = ""
-
-    def __str__(self) -> str:
-        if self.value is _NOTHING:
-            return one_line(f"{self.key}: {self.text}")
-        shown = str(self.value).lower() if isinstance(self.value, bool) else repr(self.value)
-        unit = f" {self.unit}" if self.unit not in ("", "1") and is_number(self.value) else ""
-        return one_line(f"{self.key} = {shown if len(shown) <= 80 else shown[:77] + '...'}{unit}: {self.text}")
 
 
 @dataclass(frozen=True)
@@ -73,12 +42,6 @@ class Location:
         """The keys that the table may have."""
         fields = self.owner.model_fields.items() if self.owner else ()
         return [field.alias or name for name, field in fields]
-
-
-def one_line(text: str) -> str:
-    """Return a fault as one line of bounded length; a key or value of a file can hold any character."""
-    shown = text if len(text) <= LONGEST_FAULT else f"{text[: LONGEST_FAULT - 200]} ... {text[-195:]}"
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in shown)
 
 
 def listed(faults: Sequence[Any], count: int) -> list[Any]:
@@ -126,33 +89,34 @@ def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem
     kind, context, value = details["type"], details.get("ctx", {}), details["input"]
     below = context.get("key") if kind == "refused" else None  # the validator of a table refuses one of its keys
     at = locate(root, (*details["loc"], *below.split(".")) if below else details["loc"])
-    key, field = ".".join(at.path), at.field
+    keys, field = at.path, at.field
     if below:
-        value = context["value"] if context["value"] is not None else _NOTHING
+        value = context["value"]
     elif isinstance(value, Mapping | BaseModel):
-        value = _NOTHING
+        value = None
     match kind:
         case "refused":
-            return Fault(key, details["msg"], value, _unit(field, system))
+            return Fault(keys, details["msg"], value, _unit(field, system, value))
         case "missing":
-            return Fault(key, f"missing; it is {field.description if field else 'required'}; add it")
+            return Fault(keys, f"missing; it is {field.description if field else 'required'}; add it")
         case "extra_forbidden":
             known = at.known_keys
-            return Fault(key, f"unknown key; allowed here: {', '.join(known)}{did_you_mean(at.path[-1], known)}")
+            return Fault(keys, f"unknown key; allowed here: {', '.join(known)}{did_you_mean(at.path[-1], known)}")
         case "union_tag_not_found":
-            return Fault(f"{key}.type", f"missing; allowed: {', '.join(_tags(field))}; add type = ...")
+            return Fault((*keys, "type"), f"missing; allowed: {', '.join(_tags(field))}; add type = ...")
         case "union_tag_invalid":
             tag, known = str(context["tag"]), _tags(field)
-            return Fault(f"{key}.type", f"unknown type; allowed: {', '.join(known)}{did_you_mean(tag, known)}", tag)
+            text = f"unknown type; allowed: {', '.join(known)}{did_you_mean(tag, known)}"
+            return Fault((*keys, "type"), text, tag)
     if details["loc"] and details["loc"][-1] == "[key]":
-        return Fault(key, "not a usable name; allowed: a letter, then letters, digits, '-', '_'; rename it")
-    return Fault(key, _what(kind, context, field), value, _unit(field, system))
+        return Fault(keys, "not a usable name; allowed: a letter, then letters, digits, '-', '_'; rename it")
+    return Fault(keys, _what(kind, context, field), value, _unit(field, system, value))
 
 
-def _unit(field: FieldInfo | None, system: UnitSystem) -> str:
-    """Return the unit of a key's value; empty if it has none."""
+def _unit(field: FieldInfo | None, system: UnitSystem, value: Any) -> str:
+    """Return the unit of a key's value; empty if it has none, or is no number."""
     quantity = declared(field, Quantity)
-    return quantity.unit(system) if quantity else ""
+    return quantity.unit(system) if quantity and is_number(value) else ""
 
 
 _BOUNDS = {"greater_than": (">", "gt"), "greater_than_equal": (">=", "ge"), "less_than_equal": ("<=", "le")}

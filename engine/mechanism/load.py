@@ -6,6 +6,8 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 
 from engine.errors import MechanismError
+from engine.faults.fault import Fault
+from engine.faults.toml_positions import with_positions
 from engine.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.mechanism.faults import did_you_mean
 from engine.mechanism.models import Mechanism, mechanism_from
@@ -43,12 +45,13 @@ def load_mechanism(name_or_path: str | Path) -> Mechanism:
         return _read(shipped, text)
     path = Path(name_or_path)
     if "\0" in text:
-        raise MechanismError(f"{text!r:.200}: no file has such a name; give the path of a TOML file")
+        raise _refused(f"{text!r:.200}", "no file has such a name; give the path of a TOML file")
     if not os.path.exists(path) and path.suffix != ".toml" and len(path.parts) == 1:
         known = library_names()
-        raise MechanismError(
-            f"{text}: no such mechanism; shipped are {', '.join(known)}; "
-            f"name one of them, or give the path of a TOML file{did_you_mean(text, known)}"
+        raise _refused(
+            text,
+            f"no such mechanism; shipped are {', '.join(known)}; "
+            f"name one of them, or give the path of a TOML file{did_you_mean(text, known)}",
         )
     return _read(path, text)
 
@@ -83,7 +86,7 @@ def _read(file: Path | Traversable, source: str) -> Mechanism:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         unreadable = f"cannot be read ({reason}); give a mechanism's TOML file"
-        raise MechanismError(f"{source}: {unreadable_kind(source, 'mechanism') or unreadable}") from None
+        raise _refused(source, unreadable_kind(source, "mechanism") or unreadable) from None
     return _checked(content, source)
 
 
@@ -92,12 +95,19 @@ def _checked(content: bytes, source: str) -> Mechanism:
     try:
         data = parse_toml(content)
     except UnfitToml as error:
-        raise MechanismError(f"{source}: {content_kind(content, 'mechanism') or error}") from None
+        text = content_kind(content, "mechanism") or str(error)
+        raise _refused(source, text, error.line, error.column) from None
     if other := other_kind(data, source, "mechanism"):
-        raise MechanismError(f"{source}: {other}")
+        raise _refused(source, other)
     if data and not data.keys() & {"format", "name", "units", "bodies"}:
         # a campaign may name any file: what is no mechanism at all must not be quoted fault by fault
-        raise MechanismError(
-            f"{source}: not a mechanism: it has neither format nor name, units or bodies; name another"
-        )
-    return mechanism_from(data, source)
+        raise _refused(source, "not a mechanism: it has neither format nor name, units or bodies; name another")
+    try:
+        return mechanism_from(data, source)
+    except MechanismError as error:
+        raise MechanismError(str(error), with_positions(error.faults, content)) from None
+
+
+def _refused(source: str, text: str, line: int | None = None, column: int | None = None) -> MechanismError:
+    """Return the error of a file as a whole."""
+    return MechanismError(f"{source}: {text}", [Fault((), text, line=line, column=column)])

@@ -17,13 +17,14 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from engine.errors import MechanismError
+from engine.faults.fault import Fault
 from engine.mechanism.base import Friction, Name, Number, Restitution, TableModel, Vector, refuse
 from engine.mechanism.benches import Bench, Plot, Preset, with_bench
 from engine.mechanism.bodies import Body
 from engine.mechanism.conditions import ValidityCondition
 from engine.mechanism.contacts import Contact
 from engine.mechanism.derived import ResponseDifference
-from engine.mechanism.faults import Fault, did_you_mean, faults_of, listed
+from engine.mechanism.faults import MOST_FAULTS, did_you_mean, faults_of, listed
 from engine.mechanism.joints import AnyJoint, Joint
 from engine.mechanism.keys.places import Place, along
 from engine.mechanism.loads import Damper, Force, Spring, Torque
@@ -277,4 +278,4 @@ def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
 def _refused(source: str, faults: list[Fault], count: int) -> MechanismError:
     """Return the error that lists the faults of a file; there are ``count``, if some are not among them."""
     lines = "\n".join(f"  {fault}" for fault in listed(faults, count))
-    return MechanismError(f"{source}: {count} fault{'s' if count > 1 else ''}\n{lines}")
+    return MechanismError(f"{source}: {count} fault{'s' if count > 1 else ''}\n{lines}", faults[:MOST_FAULTS])

@@ -3,17 +3,19 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from engine.faults.fault import Fault
 from engine.mechanism.conditions import CONDITION
-from engine.mechanism.faults import Fault
 from engine.mechanism.tables import list_under, named_tables, phase_names, sub_table
 
 
 def events_of_events(data: Mapping[str, Any]) -> Iterator[Fault]:
     """Find what is read off a response that is no function of time: a peak, an event, or what follows from others."""
     responses = named_tables(data, "responses")
-    watching = [(f"responses.{name}.at.response", sub_table(entry, "at")) for name, entry in responses.items()]
+    watching: list[tuple[tuple[str, ...], Any]] = [
+        (("responses", name, "at", "response"), sub_table(entry, "at")) for name, entry in responses.items()
+    ]
     for i, phase in enumerate(list_under(data, "phases")):
-        watching.append((f"phases.{i}.until.response", sub_table(phase, "until")))
+        watching.append((("phases", str(i), "until", "response"), sub_table(phase, "until")))
     for key, at in watching:
         watched = at.get("response")
         if isinstance(watched, str) and sub_table(responses, watched).get("at", "end") != "end":
@@ -34,7 +36,7 @@ def events_of_events(data: Mapping[str, Any]) -> Iterator[Fault]:
         for part in [*parts, *([match[1]] if match else [])]:
             if sub_table(responses, part).get("type") in ("difference", "condition"):
                 text = f"responses.{part} follows from others; allowed: what is measured; name what it is made of"
-                yield Fault(f"responses.{name}.{'of' if parts else 'condition'}", text, part)
+                yield Fault(("responses", name, "of" if parts else "condition"), text, part)
 
 
 def _follows(response: Mapping[str, Any]) -> bool:
@@ -49,13 +51,13 @@ def broken_phases(data: Mapping[str, Any]) -> Iterator[Fault]:
         first, last = entry.get("from_phase"), entry.get("to_phase")
         if first in order and last in order and order.index(last) < order.index(first):
             text = f"{last} comes before {first}, where the search begins; allowed: {first} or later; exchange them"
-            yield Fault(f"responses.{name}.to_phase", text, last)
+            yield Fault(("responses", name, "to_phase"), text, last)
     for name, entry in named_tables(data, "motions").items():
         phases, since = list_under(entry, "phases"), entry.get("since")
         at = sorted({order.index(phase) for phase in phases if phase in order})
         if at and at[-1] - at[0] >= len(at):
             text = "a motion is not taken up again; allowed: phases that follow each other; write two motions"
-            yield Fault(f"motions.{name}.phases", text, list(phases))
+            yield Fault(("motions", name, "phases"), text, list(phases))
         if at and since in order and order.index(since) < at[0]:
             text = f"the motion begins with {order[at[0]]}, after its law; allowed: {order[at[0]]} or later; remove it"
-            yield Fault(f"motions.{name}.since", text, since)
+            yield Fault(("motions", name, "since"), text, since)

@@ -3,8 +3,9 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from engine.faults.fault import Fault
 from engine.mechanism.conditions import CONDITION
-from engine.mechanism.faults import Fault, did_you_mean
+from engine.mechanism.faults import did_you_mean
 from engine.mechanism.phase_checks import broken_phases, events_of_events
 from engine.mechanism.tables import as_table, list_under, named_tables, phase_names, sub_table
 
@@ -16,7 +17,7 @@ _PAIRED = {
     "motions": (("body", "relative_to"),),
 }
 
-Reference = tuple[str, str, Any]
+Reference = tuple[str, tuple[str, ...], Any]
 """The kind of thing that is referred to, the key that refers to it, and its name."""
 
 
@@ -55,52 +56,52 @@ def _references(data: Mapping[str, Any]) -> Iterator[Reference]:
     """Yield every name to which the file refers."""
     for table in _PAIRED:
         for name, entry in named_tables(data, table).items():
-            yield from _of_pair(table, f"{table}.{name}", entry)
+            yield from _of_pair(table, (table, name), entry)
     for name, entry in named_tables(data, "springs").items():
         for i, action in enumerate(list_under(entry, "actions")):
-            yield "body", f"springs.{name}.actions.{i}.body", as_table(action).get("body")
+            yield "body", ("springs", name, "actions", str(i), "body"), as_table(action).get("body")
     for table in ("forces", "torques", "motions"):
         for name, entry in named_tables(data, table).items():
             if table != "motions":
-                yield "body", f"{table}.{name}.body", entry.get("body")
-            yield "phase", f"{table}.{name}.since", entry.get("since")
+                yield "body", (table, name, "body"), entry.get("body")
+            yield "phase", (table, name, "since"), entry.get("since")
             for phase in list_under(entry, "phases"):
-                yield "phase", f"{table}.{name}.phases", phase
+                yield "phase", (table, name, "phases"), phase
     for i, phase in enumerate(list_under(data, "phases")):
-        yield "response", f"phases.{i}.until.response", sub_table(phase, "until").get("response")
+        yield "response", ("phases", str(i), "until", "response"), sub_table(phase, "until").get("response")
     for axis in ("x", "y"):
-        yield "response", f"plot.{axis}", sub_table(data, "plot").get(axis)
+        yield "response", ("plot", axis), sub_table(data, "plot").get(axis)
     for name, entry in named_tables(data, "responses").items():
-        yield from _of_response(f"responses.{name}", entry)
+        yield from _of_response(("responses", name), entry)
 
 
-def _of_pair(table: str, key: str, entry: Mapping[str, Any]) -> Iterator[Reference]:
+def _of_pair(table: str, key: tuple[str, ...], entry: Mapping[str, Any]) -> Iterator[Reference]:
     """Yield the two bodies and the material of a joint, contact, spring, damper or motion."""
     for side in _sides(table, entry):
         if isinstance(entry.get(side), str):
-            yield "body", f"{key}.{side}", entry[side]
+            yield "body", (*key, side), entry[side]
         else:
-            yield "body", f"{key}.{side}.body", sub_table(entry, side).get("body")
-    yield "material", f"{key}.material", entry.get("material")
+            yield "body", (*key, side, "body"), sub_table(entry, side).get("body")
+    yield "material", (*key, "material"), entry.get("material")
 
 
-def _of_response(key: str, entry: Mapping[str, Any]) -> Iterator[Reference]:
+def _of_response(key: tuple[str, ...], entry: Mapping[str, Any]) -> Iterator[Reference]:
     """Yield the names in a response; of a contact of a joint, JOINT.FACE, only the joint can be checked here."""
     contact = entry.get("contact")
     joint, dot, _ = contact.partition(".") if isinstance(contact, str) else (contact, "", "")
-    yield "joint" if dot else "contact", f"{key}.contact", joint
-    yield "joint", f"{key}.joint", entry.get("joint")
+    yield "joint" if dot else "contact", (*key, "contact"), joint
+    yield "joint", (*key, "joint"), entry.get("joint")
     spring = "torsion spring" if entry.get("type") == "spring_torque" else "linear spring"
-    yield spring, f"{key}.spring", entry.get("spring")
+    yield spring, (*key, "spring"), entry.get("spring")
     for end in ("from_phase", "to_phase"):
-        yield "phase", f"{key}.{end}", entry.get(end)
+        yield "phase", (*key, end), entry.get(end)
     for part in list_under(entry, "of"):
-        yield "response", f"{key}.of", part
-    yield "response", f"{key}.at.response", sub_table(entry, "at").get("response")
+        yield "response", (*key, "of"), part
+    yield "response", (*key, "at", "response"), sub_table(entry, "at").get("response")
     for end in ("body", "relative_to"):
-        yield "body", f"{key}.{end}", entry.get(end)
+        yield "body", (*key, end), entry.get(end)
     for end in ("from", "to", "direction"):
-        yield "body", f"{key}.{end}.body", sub_table(entry, end).get("body")
+        yield "body", (*key, end, "body"), sub_table(entry, end).get("body")
 
 
 def _unknown_names(data: Mapping[str, Any]) -> Iterator[Fault]:
@@ -125,29 +126,29 @@ def _used_twice(data: Mapping[str, Any]) -> Iterator[Fault]:
     contacts, joints = sub_table(data, "contacts"), sub_table(data, "joints")
     for name in contacts:
         if name in joints:
-            yield Fault(f"contacts.{name}", f"joints.{name} has the same name; every name once; rename one of them")
+            yield Fault(("contacts", name), f"joints.{name} has the same name; every name once; rename one of them")
     phases = phase_names(data)
     for name in dict.fromkeys(phases):
         if phases.count(name) > 1:
-            yield Fault("phases", "two phases have this name; every name once; rename one of them", name)
+            yield Fault(("phases",), "two phases have this name; every name once; rename one of them", name)
 
 
 def _nothing_moves(data: Mapping[str, Any]) -> Iterator[Fault]:
     bodies = named_tables(data, "bodies")
     fixed = [name for name, body in bodies.items() if body.get("fixed") is True]
     if len(fixed) == len(bodies):
-        yield Fault("bodies", "no body moves; allowed: at least one without fixed = true; add a moving body")
+        yield Fault(("bodies",), "no body moves; allowed: at least one without fixed = true; add a moving body")
     for table in _PAIRED:
         for name, entry in named_tables(data, table).items():
             ends = [entry.get(side) for side in _sides(table, entry)]
             a, b = (end.get("body") if isinstance(end, Mapping) else end for end in ends)
             if isinstance(a, str) and a == b:
                 text = f"both sides are on {a}; allowed: two different bodies; correct one side"
-                yield Fault(f"{table}.{name}", text)
+                yield Fault((table, name), text)
             elif a in fixed and (b in fixed or (table == "motions" and b is None)):
                 both = f"{a} and {b or 'the world'} are both fixed"
                 text = f"{both}; allowed: at least one that moves; remove it, or free one"
-                yield Fault(f"{table}.{name}", text)
+                yield Fault((table, name), text)
 
 
 def pair_between(bodies: Sequence[Any], pairs: Mapping[str, Any]) -> str | None:
@@ -174,7 +175,7 @@ def _unknown_laws(data: Mapping[str, Any]) -> Iterator[Fault]:
         first = pair_between(two or (None,), pairs)
         if two and first != name:
             text = f"materials.{first} is between the same two; allowed: one pair for two materials; remove one"
-            yield Fault(f"materials.{name}.between", text, list(two))
+            yield Fault(("materials", name, "between"), text, list(two))
     with_between = [f"{name} ({' and '.join(two)})" for name, two in pairs.items() if two]
     bodies = sub_table(data, "bodies")
     for key, sides in _lawless(data):
@@ -186,10 +187,10 @@ def _unknown_laws(data: Mapping[str, Any]) -> Iterator[Fault]:
                 f"missing, and no pair of [materials] lies between {of}; with `between` there {others}; "
                 "name a pair, or give friction, or add `between` to a pair"
             )
-            yield Fault(f"{key}.material", text)
+            yield Fault((*key, "material"), text)
 
 
-def _lawless(data: Mapping[str, Any]) -> Iterator[tuple[str, list[Any]]]:
+def _lawless(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str], list[Any]]]:
     """Yield key and bodies of the contacts and the joints with clearance that give neither a material nor friction."""
     for table in ("joints", "contacts"):
         for name, entry in sub_table(data, table).items():
@@ -197,7 +198,7 @@ def _lawless(data: Mapping[str, Any]) -> Iterator[tuple[str, list[Any]]]:
                 continue
             if table == "joints" and not str(entry.get("type")).startswith("clearance_"):
                 continue  # an ideal joint has no contacts
-            yield f"{table}.{name}", [sub_table(entry, side).get("body") for side in _sides(table, entry)]
+            yield (table, name), [sub_table(entry, side).get("body") for side in _sides(table, entry)]
 
 
 def _pair(value: Any) -> tuple[str, str] | None:
@@ -210,8 +211,10 @@ def _pair(value: Any) -> tuple[str, str] | None:
 def _unknown_responses(data: Mapping[str, Any]) -> Iterator[Fault]:
     responses = named_tables(data, "responses")
     defined = list(responses)
-    stated = [("validity", condition) for condition in list_under(data, "validity")]
-    stated += [(f"responses.{name}.condition", entry.get("condition", "")) for name, entry in responses.items()]
+    stated: list[tuple[tuple[str, ...], Any]] = [
+        (("validity",), condition) for condition in list_under(data, "validity")
+    ]
+    stated += [(("responses", name, "condition"), entry.get("condition", "")) for name, entry in responses.items()]
     for key, condition in stated:
         match = CONDITION.fullmatch(str(condition))
         if match and match[1] not in defined:

@@ -270,14 +270,17 @@ def test_every_public_name_that_takes_arrays_or_numbers_is_attacked():
         *(
             "Certificate",
             "EngineError",
+            "Fault",
             "FolderError",
             "Mechanism",
             "MechanismError",
+            "TextPosition",
             "Run",
             "Trajectory",
             "TrajectoryError",
         ),
-        *("build_id", "check", "library_names", "load_mechanism", "load_mechanism_text", "read_trajectory", "warm_up"),
+        *("build_id", "check", "library_names", "load_mechanism", "load_mechanism_text", "position_of"),
+        *("read_trajectory", "warm_up"),
         *("FrictionError", "FrictionProblem", "FrictionSolution", "read_fclib", "read_fclib_impulses", "write_fclib"),
         *("full_key", "get_value", "mechanism_schema", "missing_kernels", "settable_keys", "unit_of"),
         *(

@@ -17,8 +17,9 @@ from typing import Any
 from pydantic import ValidationError
 
 from engine.errors import MechanismError
-from engine.mechanism.base import LARGEST_NUMBER
-from engine.mechanism.faults import Fault, faults_of
+from engine.faults.fault import Fault
+from engine.mechanism.base import LARGEST_NUMBER, is_number
+from engine.mechanism.faults import faults_of
 from engine.mechanism.keys.places import Place, along, by_tokens, settable_places, without_effect
 from engine.mechanism.keys.unknown import unknown_key
 from engine.mechanism.models import Mechanism
@@ -89,7 +90,7 @@ def set_values(mechanism: Mechanism, changes: Mapping[str, float]) -> Mechanism:
     MechanismError
         One line for each key that is unknown or whose number is not allowed.
     """
-    faults: list[tuple[str, str]] = []  # the key that was set, and what is wrong with it
+    faults: list[tuple[str, Fault]] = []  # the key that was set, and what is wrong with it
     settings: dict[str, _Setting] = {}
     for key, given in changes.items():
         try:
@@ -97,9 +98,9 @@ def set_values(mechanism: Mechanism, changes: Mapping[str, float]) -> Mechanism:
             number = _finite(key, given, unit)
             first = settings.setdefault(full_key(mechanism, key), _Setting(number, key, number, unit))
             if first.number != number:
-                raise MechanismError(f"{key}: {first.key} stands for the same number; set it once")
+                raise _refused(key, f"{first.key} stands for the same number; set it once")
         except MechanismError as error:
-            faults.append((key, str(error)))
+            faults += [(key, fault) for fault in error.faults]
     formulas = mechanism.formulas
     if formulas:
         formulas = {key: text for key, text in formulas.items() if key not in settings}
@@ -110,8 +111,9 @@ def set_values(mechanism: Mechanism, changes: Mapping[str, float]) -> Mechanism:
     }
     if faults:
         order = list(changes)
-        lines = [f"  {text}" for _, text in sorted(faults, key=lambda fault: order.index(fault[0]))]
-        raise MechanismError("\n".join([f"mechanism {mechanism.name}: values that cannot be set", *lines]))
+        found = [fault for _, fault in sorted(faults, key=lambda entry: order.index(entry[0]))]
+        lines = [f"  {fault}" for fault in found]
+        raise MechanismError("\n".join([f"mechanism {mechanism.name}: values that cannot be set", *lines]), found)
     return mechanism.with_tables(update, formulas)
 
 
@@ -124,8 +126,8 @@ class _Setting:
     given: float
     unit: Callable[[], str]  # only messages need it
 
-    def fault(self, text: str) -> tuple[str, str]:
-        return self.key, str(Fault(self.key, text, self.given, self.unit()))
+    def fault(self, text: str) -> tuple[str, Fault]:
+        return self.key, Fault(tuple(self.key.split(".")), text, self.given, self.unit())
 
 
 def _finite(key: str, number: Any, unit: Callable[[], str]) -> float:
@@ -138,16 +140,22 @@ def _finite(key: str, number: Any, unit: Callable[[], str]) -> float:
         if math.isfinite(finite):
             if abs(finite) > LARGEST_NUMBER:
                 text = f"no size of a real quantity; allowed: sizes up to {LARGEST_NUMBER:g}; correct it"
-                raise MechanismError(str(Fault(key, text, number, unit())))
+                raise _refused(key, text, number, unit())
             return finite
-    raise MechanismError(str(Fault(key, f"not a finite number; allowed: a number in {unit()}; give one", number)))
+    raise _refused(key, f"not a finite number; allowed: a number in {unit()}; give one", number)
+
+
+def _refused(key: str, text: str, value: Any = None, unit: str = "") -> MechanismError:
+    """Return the error of one key."""
+    fault = Fault(tuple(key.split(".")), text, value, unit if is_number(value) else "")
+    return MechanismError(str(fault), [fault])
 
 
 def _followers(
     mechanism: Mechanism,
     formulas: Mapping[str, str],
     settings: Mapping[str, _Setting],
-    faults: list[tuple[str, str]],
+    faults: list[tuple[str, Fault]],
 ) -> dict[str, _Setting]:
     """Return the settings of the numbers that follow from the parameters that are set."""
     changed = {key.removeprefix(PREFIX): setting for key, setting in settings.items() if key.startswith(PREFIX)}
@@ -164,7 +172,9 @@ def _followers(
     return found
 
 
-def _rebuilt(mechanism: Mechanism, place: Place, path: list[str], settings: Any, faults: list[tuple[str, str]]) -> Any:
+def _rebuilt(
+    mechanism: Mechanism, place: Place, path: list[str], settings: Any, faults: list[tuple[str, Fault]]
+) -> Any:
     """Return the value of a place with settings below it, every table on the way checked; note what is refused."""
     if isinstance(settings, _Setting):
         return settings.number
@@ -187,8 +197,10 @@ def _ends(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, 
             yield from _ends(inner, f"{prefix}{token}.")
 
 
-def _refusal(mechanism: Mechanism, fault: Fault, path: list[str], settings: Mapping[str, _Setting]) -> tuple[str, str]:
-    """Return the key that was set and the line that says why a table refuses it, or another number after it."""
+def _refusal(
+    mechanism: Mechanism, fault: Fault, path: list[str], settings: Mapping[str, _Setting]
+) -> tuple[str, Fault]:
+    """Return the key that was set and the fault that says why a table refuses it, or another number after it."""
     table = ".".join(path)
     for key, setting in settings.items():
         if key == fault.key or key.startswith(f"{fault.key}."):
@@ -197,8 +209,7 @@ def _refusal(mechanism: Mechanism, fault: Fault, path: list[str], settings: Mapp
     then = f"then {table}.{fault}" if fault.key else f"then {table}: {fault.text}"
     first, *others = {setting.key: setting for setting in settings.values()}.values()
     if others:
-        keys = ", ".join([first.key, *(other.key for other in others)])
-        return first.key, str(Fault(keys, then))
+        return first.key, Fault(tuple(first.key.split(".")), then, others=tuple(other.key for other in others))
     return first.fault(then)
 
 
@@ -212,15 +223,15 @@ def _places(mechanism: Mechanism, key: str) -> list[Place]:
     tokens = full_key(mechanism, key).split(".")
     places = along(mechanism, tokens)
     if reason := without_effect(mechanism, tokens):
-        raise MechanismError(f"{key}: {reason}")
+        raise _refused(key, reason)
     if len(places) <= len(tokens):
-        raise MechanismError(unknown_key(mechanism, key))
+        raise _refused(key, unknown_key(mechanism, key))
     if places[-1].value is None:
-        raise MechanismError(f"{key}: has no number in this mechanism; write one into the file first")
+        raise _refused(key, "has no number in this mechanism; write one into the file first")
     if not isinstance(places[-1].value, float):
         inside = sorted(
             (key for key, _ in settable_places(mechanism, ".".join(tokens))), key=lambda key: key.count(".")
         )
         inner_keys = f"; inside it: {', '.join(inside[:8])}{', ...' if len(inside) > 8 else ''}" if inside else ""
-        raise MechanismError(f"{key}: not a single number; allowed: single numbers{inner_keys}")
+        raise _refused(key, f"not a single number; allowed: single numbers{inner_keys}")
     return places

@@ -4,8 +4,9 @@ from collections.abc import Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
 from typing import Any
 
+from engine.faults.fault import Fault
 from engine.mechanism.base import is_number, is_quoted_number
-from engine.mechanism.faults import MOST_FAULTS, Fault, did_you_mean
+from engine.mechanism.faults import MOST_FAULTS, did_you_mean
 from engine.mechanism.parameters.expression import (
     CONSTANTS,
     FUNCTIONS,
@@ -54,7 +55,7 @@ def parameter_values(table: Mapping[str, Any]) -> tuple[dict[str, float], list[F
             except ExpressionFault as fault:
                 faults[name] = str(fault)
     values = {name: values[name] for name in table if name in values}
-    return values, [Fault(f"parameters.{name}", text, table[name]) for name, text in faults.items()]
+    return values, [Fault(("parameters", name), text, table[name]) for name, text in faults.items()]
 
 
 def order_of(expressions: Mapping[str, str]) -> Iterator[str]:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from engine.mechanism.faults import Fault
+from engine.faults.fault import Fault
 from engine.mechanism.parameters.expression import ExpressionFault, Node, names_in, parse
 from engine.mechanism.parameters.formulas import PREFIX
 from engine.mechanism.parameters.parameter_table import order_of
@@ -61,7 +61,7 @@ def conflicting_units(units: Uses, values: Mapping[str, float]) -> Iterator[Faul
         if len(uses) > 1 and uses.keys() != {"1", "rad"}:
             (first, at), (second, there) = list(uses.items())[:2]
             text = f"is in {first} in {at} and in {second} in {there}; allowed: one unit; write two parameters"
-            yield Fault(f"{PREFIX}{name}", text, values.get(name))
+            yield Fault(("parameters", name), text, values.get(name))
 
 
 def unused_parameters(values: Mapping[str, float], formulas: Mapping[str, str], benches: Any) -> Iterator[Fault]:
@@ -70,7 +70,7 @@ def unused_parameters(values: Mapping[str, float], formulas: Mapping[str, str], 
     for name, value in values.items():
         if name not in used:
             text = f"is used nowhere; allowed: parameters that are; write {name!r} in place of a number, or remove it"
-            yield Fault(f"{PREFIX}{name}", text, value)
+            yield Fault(("parameters", name), text, value)
 
 
 def _texts(data: Any) -> Iterator[str]:

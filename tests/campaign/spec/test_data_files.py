@@ -167,8 +167,9 @@ def test_only_regular_files_are_read(tmp_path, name):
     (tmp_path / "folder.csv").mkdir()
     (tmp_path / "loop.csv").symlink_to("loop.csv")
     raw = {"variables": {"x": {"distribution": "empirical", "file": name, "column": "x"}}}
-    whole, (said,) = read_data_files(raw, FolderFiles(tmp_path))
+    whole, (fault,) = read_data_files(raw, FolderFiles(tmp_path))
     assert whole == raw
+    said = str(fault)
     assert said.startswith('variables.x.file = "')
     assert "cannot be read (" in said or "no such file (" in said
 
@@ -188,7 +189,8 @@ def test_a_file_elsewhere_is_not_quoted(tmp_path):
     (tmp_path / "x.csv").write_text("x\n1\nroot,secret\n")
     for name, column in (("link.csv", "x"), ("link.csv", "root:secret"), ("../x.csv", "y"), ("../x.csv", "x")):
         raw = {"variables": {"x": {"distribution": "empirical", "file": name, "column": column}}}
-        _, (said,) = read_data_files(raw, FolderFiles(tmp_path / "campaign"))
+        _, (fault,) = read_data_files(raw, FolderFiles(tmp_path / "campaign"))
+        said = str(fault)
         assert "secret" not in said.replace("root:secret", "") or column in said
         assert "user" not in said
         assert "root,secret" not in said

@@ -422,3 +422,49 @@ def test_counts_beyond_all_samples_are_refused(campaign_file, key, table):
     with pytest.raises(SpecError) as error:
         load_campaign(str(campaign_file))
     assert f"{key} = 9223372036854775808: must be less than or equal to 100000000" in str(error.value)
+
+
+def faults_of_file(path):
+    """Return the faults of a campaign, after checking that the message is made from them."""
+    with pytest.raises(SpecError) as refused:
+        load_campaign(str(path))
+    assert str(refused.value).split("\n  ")[1:] == [str(fault) for fault in refused.value.faults]
+    return refused.value.faults
+
+
+@pytest.mark.parametrize("change", FAULTS)
+def test_faults_are_data(campaign_file, change):
+    """The message is made from them; each has a key that the message names, and a line of the file that has it."""
+    old, new, _ = FAULTS[change]
+    replaced(campaign_file, old, new)
+    lines = campaign_file.read_text().splitlines()
+    for fault in faults_of_file(campaign_file):
+        assert fault.keys or fault.text.startswith("correlations, ")
+        assert fault.text
+        assert 1 <= fault.line <= len(lines)
+        key = fault.key.rpartition(".")[2]
+        assert fault.line == 1 or key in lines[fault.line - 1] or key.isdigit() or fault.what.startswith("missing")
+
+
+def test_a_form_can_mark_its_fields(campaign_file):
+    """Keys, values, lines: of a key, of a list's entry, of the campaign as a whole, of the file that it names."""
+    text = campaign_file.read_text().replace("std = 0.0175", "std = -1").replace("samples = 25", "samples = 0")
+    campaign_file.write_text(text.replace("[responses.FC-1]", "[responses.FC-9]"))
+    found = {fault.keys: fault for fault in faults_of_file(campaign_file)}
+    assert {keys: (fault.value, fault.line) for keys, fault in found.items()} == {
+        ("samples",): (0, 4),
+        ("variables", "J1", "std"): (-1, 10),
+        ("responses", "FC-9"): (None, 20),
+    }
+    assert found["samples",].to_json()["remedy"] == "enlarge it"
+    campaign_file.write_text(text.replace("samples = 0", 'samples = 3\nsampler = "grid"\ngrid = {J1 = 2, preload = 2}'))
+    found = {fault.keys: fault.value for fault in faults_of_file(campaign_file)}
+    assert ("variables", "J1", "std") in found
+    campaign_file.write_text(text.replace("= -1", "= 0.01").replace("samples = 0", 'samples = 3\nsampler = "list"'))
+    [fault] = faults_of_file(campaign_file)
+    assert (fault.keys, fault.line) == (("table",), 1)
+    (campaign_file.parent / "own.toml").write_text('format = 1\nname = "own"\n[bodies.a]\nmass = -1\n')
+    campaign_file.write_text(text.replace('"c60"', '"own.toml"').replace("samples = 0", "samples = 5"))
+    fault = next(fault for fault in faults_of_file(campaign_file) if fault.keys == ("mechanism",))
+    assert (fault.value, fault.line) == ("own.toml", 3)
+    assert next(inner.line for inner in fault.within if inner.keys == ("bodies", "a", "mass")) == 4
