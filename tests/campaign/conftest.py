@@ -17,6 +17,7 @@ from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from tests.campaign import fake_engine
+from tests.fitted_once import fitted_once as fitted_once  # a fixture of all tests below
 
 SPEC = """\
 format = 1
