@@ -43,8 +43,9 @@ def point_speed(poses: Poses, point: np.ndarray, twist: tuple[np.ndarray, np.nda
 
 
 def test_gap_is_the_least_distance(cases):
-    """The engine's gap is that found by searching the drawn features, whatever the pose."""
-    for contact, poses in cases[0]:
+    """The engine's gap is that found by searching the drawn features, whatever the pose: at every second one."""
+    for contact, every in cases[0]:
+        poses = Poses(tuple(x[::2] for x in every.x), tuple(R[::2] for R in every.R))
         np.testing.assert_allclose(found(contact, poses)[0], brute_gap(contact, poses), atol=1e-9, rtol=0)
 
 

@@ -216,7 +216,7 @@ def test_bits_depend_on_the_own_number_alone(keys):
 
 
 @pytest.mark.parametrize("keys", [*CONTINUOUS, *DISCRETE], ids=name)
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(st.floats(2.0**-40, 1.0 - 2.0**-40), st.floats(2.0**-40, 1.0 - 2.0**-40))
 def test_quantiles_invert_probabilities(keys, u, v):
     """No value below the quantile has the probability, the quantile has; quantiles rise with probability."""
