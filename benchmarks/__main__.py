@@ -22,12 +22,13 @@ from benchmarks import (
     machine,
     overhead,
     report,
+    web_answers,
 )
 from engine import warm_up
 
 PARTS = (
     *("friction", "hard", "heaps", "c60", "chain", "campaign", "overhead", "report", "first_use", "siconos"),
-    "builds",
+    *("builds", "web_answers"),
 )
 
 
@@ -85,6 +86,9 @@ def main() -> None:
         numbers["builds"] = {"costs": costs, "responses": moved}
         _show(console, "c60, the same samples by two builds", costs)
         _show(console, "c60, their responses", moved)
+    if "web_answers" in parts:
+        numbers["web_answers"] = web_answers.measure(unit)
+        _show(console, "answers of the service", numbers["web_answers"])
     asked.out.parent.mkdir(parents=True, exist_ok=True)
     asked.out.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
     console.print(f"written to {asked.out}")

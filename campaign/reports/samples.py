@@ -56,10 +56,12 @@ def independent_samples(store: Store, plan: Plan) -> SampleColumns:
     pieces: dict[str, list[Array]] = {name: [] for name in names}
     samples: list[NDArray[np.int64]] = []
     for table in store.stream(plan, ["sample", *names]):
-        rows = sampler_named(plan.spec.sampler).independent(plan.spec, table["sample"].to_numpy())
-        samples.append(table["sample"].to_numpy()[rows])
+        numbers = table["sample"].to_numpy()
+        rows = sampler_named(plan.spec.sampler).independent(plan.spec, numbers)
+        chosen = slice(None) if rows.all() else rows  # usually all, which need no copy
+        samples.append(numbers[chosen])
         for name in names:
-            pieces[name].append(table[name].to_numpy()[rows])
+            pieces[name].append(table[name].to_numpy()[chosen])
     if not samples:
         raise CampaignError(f"{plan.campaign_id}: no sample is computed yet; wait for the first, or run the campaign")
     return SampleColumns(np.concatenate(samples), {name: np.concatenate(pieces.pop(name)) for name in names})

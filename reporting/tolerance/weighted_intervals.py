@@ -33,7 +33,12 @@ def by_lot(terms: Array, lots: LotLabels | None) -> Array:
 
 def variance_of_sum(terms: Array) -> float:
     """Return the variance of the sum of independent terms whose expectations add up to zero; infinite for one term."""
-    return math.inf if terms.size < 2 else terms.size / (terms.size - 1) * float(np.sum(terms**2))
+    return _variance(float(np.sum(terms**2)), terms.size)
+
+
+def _variance(squares: float, count: int) -> float:
+    """Return the variance of the sum of so many terms from the sum of their squares."""
+    return math.inf if count < 2 else count / (count - 1) * squares
 
 
 def mean_interval(value: float, terms: Array, confidence: float) -> Interval:
@@ -48,12 +53,13 @@ def mean_interval(value: float, terms: Array, confidence: float) -> Interval:
     confidence : float
         Two-sided.
     """
-    variance = variance_of_sum(terms)
+    squares = float(np.sum(terms**2))
+    variance = _variance(squares, terms.size)
     if variance == 0:
         return value, value
     if not math.isfinite(variance):
         return -math.inf, math.inf
-    scaled = terms / math.sqrt(float(np.sum(terms**2)))
+    scaled = terms / math.sqrt(squares)
     most = float(scaled[np.argmax(np.abs(scaled))])
     squared = scaled * scaled
     second, third, fourth = 1 + most**2, float(np.sum(squared * scaled)) + most**3, float(np.sum(squared**2)) + most**4

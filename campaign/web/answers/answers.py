@@ -79,6 +79,7 @@ class Answers:
         self._pool, self._store, self._folder, self._at_most = pool, store, folder, at_most
         self._kept, self._flights = KeptAnswers(kept_bytes), SingleFlight()
         self._versions: dict[str, _Version] = {}
+        self._program = clearcap_version()
 
     async def what_if(self, user: str, campaign: str, settings: Sequence[str], *, preview: bool = False) -> Answer:
         """Return the document of ``clearcap whatif CAMPAIGN --set ... --json``, with the same numbers to the last bit.
@@ -156,7 +157,7 @@ class Answers:
     async def _ask(self, user: str, question: Callable[..., Any], campaigns: Sequence[str], *rest: Any) -> Answer:
         """Return the answer to a question to some campaigns, kept or computed."""
         versions = [await self.version(campaign) for campaign in campaigns]
-        asked = [clearcap_version(), self._store.url, question.__name__, *campaigns, *versions, *rest]
+        asked = [self._program, self._store.url, question.__name__, *campaigns, *versions, *rest]
         key = hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()
         content = self._kept.get(key)
         if content is None:

@@ -88,7 +88,7 @@ class ColumnCache:
             self._remove_superseded(path, place)
             self._remove_oldest()
             # the columns that were read are given back to the system at once; those of the file cost none of it
-            return map_columns(path, version) if path.exists() else columns
+            return map_columns(path, version, just_written=True) if path.exists() else columns
 
     def _kept(self, path: Path, version: str) -> SampleColumns | None:
         """Return the columns in a file; None if it is not there or not sound."""

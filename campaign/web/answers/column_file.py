@@ -56,8 +56,17 @@ def write_columns(path: Path, key: str, columns: SampleColumns) -> None:
         raise
 
 
-def map_columns(path: Path, key: str) -> SampleColumns:
+def map_columns(path: Path, key: str, *, just_written: bool = False) -> SampleColumns:
     """Return the columns in a file; their memory is the file's, and cannot be written.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    key : str
+        What the columns must be.
+    just_written : bool
+        This process has written the file a moment ago: its digest is not checked.
 
     Raises
     ------
@@ -69,7 +78,7 @@ def map_columns(path: Path, key: str) -> SampleColumns:
     with pa.memory_map(str(path)) as source:
         content = source.read_buffer()
     end = content.size - _DIGEST
-    if end <= 0 or hashlib.sha256(memoryview(content)[:end]).digest() != memoryview(content)[end:].tobytes():
+    if end <= 0 or not (just_written or _is_sound(memoryview(content), end)):
         raise ValueError(f"{path} is damaged")
     try:
         with pa.ipc.open_file(pa.BufferReader(content.slice(0, end))) as reader:
@@ -80,6 +89,11 @@ def map_columns(path: Path, key: str) -> SampleColumns:
     except pa.ArrowException as error:
         raise ValueError(f"{path} cannot be read: {error}") from error
     return SampleColumns(arrays.pop(_NUMBER), arrays)
+
+
+def _is_sound(content: memoryview, end: int) -> bool:
+    """Return whether a file is as it was written: its digest follows from byte ``end`` on."""
+    return hashlib.sha256(content[:end]).digest() == content[end:].tobytes()
 
 
 def _as_it_is(kind: pa.DataType, values: NDArray[np.generic]) -> pa.Array:
