@@ -4,11 +4,12 @@ from pathlib import Path
 
 from fastapi import APIRouter
 
-from campaign.web.pages import campaigns, login
+from campaign.web.pages import account, admin, campaigns, login, share, signoff
 
 STATIC = Path(__file__).parent / "static"
 
 
 def page_routers() -> list[APIRouter]:
     """Return the routers of all pages; none is part of the documented API."""
-    return [login.router, campaigns.router]
+    of_people = [login.router, account.router, admin.router]
+    return [*of_people, campaigns.router, share.router, signoff.router]

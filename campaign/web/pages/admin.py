@@ -1,0 +1,160 @@
+"""The pages of an admin: users, tokens, audit trail, limits, health."""
+
+from dataclasses import asdict
+from typing import Annotated
+from urllib.parse import quote
+
+from fastapi import APIRouter, Form, Path, Query, Request
+from starlette.responses import RedirectResponse, Response
+
+from campaign.web.access import Role
+from campaign.web.access.users import LONGEST_PASSWORD, SHORTEST_PASSWORD
+from campaign.web.api.audit_trail import check_audit, list_audit
+from campaign.web.api.signoffs import show_signing_key
+from campaign.web.api.tokens import end_token, list_tokens
+from campaign.web.api.users import (
+    LoginLink,
+    NewUser,
+    RoleWord,
+    UserChange,
+    UserName,
+    add_user,
+    change_user,
+    list_users,
+    make_login_link,
+)
+from campaign.web.http.asking import Admin, TheService
+from campaign.web.pages.rendering import page
+from campaign.web.web_service import Service
+
+router = APIRouter(include_in_schema=False)
+ADMIN = "/admin"
+ON_A_PAGE = 100
+CHECKED_AT_ONCE = 10_000  # entries of the audit trail, which are checked whenever it is shown
+
+
+@router.get(ADMIN)
+def users_page(
+    request: Request, service: TheService, who: Admin, cursor: Annotated[str, Query(max_length=100)] = ""
+) -> Response:
+    """Show users and roles."""
+    return _users_page(request, service, who.name, cursor)
+
+
+@router.post(f"{ADMIN}/users")
+def add_user_form(
+    request: Request,
+    service: TheService,
+    who: Admin,
+    name: Annotated[str, Form(max_length=100)],
+    role: Annotated[RoleWord, Form()],
+) -> Response:
+    """Add a user, and show the link by which he logs in the first time."""
+    add_user(request, service, who, NewUser(name=name, role=role))
+    return _users_page(request, service, who.name, link_of=name, link=make_login_link(service, who, name))
+
+
+@router.post(f"{ADMIN}/users/{{name}}/role")
+def role_form(
+    request: Request, service: TheService, who: Admin, name: UserName, role: Annotated[RoleWord, Form()]
+) -> Response:
+    """Change the role of a user."""
+    change_user(request, service, who, name, UserChange(role=role))
+    return RedirectResponse(ADMIN, 303)
+
+
+@router.post(f"{ADMIN}/users/{{name}}/disabled")
+def disabled_form(
+    request: Request, service: TheService, who: Admin, name: UserName, disabled: Annotated[bool, Form()]
+) -> Response:
+    """Disable a user, or enable him again."""
+    change_user(request, service, who, name, UserChange(disabled=disabled))
+    return RedirectResponse(ADMIN, 303)
+
+
+@router.post(f"{ADMIN}/users/{{name}}/password")
+def set_password_form(
+    request: Request,
+    service: TheService,
+    who: Admin,
+    name: UserName,
+    password: Annotated[str, Form(min_length=SHORTEST_PASSWORD, max_length=LONGEST_PASSWORD)],
+) -> Response:
+    """Set the password of a user."""
+    change_user(request, service, who, name, UserChange(password=password))
+    return RedirectResponse(ADMIN, 303)
+
+
+@router.post(f"{ADMIN}/users/{{name}}/link")
+def link_form(request: Request, service: TheService, who: Admin, name: UserName) -> Response:
+    """Make a link by which a user logs in once, and show it this once."""
+    link = make_login_link(service, who, name)
+    return _users_page(request, service, who.name, link_of=name, link=link)
+
+
+@router.get(f"{ADMIN}/tokens")
+def tokens_page(
+    request: Request,
+    service: TheService,
+    who: Admin,
+    cursor: Annotated[int | None, Query(ge=0, le=2**53)] = None,
+) -> Response:
+    """Show the tokens of all users."""
+    return page(request, "admin_tokens", listing=list_tokens(service, who, True, cursor, ON_A_PAGE))
+
+
+@router.post(f"{ADMIN}/tokens/{{token}}/revoke")
+def revoke_token_form(service: TheService, who: Admin, token: Annotated[int, Path(ge=0, le=2**53)]) -> Response:
+    """End a token of anybody."""
+    end_token(service, who, token)
+    return RedirectResponse(f"{ADMIN}/tokens", 303)
+
+
+@router.get(f"{ADMIN}/audit")
+def audit_page(
+    request: Request,
+    service: TheService,
+    admin: Admin,
+    object: Annotated[str, Query(max_length=200)] = "",
+    who: Annotated[str, Query(max_length=100)] = "",
+    cursor: Annotated[int | None, Query(ge=0, le=2**53)] = None,
+    check: Annotated[bool, Query()] = False,
+) -> Response:
+    """Show the audit trail, and whether it is whole."""
+    listing = list_audit(service, admin, object, who, cursor, ON_A_PAGE)
+    newest = service.audit.newest(count=1)
+    is_checked = check or not newest or newest[0].number <= CHECKED_AT_ONCE
+    wholeness = check_audit(service, admin) if is_checked else None
+    further = f"object={quote(object)}&who={quote(who)}&cursor={listing.next}" if listing.next else ""
+    values = {"listing": listing, "object": object, "who": who, "wholeness": wholeness, "further": further}
+    return page(request, "admin_audit", **values)
+
+
+@router.get(f"{ADMIN}/system")
+def system_page(request: Request, service: TheService, who: Admin) -> Response:
+    """Show limits, health and the key of sign-offs."""
+    values = {
+        "limits": asdict(service.settings.limits),
+        "store": service.store.url,
+        "fault": service.watcher.fault,
+        "campaigns": sum(1 for _ in service.watcher.index.entries()),
+        "database": service.database.path.stat().st_size,
+        "issuer": service.settings.oidc.issuer if service.settings.oidc else "",
+        "key": show_signing_key(service, who).fingerprint,
+    }
+    return page(request, "admin_system", **values)
+
+
+def _users_page(
+    request: Request,
+    service: Service,
+    own_name: str,
+    cursor: str = "",
+    link_of: str = "",
+    link: LoginLink | None = None,
+) -> Response:
+    """Return the page of the users, with a link that was just made."""
+    listing = list_users(service, request.state.principal, cursor, ON_A_PAGE)
+    values = {"listing": listing, "roles": [role.word for role in Role], "own_name": own_name}
+    values |= {"link_of": link_of, "link": link, "shortest": SHORTEST_PASSWORD, "longest": LONGEST_PASSWORD}
+    return page(request, "admin", **values)
