@@ -1,6 +1,6 @@
 """The page of one's own account: tokens, password, sessions."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Form, Path, Request
 from starlette.responses import RedirectResponse, Response
@@ -73,7 +73,7 @@ def end_sessions_form(service: TheService, who: Viewer) -> Response:
 
 def _account_page(request: Request, service: Service, who: Principal, secret: str = "") -> Response:
     """Return the page, with the secret of a token that was just made."""
-    values = {
+    values: dict[str, Any] = {
         "user": known_user(service, who.name),
         "tokens": [ListedToken.of(token) for token in service.tokens.all(who.name) if token.is_valid],
         "roles": [role.word for role in Role if who.may(role)],

@@ -1,7 +1,7 @@
 """The pages of an admin: users, tokens, audit trail, limits, health."""
 
 from dataclasses import asdict
-from typing import Annotated
+from typing import Annotated, Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Form, Path, Query, Request
@@ -126,14 +126,20 @@ def audit_page(
     is_checked = check or not newest or newest[0].number <= CHECKED_AT_ONCE
     wholeness = check_audit(service, admin) if is_checked else None
     further = f"object={quote(object)}&who={quote(who)}&cursor={listing.next}" if listing.next else ""
-    values = {"listing": listing, "object": object, "who": who, "wholeness": wholeness, "further": further}
+    values: dict[str, Any] = {
+        "listing": listing,
+        "object": object,
+        "who": who,
+        "wholeness": wholeness,
+        "further": further,
+    }
     return page(request, "admin_audit", **values)
 
 
 @router.get(f"{ADMIN}/system")
 def system_page(request: Request, service: TheService, who: Admin) -> Response:
     """Show limits, health and the key of sign-offs."""
-    values = {
+    values: dict[str, Any] = {
         "limits": asdict(service.settings.limits),
         "store": service.store.url,
         "fault": service.watcher.fault,
@@ -155,6 +161,6 @@ def _users_page(
 ) -> Response:
     """Return the page of the users, with a link that was just made."""
     listing = list_users(service, request.state.principal, cursor, ON_A_PAGE)
-    values = {"listing": listing, "roles": [role.word for role in Role], "own_name": own_name}
+    values: dict[str, Any] = {"listing": listing, "roles": [role.word for role in Role], "own_name": own_name}
     values |= {"link_of": link_of, "link": link, "shortest": SHORTEST_PASSWORD, "longest": LONGEST_PASSWORD}
     return page(request, "admin", **values)

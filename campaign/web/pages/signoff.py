@@ -1,6 +1,6 @@
 """The page of a campaign's sign-offs: who signed it, whether it is still the same, and the form to sign."""
 
-from typing import Annotated
+from typing import Annotated, Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Form, Query, Request
@@ -31,7 +31,12 @@ async def signoff_page(
     signoffs = await run_in_threadpool(list_signoffs, service, campaign, who, check)
     may_sign = who.may(Role.APPROVER) and shown["entry"].state == "completed"
     content = await run_in_threadpool(show_content, service, campaign, who) if may_sign else None
-    values = {"signoffs": signoffs, "content": content, "checked": check, "longest_comment": LONGEST_COMMENT}
+    values: dict[str, Any] = {
+        "signoffs": signoffs,
+        "content": content,
+        "checked": check,
+        "longest_comment": LONGEST_COMMENT,
+    }
     return page(request, "signoff", **values, **shown)
 
 
