@@ -116,7 +116,7 @@ def _failure(kind: str, message: str, error: Exception | None = None) -> dict[st
 def _send(answers: BinaryIO, head: dict[str, Any], content: bytes) -> None:
     """Send one answer."""
     try:
-        answers.write(json.dumps(head).encode() + b"\n" + content)
+        answers.write(json.dumps(head, default=str).encode() + b"\n" + content)
         answers.flush()
     except BrokenPipeError:  # the process that serves has ended
         os._exit(1)

@@ -1,5 +1,6 @@
 """Jobs that end in all the ways in which jobs end."""
 
+import datetime
 import os
 import signal
 import subprocess
@@ -62,7 +63,7 @@ def leave():
 def wrong_input():
     """Refuse the input, with faults as data."""
     error = SpecError("variables.J1.std: -1: must be above 0")
-    error.faults = [{"key": "variables.J1.std"}]
+    error.faults = [{"key": "variables.J1.std", "value": datetime.date(2026, 1, 2)}]  # TOML has dates, JSON none
     raise error
 
 

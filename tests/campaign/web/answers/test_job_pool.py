@@ -68,7 +68,7 @@ def test_errors_of_the_input_come_as_what_they_are():
         before = (await pool.data("u", strange_jobs.add, 1, 2))["process"]
         with pytest.raises(SpecError, match="must be above 0") as wrong:
             await pool.run("u", strange_jobs.wrong_input)
-        assert wrong.value.faults == [{"key": "variables.J1.std"}]
+        assert wrong.value.faults == [{"key": "variables.J1.std", "value": "2026-01-02"}]
         with pytest.raises(StoreError, match="cannot be reached") as away:
             await pool.run("u", strange_jobs.store_away)
         assert away.value.faults is None
