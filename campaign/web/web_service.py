@@ -9,6 +9,7 @@ from hashlib import sha256
 
 from campaign.store import Store, open_store
 from campaign.web.access.audit import AuditTrail
+from campaign.web.access.company_login import CompanyLogin
 from campaign.web.access.database import Database
 from campaign.web.access.sessions import Sessions
 from campaign.web.access.throttle import Throttle
@@ -48,6 +49,8 @@ class Service:
         Signs campaigns for approvers.
     throttle : Throttle
         Failed logins.
+    company : CompanyLogin or None
+        The company's login service.
     watcher : Watcher
         Looks at the store for all.
     streams : Counter of str
@@ -67,6 +70,7 @@ class Service:
     audit: AuditTrail = field(init=False)
     signatory: Signatory = field(init=False)
     throttle: Throttle = field(init=False)
+    company: CompanyLogin | None = field(init=False)
     watcher: Watcher = field(init=False)
     streams: Counter[str] = field(init=False)
     pool: JobPool = field(init=False)
@@ -87,6 +91,8 @@ class Service:
         index = CampaignIndex(self.database.path.with_name("index.sqlite"))
         self.watcher = Watcher(self.store, index, campaign_marks)
         self.throttle = Throttle(self.settings.limits.failures, self.settings.limits.failures_within)
+        oidc = self.settings.oidc
+        self.company = CompanyLogin(oidc, self.settings.address) if oidc else None
 
     @asynccontextmanager
     async def working(self) -> AsyncIterator[None]:
