@@ -25,7 +25,6 @@ from campaign.web.coordinator_child import CoordinatorChild
 from campaign.web.settings import Settings
 from campaign.web.signatory import Signatory
 from campaign.web.watch.index import CampaignIndex
-from campaign.web.watch.marks import campaign_marks
 from campaign.web.watch.watcher import Watcher
 from engine import warm_up
 
@@ -89,7 +88,7 @@ class Service:
         )
         self.answers = Answers(self.pool, self.store.hasty, columns_folder())
         index = CampaignIndex(self.database.path.with_name("index.sqlite"))
-        self.watcher = Watcher(self.store, index, campaign_marks)
+        self.watcher = Watcher(self.store, index)
         self.throttle = Throttle(self.settings.limits.failures, self.settings.limits.failures_within)
         oidc = self.settings.oidc
         self.company = CompanyLogin(oidc, self.settings.address) if oidc else None

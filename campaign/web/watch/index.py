@@ -16,6 +16,7 @@ from campaign.web.watch.entry import CampaignEntry, entry_of
 
 FORMAT = 1
 READERS = 4  # campaigns that are read at a time
+MOVING = ("queued", "running")  # states in which a campaign is read each time
 AT_ONCE = 200  # campaigns between two writes
 
 
@@ -30,52 +31,54 @@ class CampaignIndex:
 
     def __init__(self, path: Path) -> None:
         self._path, self._lock = path, threading.Lock()
-        self._entries: dict[str, tuple[str, CampaignEntry, bytes]] = {}  # mark, entry, and the entry as JSON
+        self._entries: dict[str, tuple[str, CampaignEntry, bytes]] = {}  # change token, entry, and the entry as JSON
         self._connection = _opened(path)
-        for campaign, mark, text in self._connection.execute("SELECT campaign, mark, entry FROM entries").fetchall():
+        for campaign, token, text in self._connection.execute("SELECT campaign, token, entry FROM entries").fetchall():
             try:
-                self._entries[campaign] = mark, CampaignEntry.model_validate_json(text), text.encode()
+                self._entries[campaign] = token, CampaignEntry.model_validate_json(text), text.encode()
             except ValidationError:  # of another version: read again from the store
                 continue
 
-    def refresh(self, store: Store, marks: Mapping[str, str]) -> set[str]:
-        """Read the campaigns again whose marks are others than before; forget those that are gone.
+    def refresh(self, store: Store, tokens: Mapping[str, str]) -> set[str]:
+        """Read the campaigns again that have changed; forget those that are gone.
+
+        What is queued or runs is read each time: its progress is in no token, nor the death of its coordinator.
 
         Parameters
         ----------
         store : Store
-        marks : dict of str to str
-            Campaign -> what changes whenever its files change.
+        tokens : dict of str to str
+            See `campaign.store.change_tokens`.
 
         Returns
         -------
         set of str
             The campaigns whose entries have changed.
         """
-        gone = set(self._entries) - set(marks)
+        gone = set(self._entries) - set(tokens)
         with self._lock:
             for campaign in gone:
                 del self._entries[campaign]
             self._connection.executemany("DELETE FROM entries WHERE campaign = ?", [(campaign,) for campaign in gone])
             self._connection.commit()
-        stale = [campaign for campaign, mark in marks.items() if self._mark(campaign) != mark]
+        stale = [campaign for campaign, token in tokens.items() if not self._is_fresh(campaign, token)]
         for begin in range(0, len(stale), AT_ONCE):
-            self._read(store, {campaign: marks[campaign] for campaign in stale[begin : begin + AT_ONCE]})
+            self._read(store, {campaign: tokens[campaign] for campaign in stale[begin : begin + AT_ONCE]})
         return {*gone, *stale}
 
-    def _mark(self, campaign: str) -> str | None:
+    def _is_fresh(self, campaign: str, token: str) -> bool:
         known = self._entries.get(campaign)
-        return known[0] if known else None
+        return known is not None and known[0] == token and known[1].state not in MOVING
 
-    def _read(self, store: Store, marks: Mapping[str, str]) -> None:
+    def _read(self, store: Store, tokens: Mapping[str, str]) -> None:
         """Read some campaigns, and keep what the list says of them."""
         with ThreadPoolExecutor(READERS) as readers:
-            entries = list(readers.map(lambda campaign: entry_of(store, campaign), marks))
+            entries = list(readers.map(lambda campaign: entry_of(store, campaign), tokens))
         texts = [entry.model_dump_json() for entry in entries]
         with self._lock:
-            for (campaign, mark), entry, text in zip(marks.items(), entries, texts, strict=True):
-                self._entries[campaign] = mark, entry, text.encode()
-            rows = [(campaign, mark, text) for (campaign, mark), text in zip(marks.items(), texts, strict=True)]
+            for (campaign, token), entry, text in zip(tokens.items(), entries, texts, strict=True):
+                self._entries[campaign] = token, entry, text.encode()
+            rows = [(campaign, token, text) for (campaign, token), text in zip(tokens.items(), texts, strict=True)]
             self._connection.executemany("INSERT OR REPLACE INTO entries VALUES (?, ?, ?)", rows)
             self._connection.commit()
 
@@ -107,7 +110,7 @@ def _opened(path: Path) -> sqlite3.Connection:
                 connection.execute("SELECT count(*) FROM entries").fetchone()
                 return connection
             connection.execute("DROP TABLE IF EXISTS entries")
-            connection.execute("CREATE TABLE entries (campaign TEXT PRIMARY KEY, mark TEXT, entry TEXT) STRICT")
+            connection.execute("CREATE TABLE entries (campaign TEXT PRIMARY KEY, token TEXT, entry TEXT) STRICT")
             connection.execute(f"PRAGMA user_version = {FORMAT}")
             connection.commit()
             return connection

@@ -7,14 +7,16 @@ from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
+from campaign.coordinator.delete import finish_deletion, unfinished_deletions
 from campaign.coordinator.follow import Observation, observe
 from campaign.errors import CampaignError
 from campaign.store import Store
+from campaign.store.change_tokens import change_tokens
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.snapshot import Snapshot, snapshot
 
 LOOK_EVERY = 1.0  # s, at campaigns that run or are followed
-LIST_EVERY = 5.0  # s, at the marks of all campaigns
+LIST_EVERY = 5.0  # s, at the change tokens of all campaigns
 KEEP_ALIVE = 15.0  # s without news, after which a stream sends a comment, so that proxies keep it open
 COMMENT = b": still here\n\n"
 RETRY = b"retry: 2000\n\n"  # ms, after which a browser connects again
@@ -61,13 +63,10 @@ class Watcher:
     ----------
     store : Store
     index : CampaignIndex
-    marks : callable
-        Returns, of a store, campaign -> what changes whenever its files change.
     """
 
-    def __init__(self, store: Store, index: CampaignIndex, marks: Callable[[Store], dict[str, str]]) -> None:
-        self._store, self._marks = store.hasty, marks
-        self.index = index
+    def __init__(self, store: Store, index: CampaignIndex) -> None:
+        self._store, self.index = store.hasty, index
         self.listed_at: float | None = None  # by the monotonic clock, when the store was last listed
         self.fault = ""  # why the store cannot be read
         self._feeds: dict[str, Feed] = {}
@@ -114,7 +113,9 @@ class Watcher:
         self.listed_at = time.monotonic()
 
     def _refresh(self) -> None:
-        self.index.refresh(self._store, self._marks(self._store))
+        for campaign in unfinished_deletions(self._store):
+            finish_deletion(self._store, campaign)
+        self.index.refresh(self._store, change_tokens(self._store))
 
     async def _in_reader(self, function: Callable[..., T], *arguments: object) -> T:
         """Call a function in the one thread that reads the store."""
