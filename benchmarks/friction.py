@@ -1,6 +1,8 @@
 """The friction solver on generated problems: from nothing, and from the solution of a neighbouring problem."""
 
+from collections.abc import Callable
 from statistics import median
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -47,7 +49,9 @@ def _neighbour(problem: FrictionProblem) -> FrictionProblem:
     return FrictionProblem(problem.M, problem.H, problem.q + change, problem.mu)
 
 
-def time_solver(problem: FrictionProblem, start: np.ndarray) -> tuple[float, int, float, np.ndarray]:
+def time_solver(
+    problem: FrictionProblem, start: np.ndarray, clock: Callable[[], float] = perf_counter
+) -> tuple[float, int, float, np.ndarray]:
     """Return time [us], iterations and residual of the compiled solver alone, and the impulses."""
     nc = problem.mu.size
     arrays, _ = solver_arrays(problem)
@@ -58,5 +62,5 @@ def time_solver(problem: FrictionProblem, start: np.ndarray) -> tuple[float, int
 
     begin()
     _, iterations, residual = solve_friction(nc, arrays, TOLERANCE)
-    us = quickest_us(lambda: solve_friction(nc, arrays, TOLERANCE), begin, repeats=5)
+    us = quickest_us(lambda: solve_friction(nc, arrays, TOLERANCE), begin, 5, clock)
     return us, iterations, residual, arrays.r.ravel().copy()

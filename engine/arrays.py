@@ -1,5 +1,6 @@
 """The types of the engine's arrays, and copies of many at once."""
 
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,17 @@ Integers = NDArray[np.int64]
 
 
 LINE = 64  # bytes
+
+
+def aligned_zeros(*shapes: int | tuple[int, ...]) -> list[Array]:
+    """Return arrays of zeros in one piece of memory, each of which begins at a line of the processor's cache."""
+    sizes = [-(-8 * (shape if isinstance(shape, int) else prod(shape)) // LINE) * LINE for shape in shapes]
+    room = np.zeros(sum(sizes) + LINE, np.uint8)
+    at, arrays = -room.ctypes.data % LINE, []
+    for shape, size in zip(shapes, sizes, strict=True):
+        arrays.append(np.ndarray(shape, np.float64, room, at))
+        at += size
+    return arrays
 
 
 def copied(arrays: Any) -> Any:

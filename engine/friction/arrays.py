@@ -5,11 +5,11 @@ u = G w + C r + q, Coulomb's law between each r_i and u_i. B is the identity wit
 `engine.friction.bilateral`; C is diagonal, one compliance a contact, and 0 between rigid bodies.
 """
 
-from typing import NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
-from engine.arrays import Array, Integers, copied
+from engine.arrays import Array, Integers, aligned_zeros
 from engine.compiler.tuples_by_address import by_address
 from engine.friction.bilateral import BilateralSystem, solve_bilateral
 from engine.friction.blocks import BODY, PIECE, ROW, Elimination, clear
@@ -93,36 +93,50 @@ def friction_arrays(system: Elimination, nc: int, runs: int = 2, bilateral: int 
     """
     nodes, pairs = system.begin.size, system.pair.size
     n, m, pieces = ROW * nodes, -(-nc // LANES) * LANES, PIECE * (nodes + 2 * pairs)
-    held = bilateral > 0
-    rows = BilateralSystem(
-        at=np.zeros(bilateral, np.int64),
-        node=np.full((bilateral, 2), -1),
-        pair=np.zeros((bilateral, 2), np.int64),
-        J=np.zeros((bilateral, 2 * ROW)),
-        length=np.zeros(bilateral),
-        K=np.zeros(pieces * held),
-        F=np.zeros(PIECE * nodes * held),
-        right=np.zeros(n * held),
-        miss=np.zeros(n * held),
+    per_contact, G, numbers, ones, threes, nines, w, dw, K, F, integers = aligned_zeros(
+        (3, nc, 3),
+        (nc, 3, ROW * runs),
+        (2, nc),
+        (5, m),
+        (12, 3, m),
+        (3, 9, m),
+        n,
+        n,
+        pieces,
+        PIECE * nodes,
+        nc * runs * (1 + runs),
     )
-    threes, nines = np.zeros((12, 3, m)), np.zeros((3, 9, m))
-    lanes = ContactLanes(*np.zeros((5, m)), *threes[:9], *nines, *threes[9:])
-    problem = FrictionArrays(
-        ContactRows(np.full((nc, runs), -1), np.zeros((nc, runs, runs), np.int64), np.zeros((nc, 3, ROW * runs))),
+    node, pair = integers.view(np.int64)[: nc * runs], integers.view(np.int64)[nc * runs :]
+    node[:] = -1
+    lanes = ContactLanes(*ones, *threes[:9], *nines, *threes[9:])
+    lanes.unit[:] = 1.0  # as `units.restore` leaves it: a residual may be asked for before anything is solved
+    q, r, u = per_contact
+    mu, compliance = numbers
+    return FrictionArrays(
+        ContactRows(node.reshape(nc, runs), pair.reshape(nc, runs, runs), G),
         system,
-        rows,
-        q=np.zeros((nc, 3)),
-        mu=np.zeros(nc),
-        compliance=np.zeros(nc),
-        r=np.zeros((nc, 3)),
-        u=np.zeros((nc, 3)),
-        w=np.zeros(n),
-        dw=np.zeros(n),
-        K=np.zeros(pieces),
-        F=np.zeros(PIECE * nodes),
+        _bilateral_rows(n, pieces, PIECE * nodes, bilateral) if bilateral else NO_ROWS,
+        q=q,
+        mu=mu,
+        compliance=compliance,
+        r=r,
+        u=u,
+        w=w,
+        dw=dw,
+        K=K,
+        F=F,
         contacts=lanes,
     )
-    return cast(FrictionArrays, copied(problem))
+
+
+def _bilateral_rows(n: int, pieces: int, diagonal: int, bilateral: int) -> BilateralSystem:
+    """Allocate bilateral rows and their system of ``n`` unknowns."""
+    J, length, K, F, right, miss = aligned_zeros((bilateral, 2 * ROW), bilateral, pieces, diagonal, n, n)
+    at, pair, node = np.zeros(bilateral, np.int64), np.zeros((bilateral, 2), np.int64), np.full((bilateral, 2), -1)
+    return BilateralSystem(at, node, pair, J, length, K, F, right, miss)
+
+
+NO_ROWS = _bilateral_rows(0, 0, 0, 0)  # nothing to write to: all problems without such rows share them
 
 
 def dense_rows(node: Integers, rows: Array, n: int) -> Array:
