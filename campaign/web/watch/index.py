@@ -107,7 +107,7 @@ def _opened(path: Path) -> sqlite3.Connection:
         try:
             connection.execute("PRAGMA synchronous = OFF")  # after a loss of power it is made anew
             if connection.execute("PRAGMA user_version").fetchone()[0] == FORMAT:
-                connection.execute("SELECT count(*) FROM entries").fetchone()
+                connection.execute("SELECT campaign, token, entry FROM entries LIMIT 1").fetchone()
                 return connection
             connection.execute("DROP TABLE IF EXISTS entries")
             connection.execute("CREATE TABLE entries (campaign TEXT PRIMARY KEY, token TEXT, entry TEXT) STRICT")
