@@ -2,20 +2,23 @@
 
 from bisect import bisect_right
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from campaign.cluster.cluster import Cluster
 from campaign.cluster.dask_workers import connect_workers
 from campaign.coordinator.compile_first import compile_first
-from campaign.coordinator.lease import hold_lease
-from campaign.errors import SpecError
+from campaign.coordinator.lease import LeaseHeld, hold_lease
+from campaign.coordinator.state import write_state
+from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
 from campaign.plan import Plan
 from campaign.plan_header import PlanHeader
 from campaign.repeat_plan import RepeatPlan, plan_repeats
 from campaign.store import Store
-from campaign.store.repeat_sets import repeated_shares
+from campaign.store.layout import RERUN
+from campaign.store.repeat_sets import repeat_plans, repeated_shares
+from campaign.store.rerun_request import rerun_request
 from campaign.worker.messages import CampaignAddress, Simulate
 from campaign.worker.row import Row, repeats_to_table, rows_to_table
 from campaign.worker.runs import open_campaign, open_repeats
@@ -69,6 +72,7 @@ def rerun(
     cluster: Cluster,
     simulate: Simulate = simulate,
     repeated: Iterable[int] = (),
+    begun: Callable[[], None] = lambda: None,
 ) -> RerunResult:
     """Compute rows again, those of each batch in an isolated subprocess, and replace the batch's part.
 
@@ -86,6 +90,8 @@ def rerun(
         `engine.simulate`, or a function with the same parameters that takes its place.
     repeated : iterable of int
         Samples whose repeats are computed again, as far as there are any.
+    begun : callable
+        Called when the campaign's lease is held and the workers are there.
 
     Returns
     -------
@@ -110,6 +116,7 @@ def rerun(
     again = [_by_batch(store, repeats, _there(store, repeats, wanted)) for repeats in sets]
     before, after, of_repeats = Counter[str](), Counter[str](), Counter[str]()
     with hold_lease(store, plan.campaign_id), connect_workers(cluster) as workers:
+        begun()
         if cluster.starts_here and simulate is engine_simulate:
             compile_first(workers)
         for batch, selected in batches.items():
@@ -127,6 +134,40 @@ def rerun(
             store.record(table, store.survey(table).parts.values())
     counts = [dict(sorted(counted.items())) for counted in (before, after, of_repeats)]
     return RerunResult(sum(after.values()), *counts)
+
+
+def rerun_requested(store: Store, plan: Plan, cluster: Cluster, simulate: Simulate = simulate) -> RerunResult | None:
+    """Compute the failed rows again that somebody has asked for in the store; return None if nobody has.
+
+    The request is removed when all is done, so that a coordinator that is killed before begins again; rows that are
+    ok by then stay as they are.
+
+    Raises
+    ------
+    CampaignError
+        As of `rerun`. Where another try may succeed, the request stays; else it is removed, and the state says why.
+    """
+    asked = rerun_request(store, plan.campaign_id)
+    if asked is None:
+        return None
+    samples = failed_samples(store, plan, asked.statuses)
+    repeated = {s for table in repeat_plans(store, plan) for s in failed_samples(store, table, asked.statuses)}
+    message = f"{len(samples)} failed rows are computed again"
+    try:
+        result = RerunResult(0, {}, {}, {})
+        if samples or repeated:
+            result = rerun(
+                store, plan, samples, cluster, simulate, repeated,
+                lambda: write_state(store, plan.campaign_id, "running", message),
+            )  # fmt: skip
+    except (LeaseHeld, StoreError, UnreachableError):
+        raise
+    except CampaignError as error:
+        store.remove(plan.campaign_id, RERUN)
+        write_state(store, plan.campaign_id, "failed", str(error))
+        raise
+    store.remove(plan.campaign_id, RERUN)
+    return result
 
 
 def rerun_batch(address: CampaignAddress, batch: int, samples: tuple[int, ...]) -> tuple[Counts, Counts]:

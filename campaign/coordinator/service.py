@@ -7,6 +7,7 @@ from campaign.cluster.cluster import Cluster
 from campaign.coordinator.coordinate import coordinate
 from campaign.coordinator.failed_runs import lack_of_ok
 from campaign.coordinator.lease import HEARTBEAT_INTERVAL, LeaseHeld, beating, hold_lease
+from campaign.coordinator.rerun import rerun_requested
 from campaign.coordinator.state import close_campaign, state_of
 from campaign.errors import CampaignError, StoreError
 from campaign.plan import Plan
@@ -76,7 +77,10 @@ def _is_open(store: Store, campaign_id: str, unreadable: dict[str, str]) -> bool
 def _coordinate(store: Store, campaign_id: str, cluster: Cluster, with_report: bool) -> bool:
     """Coordinate one campaign and write its report; its failure is logged and does not end the service."""
     try:
-        outcome = coordinate(store, store.plan(campaign_id), cluster, is_served=True, report_due=with_report)
+        plan = store.plan(campaign_id)
+        if again := rerun_requested(store, plan, cluster):
+            logger.info("campaign %s: %d rows computed again: %s", campaign_id, again.samples, again.after)
+        outcome = coordinate(store, plan, cluster, is_served=True, report_due=with_report)
         if lack := lack_of_ok(outcome.plan, outcome.survey.statuses):
             logger.warning("campaign %s: %s", campaign_id, lack)
         if with_report:

@@ -37,6 +37,7 @@ def submit(
     *,
     labels: LabelChange | None = None,
     tries_runs: bool = True,
+    by: str | None = None,
 ) -> Plan:
     """Write the plan of a campaign into a store, or return the one that the store has.
 
@@ -57,13 +58,15 @@ def submit(
     tries_runs : bool
         Estimate how long a run takes from a few runs, in a process of their own that may take minutes. If not, nothing
         is simulated: the time is that of runs of this mechanism in the store; without any, batches are small.
+    by : str, optional
+        Who submits it; by default the user of this process.
 
     Returns
     -------
     Plan
         The plan in the store.
     """
-    new = make_plan(campaign, batch_size)
+    new, user = make_plan(campaign, batch_size), user_name() if by is None else by
     is_new = new.campaign_id not in store.campaigns()
     if not is_new:
         plan = store.plan(new.campaign_id)
@@ -73,8 +76,8 @@ def submit(
         if batch_size is None and not batch_size_is_fixed(campaign.spec.samples):
             seconds = seconds_per_run(new, simulate) if tries_runs else known_seconds_per_run(store, new)
         plan = store.create_plan(make_plan(campaign, batch_size, seconds))
-        store.create_json(plan.campaign_id, SUBMISSION, {"user": user_name(), "time": time.time()})
-    _label(store, plan, labels or LabelChange(), is_new=is_new)
+        store.create_json(plan.campaign_id, SUBMISSION, {"user": user, "time": time.time()})
+    _label(store, plan, labels or LabelChange(), user, is_new=is_new)
     if is_new:
         if reused := reuse_rows(store, plan):
             logger.info(
@@ -86,9 +89,8 @@ def submit(
     return plan
 
 
-def _label(store: Store, plan: Plan, wanted: LabelChange, *, is_new: bool) -> None:
+def _label(store: Store, plan: Plan, wanted: LabelChange, user: str, *, is_new: bool) -> None:
     """Give a campaign the owner and the tags that it is submitted with; say so if it has another owner already."""
-    user = user_name()
     if wanted.owner is None and is_new and is_owner(user):
         wanted = replace(wanted, owner=user)
     labels = claim(store, plan.campaign_id, wanted, user)

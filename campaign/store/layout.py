@@ -17,6 +17,7 @@ STOPPED = "stopped.json"  # exists once the stopping rule has ended the campaign
 STATE = "state.json"
 LEASE = "lease.json"
 HEARTBEAT = "heartbeat.json"
+RERUN = "rerun.json"  # a request: the coordinator that serves the store computes failed rows again
 CANCEL = "cancel"  # a marker: who finds it ends the campaign
 REPORT = "report"
 COMPARISONS = "comparisons"  # a folder for each campaign that it was compared with

@@ -1,5 +1,6 @@
 """What a server is started with."""
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -113,6 +114,15 @@ class Settings:
     def is_local(self) -> bool:
         """Whether only this machine can connect, without TLS."""
         return self.https is None and not self.behind_proxy
+
+    @property
+    def workers(self) -> int | None:
+        """Number of workers that the server's coordinator starts; None if they are another's."""
+        if self.coordinate is None or "--scheduler" in self.coordinate:
+            return None
+        if "--workers" in self.coordinate:
+            return int(self.coordinate[self.coordinate.index("--workers") + 1])
+        return None if "--cluster" in self.coordinate else len(os.sched_getaffinity(0))
 
     @property
     def address(self) -> str:

@@ -54,6 +54,8 @@ class Service:
         Looks at the store for all.
     streams : Counter of str
         Open event streams by user.
+    submitting : Counter of str
+        Submissions at work, by user.
     pool : JobPool
         Processes for whatever takes processor time.
     answers : Answers
@@ -72,6 +74,7 @@ class Service:
     company: CompanyLogin | None = field(init=False)
     watcher: Watcher = field(init=False)
     streams: Counter[str] = field(init=False)
+    submitting: Counter[str] = field(init=False)
     pool: JobPool = field(init=False)
     answers: Answers = field(init=False)
 
@@ -79,7 +82,7 @@ class Service:
         self.users, self.sessions = Users(self.database), Sessions(self.database)
         self.tokens, self.audit = Tokens(self.database), AuditTrail(self.database)
         self.signatory = Signatory(self.database, self.store.hasty)
-        self.streams = Counter()
+        self.streams, self.submitting = Counter(), Counter()
         self._kept, self._flights = KeptAnswers(KEPT_BYTES), SingleFlight()
         limits = self.settings.limits
         taken = JobLimits(limits.job_seconds, 3.0 * limits.job_seconds, limits.job_memory / 2**30)

@@ -13,6 +13,7 @@ from campaign.web.api import (
     shares,
     signoffs,
     simulations,
+    submissions,
     tokens,
     users,
 )
@@ -23,6 +24,7 @@ ROUTERS = [
     mechanisms.router,
     simulations.router,
     campaigns.router,
+    submissions.router,
     campaign_changes.router,
     reports.router,
     users.router,

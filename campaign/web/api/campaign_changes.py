@@ -9,9 +9,13 @@ from starlette.responses import Response
 
 from campaign.coordinator.cancellation import cancel_campaign
 from campaign.coordinator.delete import delete_campaign
+from campaign.coordinator.state import state_of, write_state
 from campaign.coordinator.submit import assign_coordinator
+from campaign.run_status import FailedStatus
 from campaign.store.label_versions import change_labels
 from campaign.store.labels import LabelChange
+from campaign.store.layout import CANCEL
+from campaign.store.rerun_request import request_rerun
 from campaign.web.access import Role
 from campaign.web.api.calls import calls
 from campaign.web.api.whose import TheCampaign
@@ -48,6 +52,36 @@ def resume(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
     service.watcher.hurry()
     note = "a coordinator computes it already" if assignment.kind == "coordinator" else "queued"
     return Done(campaign=campaign, before=entry.state if entry else "planned", note=note)
+
+
+class FailedRows(BaseModel):
+    """Which failed rows are to be computed again."""
+
+    model_config = ConfigDict(extra="forbid")
+    statuses: list[FailedStatus] = Field(
+        default=[],
+        max_length=len(FailedStatus),
+        description="All that failed if there are none",
+        examples=[["crashed"]],
+    )
+
+
+@router.post("/campaigns/{campaign}/rerun", responses=described(404, 409))
+def rerun(service: TheService, campaign: TheCampaign, who: Engineer, wanted: FailedRows) -> Done:
+    """Compute failed rows again, after their cause is removed: the coordinator that serves the store does it next."""
+    store = service.store.hasty
+    before = str(state_of(store, campaign)["state"])
+    if before in ("running", "queued"):
+        raise Refusal(409, f"campaign {campaign} is {before}; wait for its end, or cancel it first")
+    failed = {status: n for status, n in store.survey(store.plan_header(campaign)).statuses.items() if status != "ok"}
+    count = sum(n for status, n in failed.items() if not wanted.statuses or status in wanted.statuses)
+    if not count:
+        return Done(campaign=campaign, before=before, note="no run failed so; nothing to compute")
+    request_rerun(store, campaign, wanted.statuses, who.name)
+    store.remove(campaign, CANCEL)
+    write_state(store, campaign, "queued", f"{count} failed rows will be computed again")
+    service.watcher.hurry()
+    return Done(campaign=campaign, before=before, note=f"queued: {count} failed rows will be computed again")
 
 
 class LabelRequest(BaseModel):

@@ -104,6 +104,7 @@ async def check_form(request: Request, csrf: str) -> None:
     if given is None and request.headers.get("content-type", "").startswith(FORMS):
         given = (await request.form()).get(CSRF_FIELD)  # type: ignore[assignment]  # a file is no token
     if not isinstance(given, str) or not hmac.compare_digest(given.encode(), csrf.encode()):
+        await request.close()  # files that came with the form
         raise Refusal(403, "the form is too old, or not from this server; load the page again")
 
 

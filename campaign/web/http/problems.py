@@ -1,5 +1,7 @@
 """Problem details (RFC 9457): every refusal says what is wrong, where, and what to do, in the words of the command."""
 
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from http import HTTPStatus
 from typing import Any
 
@@ -8,8 +10,10 @@ from pydantic import BaseModel, Field
 from campaign.errors import CampaignError, SpecError, StoreError
 from campaign.web.answers.turns import Busy
 from engine import EngineError
+from engine.faults.fault import Fault
 
 MEDIA_TYPE = "application/problem+json"
+MOST_FAULTS, _LONGEST_VALUE = 100, 80
 WITHOUT_PROBLEM = (206, 304, 416)  # answers that are no refusals, or have no body
 
 
@@ -44,7 +48,9 @@ class FieldFault(BaseModel):
 
     keys: list[str] = Field(description="Tables and key, from the outside in", examples=[["variables", "J1", "std"]])
     text: str = Field(description="What is wrong, what is allowed, and the remedy")
+    value: str | None = Field(None, description="The value at fault", examples=["-0.1"])
     line: int | None = Field(None, description="Line in the text that was sent, from 1")
+    file: str | None = Field(None, description="Name of the file that the text names, if it is that one which is wrong")
 
 
 class Problem(BaseModel):
@@ -72,10 +78,34 @@ def refusal_of(error: Exception) -> Refusal | None:
     if isinstance(error, StoreError):
         return Refusal(503, str(error), headers={"Retry-After": "10"})
     if isinstance(error, SpecError | EngineError):
-        return Refusal(422, str(error))
+        return Refusal(422, str(error), faults_of(error))
     if isinstance(error, CampaignError):
         return Refusal(409, str(error))
     return None
+
+
+def faults_of(error: Exception) -> list[dict[str, Any]]:
+    """Return the faults that an error names, those of files that a text names after those of the text.
+
+    Parameters
+    ----------
+    error : Exception
+        Its ``faults`` are `engine.faults.fault.Fault`, or, from another process, their fields.
+    """
+    faults = getattr(error, "faults", None) or ()
+    return _listed([asdict(each) if isinstance(each, Fault) else each for each in faults], None)
+
+
+def _listed(faults: Iterable[Mapping[str, Any]], file: str | None) -> list[dict[str, Any]]:
+    """Return the faults of a text or a file, each followed by those within."""
+    found = []
+    for fault in faults:
+        value = fault.get("value")
+        shown = None if value is None or isinstance(value, dict | list) else str(value)[:_LONGEST_VALUE]
+        keys, line = list(map(str, fault["keys"])), fault.get("line")
+        found.append({"keys": keys, "text": fault["text"], "value": shown, "line": line, "file": file})
+        found += _listed(fault.get("within") or (), shown)
+    return found[:MOST_FAULTS]
 
 
 def described(*statuses: int) -> dict[int | str, dict[str, Any]]:

@@ -6,8 +6,11 @@ import pytest
 
 from campaign.cluster.cluster import Cluster
 from campaign.coordinator.lease import LeaseHeld, hold_lease
-from campaign.coordinator.rerun import failed_samples, rerun
+from campaign.coordinator.rerun import failed_samples, rerun, rerun_requested
+from campaign.coordinator.state import state_of
 from campaign.errors import SpecError
+from campaign.store.rerun_request import request_rerun, rerun_request
+from campaign.worker.messages import WrongBuild
 from tests.campaign import fake_engine
 from tests.campaign.driving import computed
 
@@ -59,3 +62,42 @@ def test_sample_without_a_row_is_refused(broken):
         rerun(store, plan, [20], Cluster(workers=1), fake_engine.simulate)
     with hold_lease(store, plan.campaign_id), pytest.raises(LeaseHeld):
         rerun(store, plan, [3], Cluster(workers=1), fake_engine.simulate)
+
+
+def test_a_request_is_fulfilled_and_removed(broken, workers):
+    """Only rows with the wanted status; without a request nothing is done."""
+    store, plan, reference = broken
+    assert rerun_requested(store, plan, Cluster(workers=1), fake_engine.simulate) is None
+    request_rerun(store, plan.campaign_id, ["timeout"], "eva")
+    assert rerun_requested(store, plan, Cluster(workers=1), fake_engine.simulate).samples == 0
+    request_rerun(store, plan.campaign_id, [], "eva")
+    assert rerun_request(store, plan.campaign_id).by == "eva"
+    again = rerun_requested(store, plan, Cluster(workers=1), fake_engine.simulate)
+    assert (again.samples, again.after) == (4, {"ok": 4})
+    assert rerun_request(store, plan.campaign_id) is None
+    assert store.table()["status"].to_pylist() == ["ok"] * reference.num_rows
+
+
+def test_a_request_outlives_whoever_fulfils_it(broken, workers, monkeypatch):
+    """Ended amid the work, or kept from it: the next one begins again; one that cannot succeed ends with its reason."""
+    store, plan, _ = broken
+    request_rerun(store, plan.campaign_id, [], "eva")
+    with hold_lease(store, plan.campaign_id), pytest.raises(LeaseHeld):
+        rerun_requested(store, plan, Cluster(workers=1), fake_engine.simulate)
+    assert rerun_request(store, plan.campaign_id) is not None
+
+    def fails(error):
+        def stand_in(*_):
+            raise error
+
+        monkeypatch.setattr("campaign.coordinator.rerun.rerun", stand_in)
+
+    fails(KeyboardInterrupt())
+    with pytest.raises(KeyboardInterrupt):
+        rerun_requested(store, plan, Cluster(workers=1))
+    assert rerun_request(store, plan.campaign_id) is not None
+    fails(WrongBuild("another build"))
+    with pytest.raises(WrongBuild):
+        rerun_requested(store, plan, Cluster(workers=1))
+    assert rerun_request(store, plan.campaign_id) is None
+    assert state_of(store, plan.campaign_id)["message"] == "another build"

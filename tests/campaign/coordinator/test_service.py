@@ -140,3 +140,11 @@ def test_campaign_that_is_deleted_meanwhile(done, campaign_file, monkeypatch):
     monkeypatch.setattr(service, "coordinate", deletes_the_other)
     served = serve(store, CLUSTER, once=True)
     assert (len(served), store.campaigns()) == (1, served)
+
+
+def test_failed_rows_that_somebody_asked_for_come_first(done, monkeypatch):
+    """The service fulfils the request before it goes on with the campaign."""
+    store, plan = done
+    asked = []
+    monkeypatch.setattr(service, "rerun_requested", lambda _, plan, __: asked.append(plan.campaign_id))
+    assert serve(store, CLUSTER, once=True, with_report=False) == [plan.campaign_id] == asked
