@@ -103,6 +103,8 @@ def _refuse(request: Request, error: Exception) -> Response:
 def _refuse_http(request: Request, error: Exception) -> Response:
     """Answer what the framework refuses: unknown paths and methods."""
     assert isinstance(error, HTTPException)
+    if isinstance(error.__cause__, Refusal):  # while the framework read the body
+        return _answer(request, error.__cause__)
     headers = dict(error.headers or {})
     return _answer(request, Refusal(error.status_code, f"{request.url.path}: {error.detail}"[:500], headers=headers))
 

@@ -1,11 +1,21 @@
 """Slow down whoever guesses passwords or tokens: after some failures nothing more is looked at for a while."""
 
+import ipaddress
 import threading
 import time
 from collections import OrderedDict, deque
 from collections.abc import Callable
 
 MOST_KEYS = 10_000  # names and addresses that are remembered; the oldest are forgotten
+
+
+def place_of(address: str) -> str:
+    """Return what counts as one place that guesses: an IPv4 address, or the /64 that one IPv6 host has as a whole."""
+    try:
+        parsed = ipaddress.ip_address(address)
+    except ValueError:
+        return address
+    return address if parsed.version == 4 else str(ipaddress.ip_network((parsed, 64), strict=False))
 
 
 class Throttle:

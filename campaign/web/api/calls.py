@@ -1,11 +1,13 @@
 """What all calls of the API share: their path, the summary and the refusals in their documentation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from typing import Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Request
 from fastapi.routing import APIRoute
+from starlette.responses import Response
 
+from campaign.web.http.asking import SAFE_METHODS, known
 from campaign.web.http.problems import described
 
 PREFIX = "/api/v1"
@@ -18,6 +20,17 @@ class _Call(APIRoute):
         if not options.get("summary"):
             options["summary"] = (endpoint.__doc__ or "").strip().split("\n")[0].rstrip(".")
         super().__init__(path, endpoint, **options)
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        """Return what answers a request: a stranger's body is refused before it is read."""
+        handle = super().get_route_handler()
+
+        async def handle_known(request: Request) -> Response:
+            if request.method not in SAFE_METHODS:
+                known(request)
+            return await handle(request)
+
+        return handle_known
 
 
 def calls(tag: str, *, with_login: bool = True) -> APIRouter:

@@ -1,5 +1,7 @@
 """Whether the server lives, whether it can work, and its counts."""
 
+import logging
+
 from fastapi import Request
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from pydantic import BaseModel, Field
@@ -10,6 +12,7 @@ from campaign.web.http.asking import TheService
 from campaign.web.http.problems import Refusal, described
 
 router = calls("operation", with_login=False)
+logger = logging.getLogger(__name__)
 
 
 class Health(BaseModel):
@@ -31,7 +34,8 @@ def readyz(service: TheService) -> Health:
     try:
         service.store.hasty.campaigns()
     except Exception as error:
-        raise Refusal(503, f"the store cannot be read: {error}") from error
+        logger.warning("the store cannot be read: %s", error)  # and not for whoever asks
+        raise Refusal(503, "the store cannot be read; the server's log says why") from error
     return Health(status="ok")
 
 

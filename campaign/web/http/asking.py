@@ -1,7 +1,6 @@
 """Who asks: the cookie of a session or a token, and whether a write comes from this server's own pages."""
 
 import hmac
-import ipaddress
 from collections.abc import Callable
 from typing import Annotated
 from urllib.parse import urlsplit
@@ -10,6 +9,7 @@ from fastapi import Depends, Request, Security
 from fastapi.security import APIKeyCookie, HTTPBearer
 
 from campaign.web.access import Principal, Role
+from campaign.web.access.throttle import place_of
 from campaign.web.http.problems import Refusal
 from campaign.web.web_service import Service
 
@@ -36,15 +36,6 @@ def address_of(request: Request) -> str:
     return request.client.host if request.client else "unknown"
 
 
-def network_of(address: str) -> str:
-    """Return what counts as one place that guesses: an IPv4 address, or the /64 that one IPv6 host has as a whole."""
-    try:
-        parsed = ipaddress.ip_address(address)
-    except ValueError:
-        return address
-    return address if parsed.version == 4 else str(ipaddress.ip_network((parsed, 64), strict=False))
-
-
 async def asking(request: Request, _: object = Security(_cookie), __: object = Security(_bearer)) -> Principal:
     """Return who asks.
 
@@ -52,6 +43,23 @@ async def asking(request: Request, _: object = Security(_cookie), __: object = S
     ------
     Refusal
         401 without a valid session or token, 403 for a write that comes from another site, 429 after many wrong tokens.
+    """
+    principal = known(request)
+    if not request.headers.get("authorization") and request.method not in SAFE_METHODS:
+        request.state.who, request.state.how = principal.name, "a page in his name"  # of a refusal's audit entry
+        check_origin(request)
+        await check_form(request, principal.csrf)
+    request.state.principal = principal
+    return principal
+
+
+def known(request: Request) -> Principal:
+    """Return whose session or token a request has, before anything of its body is read.
+
+    Raises
+    ------
+    Refusal
+        401 without a valid session or token, 429 after many wrong tokens.
     """
     service = service_of(request)
     scheme, _, secret = request.headers.get("authorization", "").partition(" ")
@@ -61,23 +69,18 @@ async def asking(request: Request, _: object = Security(_cookie), __: object = S
             _refuse_token(service, address_of(request))
     else:
         principal = service.sessions.principal(request.cookies.get(COOKIE, ""))
-        if principal is not None and request.method not in SAFE_METHODS:
-            request.state.who, request.state.how = principal.name, "a page in his name"  # of a refusal's audit entry
-            check_origin(request)
-            await check_form(request, principal.csrf)
     if principal is None:
         raise Refusal(
             401,
             "log in, or send a token: Authorization: Bearer clearcap_token_...",
             headers={"WWW-Authenticate": "Bearer"},
         )
-    request.state.principal = principal
     return principal
 
 
 def _refuse_token(service: Service, address: str) -> None:
     """Refuse a wrong token; from an address that tried many, with 429."""
-    wait = service.throttle.attempt(f"token {network_of(address)}")
+    wait = service.throttle.attempt(f"token {place_of(address)}")
     if wait:
         raise Refusal(429, f"many wrong tokens; wait {wait:.0f} s", headers={"Retry-After": f"{wait + 1:.0f}"})
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from campaign.web.http.problems import MEDIA_TYPE, problem
+from campaign.web.http.problems import MEDIA_TYPE, Refusal, problem
 from campaign.web.settings import LOOPBACK, Limits
 
 CONTENT_POLICY = (
@@ -27,14 +27,6 @@ HEADERS = {
 }
 TRANSPORT_SECURITY = "max-age=31536000"
 _HOST = re.compile(r"(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9.-]+)(?::(\d{1,5}))?")
-
-
-class _BodyRefused(Exception):
-    """The body of a request is too large, or too slow."""
-
-    def __init__(self, status: int, detail: str) -> None:
-        super().__init__(detail)
-        self.status, self.detail = status, detail
 
 
 class Gate:
@@ -80,13 +72,13 @@ class Gate:
 
         headers = dict(scope["headers"])
         try:
-            self._check_host(headers.get(b"host", b"").decode("latin-1"))
+            hosts = [value.decode("latin-1") for name, value in scope["headers"] if name == b"host"]
+            self._check_host(hosts[0] if len(hosts) == 1 else ", ".join(hosts))
             self._check_length(headers.get(b"content-length", b"0"))
             await self._app(scope, self._bounded(receive), send_with_headers)
-        except _BodyRefused as refused:
+        except Refusal as refused:
             if begun:
                 raise
-            # what is still to come of the body is not read
             answer = Response(
                 problem(refused.status, refused.detail).model_dump_json(),
                 refused.status,
@@ -99,11 +91,11 @@ class Gate:
         match = _HOST.fullmatch(host)
         name = match[1].strip("[]").lower() if match else ""
         if name not in self._names:
-            raise _BodyRefused(421, f"host {host!r:.100}: this server has other names; clearcap serve --name adds one")
+            raise Refusal(421, f"host {host!r:.100}: this server has other names; clearcap serve --name adds one")
 
     def _check_length(self, length: bytes) -> None:
         if not length.isdigit() or int(length[:20]) > self._limits.body:
-            raise _BodyRefused(413, f"the body may have at most {self._limits.body} bytes")
+            raise _body_refused(413, f"the body may have at most {self._limits.body} bytes")
 
     def _bounded(self, receive: Receive) -> Receive:
         """Return a reader of the body that ends with an exception when it has become too long, or takes too long."""
@@ -118,13 +110,18 @@ class Gate:
                 async with asyncio.timeout_at(over):
                     message = await receive()
             except TimeoutError:
-                raise _BodyRefused(
+                raise _body_refused(
                     408, f"the body did not arrive within {limits.body_seconds:g} s; send it again"
                 ) from None
             ended = message["type"] != "http.request" or not message.get("more_body", False)
             size += len(message.get("body", b""))
             if size > limits.body:
-                raise _BodyRefused(413, f"the body may have at most {limits.body} bytes")
+                raise _body_refused(413, f"the body may have at most {limits.body} bytes")
             return message
 
         return read
+
+
+def _body_refused(status: int, detail: str) -> Refusal:
+    """Return the refusal of a body; what is still to come of it is not read."""
+    return Refusal(status, detail, headers={"Connection": "close"})

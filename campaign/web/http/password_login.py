@@ -2,8 +2,9 @@
 
 from fastapi import Request
 
+from campaign.web.access.throttle import place_of
 from campaign.web.access.users import User
-from campaign.web.http.asking import address_of, network_of, service_of
+from campaign.web.http.asking import address_of, service_of
 from campaign.web.http.problems import Refusal
 
 
@@ -16,7 +17,7 @@ def checked_user(request: Request, name: str, password: str) -> User | None:
         429 after many failures for this name or from this address, 503 if many passwords are checked now.
     """
     service = service_of(request)
-    by_name, by_address = f"name {name}", f"address {network_of(address_of(request))}"
+    by_name, by_address = f"name {name}", f"address {place_of(address_of(request))}"
     if wait := service.throttle.attempt(by_name, by_address):
         headers = {"Retry-After": f"{wait + 1:.0f}"}
         raise Refusal(429, f"too many failed logins; wait {wait:.0f} s and try again", headers=headers)

@@ -2,16 +2,22 @@
 
 import json
 import logging
+import re
 import time
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from starlette.concurrency import run_in_threadpool
+from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from campaign.web.access.audit import AuditTrail
+from campaign.web.access.throttle import Throttle, place_of
+from campaign.web.http.problems import MEDIA_TYPE, Refusal, problem
 
 logger = logging.getLogger("clearcap.requests")
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
+MOST_OF_STRANGERS, WITHIN = 30, 300.0  # writes of nobody known from one place that are audited, in so many seconds
+_SECRET = re.compile(r"clearcap_[a-z]+_[\w-]+")
 
 
 class Metrics:
@@ -30,7 +36,9 @@ class Metrics:
 
 
 class Record:
-    """Log and count each request; enter each write of a known user into the audit trail before it is answered.
+    """Log and count each request; enter each write into the audit trail before it is answered; answer a bug by 500.
+
+    Of writes by nobody known the first of each place are entered, so that strangers cannot fill the disk.
 
     Parameters
     ----------
@@ -41,20 +49,34 @@ class Record:
 
     def __init__(self, app: ASGIApp, audit: AuditTrail, metrics: Metrics) -> None:
         self._app, self._audit, self._metrics = app, audit, metrics
+        self._strangers = Throttle(MOST_OF_STRANGERS, WITHIN)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        start = time.perf_counter()
+        start, begun = time.perf_counter(), False
 
         async def send_recorded(message: Message) -> None:
+            nonlocal begun
             if message["type"] == "http.response.start":
+                begun = True
                 await self._record(scope, message["status"], time.perf_counter() - start)
             await send(message)
 
-        await self._app(scope, receive, send_recorded)
+        try:
+            await self._app(scope, receive, send_recorded)
+        except Refusal:  # of the gate
+            raise
+        except Exception:
+            if begun:
+                raise
+            request = scope["state"].get("request", "")
+            logger.exception("request %s ended with a bug", request)
+            detail = f"a bug of the server; its log has the reason under the request {request}"
+            body = problem(500, detail).model_dump_json()
+            await Response(body, 500, media_type=MEDIA_TYPE)(scope, receive, send_recorded)
 
     async def _record(self, scope: Scope, status: int, seconds: float) -> None:
         """Record a request that is about to be answered."""
@@ -68,8 +90,10 @@ class Record:
         address = scope["client"][0] if scope.get("client") else "unknown"
         line = {"method": method, "route": route, "status": status, "ms": round(1e3 * seconds, 1), "who": who}
         logger.info("%s", json.dumps({**line, "address": address, "request": state.get("request", "")}))
-        if method not in SAFE_METHODS:
-            subject = " ".join(f"{value}" for value in scope.get("path_params", {}).values())[:200]
+        is_known = principal is not None or ("who" in state and state.get("how") != "password")
+        if method not in SAFE_METHODS and (is_known or not self._strangers.attempt(place_of(address))):
+            subject = " ".join(f"{value}" for value in scope.get("path_params", {}).values())
+            subject = _SECRET.sub("(a secret)", subject)[:200]
             kind = principal.kind if principal else state.get("how", "none")
             who = who if principal else state.get("who", "nobody")
             detail = state.get("detail", "")

@@ -4,7 +4,8 @@ from fastapi import APIRouter, Request
 from starlette.responses import RedirectResponse, Response
 
 from campaign.web.access.company_login import LOGIN_WITHIN, CompanyLogin, LoginFault, company_user
-from campaign.web.http.asking import TheService, address_of, network_of
+from campaign.web.access.throttle import place_of
+from campaign.web.http.asking import TheService, address_of
 from campaign.web.http.problems import Refusal
 from campaign.web.pages.login import HOME, entered, own_path
 from campaign.web.web_service import Service
@@ -29,7 +30,7 @@ def go_to_company(service: TheService, next: str = HOME) -> Response:
 @router.get("/login/company/callback")
 def back_from_company(request: Request, service: TheService) -> Response:
     """Begin the session of whom the login service names."""
-    company, place = _company(service), f"company {network_of(address_of(request))}"
+    company, place = _company(service), f"company {place_of(address_of(request))}"
     if wait := service.throttle.attempt(place):
         headers = {"Retry-After": f"{wait + 1:.0f}"}
         raise Refusal(429, f"too many failed logins; wait {wait:.0f} s and try again", headers=headers)

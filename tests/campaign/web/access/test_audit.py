@@ -4,7 +4,7 @@ import pytest
 
 from campaign.web.access.audit import AuditTrail
 from campaign.web.access.database import Database
-from campaign.web.access.throttle import MOST_KEYS, Throttle
+from campaign.web.access.throttle import MOST_KEYS, Throttle, place_of
 
 
 @pytest.fixture
@@ -64,3 +64,19 @@ def test_throttle_forgets_the_oldest():
         throttle.failed(str(i))
     assert throttle.wait("0") == 0.0
     assert throttle.wait("1") == 60.0
+
+
+def test_attempts_at_once_count_one_by_one():
+    """None passes because the others have not failed yet."""
+    throttle = Throttle(3, 60.0, lambda: 0.0)
+    assert [throttle.attempt("eva", "place") for _ in range(4)] == [0.0, 0.0, 0.0, 60.0]
+    throttle.take_back("place")
+    assert throttle.attempt("ada", "place") == 0.0
+    assert throttle.attempt("eva") == 60.0
+
+
+def test_places():
+    """An IPv6 host has a whole network of addresses."""
+    assert place_of("192.168.1.7") == "192.168.1.7"
+    assert place_of("2001:db8::1") == place_of("2001:db8::ffff:1") != place_of("2001:db8:0:1::1")
+    assert place_of("testclient") == "testclient"

@@ -82,7 +82,18 @@ def test_who_is_not_logged_in_comes_back_after_it(client):
 
 
 @pytest.mark.parametrize(
-    "wanted", ["https://evil.example", "//evil.example", "/\\evil.example", "evil", "javascript:alert(1)", "/a\nb", ""]
+    "wanted",
+    [
+        "https://evil.example",
+        "//evil.example",
+        "/\\evil.example",
+        "evil",
+        "javascript:alert(1)",
+        "/a\nb",
+        "",
+        "//[",
+        "http://[",
+    ],
 )
 def test_login_leads_nowhere_else(wanted):
     assert own_path(wanted) == "/campaigns"
