@@ -55,7 +55,7 @@ CREATE TABLE deliveries (
 
 
 class Database:
-    """One SQLite file, used by all threads of a server, one after the other.
+    """One SQLite file, used by all threads of a server: one writes at a time, and reading waits for no write.
 
     Parameters
     ----------
@@ -70,12 +70,16 @@ class Database:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._lock = threading.RLock()
+        self._writing, self._reading = threading.RLock(), threading.Lock()
         path.touch(0o600)
         self._connection = sqlite3.connect(path, timeout=BUSY, isolation_level=None, check_same_thread=False)
         self._connection.row_factory = sqlite3.Row
         try:
             self._prepare()
+            # a connection of its own: who reads does not wait until the disk has what others write
+            self._reader = sqlite3.connect(path, timeout=BUSY, isolation_level=None, check_same_thread=False)
+            self._reader.row_factory = sqlite3.Row
+            self._reader.execute("PRAGMA query_only = ON")
         except sqlite3.DatabaseError as error:
             self._connection.close()
             raise SpecError(f"{path}: is no database of a server ({error}); restore it from a backup") from error
@@ -101,8 +105,11 @@ class Database:
 
     @contextmanager
     def write(self) -> Iterator[sqlite3.Connection]:
-        """Hold a transaction in the block: all of it is kept, or, after an exception, nothing."""
-        with self._lock:
+        """Hold a transaction in the block: all of it is kept, or, after an exception, nothing.
+
+        What the block has written is seen by its connection, and by `rows` after the block.
+        """
+        with self._writing:
             self._connection.execute("BEGIN IMMEDIATE")
             try:
                 yield self._connection
@@ -113,8 +120,8 @@ class Database:
 
     def rows(self, statement: str, *values: object) -> list[sqlite3.Row]:
         """Return the rows of a query."""
-        with self._lock:
-            return self._connection.execute(statement, values).fetchall()
+        with self._reading:
+            return self._reader.execute(statement, values).fetchall()
 
     def row(self, statement: str, *values: object) -> sqlite3.Row | None:
         """Return the first row of a query; None if there is none."""
@@ -123,5 +130,6 @@ class Database:
 
     def close(self) -> None:
         """Close the file."""
-        with self._lock:
+        with self._writing, self._reading:
+            self._reader.close()
             self._connection.close()

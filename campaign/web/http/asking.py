@@ -14,6 +14,7 @@ from campaign.web.http.problems import Refusal
 from campaign.web.web_service import Service
 
 COOKIE = "__Host-clearcap"
+SHARE_COOKIE = "__Host-clearcap-share"  # of its own, so that a shared link ends nobody's session
 CSRF_FIELD = "csrf"
 CSRF_HEADER = "x-csrf-token"
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
@@ -68,7 +69,8 @@ def known(request: Request) -> Principal:
         if principal is None:
             _refuse_token(service, address_of(request))
     else:
-        principal = service.sessions.principal(request.cookies.get(COOKIE, ""))
+        secrets = [request.cookies[name] for name in (COOKIE, SHARE_COOKIE) if name in request.cookies]
+        principal = next(filter(None, map(service.sessions.principal, secrets)), None)
     if principal is None:
         raise Refusal(
             401,
@@ -127,7 +129,7 @@ def needs(role: Role) -> Callable[[Principal], Principal]:
 def needs_all_campaigns(principal: Annotated[Principal, Depends(asking)]) -> Principal:
     """Refuse a shared link, which shows one campaign only: 403."""
     if principal.campaign is not None:
-        raise Refusal(403, f"this link shows the campaign {principal.campaign} only")
+        raise Refusal(403, f"this link shows the campaign {principal.campaign} only; log in to see more")
     return principal
 
 

@@ -7,7 +7,7 @@ from fastapi import APIRouter, Depends, Form, Request
 from starlette.responses import RedirectResponse, Response
 
 from campaign.web.access import Principal
-from campaign.web.http.asking import COOKIE, TheService, address_of, asking, check_origin
+from campaign.web.http.asking import COOKIE, SHARE_COOKIE, TheService, address_of, asking, check_origin
 from campaign.web.http.password_login import checked_user
 from campaign.web.http.problems import Refusal
 from campaign.web.pages.rendering import page
@@ -65,26 +65,27 @@ def use_share(request: Request, service: TheService, secret: str) -> Response:
     if share is None:
         raise Refusal(403, "this link has expired or was revoked; ask who sent it for another")
     service.audit.add(f"share {share.id}", "share", address_of(request), "GET /shared", share.campaign, 200)
-    return entered(request, service.sessions.begin(share=share.id), f"/campaigns/{share.campaign}")
+    return entered(request, service.sessions.begin(share=share.id), f"/campaigns/{share.campaign}", SHARE_COOKIE)
 
 
 @router.post("/logout")
 def log_out(request: Request, service: TheService, _: Annotated[Principal, Depends(asking)]) -> Response:
     """End the session."""
-    service.sessions.end(request.cookies.get(COOKIE, ""))
     answer = RedirectResponse("/login", 303)
-    answer.delete_cookie(COOKIE, path="/", secure=True, httponly=True, samesite="strict")
+    for name in (COOKIE, SHARE_COOKIE):
+        service.sessions.end(request.cookies.get(name, ""))
+        answer.delete_cookie(name, path="/", secure=True, httponly=True, samesite="strict")
     return answer
 
 
-def entered(request: Request, secret: str, wanted: str) -> Response:
+def entered(request: Request, secret: str, wanted: str, cookie: str = COOKIE) -> Response:
     """Return the page that ends a login: it goes on by itself.
 
     It is a page and not a redirect, because a browser that came from another site, as from a mail, does not send a
     strict cookie to where that site's link is redirected.
     """
     answer = page(request, "entered", wanted=own_path(wanted))
-    answer.set_cookie(COOKIE, secret, path="/", secure=True, httponly=True, samesite="strict")
+    answer.set_cookie(cookie, secret, path="/", secure=True, httponly=True, samesite="strict")
     return answer
 
 

@@ -1,6 +1,7 @@
 """Users, sessions, tokens and shared links: whom a secret stands for, and when it no longer does."""
 
 import sqlite3
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -71,6 +72,17 @@ def test_failed_write_leaves_nothing(database):
     with pytest.raises(KeyError):
         add_and_fail()
     assert users.all() == []
+
+
+def test_reading_does_not_wait_for_writing(users, database):
+    """Who is asked for is known while another thread's write takes its time; what it writes is seen afterwards."""
+    with database.write() as connection:
+        connection.execute("UPDATE users SET role = 'viewer' WHERE name = 'eva'")
+        with ThreadPoolExecutor(1) as other:
+            assert other.submit(users.get, "eva").result(5.0).role is Role.ENGINEER
+    assert users.get("eva").role is Role.VIEWER
+    with pytest.raises(sqlite3.OperationalError, match="readonly"):
+        database.rows("DELETE FROM users")
 
 
 def test_password(users):

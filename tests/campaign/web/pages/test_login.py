@@ -5,7 +5,7 @@ import re
 import pytest
 
 from campaign.web.access import Role
-from campaign.web.http.asking import COOKIE
+from campaign.web.http.asking import COOKIE, SHARE_COOKIE
 from campaign.web.pages.login import own_path
 from tests.campaign.web.conftest import PASSWORD, URL
 
@@ -72,8 +72,21 @@ def test_link(client, service, eva):
 def test_shared_link(client, service, eva):
     _, secret = service.tokens.share("demo-1", "eva", "", 60.0)
     assert "url=/campaigns/demo-1" in client.get(f"/shared/{secret}").text
-    assert service.sessions.principal(client.cookies[COOKIE]).campaign == "demo-1"
+    assert service.sessions.principal(client.cookies[SHARE_COOKIE]).campaign == "demo-1"
     assert client.get("/shared/clearcap_share_x").status_code == 403
+
+
+def test_shared_link_ends_nobody_s_session(client, service, eva):
+    """Who is logged in stays it, and sees the campaign as himself; logging out ends both."""
+    _log_in(client)
+    _, secret = service.tokens.share("demo-1", "eva", "", 60.0)
+    client.get(f"/shared/{secret}")
+    assert client.get("/api/v1/account").json()["name"] == "eva"
+    client.post("/logout", data={"csrf": service.sessions.principal(client.cookies[COOKIE]).csrf})
+    assert client.get("/api/v1/account").status_code == 401
+    client.get(f"/shared/{secret}")
+    refused = client.get("/campaigns", headers={"Accept": "text/html"})
+    assert (refused.status_code, '<a href="/login">Log in</a>' in refused.text) == (403, True)
 
 
 def test_who_is_not_logged_in_comes_back_after_it(client):
