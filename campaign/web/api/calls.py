@@ -1,25 +1,28 @@
 """What all calls of the API share: their path, the summary and the refusals in their documentation."""
 
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
 from typing import Any
 
 from fastapi import APIRouter, Request
+from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
 from starlette.responses import Response
 
-from campaign.web.http.asking import SAFE_METHODS, known
+from campaign.web.http.asking import SAFE_METHODS, known, who_may
 from campaign.web.http.problems import described
 
 PREFIX = "/api/v1"
+WHO_MAY = "x-who-may"  # of a call, in the OpenAPI document
 
 
 class _Call(APIRoute):
-    """A call whose summary is the first line of its docstring."""
+    """A call whose summary is the first line of its docstring; its documentation also says who may ask."""
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
         if not options.get("summary"):
             options["summary"] = (endpoint.__doc__ or "").strip().split("\n")[0].rstrip(".")
         super().__init__(path, endpoint, **options)
+        self.openapi_extra = {**(self.openapi_extra or {}), WHO_MAY: who_may(_all_of(self.dependant))}
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """Return what answers a request: a stranger's body is refused before it is read."""
@@ -31,6 +34,13 @@ class _Call(APIRoute):
             return await handle(request)
 
         return handle_known
+
+
+def _all_of(dependant: Dependant) -> Iterator[object]:
+    """Yield the functions that a call depends on."""
+    for each in dependant.dependencies:
+        yield each.call
+        yield from _all_of(each)
 
 
 def calls(tag: str, *, with_login: bool = True) -> APIRouter:

@@ -1,7 +1,8 @@
 """Who asks: the cookie of a session or a token, and whether a write comes from this server's own pages."""
 
 import hmac
-from collections.abc import Callable
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Annotated
 from urllib.parse import urlsplit
 
@@ -113,17 +114,24 @@ async def check_form(request: Request, csrf: str) -> None:
         raise Refusal(403, "the form is too old, or not from this server; load the page again")
 
 
-def needs(role: Role) -> Callable[[Principal], Principal]:
-    """Return what refuses a principal with less than a role, with 403; for use with ``Depends``."""
+@dataclass(frozen=True)
+class RoleNeeded:
+    """Refuse a principal with less than a role, with 403; for use with ``Depends``.
 
-    def check(principal: Annotated[Principal, Depends(asking)]) -> Principal:
-        if not principal.may(role):
+    Attributes
+    ----------
+    role : Role
+    """
+
+    role: Role
+
+    def __call__(self, principal: Annotated[Principal, Depends(asking)]) -> Principal:
+        """Return the principal."""
+        if not principal.may(self.role):
             raise Refusal(
-                403, f"{principal.name} is a {principal.role.word}; this needs the role {role.word}: ask an admin"
+                403, f"{principal.name} is a {principal.role.word}; this needs the role {self.role.word}: ask an admin"
             )
         return principal
-
-    return check
 
 
 def needs_all_campaigns(principal: Annotated[Principal, Depends(asking)]) -> Principal:
@@ -135,7 +143,18 @@ def needs_all_campaigns(principal: Annotated[Principal, Depends(asking)]) -> Pri
 
 Asking = Annotated[Principal, Depends(asking)]
 Viewer = Annotated[Principal, Depends(needs_all_campaigns)]
-Engineer = Annotated[Principal, Depends(needs(Role.ENGINEER))]
-Approver = Annotated[Principal, Depends(needs(Role.APPROVER))]
-Admin = Annotated[Principal, Depends(needs(Role.ADMIN))]
+Engineer = Annotated[Principal, Depends(RoleNeeded(Role.ENGINEER))]
+Approver = Annotated[Principal, Depends(RoleNeeded(Role.APPROVER))]
+Admin = Annotated[Principal, Depends(RoleNeeded(Role.ADMIN))]
 TheService = Annotated[Service, Depends(service_of)]
+
+
+def who_may(calls: Iterable[object]) -> str:
+    """Return in words who may do what depends on some of the calls above: for the documentation."""
+    known = list(calls)
+    roles = [call.role for call in known if isinstance(call, RoleNeeded)]
+    if roles:
+        return max(roles).word
+    if needs_all_campaigns in known:
+        return Role.VIEWER.word
+    return f"{Role.VIEWER.word}, or a shared link" if asking in known else "anybody"

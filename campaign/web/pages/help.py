@@ -1,0 +1,53 @@
+"""The page of help: what the service does, and every call of its API, as the OpenAPI document lists them."""
+
+from typing import Any
+
+from fastapi import APIRouter, Request
+from starlette.responses import Response
+
+from campaign.web.api.calls import PREFIX, WHO_MAY
+from campaign.web.http.asking import known
+from campaign.web.http.problems import Refusal
+from campaign.web.pages.rendering import page
+
+router = APIRouter(include_in_schema=False)
+METHODS = ("get", "post", "put", "patch", "delete")
+
+
+@router.get("/help")
+def help_page(request: Request) -> Response:
+    """Show what the service does; also to who is not logged in."""
+    try:
+        request.state.principal = known(request)
+    except Refusal:
+        request.state.principal = None
+    return page(
+        request,
+        "help",
+        kinds=calls_by_kind(request.app.openapi()),
+        document=f"{PREFIX}/openapi.json",
+        address=request.app.state.service.settings.address,
+    )
+
+
+def calls_by_kind(document: dict[str, Any]) -> dict[str, list[dict[str, str]]]:
+    """Return the calls that an OpenAPI document describes, by their kind.
+
+    Parameters
+    ----------
+    document : dict
+        With ``paths``.
+
+    Returns
+    -------
+    dict of str to list of dict
+        Kind -> calls, each with ``method``, ``path``, ``summary`` and ``who``.
+    """
+    kinds: dict[str, list[dict[str, str]]] = {}
+    for path, methods in document["paths"].items():
+        for method in METHODS:
+            if method in methods:
+                call = methods[method]
+                shown = {"method": method.upper(), "path": path, "summary": call["summary"], "who": call[WHO_MAY]}
+                kinds.setdefault(call["tags"][0], []).append(shown)
+    return kinds
