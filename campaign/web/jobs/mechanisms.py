@@ -1,6 +1,6 @@
 """Jobs about one mechanism: check its text, list its numbers, simulate it once, draw it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,6 +11,7 @@ from campaign.mechanism_summary import mechanism_summary, mechanism_warnings
 from engine import load_mechanism, load_mechanism_text, read_trajectory, set_values, simulate
 from engine.mechanism import Mechanism, library_names
 from engine.mechanism.keys.listing import settable_numbers
+from engine.toml_file import UnfitToml, parse_toml, text_bytes
 
 PICTURES = ("svg", "png")
 ANIMATION_FRAMES = 45  # half of what the command draws, so that it comes within seconds
@@ -61,7 +62,21 @@ class MechanismSource:
 def describe(source: MechanismSource) -> dict[str, Any]:
     """Return what a mechanism is: its summary, and every number that can be set, with value, unit and limits."""
     mechanism = source.load()
+    values = source.all_values(mechanism)
+    mechanism = set_values(mechanism, values) if values else mechanism
     return {**mechanism_summary(mechanism), "keys": [asdict(entry) for entry in settable_numbers(mechanism, "")]}
+
+
+def titles(sources: Sequence[MechanismSource]) -> dict[str, str]:
+    """Return the title of each mechanism by its name, from its text alone; empty where it says none, or is no TOML."""
+    found = {}
+    for source in sources:
+        try:
+            title = parse_toml(text_bytes(source.text or "")).get("title", "")
+        except UnfitToml:
+            title = ""
+        found[source.name] = title if isinstance(title, str) else ""
+    return found
 
 
 def check_text(source: MechanismSource) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from fastapi import APIRouter
 
-from campaign.web.pages import account, admin, campaigns, company, help, login, share, signoff
+from campaign.web.pages import account, admin, campaigns, company, help, login, mechanisms, share, signoff, trial
 
 STATIC = Path(__file__).parent / "static"
 
@@ -12,4 +12,5 @@ STATIC = Path(__file__).parent / "static"
 def page_routers() -> list[APIRouter]:
     """Return the routers of all pages; none is part of the documented API."""
     of_people = [help.router, login.router, company.router, account.router, admin.router]
-    return [*of_people, campaigns.router, share.router, signoff.router]
+    of_mechanisms = [trial.router, mechanisms.router]
+    return [*of_people, *of_mechanisms, campaigns.router, share.router, signoff.router]

@@ -29,7 +29,7 @@ _templates.filters.update(
 )
 
 
-def page(request: Request, name: str, status: int = 200, **values: Any) -> HTMLResponse:
+def page(request: Request, name: str, status: int = 200, /, **values: Any) -> HTMLResponse:
     """Return a page.
 
     Parameters
