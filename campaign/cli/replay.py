@@ -1,6 +1,5 @@
 """``clearcap replay``: repeat one run of a campaign, bit for bit."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -25,33 +24,25 @@ def replay(
     json: Json = False,
 ) -> None:
     """Repeat one run of a campaign in this process, and compare it with its stored row, bit for bit."""
+    from campaign.reports.replayed import check_sample, replay_sample
     from campaign.row_build import differences
     from campaign.store import open_store
-    from campaign.worker.repeat_row import repeated_sample
 
     opened = open_store(store)
     plan = opened.plan(opened.find(campaign))
-    _check(plan, sample)
+    check_sample(plan, sample)
     files = RunFiles(trajectory, plot, animation)
     files.check()
     if different := differences(plan.row_build):
         say(f"the campaign was computed with another build of clearcap, so numbers may differ: {different}")
     with files.recording() as motion:
-        again = repeated_sample(opened, plan, sample, motion, halved=halved)
+        replayed = replay_sample(opened, plan, sample, motion, halved=halved)
     if json:
-        print_json({"campaign": campaign, "sample": sample, **asdict(again)})
+        print_json(replayed.document())
     else:
-        _print(plan, again.row, again.same, "repeat" if halved else "row")
-    if again.same is False and not different:
+        _print(plan, replayed.again.row, replayed.again.same, "repeat" if halved else "row")
+    if replayed.is_broken:
         raise typer.Exit(1)
-
-
-def _check(plan: "Plan", sample: int) -> None:
-    """Refuse a sample that the campaign does not have."""
-    from campaign.errors import SpecError
-
-    if sample >= plan.spec.samples:
-        raise SpecError(f"sample {sample}: campaign {plan.campaign_id} has samples 0 to {plan.spec.samples - 1}")
 
 
 def _print(plan: "Plan", row: dict[str, Any], same: bool | None, what: str) -> None:

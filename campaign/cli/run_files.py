@@ -71,13 +71,11 @@ class RunFiles:
         """Draw the pictures of a trajectory."""
         from campaign.cli.output_files import replacing
         from campaign.pictures.animation import animate
-        from campaign.pictures.curves import plot as plot_curves
-        from campaign.pictures.hysteresis import plot_hysteresis
+        from campaign.pictures.run_figure import plot_run
         from engine import read_trajectory
 
         recorded = read_trajectory(trajectory)
-        plot = plot_hysteresis if recorded.description.get("plot") else plot_curves
-        for path, draw in ((self.plot, plot), (self.animation, animate)):
+        for path, draw in ((self.plot, plot_run), (self.animation, animate)):
             if path:
                 say(f"drawing {path}")
                 with replacing(path) as temporary:

@@ -64,13 +64,19 @@ def repeated_sample(
     run = partial(simulate, trajectory=motion) if motion else simulate
     row = compute_row(plan, HalvedStep(run) if halved else run, sample, sample_values(plan, sample), 1, Cancel())
     tables = repeat_plans(store, plan) if halved else (plan,)
-    stored = next((found for table in tables if (found := _stored(store, table, sample))), None)
+    stored = next((found for table in tables if (found := stored_row(store, table, sample))), None)
     same = None if stored is None else _same(row, stored, list(plan.mechanism.responses))
     return RepeatedSample(row, stored, same)
 
 
-def _stored(store: Store, table: PlanHeader, sample: int) -> dict[str, Any] | None:
-    """Return the row of a sample as the store has it, in a campaign or a set of its repeats; None if it has none."""
+def stored_row(store: Store, table: PlanHeader, sample: int) -> dict[str, Any] | None:
+    """Return the row of a sample as the store has it, in a campaign or a set of its repeats; None if it has none.
+
+    Raises
+    ------
+    StoreError
+        If the store cannot be read.
+    """
     at = table.rows_before(sample)
     if table.numbers_of(at, at + 1) != [sample]:
         return None

@@ -24,6 +24,7 @@ from campaign.web.answers.questions import (
     what_if_answer,
 )
 from campaign.web.answers.rows_version import rows_version
+from campaign.web.answers.sample_page import samples_answer
 
 KEPT_BYTES = 64 << 20  # of all answers
 MOST_SETTINGS, LONGEST_SETTING = 200, 1000  # in a question; characters
@@ -128,6 +129,10 @@ class Answers:
         The document is ``{"campaign", "store", "comparison": {...}}``; errors as of `what_if`.
         """
         return await self._ask(user, comparison_answer, [campaign, other])
+
+    async def samples(self, user: str, campaign: str, sort: str, status: str | None, cursor: int, count: int) -> Answer:
+        """Return a page of the samples; see `campaign.web.answers.sample_page.samples_answer`."""
+        return await self._ask(user, samples_answer, [campaign], sort, status, cursor, count)
 
     async def version(self, campaign: str) -> str:
         """Return which rows a campaign has, at most a second or twenty times the time of looking old.

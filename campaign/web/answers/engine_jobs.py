@@ -12,11 +12,9 @@ from typing import Any
 
 from campaign.errors import SpecError
 from campaign.reports.report import report
-from campaign.row_build import differences
 from campaign.spec.load import load_campaign_text
 from campaign.store import open_store
 from campaign.store.files.patience import QUICK
-from campaign.worker.repeat_row import repeated_sample
 from engine import Mechanism, Recording, library_names, load_mechanism, load_mechanism_text, set_values, simulate
 from engine import check as check_start
 from engine.preflight import cautions
@@ -91,19 +89,6 @@ def single_run(asked: SingleRun) -> dict[str, Any] | bytes:
     results = {"status": run.status, "message": run.message, "responses": run.measured, "units": run.units}
     warnings = [] if run.status == "ok" else [caution.to_json() for caution in cautions(loaded)]
     return {**results, "ranges": run.ranges, "certificate": asdict(run.certificate), "warnings": warnings}
-
-
-def replayed_sample(store: str, campaign: str, sample: int) -> dict[str, Any]:
-    """Return the document of ``clearcap replay --json``: the row computed again, the stored one, and if they agree.
-
-    ``differences`` says in words how the program differs from the one that computed the campaign; empty if it does not.
-    """
-    opened = open_store(store, QUICK)
-    plan = opened.plan(campaign)
-    if not 0 <= sample < plan.spec.samples:
-        raise SpecError(f"sample {sample}: campaign {campaign} has samples 0 to {plan.spec.samples - 1}")
-    again = repeated_sample(opened, plan, sample)
-    return {"campaign": campaign, "sample": sample, **asdict(again), "differences": differences(plan.row_build)}
 
 
 def written_report(

@@ -9,9 +9,10 @@ from starlette.responses import Response
 
 from campaign.store.files.files import TEMPORARY
 from campaign.store.report_folders import comparisons, report_folder
+from campaign.web.answers.engine_jobs import written_report
 from campaign.web.api.calls import calls
-from campaign.web.api.whose import PATTERN, TheCampaign
-from campaign.web.http.asking import TheService
+from campaign.web.api.whose import PATTERN, TheCampaign, the_campaign
+from campaign.web.http.asking import Engineer, TheService
 from campaign.web.http.problems import Refusal, described
 from campaign.web.http.tagged import tagged
 from campaign.web.web_service import Service
@@ -50,6 +51,29 @@ def report_files(service: TheService, campaign: TheCampaign) -> ReportFiles:
     names = service.store.hasty.files.names(report_folder(campaign))
     own = [name for name in names if not name.endswith(TEMPORARY)]
     return ReportFiles(files=own, comparisons=comparisons(service.store.hasty, campaign))
+
+
+@router.post("/campaigns/{campaign}/report", responses=described(404, 409))
+async def write_report(service: TheService, campaign: TheCampaign, who: Engineer) -> ReportFiles:
+    """Write the report of a campaign again, from the rows that there are; not of one that is signed."""
+    if service.is_signed(campaign):
+        raise Refusal(409, f"campaign {campaign} is signed, and its report with it; it is not written again")
+    await service.pool.data(who.name, written_report, service.store.files.full_url, campaign)
+    service.watcher.hurry()
+    return await run_in_threadpool(report_files, service, campaign)
+
+
+@router.post("/campaigns/{campaign}/comparisons/{other}", responses=described(404, 409))
+async def write_comparison(
+    service: TheService,
+    campaign: TheCampaign,
+    who: Engineer,
+    other: Annotated[str, Path(pattern=PATTERN, description="Id of the other campaign")],
+) -> ReportFiles:
+    """Write the report that compares a campaign with another."""
+    await the_campaign(service, who, other)
+    await service.pool.data(who.name, written_report, service.store.files.full_url, campaign, other)
+    return await run_in_threadpool(report_files, service, campaign)
 
 
 @router.get(

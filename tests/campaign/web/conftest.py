@@ -14,6 +14,8 @@ from campaign.web.app import make_app
 from campaign.web.http.asking import COOKIE, CSRF_HEADER
 from campaign.web.settings import Limits, Settings
 from campaign.web.web_service import open_service
+from engine import simulate
+from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
 
@@ -40,6 +42,49 @@ def finished_store(tmp_path_factory):
     store, plan = computed(folder / "runs", load_campaign(str(folder / "demo.toml")), 10)
     write_state(store, plan.campaign_id, "completed")
     return folder / "runs", plan.campaign_id
+
+
+@pytest.fixture(scope="session")
+def computing_service(finished_store, tmp_path_factory):
+    """Return a service with a computing process, and a client that asks as nobody; for all tests that need one.
+
+    Its store has a finished campaign of 25 samples, another one of 400 with a wider J1, and one of 4 that the engine
+    has computed.
+    """
+    folder = tmp_path_factory.mktemp("computing")
+    runs, _ = finished_store
+    shutil.copytree(runs, folder / "runs")
+    for name, text, samples, run in (
+        ("wider", SPEC.replace("std = 0.0175", "std = 0.02"), 400, fake_engine.simulate),
+        ("real", SPEC.replace('"demo"', '"real"').replace("seed = 7", "seed = 8"), 4, simulate),
+    ):
+        (folder / f"{name}.toml").write_text(text)
+        store, plan = computed(folder / "runs", load_campaign(str(folder / f"{name}.toml"), samples=samples), 10, run)
+        write_state(store, plan.campaign_id, "completed")
+    with serving(Settings(str(folder / "runs"), folder / "data", processes=1)) as pair:
+        yield pair
+
+
+@pytest.fixture
+def computing(computing_service):
+    """Return a client of a service with a computing process, and what makes a program's headers by role."""
+    service, client = computing_service
+    client.cookies.clear()
+
+    def headers(role):
+        return {"Authorization": f"Bearer {service.tokens.add(role, 'test', Role.of(role), 3600.0)[1]}"}
+
+    return client, headers
+
+
+@pytest.fixture(scope="session")
+def explored(finished_store, computing_service):
+    """Return the ids of the campaigns of `computing_service`: the finished, the wider, and the one with real runs."""
+    service, _ = computing_service
+    _, finished = finished_store
+    plans = [service.store.plan(each) for each in service.store.campaigns()]
+    real = next(plan.campaign_id for plan in plans if plan.spec.name == "real")
+    return finished, next(p.campaign_id for p in plans if p.campaign_id not in (finished, real)), real
 
 
 @pytest.fixture

@@ -1,28 +1,10 @@
 """Mechanisms and single runs over the API, computed by a process of the pool."""
 
-from dataclasses import replace
-
 import pytest
 
-from campaign.web.access import Role
-from campaign.web.settings import Settings
 from engine import load_mechanism, simulate
-from tests.campaign.web.conftest import serving
 
 PENDULUM = "clearance_pendulum"
-
-
-@pytest.fixture(scope="module")
-def computing(tmp_path_factory):
-    """Return a client of a service with one computing process, and headers by role."""
-    folder = tmp_path_factory.mktemp("computing")
-    settings = Settings(str(folder / "runs"), folder / "data", processes=1)
-    with serving(replace(settings)) as (service, client):
-
-        def headers(role):
-            return {"Authorization": f"Bearer {service.tokens.add(role, 'test', Role.of(role), 3600.0)[1]}"}
-
-        yield client, headers
 
 
 def test_list(computing):

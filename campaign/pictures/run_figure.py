@@ -1,0 +1,21 @@
+"""The figure of a run: its curves over time; on a test bench that says so, its hysteresis."""
+
+from pathlib import Path
+
+from campaign.pictures.curves import plot
+from campaign.pictures.hysteresis import plot_hysteresis
+from engine import Trajectory
+
+
+def plot_run(trajectory: Trajectory, path: Path) -> None:
+    """Write the figure of a run.
+
+    Parameters
+    ----------
+    trajectory : Trajectory
+        The run.
+    path : Path
+        File to write: ``.png``, ``.svg`` or ``.pdf``.
+    """
+    draw = plot_hysteresis if trajectory.description.get("plot") else plot
+    draw(trajectory, path)

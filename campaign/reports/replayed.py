@@ -1,0 +1,77 @@
+"""A sample of a campaign replayed: computed again, compared with its row, and what it means if they differ."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from campaign.errors import SpecError
+from campaign.plan import Plan
+from campaign.row_build import differences
+from campaign.store import Store
+from campaign.worker.repeat_row import RepeatedSample, repeated_sample
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A sample that was computed again.
+
+    Attributes
+    ----------
+    campaign : str
+        Id of the campaign.
+    sample : int
+        Number of the sample.
+    again : RepeatedSample
+        Both rows, and whether they agree.
+    differences : str
+        How this program differs from the one that computed the campaign, in words; empty if it does not.
+    """
+
+    campaign: str
+    sample: int
+    again: RepeatedSample
+    differences: str
+
+    @property
+    def is_broken(self) -> bool:
+        """Whether the rows differ though the program is the same."""
+        return self.again.same is False and not self.differences
+
+    def document(self) -> dict[str, Any]:
+        """Return the replay as data, as ``clearcap replay --json`` and the web service write it."""
+        replayed = asdict(self.again)
+        return {"campaign": self.campaign, "sample": self.sample, **replayed, "differences": self.differences}
+
+
+def check_sample(plan: Plan, sample: int) -> None:
+    """Refuse a sample that the campaign does not have, with SpecError."""
+    if not 0 <= sample < plan.spec.samples:
+        raise SpecError(f"sample {sample}: campaign {plan.campaign_id} has samples 0 to {plan.spec.samples - 1}")
+
+
+def replay_sample(store: Store, plan: Plan, sample: int, motion: Path | None = None, *, halved: bool = False) -> Replay:
+    """Compute a sample again in this process, and compare it with its stored row, bit for bit.
+
+    Parameters
+    ----------
+    store : Store
+        Where the campaign is.
+    plan : Plan
+        The campaign.
+    sample : int
+        Number of the sample.
+    motion : Path, optional
+        HDF5 file for its motion.
+    halved : bool
+        Compute its repeat with half the step instead.
+
+    Raises
+    ------
+    SpecError
+        If the campaign has no such sample.
+    MechanismError, TrajectoryError
+        As of `engine.simulate`.
+    """
+    check_sample(plan, sample)
+    again = repeated_sample(store, plan, sample, motion, halved=halved)
+    return Replay(plan.campaign_id, sample, again, differences(plan.row_build))

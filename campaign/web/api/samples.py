@@ -1,0 +1,155 @@
+"""Single samples of a campaign: the worst and the failed ones, what is known of one, and its replay."""
+
+from typing import Annotated, Any
+
+from fastapi import Path, Query, Request
+from pydantic import BaseModel, Field
+from starlette.concurrency import run_in_threadpool
+from starlette.responses import Response
+
+from campaign.json_values import json_values
+from campaign.plan import Plan
+from campaign.reports.replayed import check_sample
+from campaign.store import Store
+from campaign.web.api.calls import calls
+from campaign.web.api.whose import TheCampaign
+from campaign.web.http.asking import Asking, TheService, Viewer
+from campaign.web.http.problems import Refusal, described
+from campaign.web.http.tagged import tagged
+from campaign.web.jobs.samples import draw_sample, replay_document
+from campaign.worker.repeat_row import stored_row
+
+router = calls("samples")
+ON_A_PAGE, MOST_ON_A_PAGE = 50, 1000
+Sample = Annotated[int, Path(ge=0, lt=2**53, description="Number of the sample", examples=[7])]
+
+
+class ListedSample(BaseModel):
+    """A sample in a list."""
+
+    sample: int
+    status: str = Field(examples=["ok"])
+    message: str
+    responses: dict[str, float | None] = Field(description="Null where the run has no value")
+    margin: float | None = Field(description="Least distance of a response from its limit, in its standard deviations")
+    nearest: str | None = Field(description="The response whose limit is nearest")
+
+
+class SamplePage(BaseModel):
+    """Some samples of a campaign."""
+
+    samples: list[ListedSample]
+    total: int = Field(description="Samples with this status", examples=[12])
+    next: int | None = Field(description="Cursor of the next page; null on the last one")
+
+
+class SampleQuestion(BaseModel):
+    """Which samples are listed, and in which order."""
+
+    sort: str = Field("margin", pattern="^(margin|sample)$", description="`margin`: the worst first")
+    status: str | None = Field(None, max_length=40, description="`ok`, `failed` or one way of failing", examples=["ok"])
+    cursor: int = Field(0, ge=0, le=10**9, description="From the page before")
+    limit: int = Field(ON_A_PAGE, ge=1, le=MOST_ON_A_PAGE)
+
+
+class StoredSample(BaseModel):
+    """A sample as the store has it."""
+
+    campaign: str
+    sample: int
+    status: str = Field(examples=["ok"])
+    message: str
+    variables: dict[str, float]
+    responses: dict[str, float | None] = Field(description="Null where the run has no value")
+    units: dict[str, str] = Field(description="Of variables, responses and the certificate")
+    certificate: dict[str, Any] = Field(description="What the run proves of itself")
+
+
+class ReplayedSample(BaseModel):
+    """A sample that was computed again."""
+
+    campaign: str
+    sample: int
+    row: dict[str, Any] = Field(description="What was computed now")
+    stored: dict[str, Any] | None = Field(description="What the store has; null if it has no row of this sample")
+    same: bool | None = Field(description="Whether both agree, bit for bit; null if the store has no row")
+    differences: str = Field(description="How this program differs from the one that computed the campaign")
+
+
+@router.get("/campaigns/{campaign}/samples", responses=described(304, 404, 409), response_model=SamplePage)
+async def list_samples(
+    request: Request,
+    service: TheService,
+    campaign: TheCampaign,
+    who: Asking,
+    question: Annotated[SampleQuestion, Query()],
+) -> Response:
+    """List samples, the worst first: those with the least distance of a response from its limit."""
+    asked = (question.sort, question.status or None, question.cursor, question.limit)
+    return tagged(request, (await service.answers.samples(who.name, campaign, *asked)).content, "application/json")
+
+
+@router.get("/campaigns/{campaign}/samples/{sample}", responses=described(404))
+def show_sample(service: TheService, campaign: TheCampaign, sample: Sample) -> StoredSample:
+    """Show a sample: its variables, its responses, and its certificate."""
+    store = service.store.hasty
+    plan = _plan_with(store, campaign, sample)
+    row = stored_row(store, plan, sample)
+    if row is None:
+        raise Refusal(404, f"sample {sample} of {campaign}: not computed yet, or its part is broken")
+    row = json_values(row)
+    fields = {field.name: field for field in plan.schema}
+    units = {name: (field.metadata or {}).get(b"unit", b"").decode() for name, field in fields.items()}
+    told = {"sample", "status", "message", *plan.spec.variables, *plan.mechanism.responses}
+    return StoredSample(
+        campaign=campaign,
+        sample=sample,
+        status=row["status"],
+        message=row["message"],
+        variables={name: row[name] for name in plan.spec.variables},
+        responses={name: row[name] for name in plan.mechanism.responses},
+        units={name: unit for name, unit in units.items() if unit not in ("", "1")},
+        certificate={name: row[name] for name in plan.schema.names if name not in told},
+    )
+
+
+@router.post("/campaigns/{campaign}/samples/{sample}/replay", responses=described(404, 409))
+async def replay(service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> ReplayedSample:
+    """Compute a sample again, and compare it with its row, bit for bit; the document of `clearcap replay --json`."""
+    store = service.store.hasty
+    await run_in_threadpool(_plan_with, store, campaign, sample)
+    content = await service.pool.data(who.name, replay_document, store.files.full_url, campaign, sample)
+    return ReplayedSample.model_validate(content)
+
+
+@router.get(
+    "/campaigns/{campaign}/samples/{sample}/plot.svg",
+    response_class=Response,
+    responses={200: {"content": {"image/svg+xml": {"schema": {"type": "string"}}}}, **described(304, 404, 409)},
+)
+async def plot(request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> Response:
+    """Compute a sample again, and draw its curves over time."""
+    store = service.store.hasty
+    await run_in_threadpool(_plan_with, store, campaign, sample)
+    content = await service.kept(who.name, draw_sample, store.files.full_url, campaign, sample, "svg")
+    return tagged(request, content, "image/svg+xml")
+
+
+@router.get(
+    "/campaigns/{campaign}/samples/{sample}/motion.gif",
+    response_class=Response,
+    responses={200: {"content": {"image/gif": {"schema": {"type": "string"}}}}, **described(304, 404, 409)},
+)
+async def motion(request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> Response:
+    """Compute a sample again, and draw its motion."""
+    store = service.store.hasty
+    await run_in_threadpool(_plan_with, store, campaign, sample)
+    content = await service.kept(who.name, draw_sample, store.files.full_url, campaign, sample, "gif")
+    return tagged(request, content, "image/gif")
+
+
+def _plan_with(store: Store, campaign: str, sample: int) -> Plan:
+    """Return the plan of a campaign that has a sample; SpecError if it has not."""
+    plan = store.plan(campaign)
+    check_sample(plan, sample)
+    return plan

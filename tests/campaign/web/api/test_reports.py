@@ -1,0 +1,25 @@
+"""Reports that are written again, and comparisons of campaigns."""
+
+
+def test_report_and_comparison_are_written(computing, explored):
+    """By engineers; a comparison leaves the campaign's own report as it is."""
+    client, headers = computing
+    home = f"/api/v1/campaigns/{explored[1]}"
+    assert client.post(f"{home}/report", headers=headers("viewer")).status_code == 403
+    assert client.post(f"{home}/comparisons/{explored[0]}", headers=headers("viewer")).status_code == 403
+    files = client.post(f"{home}/report", headers=headers("engineer")).json()
+    assert "report.html" in files["files"]
+    own = client.get(f"{home}/reports/own/report.html", headers=headers("viewer")).headers["etag"]
+    files = client.post(f"{home}/comparisons/{explored[0]}", headers=headers("engineer")).json()
+    assert "report.html" in files["comparisons"][explored[0]]
+    assert client.get(f"{home}/reports/own/report.html", headers=headers("viewer")).headers["etag"] == own
+    assert client.post(f"{home}/comparisons/{explored[1]}", headers=headers("engineer")).status_code == 422
+    assert client.post(f"{home}/comparisons/none", headers=headers("engineer")).status_code == 404
+
+
+def test_signed_report_is_not_written_again(client, service, reported, as_user):
+    with service.database.write() as connection:
+        connection.execute("INSERT INTO signoffs (campaign, document, signature) VALUES (?, '', '')", (reported,))
+    answer = client.post(f"/api/v1/campaigns/{reported}/report", headers=as_user("engineer"))
+    assert answer.status_code == 409
+    assert "signed" in answer.json()["detail"]
