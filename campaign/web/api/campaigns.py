@@ -19,6 +19,10 @@ from campaign.web.watch.entry import CampaignEntry
 
 router = calls("campaigns")
 MOST_LISTED = 1000
+_EVENT = {  # of a stream, as OpenAPI describes one
+    "type": "object",
+    "properties": {"event": {"enum": ["progress", "end"]}, "id": {"type": "string"}, "data": {"type": "string"}},
+}
 _OLDEST = datetime(1970, 1, 1, tzinfo=UTC)
 
 
@@ -110,7 +114,7 @@ async def show_campaign(service: TheService, campaign: TheCampaign) -> CampaignE
 @router.get(
     "/campaigns/{campaign}/events",
     response_class=StreamingResponse,
-    responses={200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}}, **described(404)},
+    responses={200: {"content": {"text/event-stream": {"schema": _EVENT}}}, **described(404)},
 )
 async def follow_campaign(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
     """Follow a campaign by server-sent events: progress, rate, failures by status, each Cpk with its interval.

@@ -1,0 +1,93 @@
+"""What every call answers is what its description says, whatever it is asked: never a 5xx, nothing undocumented."""
+
+import shutil
+
+import pytest
+import schemathesis
+from hypothesis import HealthCheck, given, seed, settings
+from schemathesis import GenerationMode
+from schemathesis.checks import not_a_server_error
+from schemathesis.specs.openapi.checks import (
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+    status_code_conformance,
+)
+
+from campaign.web.access import Role
+from campaign.web.settings import Limits, Settings
+from tests.campaign.web.conftest import URL, serving
+from tests.campaign.web.routes import all_ways
+
+pytestmark = pytest.mark.slow
+
+CALLS = sorted(str(way) for way in all_ways() if way.route.include_in_schema)
+CHECKS = [
+    not_a_server_error,
+    status_code_conformance,
+    content_type_conformance,
+    response_headers_conformance,
+    response_schema_conformance,
+]
+SEED = 17
+EXAMPLES = {"admin": 4, "viewer": 2}  # of a call, of each kind
+HEADERS = "authorization", "cookie", "host", "content-length", "transfer-encoding"  # the test's own
+KNOWN = {"name": "clearance_pendulum", "token": 1, "share": 1}
+
+
+@pytest.fixture(scope="module")
+def described(finished_store, tmp_path_factory):
+    """Return the description of the API, a client, tokens by role, and the id of the campaign that there is."""
+    runs, campaign = finished_store
+    folder = tmp_path_factory.mktemp("described")
+    shutil.copytree(runs, folder / "runs")
+    limits = Limits(job_seconds=5.0, failures=10**6)
+    with serving(Settings(str(folder / "runs"), folder / "data", processes=1, limits=limits)) as (service, client):
+        client.timeout = 30.0
+        tokens = {role.word: service.tokens.add(role.word, "test", role, 3600.0)[1] for role in Role}
+        yield schemathesis.openapi.from_dict(client.app.openapi()), client, tokens, campaign
+
+
+@pytest.mark.parametrize("role", EXAMPLES)
+@pytest.mark.parametrize("call", CALLS)
+def test_call(call, role, described):
+    """Sound and unsound questions, for what there is and for what there is not."""
+    schema, client, tokens, campaign = described
+    method, path = call.split(" ")
+    operation = schema[path][method]
+    known = {name: value for name, value in {**KNOWN, "campaign": campaign}.items() if f"{{{name}}}" in path}
+    for paths in [known, None] if known else [None]:
+        for mode in (GenerationMode.POSITIVE, GenerationMode.NEGATIVE):
+            if mode is GenerationMode.NEGATIVE and not _can_be_wrong(operation):
+                continue
+            cases = operation.as_strategy(generation_mode=mode, path_parameters=paths)
+            _ask_often(cases, EXAMPLES[role], client, tokens[role])
+
+
+def _can_be_wrong(operation):
+    """Return whether a call has anything that can be wrong."""
+    return any([*operation.path_parameters, *operation.query, *operation.headers, *operation.body])
+
+
+def _ask_often(cases, count, client, token):
+    """Ask with some cases, and check each answer."""
+
+    @seed(SEED)
+    @settings(max_examples=count, database=None, deadline=None, suppress_health_check=list(HealthCheck))
+    @given(case=cases)
+    def ask(case):
+        sent = case.as_transport_kwargs(base_url=URL)
+        headers = {name: value for name, value in sent["headers"].items() if name.lower() not in HEADERS}
+        body = {"content": sent["data"]} if isinstance(sent.get("data"), bytes | str) else {"data": sent.get("data")}
+        if "json" in sent:
+            body = {"json": sent["json"]}
+        answer = client.request(
+            sent["method"],
+            sent["url"],
+            params=sent.get("params"),
+            headers={**headers, "Authorization": f"Bearer {token}"},
+            **body,
+        )
+        case.validate_response(answer, checks=CHECKS)
+
+    ask()
