@@ -16,7 +16,7 @@ from joserfc import jwt
 from joserfc.errors import JoseError
 from joserfc.jwk import KeySet
 
-from campaign.errors import SpecError
+from campaign.errors import CampaignError
 from campaign.web.access.principal import Role
 from campaign.web.access.users import NAME, User, Users
 from campaign.web.settings import Oidc
@@ -228,14 +228,14 @@ def company_user(users: Users, identity: Identity) -> User:
     ------
     LoginFault
         If he is disabled here.
-    SpecError
+    CampaignError
         If he is the last admin and his groups no longer say so.
     """
     user = users.by_subject(identity.subject)
     if user is None:
         try:
             return users.add(_free_name(users, identity.name), identity.role, subject=identity.subject)
-        except SpecError:
+        except CampaignError:
             user = users.by_subject(identity.subject)  # he logged in twice at the same moment
             if user is None:
                 raise

@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 from sqlite3 import IntegrityError, Row
 
-from campaign.errors import SpecError
+from campaign.errors import CampaignError, SpecError
 from campaign.web.access.database import Database
 from campaign.web.access.principal import Role
 from campaign.web.access.secret_words import hash_password, is_password
@@ -79,7 +79,9 @@ class Users:
         Raises
         ------
         SpecError
-            If the name is taken or not allowed, or the password too short.
+            If the name is not allowed, or the password too short.
+        CampaignError
+            If the name is taken.
         """
         if not NAME.fullmatch(name):
             raise SpecError(
@@ -94,7 +96,7 @@ class Users:
                     (name, role.word, kept, subject, time.time()),
                 )
         except IntegrityError as error:
-            raise SpecError(f"name = {name}: there is a user of this name; choose another") from error
+            raise CampaignError(f"name = {name}: there is a user of this name; choose another") from error
         user = self.get(name)
         assert user is not None
         return user
@@ -109,7 +111,9 @@ class Users:
         Raises
         ------
         SpecError
-            If there is no such user, the password is too short, or no admin would be left.
+            If there is no such user, or the password is too short.
+        CampaignError
+            If no admin would be left.
         """
         if self.get(name) is None:
             raise SpecError(f"name = {name!r:.80}: there is no user of this name")
@@ -126,7 +130,7 @@ class Users:
                 connection.execute("DELETE FROM login_links WHERE user = ?", (name,))
             admins = "SELECT count(*) FROM users WHERE role = 'admin' AND NOT disabled"
             if connection.execute(admins).fetchone()[0] == 0:
-                raise SpecError(f"name = {name}: is the last admin; make another user an admin first")
+                raise CampaignError(f"name = {name}: is the last admin; make another user an admin first")
         user = self.get(name)
         assert user is not None
         return user

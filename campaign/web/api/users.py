@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from campaign.web.access import Role
 from campaign.web.access.sessions import LINK_LIVES
-from campaign.web.access.users import LONGEST_PASSWORD, SHORTEST_PASSWORD, User
+from campaign.web.access.users import LONGEST_PASSWORD, NAME, SHORTEST_PASSWORD, User
 from campaign.web.api.calls import calls
 from campaign.web.http.asking import Admin, TheService
 from campaign.web.http.problems import Refusal, described
@@ -56,7 +56,7 @@ class NewUser(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     name: str = Field(
-        max_length=100, description="Letters, digits and . _ @ -, 64 characters at most", examples=["eva"]
+        pattern=f"^{NAME.pattern}$", description="Letters, digits and . _ @ -, 64 characters at most", examples=["eva"]
     )
     role: RoleWord = Field(examples=["engineer"])
     password: Password | None = Field(None, description="Without one he logs in by a link, or by the login service")
@@ -99,14 +99,14 @@ def list_users(
     return UserList(users=[ListedUser.of(user) for user in users[:limit]], next=following)
 
 
-@router.post("/users", status_code=201)
+@router.post("/users", status_code=201, responses=described(409))
 def add_user(request: Request, service: TheService, _: Admin, new: NewUser) -> ListedUser:
     """Add a user."""
     request.state.detail = f"{new.name[:64]}, {new.role}"
     return ListedUser.of(service.users.add(new.name, Role.of(new.role), new.password))
 
 
-@router.patch("/users/{name}", responses=described(404))
+@router.patch("/users/{name}", responses=described(404, 409))
 def change_user(request: Request, service: TheService, _: Admin, name: UserName, change: UserChange) -> ListedUser:
     """Change the role of a user, set his password, or disable him; what is left out stays."""
     known_user(service, name)

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Form, Path, Query, Request
 from starlette.responses import RedirectResponse, Response
 
 from campaign.web.access import Role
-from campaign.web.access.users import LONGEST_PASSWORD, SHORTEST_PASSWORD
+from campaign.web.access.users import LONGEST_PASSWORD, NAME, SHORTEST_PASSWORD
 from campaign.web.api.audit_trail import check_audit, list_audit
 from campaign.web.api.signoffs import show_signing_key
 from campaign.web.api.tokens import end_token, list_tokens
@@ -46,7 +46,7 @@ def add_user_form(
     request: Request,
     service: TheService,
     who: Admin,
-    name: Annotated[str, Form(max_length=100)],
+    name: Annotated[str, Form(pattern=f"^{NAME.pattern}$")],
     role: Annotated[RoleWord, Form()],
 ) -> Response:
     """Add a user, and show the link by which he logs in the first time."""

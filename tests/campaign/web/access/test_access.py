@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from campaign.errors import SpecError
+from campaign.errors import CampaignError, SpecError
 from campaign.web.access import Role, sessions, tokens
 from campaign.web.access.database import Database
 from campaign.web.access.sessions import Sessions
@@ -104,7 +104,7 @@ def test_name_is_refused(users, name):
 
 
 def test_name_is_taken(users):
-    with pytest.raises(SpecError, match="there is a user of this name"):
+    with pytest.raises(CampaignError, match="there is a user of this name"):
         users.add("ada", Role.VIEWER)
 
 
@@ -115,7 +115,7 @@ def test_short_password_is_refused(users):
 
 def test_last_admin_stays(users):
     for change in ({"role": Role.VIEWER}, {"disabled": True}):
-        with pytest.raises(SpecError, match="is the last admin"):
+        with pytest.raises(CampaignError, match="is the last admin"):
             users.change("ada", **change)
     assert users.get("ada").role is Role.ADMIN
     users.change("eva", role=Role.ADMIN)

@@ -37,7 +37,7 @@ def test_user_from_first_to_last_day(client, service, as_user):
     admin = as_user("admin")
     made = client.post("/api/v1/users", json=EVA | {"password": PASSWORD}, headers=admin)
     assert (made.status_code, made.json()["role"], made.json()["has_password"]) == (201, "engineer", True)
-    assert client.post("/api/v1/users", json=EVA, headers=admin).status_code == 422
+    assert client.post("/api/v1/users", json=EVA, headers=admin).status_code == 409
     changed = client.patch("/api/v1/users/eva", json={"role": "approver"}, headers=admin)
     assert changed.json()["role"] == "approver"
     link = client.post("/api/v1/users/eva/login-link", headers=admin).json()["link"]
@@ -71,6 +71,7 @@ def test_users_come_in_pages(client, as_user):
     [
         {"name": "<script>", "role": "viewer"},
         {"name": "../x", "role": "viewer"},
+        {"name": "ada\n", "role": "viewer"},
         {"name": "x", "role": "king"},
         {"name": "x", "role": "viewer", "password": "short"},
         {"name": "x", "role": "viewer", "extra": 1},
@@ -87,7 +88,7 @@ def test_hostile_users(client, service, as_user, body):
 
 def test_last_admin_stays(client, as_user):
     answer = client.patch("/api/v1/users/admin", json={"role": "viewer"}, headers=as_user("admin"))
-    assert (answer.status_code, "last admin" in answer.json()["detail"]) == (422, True)
+    assert (answer.status_code, "last admin" in answer.json()["detail"]) == (409, True)
 
 
 def test_token(client, service, browse):

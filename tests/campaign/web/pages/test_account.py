@@ -105,7 +105,7 @@ def test_users(client, service, visit, submit):
     assert submit(seen, "/admin/users/eva/disabled", disabled="true").status_code == 303
     assert service.users.get("eva").is_disabled
     assert "eva" in visit("/admin/audit?object=eva")[0]
-    assert submit(seen, "/admin/users/admin/role", role="viewer").status_code == 422
+    assert submit(seen, "/admin/users/admin/role", role="viewer").status_code == 409
 
 
 def test_admin_revokes_tokens(service, visit, submit):
