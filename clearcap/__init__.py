@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from campaign.client.remote_server import RemoteServer, connect
     from campaign.cluster.cluster import Cluster
     from campaign.cluster.tls import Tls
     from campaign.errors import CampaignError, SpecError, StoreError, UnreachableError
@@ -52,6 +53,7 @@ __all__ = [
     "Mechanism",
     "MechanismError",
     "Recording",
+    "RemoteServer",
     "ReportError",
     "Results",
     "Run",
@@ -65,6 +67,7 @@ __all__ = [
     "campaign_text",
     "capability",
     "check",
+    "connect",
     "library_names",
     "load_campaign",
     "load_campaign_text",
@@ -82,6 +85,7 @@ __all__ = [
 
 # Where each name is imported from.
 _HOMES = {
+    "campaign.client.remote_server": ("RemoteServer", "connect"),
     "campaign.cluster.cluster": ("Cluster",),
     "campaign.cluster.tls": ("Tls",),
     "campaign.errors": ("CampaignError", "SpecError", "StoreError", "UnreachableError"),

@@ -1,20 +1,36 @@
 """``clearcap cancel``: end a campaign."""
 
+import typer
+
+from campaign.cli.at_server import ServerUrl, asked_server, command_at
 from campaign.cli.options import Id, StoreUrl
 from campaign.cli.output import Json, print_json, print_text
 
 
-def cancel(campaign: Id = None, store: StoreUrl = "runs", json: Json = False) -> None:
+def cancel(
+    context: typer.Context,
+    campaign: Id = None,
+    store: StoreUrl = "runs",
+    server: ServerUrl = None,
+    json: Json = False,
+) -> None:
     """Stop a campaign; unfinished runs are given up, finished rows stay, and ``resume`` continues it."""
-    from campaign.coordinator.cancellation import cancel_campaign
-    from campaign.store import open_store
+    if remote := asked_server(context, server):
+        with remote:
+            campaign_id = remote.find(campaign)
+            before = remote.cancel(campaign_id)["before"]
+        place, command = remote.address, command_at(remote, "resume", campaign_id)
+    else:
+        from campaign.coordinator.cancellation import cancel_campaign
+        from campaign.store import open_store
 
-    opened = open_store(store)
-    campaign_id = opened.find(campaign)
-    before = cancel_campaign(opened, campaign_id)
+        opened = open_store(store)
+        campaign_id = opened.find(campaign)
+        before = cancel_campaign(opened, campaign_id)
+        place, command = opened.url, opened.command("resume", campaign_id)
     if json:
-        print_json({"campaign": campaign_id, "store": opened.url, "before": before})
+        print_json({"campaign": campaign_id, "store": place, "before": before})
     elif before == "completed":
         print_text(f"{campaign_id} is completed; nothing to cancel")
     else:
-        print_text(f"{campaign_id} was {before}; continue it with: {opened.command('resume', campaign_id)}")
+        print_text(f"{campaign_id} was {before}; continue it with: {command}")

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from campaign.cli.options import CampaignId, StoreUrl
-from campaign.cli.output import Json, print_json, print_text, visible
-from campaign.cli.results.status import progress
+from campaign.cli.output import Json, print_json, print_text, say, visible
 
 if TYPE_CHECKING:
     from campaign.store import Store
@@ -51,9 +50,10 @@ def delete(
 
 def _rows(store: "Store", campaign_id: str) -> Any:
     """Return how many rows would be lost; None if the campaign cannot be read."""
+    from campaign.coordinator.progress.progress_report import progress
     from campaign.errors import CampaignError
 
     try:
-        return progress(store, store.plan_header(campaign_id))[1]["done"]
+        return progress(store, store.plan_header(campaign_id), say)[1]["done"]
     except CampaignError:
         return None

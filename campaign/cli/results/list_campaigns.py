@@ -1,13 +1,14 @@
 """``clearcap list``: the campaigns of a store."""
 
+from datetime import datetime
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from campaign.cli.at_server import ServerUrl, asked_server
 from campaign.cli.options import StoreUrl
 from campaign.cli.output import Json, print_json, print_text, say, visible
 from campaign.cli.results.differences import add_differences, in_words
-from campaign.cli.results.status import progress
 
 if TYPE_CHECKING:
     from campaign.store import Store
@@ -17,7 +18,9 @@ COLUMNS = ("campaign", "state", "done", "failed", "left", "when", "owner", "tags
 
 
 def list_campaigns(
+    context: typer.Context,
     store: StoreUrl = "runs",
+    server: ServerUrl = None,
     owner: Annotated[str | None, typer.Option(metavar="NAME", help="Only the campaigns of this owner.")] = None,
     tag: Annotated[list[str], typer.Option(metavar="TAG", help="Only campaigns with this tag; may be repeated.")] = [],  # noqa: B006
     archived: Annotated[bool, typer.Option("--archived", help="Show archived campaigns too.")] = False,
@@ -27,6 +30,16 @@ def list_campaigns(
 
     Campaigns that somebody archived are left out.
     """
+    if remote := asked_server(context, server):
+        with remote:
+            listed = [_entry_of_server(each) for each in remote.campaigns(archived=True, **_question(owner, tag))]
+        shown_here = [each for each in listed if archived or not each["archived"]]
+        if json:
+            print_json(shown_here)
+            return
+        _say_hidden(len(listed) - len(shown_here))
+        _show(shown_here, f"server {remote.address}: has no campaign to show; submit one")
+        return
     from campaign.coordinator.delete import unfinished_deletions
     from campaign.store import open_store
     from campaign.store.files.patience import QUICK
@@ -45,13 +58,23 @@ def list_campaigns(
     for campaign_id in unfinished_deletions(opened):
         command = opened.command("delete", campaign_id)
         say(f"{campaign_id}: its deletion was interrupted; finish it with: {command}")
-    if hidden := len(found) - len(shown):
-        say(f"{hidden} archived campaign{'s are' if hidden > 1 else ' is'} left out; show all with --archived")
+    _say_hidden(len(found) - len(shown))
     if not entries and labelled:
         say(f"store {opened.url}: none of its {len(labelled)} campaigns is to be shown")
         return
+    _show(entries, f"store {opened.url}: holds no campaign; make one: {opened.command('run', 'CAMPAIGN')}")
+
+
+def _say_hidden(count: int) -> None:
+    """Say how many campaigns are left out."""
+    if count:
+        say(f"{count} archived campaign{'s are' if count > 1 else ' is'} left out; show all with --archived")
+
+
+def _show(entries: list[dict[str, Any]], without: str) -> None:
+    """Print the list; without campaigns say so."""
     if not entries:
-        say(f"store {opened.url}: holds no campaign; make one: {opened.command('run', 'CAMPAIGN')}")
+        say(without)
         return
     lines = [COLUMNS, *([_cell(entry, column) for column in COLUMNS] for entry in entries)]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
@@ -60,6 +83,21 @@ def list_campaigns(
     for entry in entries:
         if entry["fault"]:
             say(f"{entry['campaign']}: {entry['fault']}")
+
+
+def _question(owner: str | None, tags: list[str]) -> dict[str, Any]:
+    """Return what a server is asked for."""
+    return {"tag": tags} | ({} if owner is None else {"owner": owner})
+
+
+def _entry_of_server(listed: dict[str, Any]) -> dict[str, Any]:
+    """Return what the list says of a campaign of a server; what differs from others of its title is not known here."""
+    since = listed["since"]
+    date = None if since is None else datetime.fromisoformat(since).astimezone().isoformat(timespec="seconds")
+    same = ("campaign", "state", "done", "failed", "left", "owner", "tags", "title", "samples")
+    entry: dict[str, Any] = {name: listed[name] for name in same} | {"when": date, "differs": {}}
+    entry |= {name: listed[name] for name in ("note", "archived", "labels_version")}
+    return entry | {"fault": listed["message"] if listed["state"] == "broken" else None}
 
 
 def _cell(entry: dict[str, Any], column: str) -> str:
@@ -89,6 +127,7 @@ def _labels(store: "Store", campaign_id: str) -> tuple["Labels", str | None]:
 
 def _entry(store: "Store", campaign_id: str, labels: "Labels", fault: str | None) -> dict[str, Any]:
     """Return what the list says of a campaign; of a broken one, what is wrong with it."""
+    from campaign.coordinator.progress.progress_report import progress
     from campaign.errors import CampaignError
 
     entry: dict[str, Any] = dict.fromkeys((*COLUMNS, "samples")) | {"differs": {}, "fault": fault}
@@ -96,7 +135,7 @@ def _entry(store: "Store", campaign_id: str, labels: "Labels", fault: str | None
     entry |= {"campaign": campaign_id, "state": "broken", "labels_version": said.pop("version"), **said}
     try:
         header = store.plan_header(campaign_id)
-        state, counts = progress(store, header)
+        state, counts = progress(store, header, say)
     except CampaignError as error:
         return entry | {"fault": str(error)}
     entry |= {"title": header.title, "state": state["state"], "when": state["since"]}

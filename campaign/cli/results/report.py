@@ -1,17 +1,26 @@
 """``clearcap report``: write the report of a campaign from the rows it has."""
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from campaign.cli.at_server import ServerUrl, asked_server
 from campaign.cli.drive import fail_without_enough_ok
 from campaign.cli.options import Id, StoreUrl
 from campaign.cli.output import Json, print_json, print_text
 
 
 def report(
+    context: typer.Context,
     campaign: Id = None,
     store: StoreUrl = "runs",
+    server: ServerUrl = None,
+    folder: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="With --server: where the files go; by default a folder with the id's name."),
+    ] = None,
     against: Annotated[
         str | None, typer.Option(metavar="ID", help="Compare with another campaign, as a document of its own.")
     ] = None,
@@ -26,9 +35,21 @@ def report(
 ) -> None:
     """Write the report of a campaign from the rows computed so far; the campaign may be running.
 
-    The exit status is 1 if too few of its runs are ok for a verdict.
+    The exit status is 1 if too few of its runs are ok for a verdict. With ``--server`` the files of the report that the
+    server has are fetched.
     """
-    from campaign.errors import CampaignError
+    from campaign.errors import CampaignError, SpecError
+
+    if remote := asked_server(context, server):
+        if against is not None or pdf or summary:
+            raise SpecError("--server: fetches the report that there is; leave out --against, --pdf and --summary")
+        with remote:
+            campaign_id = remote.find(campaign)
+            fetched = remote.download_report(campaign_id, folder or Path(campaign_id))
+        _print({"campaign": campaign_id, "store": remote.address, "against": None}, _by_kind(fetched), json)
+        return
+    if folder is not None:
+        raise SpecError("--folder: is for --server; a store has a folder for each report")
     from campaign.reports.report import report as write_report
     from campaign.store import open_store
     from campaign.store.files.patience import QUICK
@@ -44,10 +65,23 @@ def report(
     asked = {"pdf": pdf, "xlsx": excel, "summary": summary, "summary_pdf": summary and pdf}
     kinds = ["html", "json", "parquet", *(kind for kind, is_asked in asked.items() if is_asked)]
     files = write_report(opened, plan, kinds=kinds, against=against)
-    if json:
-        other = None if against is None else opened.find(against)
-        print_json({"campaign": plan.campaign_id, "store": opened.url, "against": other, "report": files})
-    else:
-        for path in files.values():
-            print_text(f"{'report' if against is None else 'comparison'}: {path}")
+    other = None if against is None else opened.find(against)
+    _print({"campaign": plan.campaign_id, "store": opened.url, "against": other}, files, json)
     fail_without_enough_ok(opened, plan, opened.survey(plan).statuses)
+
+
+def _by_kind(fetched: dict[str, Path]) -> dict[str, str]:
+    """Return the files of a report by their kinds, as the verb calls them; others by their names."""
+    from reporting.write import NAMES
+
+    kinds = {name: kind for kind, name in NAMES.items()}
+    return {kinds.get(name, name): str(path) for name, path in fetched.items()}
+
+
+def _print(document: dict[str, str | None], files: Mapping[str, str], as_json: bool) -> None:
+    """Print where the files of a report are."""
+    if as_json:
+        print_json({**document, "report": files})
+        return
+    for path in files.values():
+        print_text(f"{'report' if document['against'] is None else 'comparison'}: {path}")

@@ -1,0 +1,113 @@
+"""What is sent of a campaign: its text, and the files that it names."""
+
+from base64 import b64encode
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from campaign.errors import SpecError
+
+LARGEST_FILE = 100_000_000  # bytes, as `campaign.spec.data_files` has it
+
+
+@dataclass(frozen=True)
+class CampaignUpload:
+    """A campaign as it is sent.
+
+    Attributes
+    ----------
+    text : str
+        Content of the campaign file.
+    files : dict of str to bytes
+        Content of each file that it names, by that name.
+    """
+
+    text: str
+    files: dict[str, bytes]
+
+    def to_json(self) -> dict[str, Any]:
+        """Return it as the API takes it: files in base64."""
+        return {"text": self.text, "files": {name: b64encode(each).decode() for name, each in self.files.items()}}
+
+
+def campaign_upload(source: str | Path | Mapping[str, Any]) -> CampaignUpload:
+    """Read a campaign file and the files that it names, to send them.
+
+    Parameters
+    ----------
+    source : str, Path or mapping
+        Name of a shipped campaign, path of a campaign file, or its tables as Python data; paths in tables are relative
+        to the current folder.
+
+    Raises
+    ------
+    SpecError
+        If a file cannot be read, or lies outside the folder of the campaign file: a campaign file that somebody else
+        wrote could name any file of this machine, and would have it sent.
+    """
+    from engine.toml_file import LARGEST, UnfitToml, parse_toml
+
+    if isinstance(source, Mapping):
+        from campaign.spec.campaign_text import campaign_text
+
+        return CampaignUpload(campaign_text(source), _named_files(source, Path()))
+    path = _path_of(str(source))
+    content = _content(path, LARGEST, f"campaign {path}")
+    try:
+        tables = parse_toml(content)
+    except UnfitToml as error:
+        raise SpecError(f"campaign {path}: {error}") from error
+    return CampaignUpload(content.decode("utf-8-sig"), _named_files(tables, path.parent))
+
+
+def _path_of(name_or_path: str) -> Path:
+    """Return the path of a campaign file; that of a shipped campaign by its name."""
+    if name_or_path.replace("_", "").isalnum():
+        shipped = resources.files("campaign").joinpath("library", f"{name_or_path}.toml")
+        if shipped.is_file():
+            return Path(str(shipped))
+    return Path(name_or_path)
+
+
+def _named_files(tables: Mapping[str, Any], folder: Path) -> dict[str, bytes]:
+    """Return the contents of the files that the tables of a campaign name."""
+    files = {}
+    for key, name in _names(tables):
+        path = folder / name
+        try:
+            is_within = path.resolve().is_relative_to(folder.resolve())
+        except (OSError, ValueError, RuntimeError):  # a loop of links, a NUL in the name
+            is_within = False
+        if not is_within:
+            raise SpecError(
+                f"{key} = {name!r:.120}: lies outside the campaign file's folder, and is not sent to a server; copy it"
+                " beside the campaign file"
+            )
+        files[name.removeprefix("./")] = _content(path, LARGEST_FILE, f"{key} = {name!r:.120}")
+    return files
+
+
+def _names(tables: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield the key and the name of each file that the tables of a campaign name."""
+    mechanism = tables.get("mechanism")
+    if isinstance(mechanism, str) and (Path(mechanism).suffix == ".toml" or len(Path(mechanism).parts) > 1):
+        yield "mechanism", mechanism
+    variables = tables.get("variables")
+    entries = {f"variables.{key}": entry for key, entry in variables.items()} if isinstance(variables, Mapping) else {}
+    for key, entry in {**entries, "table": tables.get("table")}.items():
+        name = entry.get("file") if isinstance(entry, Mapping) else None
+        if isinstance(name, str) and name:
+            yield f"{key}.file", name
+
+
+def _content(path: Path, at_most: int, what: str) -> bytes:
+    """Return the content of a regular file."""
+    from engine.regular_file import read_regular_file
+
+    try:
+        return read_regular_file(path, at_most)
+    except (OSError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else None) or error
+        raise SpecError(f"{what}: cannot be read ({reason}); name a file of this machine") from error

@@ -1,0 +1,261 @@
+"""A server of `clearcap serve`, as a program sees it."""
+
+import re
+import uuid
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+from urllib.parse import quote
+
+from campaign.client.campaign_upload import campaign_upload
+from campaign.client.event_stream import progress_events
+from campaign.client.server_connection import ServerConnection
+from campaign.client.server_download import download, downloaded_table
+from campaign.errors import SpecError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+ON_A_PAGE = 500  # campaigns
+MOST_NAMED = 10  # campaigns in a message
+_FILE = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+
+
+def connect(address: str, token: str | None = None, ca: str | Path | None = None) -> "RemoteServer":
+    """Connect to a server of `clearcap serve`; nothing is sent yet.
+
+    Parameters
+    ----------
+    address : str
+        ``https://HOST[:PORT]``, or ``http://127.0.0.1:8700`` on the server's own machine.
+    token : str, optional
+        Made on the server's page Account; by default that of the environment variable ``CLEARCAP_TOKEN``. It is sent
+        to this address only, in a header, and never over the network without TLS.
+    ca : str or Path, optional
+        Certificates, in PEM, of the authority that signed the server's; by default those that the system trusts.
+
+    Returns
+    -------
+    RemoteServer
+
+    Raises
+    ------
+    SpecError
+        If address, token or certificates cannot be used.
+    """
+    return RemoteServer(ServerConnection(address, token, ca))
+
+
+class RemoteServer:
+    """A server of `clearcap serve`.
+
+    Its methods raise `SpecError` for what the server finds wrong, with the faults of a file, `UnreachableError` and
+    `StoreError` if it cannot answer now, and `CampaignError` for what the state of a campaign does not allow. Questions
+    are asked again for half a minute if there is no answer, and so is `submit`; other requests are sent once.
+
+    Parameters
+    ----------
+    connection : ServerConnection
+    """
+
+    def __init__(self, connection: ServerConnection) -> None:
+        self.connection = connection
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def address(self) -> str:
+        """The server's address."""
+        return self.connection.address
+
+    def close(self) -> None:
+        """Close the connection."""
+        self.connection.close()
+
+    # -- campaigns --------------------------------------------------------------------------------------------------
+
+    def campaigns(self, **question: Any) -> Iterator[dict[str, Any]]:
+        """Yield what the list says of each campaign; pages are asked for one by one.
+
+        Parameters
+        ----------
+        **question
+            ``search``, ``owner``, ``tag`` (a list), ``state``, ``archived`` and ``sort``, as of the API.
+        """
+        cursor: int | str | None = 0
+        while cursor is not None:
+            params = {**question, "cursor": cursor, "limit": ON_A_PAGE}
+            listing = self.connection.get("/campaigns", params=params).json()
+            yield from listing["campaigns"]
+            cursor = listing["next"]
+
+    def campaign(self, campaign_id: str) -> dict[str, Any]:
+        """Return what the list says of one campaign."""
+        return self._document(_path(campaign_id))
+
+    def status(self, campaign_id: str) -> dict[str, Any]:
+        """Return the progress of a campaign, as ``clearcap status --json`` does."""
+        return self._document(_path(campaign_id, "status"))
+
+    def find(self, wanted: str | None = None) -> str:
+        """Return the id of a campaign by its first letters; None stands for the only one of the server."""
+        ids: list[str] = [entry["campaign"] for entry in self.campaigns(search=wanted or "", archived=True)]
+        if wanted is not None and wanted in ids:
+            return wanted
+        matching = [each for each in ids if wanted is None or each.startswith(wanted)]
+        if len(matching) == 1:
+            return matching[0]
+        named = ", ".join(matching[:MOST_NAMED]) + (" and others" if len(matching) > MOST_NAMED else "")
+        if not matching:
+            raise SpecError(f"server {self.address}: no campaign {wanted or ''}; list them: clearcap list")
+        what = "name the campaign" if wanted is None else f"{wanted} could be several campaigns"
+        raise SpecError(f"server {self.address}: {what}: {named}")
+
+    def submit(
+        self,
+        source: str | Path | Mapping[str, Any],
+        *,
+        samples: int | None = None,
+        seed: int | None = None,
+        owner: str | None = None,
+        tags: Iterable[str] = (),
+        key: str | None = None,
+    ) -> dict[str, Any]:
+        """Send a campaign with the files that it names; the server queues it.
+
+        Parameters
+        ----------
+        source : str, Path or mapping
+            A shipped campaign, a campaign file, or its tables. The files that it names must lie beside it.
+        samples, seed : int, optional
+            Instead of those of the source.
+        owner : str, optional
+            By default the token's user.
+        tags : iterable of str
+        key : str, optional
+            The same key and campaign are one submission, for a day, however often they are sent; by default a new one.
+
+        Returns
+        -------
+        dict
+            ``campaign`` (its id), ``is_new``, ``samples``, ``owner``, ``cost`` and ``note``.
+        """
+        upload = campaign_upload(source)
+        body = upload.to_json() | {"samples": samples, "seed": seed, "owner": owner, "tags": list(tags)}
+        headers = {"Idempotency-Key": key or uuid.uuid4().hex}
+        answer = self.connection.ask("POST", "/campaigns", repeats=True, json=body, headers=headers)
+        made: dict[str, Any] = answer.json()
+        return made
+
+    def events(self, campaign_id: str) -> Iterator[dict[str, Any]]:
+        """Yield how far a campaign is whenever that changes, until it ends; a lost connection continues by itself."""
+        return progress_events(self.connection, quote(campaign_id, safe=""))
+
+    def cancel(self, campaign_id: str) -> dict[str, Any]:
+        """End a campaign; its rows stay. Returns its id, its state before, and a note."""
+        return self._document(_path(campaign_id, "cancel"), "POST")
+
+    def resume(self, campaign_id: str) -> dict[str, Any]:
+        """Queue a campaign again that ended before its last row; returns what `cancel` returns."""
+        return self._document(_path(campaign_id, "resume"), "POST")
+
+    def label(self, campaign_id: str, **change: Any) -> dict[str, Any]:
+        """Change the labels of a campaign; returns what the list says of it then.
+
+        Parameters
+        ----------
+        campaign_id : str
+            Its whole id.
+        **change
+            ``owner``, ``add_tags``, ``remove_tags``, ``note``, ``archived`` and ``version``, as of the API.
+        """
+        return self._document(_path(campaign_id, "labels"), "PATCH", json=change)
+
+    # -- results ----------------------------------------------------------------------------------------------------
+
+    def rows(self, campaign_id: str, columns: Iterable[str] = ()) -> "pa.Table":
+        """Return the rows of a campaign as a table of pyarrow; ``.to_pandas()`` makes one of pandas.
+
+        Parameters
+        ----------
+        campaign_id : str
+            Its whole id.
+        columns : iterable of str
+            By default all.
+        """
+        params = {"format": "arrow", "columns": list(columns)}
+        return downloaded_table(self.connection, _path(campaign_id, "rows"), params)
+
+    def download_report(self, campaign_id: str, folder: str | Path) -> dict[str, Path]:
+        """Write the files of a campaign's report into a folder, which is made if it is missing.
+
+        Returns
+        -------
+        dict of str to Path
+            File name -> where it is.
+
+        Raises
+        ------
+        SpecError
+            If there is no report yet, or the folder cannot be written.
+        """
+        names = self._document(_path(campaign_id, "reports"))["files"]
+        names = [name for name in names if _FILE.fullmatch(name)]  # no path that a server chooses
+        if not names:
+            raise SpecError(f"campaign {campaign_id}: has no report yet; it is written when the campaign ends")
+        return {
+            name: download(self.connection, _path(campaign_id, f"reports/own/{name}"), Path(folder) / name)
+            for name in names
+        }
+
+    def what_if(self, campaign_id: str, *settings: str) -> dict[str, Any]:
+        """Return what other distributions would give, as ``clearcap whatif --json`` does.
+
+        Parameters
+        ----------
+        campaign_id : str
+            Its whole id.
+        *settings : str
+            ``VARIABLE.KEY=VALUE``, such as ``J1.std=0.01``.
+        """
+        return self._document(_path(campaign_id, "whatif"), "POST", repeats=True, json={"set": list(settings)})
+
+    # -- mechanisms -------------------------------------------------------------------------------------------------
+
+    def mechanisms(self) -> dict[str, Any]:
+        """Return the names of the mechanisms: ``shipped``, a list, and ``saved``, name -> newest version."""
+        return self._document("/mechanisms")
+
+    def mechanism(self, name: str) -> dict[str, Any]:
+        """Return a mechanism: bodies, joints, clearances, responses, and every number that can be set."""
+        return self._document(f"/mechanisms/{quote(name, safe='')}")
+
+    def simulate(self, mechanism: str, values: Mapping[str, float] | None = None, **more: Any) -> dict[str, Any]:
+        """Have a mechanism simulated once; returns ``status``, ``responses``, ``units`` and ``certificate``.
+
+        Parameters
+        ----------
+        mechanism : str
+            Name of a shipped or a saved one.
+        values : mapping of str to float, optional
+            Key -> value, in the mechanism's units.
+        **more
+            ``bench``, ``preset``, ``step`` and ``horizon``, as of the API.
+        """
+        body = {"mechanism": mechanism, "values": dict(values or {}), **more}
+        return self._document("/simulations", "POST", repeats=True, json=body)
+
+    def _document(self, path: str, method: str = "GET", **more: Any) -> dict[str, Any]:
+        """Return an answer that is a JSON object."""
+        answer = self.connection.get(path, **more) if method == "GET" else self.connection.ask(method, path, **more)
+        document: dict[str, Any] = answer.json()
+        return document
+
+
+def _path(campaign_id: str, below: str = "") -> str:
+    """Return the path of a campaign, or of something below it."""
+    return f"/campaigns/{quote(campaign_id, safe='')}" + (f"/{below}" if below else "")

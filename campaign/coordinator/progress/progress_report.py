@@ -1,0 +1,86 @@
+"""How far a campaign is, as one document: its state, its rows, its heartbeat and its comparisons."""
+
+from collections.abc import Callable
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from campaign.coordinator.state import state_of
+from campaign.store import Store
+from campaign.store.layout import HEARTBEAT
+from campaign.store.repeat_sets import repeat_plans, survey_repeats
+from campaign.store.report_folders import comparisons, report_folder
+
+if TYPE_CHECKING:
+    from campaign.coordinator.heartbeat import Heartbeat
+    from campaign.plan_header import PlanHeader
+
+Say = Callable[[str], None]
+
+
+def progress_report(store: Store, header: "PlanHeader", say: Say) -> dict[str, Any]:
+    """Return how far a campaign is.
+
+    Parameters
+    ----------
+    store : Store
+        Where it is.
+    header : PlanHeader
+        The campaign.
+    say : callable
+        Is told, in a sentence for the user, what is wrong with files of the campaign.
+
+    Returns
+    -------
+    dict
+        Plain data: ``campaign``, ``store``, what `progress` returns, ``heartbeat`` of a campaign that runs, or None,
+        and ``comparisons``, the address of each by the id of the other campaign.
+    """
+    campaign_id = header.campaign_id
+    state, counts = progress(store, header, say)
+    heartbeat = _heartbeat(store, campaign_id, say) if state["state"] == "running" else None
+    compared = {
+        other: store.files.address(report_folder(campaign_id, other)) for other in comparisons(store, campaign_id)
+    }
+    if state["fault"]:
+        say(f"{campaign_id}: {state['fault']}")
+    document = {"campaign": campaign_id, "store": store.url, **state, **counts}
+    return {**document, "heartbeat": heartbeat and heartbeat.to_json(), "comparisons": compared}
+
+
+def progress(store: Store, header: "PlanHeader", say: Say) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the state of a campaign, its date as ISO 8601, and how many of its rows are done and how they ended.
+
+    A campaign that was completed and lost rows since is ``incomplete``.
+    """
+    state, counts = state_of(store, header.campaign_id), _count_rows(store, header, say)
+    if state["state"] == "completed" and counts["left"]:
+        message = f"{counts['left']} rows were lost after the campaign was completed"
+        state |= {"state": "incomplete", "message": message}
+    since = state["since"]
+    date = None if since is None else datetime.fromtimestamp(since).astimezone().isoformat(timespec="seconds")
+    return {**state, "since": date}, counts
+
+
+def _heartbeat(store: Store, campaign_id: str, say: Say) -> "Heartbeat | None":
+    """Return the last heartbeat of a campaign's coordinator; None if there is none, or none that can be read."""
+    from campaign.coordinator.heartbeat import (
+        Heartbeat,  # loads the engine's names, which an idle campaign does without
+    )
+
+    written = store.read_json(campaign_id, HEARTBEAT)
+    heartbeat = Heartbeat.from_json(written or {})
+    if written and not heartbeat:
+        say(f"{campaign_id}: {HEARTBEAT} was not written by clearcap; its coordinator replaces it")
+    return heartbeat
+
+
+def _count_rows(store: Store, header: "PlanHeader", say: Say) -> dict[str, Any]:
+    """Return how many rows of a campaign are done and how they ended; say which parts are bad."""
+    survey, repeats = store.survey(header), survey_repeats(store, repeat_plans(store, header))
+    for reason in dict.fromkeys([*survey.bad.values(), *repeats.bad]):
+        command = store.command("resume", header.campaign_id)
+        say(f"{header.campaign_id}: {reason}; compute its samples again with: {command}")
+    done, ok = survey.rows, survey.statuses.get("ok", 0)
+    samples = store.end(header)
+    counts = {"samples": samples, "done": done, "ok": ok, "failed": done - ok, "left": samples - done}
+    return {**counts, "statuses": survey.statuses, "repeats": repeats.planned, "repeated": repeats.done}
