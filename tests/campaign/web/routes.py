@@ -6,10 +6,8 @@ from fastapi.routing import APIRoute
 
 from campaign.web.access import Role
 from campaign.web.api import routers
-from campaign.web.http.asking import SAFE_METHODS, asking, needs
+from campaign.web.http.asking import SAFE_METHODS, RoleNeeded, asking, needs_all_campaigns
 from campaign.web.pages import page_routers
-
-ROLE_CHECK = needs(Role.ADMIN).__code__  # which all functions of `needs` share
 
 
 @dataclass(frozen=True)
@@ -42,13 +40,15 @@ class Way:
         return asking in _calls(self.route.dependant)
 
     @property
+    def is_open_to_shares(self):
+        """Whether it also asks nothing more of whoever came by a shared link."""
+        calls = list(_calls(self.route.dependant))
+        return not any(isinstance(call, RoleNeeded) or call is needs_all_campaigns for call in calls)
+
+    @property
     def role(self):
         """The least role that it asks for by itself; a viewer if it names none."""
-        found = [
-            call.__closure__[0].cell_contents
-            for call in _calls(self.route.dependant)
-            if getattr(call, "__code__", None) is ROLE_CHECK
-        ]
+        found = [call.role for call in _calls(self.route.dependant) if isinstance(call, RoleNeeded)]
         return max(found, default=Role.VIEWER)
 
     def url(self, **values):
