@@ -8,6 +8,7 @@ import uvicorn
 from campaign.errors import SpecError
 from campaign.web.access import Role
 from campaign.web.app import make_app
+from campaign.web.http.request_record import show_requests
 from campaign.web.settings import LOOPBACK, Settings
 from campaign.web.web_service import Service
 
@@ -69,6 +70,7 @@ def serve_http(service: Service) -> None:
     SpecError
         If the port is taken, or the certificate cannot be used.
     """
+    show_requests()
     settings = service.settings
     cert, key = settings.https or (None, None)
     config = uvicorn.Config(

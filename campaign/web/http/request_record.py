@@ -4,6 +4,8 @@ import json
 import logging
 import re
 import time
+import traceback
+from typing import TextIO
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from starlette.concurrency import run_in_threadpool
@@ -18,6 +20,14 @@ logger = logging.getLogger("clearcap.requests")
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 MOST_OF_STRANGERS, WITHIN = 30, 300.0  # writes of nobody known from one place that are audited, in so many seconds
 _SECRET = re.compile(r"clearcap_[a-z]+_[\w-]+")
+
+
+def show_requests(stream: TextIO | None = None) -> None:
+    """Write the log of requests to a stream, by default standard error: a JSON document a line, plain letters only."""
+    handler = logging.StreamHandler(stream)
+    handler.setFormatter(logging.Formatter("%(message)s"))
+    logger.handlers, logger.propagate = [handler], False
+    logger.setLevel(logging.INFO)
 
 
 class Metrics:
@@ -73,7 +83,7 @@ class Record:
             if begun:
                 raise
             request = scope["state"].get("request", "")
-            logger.exception("request %s ended with a bug", request)
+            logger.error("%s", json.dumps({"request": request, "bug": traceback.format_exc()}))
             detail = f"a bug of the server; its log has the reason under the request {request}"
             body = problem(500, detail).model_dump_json()
             await Response(body, 500, media_type=MEDIA_TYPE)(scope, receive, send_recorded)
