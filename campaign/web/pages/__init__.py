@@ -4,7 +4,19 @@ from pathlib import Path
 
 from fastapi import APIRouter
 
-from campaign.web.pages import account, admin, campaigns, company, help, login, mechanisms, share, signoff, trial
+from campaign.web.pages import (
+    account,
+    admin,
+    campaigns,
+    company,
+    help,
+    login,
+    mechanisms,
+    new_campaign,
+    share,
+    signoff,
+    trial,
+)
 
 STATIC = Path(__file__).parent / "static"
 
@@ -13,4 +25,4 @@ def page_routers() -> list[APIRouter]:
     """Return the routers of all pages; none is part of the documented API."""
     of_people = [help.router, login.router, company.router, account.router, admin.router]
     of_mechanisms = [trial.router, mechanisms.router]
-    return [*of_people, *of_mechanisms, campaigns.router, share.router, signoff.router]
+    return [*of_people, *of_mechanisms, new_campaign.router, campaigns.router, share.router, signoff.router]

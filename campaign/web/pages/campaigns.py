@@ -9,9 +9,10 @@ from starlette.responses import RedirectResponse, Response
 
 from campaign.coordinator.follow import observe
 from campaign.web.access import Role
-from campaign.web.api.campaign_changes import LabelRequest, cancel, delete, label, resume
+from campaign.web.api.campaign_changes import FailedRows, LabelRequest, cancel, delete, label, rerun, resume
 from campaign.web.api.campaigns import ListQuestion, listed, show_campaign
 from campaign.web.api.reports import report_files
+from campaign.web.api.submissions import extended
 from campaign.web.api.whose import TheCampaign
 from campaign.web.http.asking import Asking, Engineer, TheService, Viewer
 from campaign.web.pages.rendering import page
@@ -80,6 +81,22 @@ async def resume_form(service: TheService, campaign: TheCampaign, who: Engineer)
     """Continue a campaign."""
     await run_in_threadpool(resume, service, campaign, who)
     return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
+
+
+@router.post("/campaigns/{campaign}/rerun")
+async def rerun_form(service: TheService, campaign: TheCampaign, who: Engineer) -> Response:
+    """Compute failed rows again."""
+    await run_in_threadpool(rerun, service, campaign, who, FailedRows())
+    return RedirectResponse(f"/campaigns/{quote(campaign)}", 303)
+
+
+@router.post("/campaigns/{campaign}/extend")
+async def extend_form(
+    service: TheService, campaign: TheCampaign, who: Engineer, samples: Annotated[int, Form(ge=1, le=100_000_000)]
+) -> Response:
+    """Submit a campaign with more samples."""
+    made = await extended(service, campaign, who, samples)
+    return RedirectResponse(f"/campaigns/{quote(made.campaign)}", 303)
 
 
 @router.post("/campaigns/{campaign}/labels")
