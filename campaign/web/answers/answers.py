@@ -21,6 +21,7 @@ from campaign.web.answers.questions import (
     allocation_answer,
     comparison_answer,
     histogram_answer,
+    histograms_answer,
     what_if_answer,
 )
 from campaign.web.answers.rows_version import rows_version
@@ -114,6 +115,13 @@ class Answers:
         """Return the bins of a response before and after a change; see `questions.histogram_answer`, and `what_if`."""
         checked = _checked(settings) if settings else ()
         return await self._ask(user, histogram_answer, [campaign], response, checked, preview)
+
+    async def histograms(
+        self, user: str, campaign: str, settings: Sequence[str] = (), *, preview: bool = False
+    ) -> Answer:
+        """Return the bins of all responses before and after a change; see `questions.histograms_answer`."""
+        checked = _checked(settings) if settings else ()
+        return await self._ask(user, histograms_answer, [campaign], checked, preview)
 
     async def advise(self, user: str, campaign: str) -> Answer:
         """Return the document of ``clearcap advise CAMPAIGN --json``; errors as of `what_if`."""

@@ -22,9 +22,9 @@ from campaign.store import open_store
 from campaign.store.files.patience import QUICK
 from campaign.web.answers.column_cache import ColumnCache
 from engine.toml_file import UnfitToml, parse_toml
-from reporting import ReportError
+from reporting import ReportError, capability
 from reporting.shape.histogram import histogram
-from reporting.tolerance.reweighting import weights
+from reporting.tolerance.reweighting import Weights, weights
 
 PREVIEW_ROWS = 100_000  # of a million, they give Cpk to within 0.001
 KEPT_CAMPAIGNS = 8  # plans and mapped columns that a worker keeps
@@ -98,39 +98,60 @@ def histogram_answer(rows: AskedRows, response: str, settings: tuple[str, ...], 
     dict
         ``response``, ``unit``, ``lsl``, ``usl``; ``edges`` (k + 1); ``before``, the number of samples in each bin (k);
         ``after``, the same as the new distributions weight them, null without settings or where they refuse, with the
-        reason in ``refusal``. The sum of both is the number of samples with a value.
+        reason in ``refusal``. The sum of both is the number of samples with a value. ``mean``, ``std`` and ``cpk`` are
+        those of the samples as they are.
     """
     opened = _opened(rows)
     plan, (columns, mark) = opened.plan, _asked(opened.columns, preview)
     if response not in plan.mechanism.responses:
         allowed = ", ".join(plan.mechanism.responses)
         raise SpecError(f"response {response}: campaign {plan.campaign_id} has no such response; allowed: {allowed}")
+    bins = _bins(plan, columns, response, _weights(plan, columns, settings))
+    return {"campaign": plan.campaign_id, "set": list(settings), **bins} | mark
+
+
+def histograms_answer(rows: AskedRows, settings: tuple[str, ...], preview: bool) -> dict[str, Any]:
+    """Return ``campaign``, ``set`` and ``histograms``, of each response what `histogram_answer` says of it."""
+    opened = _opened(rows)
+    plan, (columns, mark) = opened.plan, _asked(opened.columns, preview)
+    found = _weights(plan, columns, settings)
+    bins = [_bins(plan, columns, name, found) for name in plan.mechanism.responses]
+    return {"campaign": plan.campaign_id, "set": list(settings), "histograms": bins} | mark
+
+
+def _weights(plan: Plan, columns: SampleColumns, settings: tuple[str, ...]) -> Weights | None:
+    """Return the weights of the samples under settings; None without any."""
+    if not settings:
+        return None
+    try:
+        return weights(change_of(plan, columns, settings))
+    except ReportError as error:
+        raise CampaignError(f"what if of {plan.campaign_id}: {error}") from error
+
+
+def _bins(plan: Plan, columns: SampleColumns, response: str, found: Weights | None) -> dict[str, Any]:
+    """Return the bins of a response as it is and as weights make it."""
     values, limits = columns.values[response], limits_of(plan)[response]
     finite = np.isfinite(values)
-    bins = histogram(values[finite], *limits)
-    document: dict[str, Any] = {
-        "campaign": plan.campaign_id,
-        "set": list(settings),
+    bins, now = histogram(values[finite], *limits), capability(values, *limits)
+    after = None
+    if bins and found and not found.refusal:
+        weight = found.weight[finite]
+        weighted, _ = np.histogram(values[finite], np.array(bins.edges), weights=weight * (weight.size / weight.sum()))
+        after = weighted.tolist()
+    return {
         "response": response,
         "unit": plan.mechanism.response_units()[response],
         "lsl": limits[0],
         "usl": limits[1],
+        "mean": now.mean,
+        "std": now.std,
+        "cpk": now.cpk,
         "edges": bins.edges if bins else [],
         "before": bins.counts if bins else [],
-        "after": None,
-        "refusal": "",
+        "after": after,
+        "refusal": found.refusal if found and bins else "",
     }
-    if settings and bins:
-        try:
-            found = weights(change_of(plan, columns, settings))
-        except ReportError as error:
-            raise CampaignError(f"what if of {plan.campaign_id}: {error}") from error
-        document["refusal"] = found.refusal
-        if not found.refusal:
-            weight = found.weight[finite]
-            after, _ = np.histogram(values[finite], np.array(bins.edges), weights=weight * (weight.size / weight.sum()))
-            document["after"] = after.tolist()
-    return document | mark
 
 
 def advice_answer(rows: AskedRows) -> dict[str, Any]:

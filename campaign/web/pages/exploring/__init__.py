@@ -1,0 +1,1 @@
+"""Pages about the rows of a campaign: what-if, samples, comparison, export."""

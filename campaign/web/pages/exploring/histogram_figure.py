@@ -1,0 +1,69 @@
+"""The figure of a histogram before and after a change, as numbers of an SVG."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+WIDTH, HEIGHT = 320.0, 110.0  # of the drawing, in its own units
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A histogram, drawn.
+
+    Attributes
+    ----------
+    bars : list of (x, y, width, height)
+        As it is; counts over widths, so that the area counts.
+    after : str
+        Points of the outline under the new distributions; empty without.
+    limits : list of (x, str)
+        Where limits are that lie within the drawing, with their name.
+    lower, upper : float
+        Ends of the axis, in the unit of the response.
+    """
+
+    bars: list[tuple[float, float, float, float]]
+    after: str
+    limits: list[tuple[float, str]]
+    lower: float
+    upper: float
+
+
+def histogram_figure(bins: Mapping[str, Any]) -> Figure | None:
+    """Return the figure of the bins of a response, or None without values."""
+    edges = bins["edges"]
+    if len(edges) < 2 or not edges[-1] > edges[0]:
+        return None
+    before = _heights(edges, bins["before"])
+    after = _heights(edges, bins["after"]) if bins["after"] else []
+    scale = HEIGHT / (max([*before, *after]) or 1.0)
+
+    def x_of(value: float) -> float:
+        return round(float(WIDTH * (value - edges[0]) / (edges[-1] - edges[0])), 2)
+
+    bars = [
+        (
+            x_of(edges[i]),
+            round(HEIGHT - h * scale, 2),
+            round(x_of(edges[i + 1]) - x_of(edges[i]), 2),
+            round(h * scale, 2),
+        )
+        for i, h in enumerate(before)
+    ]
+    corners = [(0.0, HEIGHT)]
+    for i, h in enumerate(after):
+        y = round(HEIGHT - h * scale, 2)
+        corners += [(x_of(edges[i]), y), (x_of(edges[i + 1]), y)]
+    outline = " ".join(f"{x:g},{y:g}" for x, y in [*corners, (WIDTH, HEIGHT)]) if after else ""
+    limits = [
+        (x_of(bins[key]), words)
+        for key, words in (("lsl", "lower limit"), ("usl", "upper limit"))
+        if bins[key] is not None and edges[0] <= bins[key] <= edges[-1]
+    ]
+    return Figure(bars, outline, limits, edges[0], edges[-1])
+
+
+def _heights(edges: Sequence[float], counts: Sequence[float]) -> list[float]:
+    """Return counts over the widths of their bins."""
+    return [c / (b - a) if b > a else 0.0 for c, a, b in zip(counts, edges, edges[1:], strict=False)]
