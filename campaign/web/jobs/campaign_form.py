@@ -4,7 +4,7 @@ The form has the keys that most campaigns need. All others, such as correlations
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 from campaign.errors import CampaignError, SpecError
 from campaign.inputs.distributions import DISTRIBUTIONS, Distribution, Variable
 from campaign.plan import dump_spec
+from campaign.reports.variable_settings import changed_variables
 from campaign.spec.campaign_file import CampaignSpec, Response
 from campaign.spec.campaign_text import campaign_text
 from campaign.spec.named_files import GivenFiles
@@ -117,13 +118,30 @@ def merged(tables: Mapping[str, Any], form: Tables) -> Tables:
     return {key: value for key, value in result.items() if value != {} or key == "variables"}
 
 
-def started_from(store: str, campaign_id: str) -> Tables:
-    """Return ``text`` and ``files`` (texts by name) of a campaign of the store, to begin another one with."""
+def started_from(store: str, campaign_id: str, settings: Sequence[str] = (), samples: int | None = None) -> Tables:
+    """Return ``text`` and ``files`` (texts by name) of a campaign of the store, to begin another one with.
+
+    Parameters
+    ----------
+    store, campaign_id : str
+        Path or URL of the store, with what access takes; id of the campaign.
+    settings : sequence of str
+        What changes in its distributions, each ``VARIABLE.KEY=VALUE``.
+    samples : int, optional
+        How many samples the other one has.
+
+    Raises
+    ------
+    SpecError
+        If a setting is not possible.
+    """
     import tomli_w
 
     opened = open_store(store, QUICK)
     plan = opened.plan(campaign_id)
-    tables, name = dump_spec(plan.spec), plan.spec.mechanism
+    changed = changed_variables(plan.spec, settings).variables if settings else {}
+    update = {"variables": {**plan.spec.variables, **changed}, "samples": samples or plan.spec.samples}
+    tables, name = dump_spec(plan.spec.model_copy(update=update)), plan.spec.mechanism
     if name in library_names() or read_mechanism(opened, name) is not None:
         return {"text": campaign_text(tables), "files": {}}
     # the plan has the mechanism as it is on its bench and with its preset

@@ -18,6 +18,7 @@ from campaign.store.layout import PLAN
 from campaign.store.mechanism_library import saved_mechanisms
 from campaign.web.access import Principal
 from campaign.web.api.posted_campaign import LONGEST_TEXT, CampaignRequest
+from campaign.web.api.questions import Settings
 from campaign.web.api.submissions import cost_of, source_of_request, submitted
 from campaign.web.api.whose import PATTERN
 from campaign.web.http.asking import Engineer, TheService
@@ -90,13 +91,16 @@ async def new_campaign_page(
     who: Engineer,
     start: Annotated[str, Query(alias="from", pattern=PATTERN + "|^$")] = "",
     mechanism: Annotated[str, Query(max_length=64)] = FIRST_MECHANISM,
+    set: Settings = [],  # noqa: B006  # FastAPI copies it
+    samples: Annotated[int | None, Query(ge=1, lt=2**53)] = None,
 ) -> Response:
-    """Show the form, for a new campaign or one that begins with another's file."""
+    """Show the form, for a new campaign or one that begins with another's file, with some distributions changed."""
     draft = Draft(first_text(mechanism), owner=who.name)
     if start:
         if not await run_in_threadpool(service.store.hasty.files.exists, f"{start}/{PLAN}"):
             raise Refusal(404, f"no campaign {start} in the store")
-        begun = await service.pool.data(who.name, started_from, service.store.files.full_url, start)
+        url = service.store.files.full_url
+        begun = await service.pool.data(who.name, started_from, url, start, tuple(set), samples)
         draft = replace(draft, text=begun["text"], files=begun["files"])
     found = await service.pool.data(who.name, composed, source_of_request(service, draft.request()))
     if not start:

@@ -71,6 +71,9 @@ def test_what_samples_do_not_carry_is_grey(visit, home, explored):
     link = re.search(r'href="(/campaigns/new\?[^"]+)"', text)[1].replace("&amp;", "&")
     runs = re.search(r"needs ([\d\u202f]+) runs", text)[1].replace("\u202f", "")
     assert link == f"/campaigns/new?from={explored[1]}&set=J1.std%3D0.05&samples={runs}"
+    begun = visit(link).text
+    assert "std = 0.05" in begun
+    assert f"samples = {runs}" in begun
     assert "/campaigns/new?from" not in visit(path, "viewer").text
 
 
