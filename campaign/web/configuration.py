@@ -25,25 +25,34 @@ class _OidcTable(BaseModel):
     roles: dict[str, str] = {}
 
 
+class _WebhookTable(BaseModel):
+    """The table ``[webhooks]``."""
+
+    model_config = ConfigDict(extra="forbid", strict=True)
+    allow: list[Annotated[str, Field(pattern=r"^[A-Za-z0-9._:-]{1,253}$")]] = []
+
+
 class _Tables(BaseModel):
     """The tables of the file."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
     limits: dict[str, Annotated[float, Field(gt=0)]] = {}
     oidc: _OidcTable | None = None
+    webhooks: _WebhookTable = _WebhookTable()
 
 
-def read_configuration(path: Path | None) -> tuple[Limits, Oidc | None]:
+def read_configuration(path: Path | None) -> tuple[Limits, Oidc | None, tuple[str, ...]]:
     """Read the configuration file of a server.
 
     Parameters
     ----------
     path : Path or None
-        A TOML file with the tables ``[limits]`` and ``[oidc]``; None: the defaults.
+        A TOML file with the tables ``[limits]``, ``[oidc]`` and ``[webhooks]``; None: the defaults.
 
     Returns
     -------
-    (Limits, Oidc or None)
+    (Limits, Oidc or None, tuple of str)
+        The last are the hosts in the server's own network to which webhooks may lead.
 
     Raises
     ------
@@ -52,7 +61,7 @@ def read_configuration(path: Path | None) -> tuple[Limits, Oidc | None]:
         the environment variable ``CLEARCAP_OIDC_SECRET``.
     """
     if path is None:
-        return Limits(), None
+        return Limits(), None, ()
     try:
         tables = TypeAdapter(_Tables).validate_python(read_toml(path))
     except (OSError, UnfitToml) as error:
@@ -60,7 +69,7 @@ def read_configuration(path: Path | None) -> tuple[Limits, Oidc | None]:
     except ValidationError as error:
         lines = [f"{'.'.join(map(str, fault['loc']))}: {fault['msg']}" for fault in error.errors()]
         raise SpecError("\n  ".join([f"--config {path}:", *lines])) from error
-    return _limits(path, tables.limits), _oidc(path, tables.oidc)
+    return _limits(path, tables.limits), _oidc(path, tables.oidc), tuple(tables.webhooks.allow)
 
 
 def _limits(path: Path, table: dict[str, float]) -> Limits:

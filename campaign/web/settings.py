@@ -96,6 +96,8 @@ class Settings:
         Processes for what takes processor time: simulations, questions, reports.
     limits : Limits
     oidc : Oidc or None
+    webhook_hosts : tuple of str
+        Hosts in the server's own network to which webhooks may lead.
     """
 
     store: str
@@ -109,6 +111,7 @@ class Settings:
     processes: int = 2
     limits: Limits = Limits()
     oidc: Oidc | None = None
+    webhook_hosts: tuple[str, ...] = ()
 
     @property
     def is_local(self) -> bool:

@@ -26,6 +26,9 @@ from campaign.web.settings import Settings
 from campaign.web.signatory import Signatory
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.watcher import Watcher
+from campaign.web.webhooks.campaign_news import CampaignNews, campaign_news
+from campaign.web.webhooks.webhook_book import WebhookBook
+from campaign.web.webhooks.webhook_sender import WebhookSender
 from engine import warm_up
 
 KEPT_BYTES = 64 << 20  # of pictures
@@ -44,6 +47,8 @@ class Service:
         What only the server keeps.
     users, sessions, tokens, audit
         Parts of the database.
+    webhooks : WebhookBook
+        Part of the database too.
     signatory : Signatory
         Signs campaigns for approvers.
     throttle : Throttle
@@ -69,6 +74,7 @@ class Service:
     sessions: Sessions = field(init=False)
     tokens: Tokens = field(init=False)
     audit: AuditTrail = field(init=False)
+    webhooks: WebhookBook = field(init=False)
     signatory: Signatory = field(init=False)
     throttle: Throttle = field(init=False)
     company: CompanyLogin | None = field(init=False)
@@ -81,6 +87,7 @@ class Service:
     def __post_init__(self) -> None:
         self.users, self.sessions = Users(self.database), Sessions(self.database)
         self.tokens, self.audit = Tokens(self.database), AuditTrail(self.database)
+        self.webhooks = WebhookBook(self.database)
         self.signatory = Signatory(self.database, self.store.hasty)
         self.streams, self.submitting = Counter(), Counter()
         self._kept, self._flights = KeptAnswers(KEPT_BYTES), SingleFlight()
@@ -106,7 +113,8 @@ class Service:
     @asynccontextmanager
     async def _beside(self) -> AsyncIterator[None]:
         """Keep the reader of the store, and the coordinator, at work in the block."""
-        watching, child = asyncio.create_task(self.watcher.run()), None
+        sender = WebhookSender(self.webhooks, self.news, self.settings.webhook_hosts)
+        beside, child = [asyncio.create_task(each.run()) for each in (self.watcher, sender)], None
         if self.settings.coordinate is not None:
             child = CoordinatorChild(self.store, self.settings.coordinate)
             child.start()
@@ -115,9 +123,10 @@ class Service:
         finally:
             if child is not None:
                 await asyncio.to_thread(child.stop)
-            watching.cancel()
-            with suppress(asyncio.CancelledError):
-                await watching
+            for task in beside:
+                task.cancel()
+                with suppress(asyncio.CancelledError):
+                    await task
 
     def close(self) -> None:
         """Close the files."""
@@ -146,6 +155,11 @@ class Service:
     def is_signed(self, campaign_id: str) -> bool:
         """Return whether somebody has signed a campaign."""
         return self.database.row("SELECT 1 FROM signoffs WHERE campaign = ?", campaign_id) is not None
+
+    def news(self) -> list[CampaignNews]:
+        """Return the news that the states of all campaigns are."""
+        entries = self.watcher.index.entries()
+        return [news for entry, _ in entries for news in campaign_news(entry, self.settings.address)]
 
     def end_streams(self) -> None:
         """End all event streams, because the server ends."""

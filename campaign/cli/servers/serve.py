@@ -76,7 +76,7 @@ def serve(
     https = (https_cert, https_key) if https_cert and https_key else None
     url = open_store(store).files.full_url
     options = None if no_drive else tuple(where.options())
-    limits, oidc = read_configuration(config)
+    limits, oidc, webhook_hosts = read_configuration(config)
     settings = Settings(
         store,
         data or _data_folder(url),
@@ -88,6 +88,7 @@ def serve(
         options,
         limits=limits,
         oidc=oidc,
+        webhook_hosts=webhook_hosts,
     )
     check_settings(settings)
     service = open_service(settings)

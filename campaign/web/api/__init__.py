@@ -20,6 +20,7 @@ from campaign.web.api import (
     submissions,
     tokens,
     users,
+    webhooks,
 )
 
 # each kind of thing on a line of its own
@@ -41,6 +42,7 @@ ROUTERS = [
     audit_trail.router,
     shares.router,
     signoffs.router,
+    webhooks.router,
 ]
 
 

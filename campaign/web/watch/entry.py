@@ -23,6 +23,15 @@ class Weakest(BaseModel):
     interval: tuple[float, float] | None = Field(None, examples=[(1.18, 1.24)])
 
 
+class BelowTarget(BaseModel):
+    """A response whose Cpk is too small, by its whole interval."""
+
+    response: str = Field(examples=["FC-1"])
+    cpk: float = Field(examples=[1.21])
+    interval: tuple[float, float] = Field(examples=[(1.18, 1.24)])
+    target: float = Field(examples=[1.33])
+
+
 class CampaignEntry(BaseModel):
     """What the list says of one campaign."""
 
@@ -41,6 +50,7 @@ class CampaignEntry(BaseModel):
     left: int | None = Field(None, description="Rows that are to be computed", examples=[0])
     share_ok: float | None = Field(None, description="Share of the product within all limits", examples=[0.9987])
     weakest: Weakest | None = Field(None, description="Smallest Cpk of the report, or of the rows so far")
+    below_target: list[BelowTarget] = Field([], description="Of the report: the Cpk's upper end is below 1.33")
     headline: str = Field("", description="What the report concludes")
     has_report: bool = Field(False, description="A report is written")
     submitted_by: str = ""
@@ -103,10 +113,21 @@ def _add_report(entry: CampaignEntry, report: dict[str, Any] | None) -> None:
         entry.headline = str(report["headline"])
         capabilities = {r["spec"]["name"]: r["capability"] for r in report["responses"]}
         entry.weakest = _weakest_of({name: (c["cpk"], c["cpk_interval"]) for name, c in capabilities.items()})
+        entry.below_target = _below_target(capabilities, report["thresholds"]["capable"])
         product = report["product"]
         entry.share_ok = None if product is None else (product["with_failures"] or product["counted"])["share"]
     except (KeyError, TypeError):
         entry.message = entry.message or "the report was written by another version; write it again"
+
+
+def _below_target(capabilities: dict[str, Any], target: float) -> list[BelowTarget]:
+    """Return the responses whose Cpk is below its target by its whole interval."""
+    known = {name: (c["cpk"], c["cpk_interval"]) for name, c in capabilities.items() if c["cpk_interval"]}
+    return [
+        BelowTarget(response=name, cpk=cpk, interval=(low, high), target=target)
+        for name, (cpk, (low, high)) in known.items()
+        if isinstance(high, int | float) and high < target
+    ]
 
 
 def _weakest_of(indices: dict[str, tuple[Any, Any]]) -> Weakest | None:

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from campaign.store import Store
 from campaign.web.watch.entry import CampaignEntry, entry_of
 
-FORMAT = 1
+FORMAT = 2
 READERS = 4  # campaigns that are read at a time
 MOVING = ("queued", "running")  # states in which a campaign is read each time
 AT_ONCE = 200  # campaigns between two writes

@@ -33,15 +33,19 @@ def test_data_folder_is_private(tmp_path):
 
 def test_configuration(tmp_path, monkeypatch):
     path = tmp_path / "serve.toml"
-    path.write_text("[limits]\njobs = 4\njob_seconds = 10\n[oidc]\nissuer = 'https://id.example'\nclient_id = 'c'\n")
+    path.write_text(
+        "[limits]\njobs = 4\njob_seconds = 10\n[webhooks]\nallow = ['mes.plant']\n"
+        "[oidc]\nissuer = 'https://id.example'\nclient_id = 'c'\n"
+    )
     with pytest.raises(SpecError, match=SECRET):
         read_configuration(path)
     monkeypatch.setenv(SECRET, "s3cret")
-    limits, oidc = read_configuration(path)
+    limits, oidc, hosts = read_configuration(path)
+    assert hosts == ("mes.plant",)
     assert limits == Limits(jobs=4, job_seconds=10.0)
     assert (oidc.issuer, oidc.client_secret) == ("https://id.example", "s3cret")
     assert "s3cret" not in repr(oidc)
-    assert read_configuration(None) == (Limits(), None)
+    assert read_configuration(None) == (Limits(), None, ())
 
 
 @pytest.mark.parametrize(
@@ -51,6 +55,7 @@ def test_configuration(tmp_path, monkeypatch):
         ("[limits]\njobs = 0\n", "limits.jobs"),
         ("[oidc]\nissuer = 'http://id.example'\nclient_id = 'c'\n", "oidc.issuer"),
         ("[oidc]\nissuer = 'https://id.example'\nclient_id = 'c'\nroles = {a = 'king'}\n", "oidc.roles.a"),
+        ("[webhooks]\nallow = ['http://x/']\n", "webhooks.allow"),
         ("jobs = 4\n", "jobs"),
         ("x = ", "cannot be read"),
     ],

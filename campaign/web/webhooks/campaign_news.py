@@ -1,0 +1,62 @@
+"""What of a campaign is news to other systems."""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from campaign.web.watch.entry import CampaignEntry
+
+ENDED = ("completed", "failed", "cancelled", "interrupted")
+REPORT_WITHIN = 600.0  # s after its end, for which the news of a completed campaign waits for the report
+
+
+@dataclass(frozen=True)
+class CampaignNews:
+    """Something that happened to a campaign.
+
+    Attributes
+    ----------
+    key : str
+        What happened, when and to which campaign: news with the same key is told once.
+    campaign : str
+        Its id.
+    people : frozenset of str
+        Its owner, and who submitted it.
+    content : dict
+        What is told, as plain data.
+    """
+
+    key: str
+    campaign: str
+    people: frozenset[str]
+    content: dict[str, Any]
+
+
+def campaign_news(entry: CampaignEntry, address: str) -> list[CampaignNews]:
+    """Return the news that the state of a campaign is: it follows from the store, so no restart loses any.
+
+    Parameters
+    ----------
+    entry : CampaignEntry
+        What the list says of the campaign.
+    address : str
+        The server's, for the link.
+    """
+    if entry.state not in ENDED:
+        return []
+    since = 0.0 if entry.since is None else entry.since.timestamp()
+    lacks_report = entry.state == "completed" and not entry.has_report and not entry.message
+    if lacks_report and time.time() - since < REPORT_WITHIN:
+        return []
+    about = {"campaign": entry.campaign, "title": entry.title, "owner": entry.owner, "tags": entry.tags}
+    about |= {"link": f"{address}/campaigns/{entry.campaign}"}
+    ended = {"event": "campaign.ended", **about, "state": entry.state, "message": entry.message}
+    ended |= entry.model_dump(
+        mode="json", include={"since", "samples", "done", "failed", "share_ok", "weakest", "headline"}
+    )
+    people = frozenset({entry.owner, entry.submitted_by} - {""})
+    news = [CampaignNews(f"ended {entry.campaign} {entry.state} {since:.3f}", entry.campaign, people, ended)]
+    for below in entry.below_target:
+        content = {"event": "cpk.below", **about, **below.model_dump(mode="json")}
+        news.append(CampaignNews(f"below {entry.campaign} {below.response}", entry.campaign, people, content))
+    return news

@@ -1,0 +1,113 @@
+"""Where a server may send news: to other machines by TLS, into its own network only where an admin names the host."""
+
+import ipaddress
+import socket
+from collections.abc import Iterable
+from dataclasses import dataclass
+from urllib.parse import urlsplit
+
+from campaign.errors import SpecError
+
+LONGEST_URL = 2000  # characters
+# networks whose addresses stand for IPv4 addresses, which may be private ones
+_TRANSLATED = [ipaddress.ip_network(each) for each in ("64:ff9b::/96", "64:ff9b:1::/48", "2002::/16", "2001::/32")]
+
+
+@dataclass(frozen=True)
+class WebhookTarget:
+    """The parts of a webhook's address.
+
+    Attributes
+    ----------
+    scheme, host : str
+    port : int
+    rest : str
+        Path and query.
+    is_allowed : bool
+        The configuration names the host, so it may be in the server's own network.
+    """
+
+    scheme: str
+    host: str
+    port: int
+    rest: str
+    is_allowed: bool
+
+    @property
+    def authority(self) -> str:
+        """Host and port, as the header ``Host`` has them."""
+        shown = f"[{self.host}]" if ":" in self.host else self.host
+        return shown if self.port == (443 if self.scheme == "https" else 80) else f"{shown}:{self.port}"
+
+
+def webhook_target(url: str, allowed: Iterable[str]) -> WebhookTarget:
+    """Check the address of a webhook, without looking up its host.
+
+    Parameters
+    ----------
+    url : str
+    allowed : iterable of str
+        Hosts that the configuration names in ``[webhooks]``.
+
+    Raises
+    ------
+    SpecError
+        If news may not be sent there.
+    """
+    try:
+        parts = urlsplit(url)
+        host, port = (parts.hostname or "").rstrip("."), parts.port
+    except ValueError as error:
+        raise SpecError(f"url = {url!r:.200}: is no address ({error})") from error
+    is_allowed = host in {each.lower() for each in allowed}
+    if len(url) > LONGEST_URL or not (url.isascii() and url.isprintable() and " " not in url) or not host:
+        raise SpecError(f"url = {url!r:.200}: is no address; write https://HOST/PATH")
+    if parts.username is not None or parts.password is not None or parts.fragment:
+        raise SpecError("url: holds a user, a password or a fragment; news is signed instead: check the signature")
+    if parts.scheme != "https" and not (parts.scheme == "http" and is_allowed and _is_loopback(host)):
+        raise SpecError(f"url = {url!r:.200}: news is sent by https only")
+    rest = (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
+    return WebhookTarget(parts.scheme, host, port or (443 if parts.scheme == "https" else 80), rest, is_allowed)
+
+
+def target_addresses(target: WebhookTarget) -> list[str]:
+    """Look up the addresses of a target; all must be such that news may be sent there.
+
+    Raises
+    ------
+    SpecError
+        If there is none, or one of them is in the server's own network and the configuration does not name the host.
+    """
+    try:
+        found = socket.getaddrinfo(target.host, target.port, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError) as error:
+        raise SpecError(f"url: the host {target.host:.200} has no address ({error})") from error
+    addresses = list(dict.fromkeys(str(each[4][0]) for each in found))
+    if not target.is_allowed:
+        for address in addresses:
+            if not is_public(address):
+                raise SpecError(
+                    f"url: the host {target.host:.200} is in the server's own network; an admin may allow it in the"
+                    ' configuration: [webhooks] allow = ["HOST"]'
+                )
+    return addresses
+
+
+def is_public(address: str) -> bool:
+    """Return whether an address is one of the internet, and of no private, local or translated network."""
+    try:
+        parsed = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return False
+    mapped = getattr(parsed, "ipv4_mapped", None)
+    if mapped is not None:
+        return is_public(str(mapped))
+    is_translated = any(parsed in network for network in _TRANSLATED if network.version == parsed.version)
+    return parsed.is_global and not (parsed.is_multicast or parsed.is_reserved or is_translated)
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
