@@ -8,6 +8,7 @@ import uvicorn
 from campaign.errors import SpecError
 from campaign.web.access import Role
 from campaign.web.app import make_app
+from campaign.web.connection import BoundedConnection
 from campaign.web.http.request_record import show_requests
 from campaign.web.settings import LOOPBACK, Settings
 from campaign.web.web_service import Service
@@ -16,7 +17,6 @@ FIRST_ADMIN = "admin"
 DRAIN = 20  # s, for which requests at work may go on when the server ends
 KEEP_ALIVE = 20  # s without a request, after which a connection is closed
 CONNECTIONS = 1000
-LARGEST_HEADERS = 64 * 1024  # bytes
 
 logger = logging.getLogger(__name__)
 
@@ -71,6 +71,17 @@ def serve_http(service: Service) -> None:
         If the port is taken, or the certificate cannot be used.
     """
     show_requests()
+    http_server(service).run(sockets=[_listening(service.settings)])
+
+
+def http_server(service: Service) -> Server:
+    """Return what answers requests, once it runs.
+
+    Raises
+    ------
+    SpecError
+        If the certificate cannot be used.
+    """
     settings = service.settings
     cert, key = settings.https or (None, None)
     config = uvicorn.Config(
@@ -86,7 +97,7 @@ def serve_http(service: Service) -> None:
         timeout_graceful_shutdown=DRAIN,
         timeout_keep_alive=KEEP_ALIVE,
         limit_concurrency=CONNECTIONS,
-        h11_max_incomplete_event_size=LARGEST_HEADERS,
+        http=BoundedConnection,
         ws="none",
     )
     try:
@@ -95,7 +106,7 @@ def serve_http(service: Service) -> None:
         raise SpecError(
             f"--https-cert {cert}, --https-key {key}: no PEM certificate and the key that belongs to it ({error})"
         ) from error
-    Server(config).run(sockets=[_listening(settings)])
+    return Server(config)
 
 
 def _listening(settings: Settings) -> socket.socket:

@@ -18,6 +18,8 @@ class Limits:
         Largest body of a request [bytes].
     body_seconds : float
         Time in which a body must have arrived [s].
+    head_seconds : float
+        Time in which the first line and the headers of a request must have arrived [s].
     jobs, waiting : int
         Jobs that a user may have at work, and waiting, at the same time.
     job_seconds : float
@@ -38,6 +40,7 @@ class Limits:
 
     body: int = 64 * 1024**2
     body_seconds: float = 60.0
+    head_seconds: float = 20.0
     jobs: int = 2
     waiting: int = 8
     job_seconds: float = 300.0

@@ -64,6 +64,7 @@ def serve(
 
     try:
         from campaign.web.configuration import read_configuration
+        from campaign.web.only_server import only_server
         from campaign.web.server import check_settings, serve_http
         from campaign.web.server import login_link as new_link
         from campaign.web.settings import Settings
@@ -95,14 +96,17 @@ def serve(
     if login_link is not None:
         print_text(new_link(service, login_link))
         return
-    has_login = any(user.has_password for user in service.users.all()) or oidc is not None
-    link = new_link(service) if settings.is_local or not has_login else None
-    if json:
-        print_json({"address": settings.address, "login": link, "store": service.store.url, "data": str(settings.data)})
-    else:
-        say(f"serving store {service.store.url} at {settings.address}; Ctrl-C ends it")
-        say(f"log in once, within 15 minutes: {link}" if link else "log in there by password or company account")
-    serve_http(service)
+    with only_server(settings):
+        has_login = any(user.has_password for user in service.users.all()) or oidc is not None
+        link = new_link(service) if settings.is_local or not has_login else None
+        if json:
+            print_json(
+                {"address": settings.address, "login": link, "store": service.store.url, "data": str(settings.data)}
+            )
+        else:
+            say(f"serving store {service.store.url} at {settings.address}; Ctrl-C ends it")
+            say(f"log in once, within 15 minutes: {link}" if link else "log in there by password or company account")
+        serve_http(service)
 
 
 def _data_folder(url: str) -> Path:

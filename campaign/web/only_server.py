@@ -1,0 +1,47 @@
+"""One server for one data folder: a second one would answer with another index, and sign with the same key."""
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from campaign.errors import SpecError
+from campaign.web.settings import Settings
+
+LOCK = "server.lock"
+
+
+@contextmanager
+def only_server(settings: Settings) -> Iterator[None]:
+    """Be the only server of a data folder in the block; the end of the process ends it too, however it ends.
+
+    Raises
+    ------
+    SpecError
+        If another server uses the folder.
+    """
+    path = settings.data / LOCK
+    with path.open("a+", encoding="utf-8") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            file.seek(0)
+            which = _named(file.read(500))
+            raise SpecError(
+                f"--data {settings.data}: another server uses this folder{which}; end it first, or give this one a"
+                " folder of its own with --data"
+            ) from error
+        file.truncate(0)
+        file.write(json.dumps({"process": os.getpid(), "address": settings.address}))
+        file.flush()
+        yield
+
+
+def _named(text: str) -> str:
+    """Return in words which server wrote the lock; empty if it says nothing yet."""
+    try:
+        known = json.loads(text)
+        return f" (process {known['process']}, {known['address']})"
+    except (ValueError, KeyError, TypeError):
+        return ""

@@ -1,0 +1,155 @@
+"""What others send to the port: too much, too slowly, without an end, two requests that look like one."""
+
+import socket
+
+import pytest
+
+from campaign.web.access import Role
+from campaign.web.connection import LARGEST_HEAD
+from campaign.web.settings import Limits, Settings
+from tests.campaign.web.running import exchange, in_a_thread, until
+
+LIMITS = Limits(body=20_000, body_seconds=0.5, head_seconds=0.5)
+CALL = "POST /api/v1/checks/mechanism HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+HIDDEN = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"
+
+
+@pytest.fixture(scope="module")
+def listening(tmp_path_factory):
+    """Return the port of a server with narrow limits, and how a user's call begins there."""
+    folder = tmp_path_factory.mktemp("hostile")
+    settings = Settings(str(folder / "runs"), folder / "data", processes=0, limits=LIMITS)
+    with in_a_thread(settings) as (service, port):
+        _, secret = service.tokens.add("admin", "test", Role.ADMIN, 3600.0)
+        yield port, f"{CALL}Authorization: Bearer {secret}\r\n".encode()
+
+
+@pytest.fixture
+def port(listening):
+    """Return the port."""
+    return listening[0]
+
+
+@pytest.fixture
+def call(listening):
+    """Return how a user's call begins."""
+    return listening[1]
+
+
+@pytest.fixture(autouse=True)
+def goes_on(port):
+    """Check that the server answers after each test."""
+    yield
+    answer = exchange(port, HIDDEN.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n"))
+    assert answer.startswith(b"HTTP/1.1 200"), answer
+
+
+def _status(answer):
+    return int(answer.split(b" ")[1]) if answer else None
+
+
+def _endless(piece):
+    while True:
+        yield piece
+
+
+def test_large_body(port, call):
+    """One that says how large it is, is refused before it is sent."""
+    assert _status(exchange(port, call, b"Content-Length: 20001\r\n\r\n")) == 413
+
+
+def test_endless_body(port, call):
+    chunk = b"%x\r\n%s\r\n" % (5000, b"x" * 5000)
+    head = call + b"Transfer-Encoding: chunked\r\n\r\n"
+    assert _status(exchange(port, head, *(chunk for _ in range(100)))) == 413
+
+
+def test_slow_body(port, call):
+    """One that never ends, and one of which a byte arrives now and then."""
+    head = call + b"Content-Length: 1000\r\n\r\n"
+    assert _status(exchange(port, head, b"{")) == 408
+    assert _status(exchange(port, head, *[b" "] * 10, pause=0.1)) == 408
+
+
+@pytest.mark.parametrize("head", [b"", b"GET /healthz HT", b"GET /healthz HTTP/1.1\r\nHost: local", b"\r\n\r\n"])
+def test_slow_head(port, head):
+    """A connection that does not finish its head is closed."""
+    assert _status(exchange(port, head)) == 408
+
+
+def test_slow_head_by_drips(port):
+    pieces = [b"X-A: b\r\n"] * 12
+    assert _status(exchange(port, b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n", *pieces, pause=0.1)) == 408
+
+
+def test_slow_second_head(port):
+    """A connection that asked once is held to the same afterwards, also with blank lines only."""
+    for piece in (b"GET /heal", b"\r\n"):
+        answers = exchange(port, HIDDEN, piece, pause=0.1)
+        assert [_status(b"HTTP/1.1" + part) for part in answers.split(b"HTTP/1.1")[1:]] == [200, 408]
+
+
+def test_endless_head(port):
+    for piece in (b"X-A: " + b"b" * 8000 + b"\r\n", b"b" * 8000):
+        start = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\nX-A: "
+        pieces = [piece] * (10 * LARGEST_HEAD // len(piece))
+        assert _status(exchange(port, start, *pieces)) in (431, None)  # none: it was closed before it could be read
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        "Content-Length: 5\r\nTransfer-Encoding: chunked",
+        "Transfer-Encoding: chunked\r\nContent-Length: 5",
+        "Content-Length: 5\r\nContent-Length: 6",
+        "Content-Length: +5",
+        "Content-Length: 5, 5",
+        "Content-Length : 5",
+        "Transfer-Encoding: xchunked",
+        "Transfer-Encoding: chunked, identity",
+        "Transfer-Encoding : chunked",
+        "X: a\r\n Content-Length: 5",
+        "X: a\0b",
+        "X: a\rContent-Length: 5",
+    ],
+)
+def test_request_in_a_request(port, call, headers):
+    """What one reader takes for a body and another for a second request is refused; the second is not answered."""
+    answer = exchange(port, call + headers.encode() + b"\r\n\r\n0\r\n\r\n" + HIDDEN)
+    assert b'{"status":"ok"}' not in answer, answer
+    assert 400 <= _status(answer) < 500
+
+
+@pytest.mark.parametrize("line", ["GET / HTTP/9.9", "GARBAGE", "G\0T / HTTP/1.1", "\x16\x03\x01\x02\x00"])
+def test_garbage(port, line):
+    assert _status(exchange(port, line.encode("latin-1") + b"\r\nHost: localhost\r\n\r\n")) in (400, 408, 505)
+
+
+@pytest.mark.parametrize("method", ["HEAD", "OPTIONS", "TRACE", "CONNECT", "PROPFIND"])
+@pytest.mark.parametrize("path", ["/healthz", "/campaigns", "/api/v1/campaigns", "/static/pages.css", "*", "/%00"])
+def test_other_methods(port, method, path):
+    """They have no answer but a refusal, or a head without a body."""
+    head = f"{method} {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n".encode()
+    answer = exchange(port, head)
+    assert 200 <= _status(answer) < 500, answer
+    assert b"TRACE" not in answer
+    assert method != "HEAD" or answer.endswith(b"\r\n\r\n")
+
+
+@pytest.mark.parametrize("text", ['{"text":' * 3000, "[" * 19_000, '{"text": ' + "9" * 19_000 + "}"])
+def test_deep_json(port, call, text):
+    """It is no reason to end."""
+    head = call + f"Content-Length: {len(text)}\r\nConnection: close\r\n\r\n".encode()
+    assert _status(exchange(port, head + text.encode())) in (400, 413, 422)
+
+
+def test_silent_connections_do_not_keep_others_out(port):
+    """A crowd of connections that say nothing is gone after the time that a head may take."""
+    crowd = [socket.create_connection(("127.0.0.1", port)) for _ in range(300)]
+    close = HIDDEN.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n")
+    assert _status(exchange(port, close)) == 200
+    for connection in crowd:
+        connection.settimeout(30.0)
+    until(lambda: all(_status(connection.recv(100)) == 408 for connection in crowd), "they are cut off")
+    for connection in crowd:
+        connection.close()

@@ -1,0 +1,102 @@
+"""``clearcap serve`` as a process: it ends in order, is alone with its data, and survives guesses and kill -9."""
+
+import signal
+import socket
+import time
+from contextlib import ExitStack
+from http.client import HTTPConnection
+
+import httpx
+import psutil
+import pytest
+
+from campaign.coordinator.submit import submit
+from campaign.spec.load import load_campaign
+from campaign.store import open_store
+from campaign.store.label_versions import read_labels
+from tests.campaign.web.running import Served, until
+
+pytestmark = pytest.mark.slow
+
+GUESSES, FIRST = 10_000, 2_000
+GROWTH = 8 << 20  # bytes, in which a server may differ after thousands of guesses
+
+
+@pytest.fixture
+def queued(tmp_path, campaign_file):
+    """Return the id of a campaign that waits for a coordinator."""
+    return submit(open_store(str(tmp_path / "runs")), load_campaign(str(campaign_file)), 10).campaign_id
+
+
+def test_sigterm_drains(tmp_path, queued):
+    """A request at work is answered, streams end, the status says what ended it."""
+    with Served(tmp_path, "--no-drive").wait() as server, ExitStack() as stack:
+        headers = server.token()
+        head = (
+            f"PATCH /api/v1/campaigns/{queued}/labels HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
+        )
+        body = b'{"note": "kept"}'
+        token = headers["Authorization"]
+        upload = stack.enter_context(socket.create_connection(("127.0.0.1", server.port), timeout=30.0))
+        upload.sendall(f"{head}Authorization: {token}\r\nContent-Length: {len(body)}\r\n\r\n".encode() + body[:5])
+        address = f"{server.url}/api/v1/campaigns/{queued}/events"
+        stream = stack.enter_context(httpx.stream("GET", address, headers=headers, timeout=30.0))
+        events = stream.iter_text()
+        begun = next(events)
+        server.process.send_signal(signal.SIGTERM)
+        time.sleep(1.0)  # it looks ten times a second whether it should end
+        upload.sendall(body[5:])
+        assert upload.recv(1000).startswith(b"HTTP/1.1 200"), server.said()
+        assert "data: " in begun + "".join(events)  # to its end, which is no error
+        assert server.process.wait(40) == 143, server.said()
+        assert "Traceback" not in server.said()
+    assert read_labels(open_store(str(tmp_path / "runs")), queued).note == "kept"
+
+
+def test_sigterm_ends_the_coordinator(tmp_path):
+    with Served(tmp_path, "--workers", "1").wait() as server:
+        coordinator = until(lambda: _coordinators(server), server.said)
+        server.process.send_signal(signal.SIGTERM)
+        assert server.process.wait(60) == 143, server.said()
+        assert not any(process.is_running() for process in coordinator)
+
+
+def _coordinators(server):
+    return [p for p in psutil.Process(server.process.pid).children() if "coordinate" in p.cmdline()]
+
+
+def test_one_server_for_one_data_folder(tmp_path):
+    """The second is told which one is there; after kill -9 the next one begins, and who was logged in still is."""
+    with Served(tmp_path, "--no-drive").wait() as first:
+        headers = first.token()
+        (tmp_path / "second").mkdir()
+        with Served(tmp_path / "second", "--no-drive", "--data", str(first.data)) as second:
+            assert second.process.wait(60) == 2
+            assert f"another server uses this folder (process {first.process.pid}, {first.url})" in second.said()
+        assert httpx.get(f"{first.url}/api/v1/users", headers=headers).status_code == 200
+        first.process.kill()
+        first.process.wait()
+    with Served(tmp_path, "--no-drive").wait() as third:
+        assert httpx.get(f"{third.url}/api/v1/users", headers=headers).status_code == 200
+        assert httpx.get(f"{third.url}/api/v1/audit/check", headers=headers).json()["whole"]
+
+
+def test_ten_thousand_wrong_tokens(tmp_path):
+    """They are refused, soon without a look; others are served meanwhile, and nothing is kept of them."""
+    with Served(tmp_path, "--no-drive").wait() as server, httpx.Client(base_url=server.url, timeout=30.0) as client:
+        connection = HTTPConnection("127.0.0.1", server.port, timeout=30.0)
+        headers, statuses, sizes = server.token(), set(), []
+        for number in range(GUESSES):
+            guess = {"Authorization": f"Bearer clearcap_token_{number:043d}"}
+            connection.request("GET", "/api/v1/campaigns", headers=guess)
+            answer = connection.getresponse()
+            answer.read()
+            statuses.add(answer.status)
+            if number % 500 == 0:
+                assert client.get("/api/v1/campaigns", headers=headers).status_code == 200
+            if number in (FIRST, GUESSES - 1):
+                sizes.append(server.memory())
+        connection.close()
+        assert statuses == {401, 429}
+        assert sizes[1] - sizes[0] < GROWTH, sizes
+        assert len(client.get("/api/v1/audit", headers=headers).json()["entries"]) < 100
