@@ -11,7 +11,7 @@ from campaign.coordinator.follow import observe
 from campaign.web.access import Role
 from campaign.web.api.campaign_changes import FailedRows, LabelRequest, cancel, delete, label, rerun, resume
 from campaign.web.api.campaigns import ListQuestion, listed, show_campaign
-from campaign.web.api.reports import report_files
+from campaign.web.api.reports import report_files, write_report
 from campaign.web.api.submissions import extended
 from campaign.web.api.whose import TheCampaign
 from campaign.web.http.asking import Asking, Engineer, TheService, Viewer
@@ -67,6 +67,13 @@ async def report_page(request: Request, service: TheService, campaign: TheCampai
     """Show the report of a campaign in a frame, and its files."""
     files = await run_in_threadpool(report_files, service, campaign)
     return page(request, "report_frame", files=files, **await frame(request, service, campaign, who))
+
+
+@router.post("/campaigns/{campaign}/report")
+async def report_form(service: TheService, campaign: TheCampaign, who: Engineer) -> Response:
+    """Write the report of a campaign again."""
+    await write_report(service, campaign, who)
+    return RedirectResponse(f"/campaigns/{quote(campaign)}/report", 303)
 
 
 @router.post("/campaigns/{campaign}/cancel")

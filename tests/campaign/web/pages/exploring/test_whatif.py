@@ -7,7 +7,6 @@ import pytest
 from typer.testing import CliRunner
 
 from campaign.cli import app
-from campaign.web.http.asking import COOKIE
 from campaign.web.pages.exploring.whatif_form import other_settings, settings_of, variable_fields
 from reporting import format_numbers
 from tests.campaign.web.pages.forms import Page
@@ -18,24 +17,6 @@ COSTS = "[variables.J1]\ncost = 1.0\n[variables.preload]\ncost = 2.0\n"
 @pytest.fixture
 def home(explored):
     return f"/campaigns/{explored[1]}"
-
-
-@pytest.fixture
-def visit(computing_service):
-    """Return what opens a page as a user of a role, checks what every page must be, and returns the answer."""
-    service, client = computing_service
-    client.cookies.clear()
-
-    def opened(path, role="engineer", status=200, **options):
-        client.cookies.set(COOKIE, service.sessions.begin(role))
-        answer = client.get(path, headers={"Accept": "text/html", **options.pop("headers", {})}, **options)
-        client.cookies.clear()
-        assert answer.status_code == status, answer.text
-        if status == 200:
-            assert Page(answer.text).faults == []
-        return answer
-
-    return opened
 
 
 def test_page_has_the_numbers_of_the_command(visit, home, explored, computing_service):
