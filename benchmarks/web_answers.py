@@ -23,12 +23,12 @@ from campaign.plan import Plan, make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import Store, open_store
 from campaign.web.answers.answers import Answers
-from campaign.web.answers.engine_jobs import SingleRun, single_run
 from campaign.web.answers.exported_rows import RowSelection, export_rows
 from campaign.web.answers.job_pool import JobPool
 from campaign.web.answers.job_process import job_environment
 from campaign.web.answers.questions import AskedRows, advice_answer, histogram_answer, what_if_answer
 from campaign.web.answers.rows_version import rows_version
+from campaign.web.jobs.mechanisms import MechanismSource, simulate_once
 from engine import warm_up
 from engine.private_folder import private_folder
 
@@ -154,7 +154,7 @@ async def _served(store: Store, plan: Plan, folder: Path) -> list[dict[str, Any]
             await answers.what_if("bench", plan.campaign_id, _settings(number + 50))
         passed_on = (process_time() - start) / REPEATS
         begun = perf_counter()
-        await pool.run("bench", single_run, SingleRun("c60"))
+        await pool.run("bench", simulate_once, MechanismSource("c60"))
         run = perf_counter() - begun
     return [
         _figure("an answer that is kept", kept, 1.0),

@@ -9,12 +9,12 @@ from starlette.responses import Response
 
 from campaign.store.files.files import TEMPORARY
 from campaign.store.report_folders import comparisons, report_folder
-from campaign.web.answers.engine_jobs import written_report
 from campaign.web.api.calls import calls
 from campaign.web.api.whose import PATTERN, TheCampaign, the_campaign
 from campaign.web.http.asking import Engineer, TheService
 from campaign.web.http.problems import Refusal, described
 from campaign.web.http.tagged import tagged
+from campaign.web.jobs.written_reports import written_report
 from campaign.web.web_service import Service
 
 router = calls("reports")
