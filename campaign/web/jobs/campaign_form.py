@@ -200,7 +200,8 @@ def _density(table: Any) -> Tables | None:
     if not points or not high > low or not 0.0 < top < float("inf"):
         return {"points": "", "low": low, "high": high, "text": distribution.text()}
     scaled = (((x - low) / (high - low) * WIDTH, HEIGHT - 2.0 - y / top * (HEIGHT - 4.0)) for x, y in points)
-    return {"points": " ".join(f"{x:.1f},{y:.1f}" for x, y in scaled), "low": low, "high": high,
+    drawn = [(0.0, HEIGHT - 2.0), *scaled, (WIDTH, HEIGHT - 2.0)]
+    return {"points": " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn), "low": low, "high": high,
             "text": distribution.text()}  # fmt: skip
 
 

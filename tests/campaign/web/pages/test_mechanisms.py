@@ -112,7 +112,7 @@ def test_run_shows_numbers_and_motion(browser):
     log_in()
     shown = client.get("/mechanisms/c60/try?set=J1=0.05&run=true").text
     assert "FC-1" in shown
-    assert re.search(r"12\.7", shown)
+    assert re.search(r"12\.7118", shown)
     assert "/api/v1/simulations/c60/motion.gif?set=J1%3D0.05" in shown
     assert 'name="value:J1" value="0.05"' in shown
     preset = client.get("/mechanisms/c60/try?preset=prototype").text
