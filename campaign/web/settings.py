@@ -42,7 +42,7 @@ class Limits:
     body_seconds: float = 60.0
     head_seconds: float = 20.0
     jobs: int = 2
-    waiting: int = 8
+    waiting: int = 32
     job_seconds: float = 300.0
     job_memory: int = 4 * 1024**3
     streams: int = 20

@@ -92,6 +92,7 @@ def words_of(verb, campaign_id):
         "picture": ["picture [bold] {} %s.png"],
         "sample": ["3"],
         "folder": [FOLDER],
+        "export": [f"runs/{campaign_id}"],
         "pattern": ["*"],
     }
     words = []
@@ -104,6 +105,7 @@ def words_of(verb, campaign_id):
         ("delete",): ["--yes"],
         ("whatif",): ["--set", f"{VARIABLE}.std=0.019"],
         ("mechanism", "show"): ["--keys"],
+        ("serve",): ["--login-link", "admin", "--data", "served"],
         ("rerun",): ["--sample", "3", "--workers", "1"],
     }
     return [*words, *options.get(verb, [])]
