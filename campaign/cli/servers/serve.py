@@ -94,9 +94,9 @@ def serve(
     check_settings(settings)
     service = open_service(settings)
     if login_link is not None:
-        link = new_link(service, login_link)
+        made = new_link(service, login_link)
         service.close()
-        print_json({"address": settings.address, "login": link}) if json else print_text(link)
+        print_json({"address": settings.address, "login": made}) if json else print_text(made)
         return
     with only_server(settings):
         has_login = any(user.has_password for user in service.users.all()) or oidc is not None
