@@ -125,5 +125,6 @@ def delete(
     if service.is_signed(campaign):
         raise Refusal(409, f"campaign {campaign} is signed; archive it instead")
     delete_campaign(service.store.hasty, campaign)
+    service.watcher.index.forget(campaign)
     service.watcher.hurry()
     return Response(status_code=204)

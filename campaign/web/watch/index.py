@@ -66,6 +66,13 @@ class CampaignIndex:
             self._read(store, {campaign: tokens[campaign] for campaign in stale[begin : begin + AT_ONCE]})
         return {*gone, *stale}
 
+    def forget(self, campaign: str) -> None:
+        """Forget a campaign that was deleted here, before the next look at the store."""
+        with self._lock:
+            self._entries.pop(campaign, None)
+            self._connection.execute("DELETE FROM entries WHERE campaign = ?", (campaign,))
+            self._connection.commit()
+
     def _is_fresh(self, campaign: str, token: str) -> bool:
         known = self._entries.get(campaign)
         return known is not None and known[0] == token and known[1].state not in MOVING
