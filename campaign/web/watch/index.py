@@ -58,7 +58,7 @@ class CampaignIndex:
         gone = set(self._entries) - set(tokens)
         with self._lock:
             for campaign in gone:
-                del self._entries[campaign]
+                self._entries.pop(campaign, None)
             self._connection.executemany("DELETE FROM entries WHERE campaign = ?", [(campaign,) for campaign in gone])
             self._connection.commit()
         stale = [campaign for campaign, token in tokens.items() if not self._is_fresh(campaign, token)]
