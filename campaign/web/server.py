@@ -2,6 +2,7 @@
 
 import logging
 import socket
+from ipaddress import ip_network
 
 import uvicorn
 
@@ -31,13 +32,20 @@ class Server(uvicorn.Server):
 
 
 def check_settings(settings: Settings) -> None:
-    """Refuse to serve others without TLS.
+    """Refuse to serve others without TLS, and to believe whom nobody can check.
 
     Raises
     ------
     SpecError
-        If other machines could connect without TLS.
+        If other machines could connect without TLS, or a proxy is no address.
     """
+    for proxy in settings.proxies:
+        try:
+            ip_network(proxy)
+        except ValueError as error:
+            raise SpecError(
+                f"--proxy {proxy!r:.100}: is no address and no network ({error}); write for example 10.1.2.3"
+            ) from error
     if settings.is_local and settings.host not in LOOPBACK:
         raise SpecError(
             f"--host {settings.host}: other machines could read passwords and results on the way; give --https-cert and"
@@ -91,6 +99,7 @@ def http_server(service: Service) -> Server:
         ssl_certfile=cert,
         ssl_keyfile=key,
         proxy_headers=settings.behind_proxy,
+        forwarded_allow_ips=list(settings.proxies),
         log_config=None,
         access_log=False,
         server_header=False,

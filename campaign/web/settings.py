@@ -92,7 +92,9 @@ class Settings:
     https : tuple of Path or None
         Files of its certificate and key.
     behind_proxy : bool
-        A proxy in front of the server ends TLS, and says so in ``X-Forwarded-Proto``.
+        A proxy in front of the server ends TLS, and says in ``X-Forwarded-For`` who asks.
+    proxies : tuple of str
+        Addresses and networks of that proxy: what others say in these headers counts for nothing.
     coordinate : tuple of str or None
         Options of the ``clearcap coordinate`` that the server starts and keeps alive; None: it starts none.
     processes : int
@@ -110,6 +112,7 @@ class Settings:
     names: tuple[str, ...] = ()
     https: tuple[Path, Path] | None = None
     behind_proxy: bool = False
+    proxies: tuple[str, ...] = LOOPBACK[:2]
     coordinate: tuple[str, ...] | None = None
     processes: int = 2
     limits: Limits = Limits()

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 from importlib import resources
+from ipaddress import ip_address, ip_network
 from pathlib import Path
 
 import dask
@@ -23,10 +24,11 @@ from tornado.httpclient import AsyncHTTPClient
 from typer.main import get_command
 
 from campaign.cli import app
+from campaign.web.settings import LOOPBACK, PORT
 
 ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "deploy"
-ROLES = {"scheduler": "scheduler", "worker": "worker", "coordinator": "client", "job": "client"}
+ROLES = {"scheduler": "scheduler", "worker": "worker", "coordinator": "client", "job": "client", "web": None}
 
 
 def documents(path):
@@ -68,20 +70,23 @@ def clearcap_commands():
     """Return the words of every command of clearcap in the descriptors, by where it stands."""
     [compose] = documents(DEPLOY / "compose.yaml")
     unit = (DEPLOY / "systemd/clearcap-coordinator.service").read_text()
+    web = (DEPLOY / "systemd/clearcap-web.service").read_text()
     script = (DEPLOY / "batch/allocation.sh").read_text()
     run = re.search(r"^(clearcap run (?:.*\\\n)*.*) &$", script, re.M)[1].replace("\\\n", " ")
     found = {
         "compose": compose["services"]["coordinator"]["command"],
         "systemd": shlex.split(re.search(r"^ExecStart=/opt/clearcap/bin/(.*)", unit, re.M)[1]),
+        "compose web": compose["services"]["web"]["command"],
+        "systemd web": shlex.split(re.search(r"^ExecStart=/opt/clearcap/bin/(.*)", web, re.M)[1]),
         "allocation": shlex.split(run),
     }
-    return found | {name: pod["containers"][0]["args"] for name, pod in pods() if ROLES[name] == "client"}
+    return found | {name: pod["containers"][0]["args"] for name, pod in pods() if ROLES[name] in ("client", None)}
 
 
 def test_clearcap_commands():
     """The command knows every verb and option that the descriptors use."""
     found = clearcap_commands()
-    assert set(found) == {"compose", "systemd", "allocation", "coordinator", "job"}
+    assert set(found) == {"compose", "systemd", "allocation", "coordinator", "job", "web", "compose web", "systemd web"}
     for words in found.values():
         assert words[0] == "clearcap"
         command = get_command(app).commands[words[1]]
@@ -143,22 +148,25 @@ def test_compose():
     command = ("docker-compose", "-f", DEPLOY / "compose.yaml", "--project-directory", ROOT, "config")
     settings = yaml.safe_load(output(*command, env=os.environ | {"CLEARCAP_MEMORY": "2g"}))
     services = settings["services"]
-    assert set(services) == {"scheduler", "worker", "coordinator"}
-    assert settings["networks"] == {"inside": {"internal": True}}
+    assert set(services) == {"scheduler", "worker", "coordinator", "web"}
+    assert settings["networks"]["inside"] == {"internal": True}
+    proxy = services["web"]["command"][services["web"]["command"].index("--proxy") + 1]
+    [subnet] = settings["networks"]["pages"]["ipam"]["config"]
+    assert ip_address(proxy) == next(ip_network(subnet["subnet"]).hosts())
     for name, service in services.items():
         assert service["restart"] == "always"
         assert service["read_only"]
-        assert "ports" not in service
+        assert [published.split(":")[0] for published in service.get("ports", [])] == ["127.0.0.1"] * (name == "web")
         assert service["security_opt"] == ["no-new-privileges:true"]
         assert service["cap_drop"] == ["ALL"]
         assert service["mem_limit"]
         assert service["pids_limit"] <= 4096
         assert "cpus" in service
-        assert list(service["networks"]) == ["inside"]
+        assert list(service["networks"]) == ["pages" if name == "web" else "inside"]
         files = {volume.split(":")[1] for volume in service["volumes"] if "/tls/" in volume}
-        expected = ("ca.pem", f"{ROLES[name]}.pem", f"{ROLES[name]}.key")
+        expected = ("ca.pem", f"{ROLES[name]}.pem", f"{ROLES[name]}.key") if ROLES[name] else ()
         assert files == {f"/etc/clearcap/tls/{file}" for file in expected}
-        if name != "coordinator":
+        if name in ("scheduler", "worker"):
             check_dask(service["command"])
     with pytest.raises(AssertionError, match="how much memory"):
         output(*command, env={k: v for k, v in os.environ.items() if k != "CLEARCAP_MEMORY"})
@@ -193,7 +201,7 @@ def test_an_image_has_every_package():
 def test_an_image_by_digest(image):
     """It is put into every manifest that has an image."""
     manifests = [path for path in sorted((DEPLOY / "kubernetes").glob("*.yaml")) if "image:" in path.read_text()]
-    assert len(manifests) == 3
+    assert len(manifests) == 4
     printed = output(DEPLOY / "kubernetes/with_image.sh", image, *manifests)
     assert "DIGEST" not in printed
     found = [pod["containers"][0]["image"] for document in yaml.safe_load_all(printed) for _, pod in pods_in(document)]
@@ -277,11 +285,29 @@ def test_pods():
             assert container["resources"]["limits"]["memory"]
             assert {m["name"] for m in container["volumeMounts"]} == {v["name"] for v in pod["volumes"]}
         secrets = [volume["secret"]["secretName"] for volume in pod["volumes"] if "secret" in volume]
-        assert secrets == [f"clearcap-tls-{ROLES[name]}"]
+        assert secrets == ([f"clearcap-tls-{ROLES[name]}"] if ROLES[name] else [])
         if name in ("scheduler", "worker"):
             assert pod["restartPolicy"] == "Always"
             check_dask(pod["containers"][0]["args"])
     assert seen == set(ROLES)
+
+
+def test_pages_are_behind_a_proxy_that_ends_tls():
+    """The ingress has TLS for the server's name, and its probes ask by a name that the server has."""
+    parts = {each["kind"]: each for each in documents(DEPLOY / "kubernetes/web.yaml")}
+    [container] = parts["Deployment"]["spec"]["template"]["spec"]["containers"]
+    words = container["args"]
+    name = words[words.index("--name") + 1]
+    assert "--behind-proxy" in words
+    assert parts["Ingress"]["spec"]["tls"][0]["hosts"] == [name]
+    assert [rule["host"] for rule in parts["Ingress"]["spec"]["rules"]] == [name]
+    assert (parts["Deployment"]["spec"]["replicas"], parts["Deployment"]["spec"]["strategy"]["type"]) == (1, "Recreate")
+    probes = {container[probe]["httpGet"]["path"] for probe in ("readinessProbe", "livenessProbe")}
+    assert probes == {"/readyz", "/healthz"}
+    for probe in ("readinessProbe", "livenessProbe"):
+        assert container[probe]["httpGet"]["httpHeaders"] == [{"name": "Host", "value": LOOPBACK[2]}]
+    [port] = container["ports"]
+    assert port["containerPort"] == PORT == parts["Service"]["spec"]["ports"][0]["port"]
 
 
 def test_kubernetes_has_the_same_dask_settings():
@@ -308,7 +334,7 @@ def test_systemd(tmp_path):
             path.read_text().replace("/opt/clearcap/bin", str(Path(sys.executable).parent))
         )
     units = sorted(tmp_path.glob("*.service"))
-    assert len(units) == 3
+    assert len(units) == 4
     output("systemd-analyze", "verify", "--man=no", *units)
     scores = re.findall(r"exposure level for (\S+): ([\d.]+)", output(*security(units)))
     assert [name for name, score in scores if float(score) < 2.5] == [unit.name.replace("@", "@i") for unit in units]
@@ -322,7 +348,7 @@ def security(units):
     return ("systemd-analyze", "security", "--offline=true", "--no-pager", *units)
 
 
-@pytest.mark.parametrize("name", ["clearcap-scheduler", "clearcap-worker@", "clearcap-coordinator"])
+@pytest.mark.parametrize("name", ["clearcap-scheduler", "clearcap-worker@", "clearcap-coordinator", "clearcap-web"])
 def test_units(name):
     """Each is started again whatever its exit status, and the commands of dask are right."""
     text = (DEPLOY / f"systemd/{name}.service").read_text()
@@ -331,6 +357,7 @@ def test_units(name):
     assert re.search(r"^TasksMax=\d+$", text, re.M)
     assert ("NUMBA_CACHE_DIR=" in text) == ("\nCacheDirectory=clearcap\nCacheDirectoryMode=0700\n" in text)
     words = shlex.split(re.search(r"^ExecStart=/opt/clearcap/bin/(.*)", text, re.M)[1])
+    assert ("\nSuccessExitStatus=143\nRestart=" in text) == (words[:2] == ["clearcap", "serve"])
     if words[0] == "dask":
         check_dask(words)
 

@@ -23,8 +23,10 @@ PODS = {
     "worker": labels(controller.build_worker_deployment_spec, "default", "ns", "clearcap", "1", POD),
     "job-runner": labels(controller.build_job_pod_spec, "clearcap", "clearcap", "ns", POD),
     "coordinator": COORDINATOR["spec"]["template"]["metadata"]["labels"],
+    "web": {"app.kubernetes.io/name": "clearcap", "app.kubernetes.io/component": "web"},
     "stranger": {"app": "other"},
 }
+INGRESS = {"kubernetes.io/metadata.name": "ingress-nginx"}, {"app.kubernetes.io/name": "ingress-nginx"}
 NAMES = {"kubernetes.io/metadata.name": "kube-system"}, {"k8s-app": "kube-dns"}
 
 
@@ -84,6 +86,15 @@ def test_who_reaches_whom():
         reached = {(a, b) for a in PODS for b in PODS if connects(found, a, b, ("TCP", port))}
         expected = {(a, b) for a in cluster for b in cluster}
         assert reached == expected | ({("coordinator", "scheduler")} if port == 8786 else set())
+
+
+def test_who_reaches_the_pages():
+    """The ingress controller alone, and only their port."""
+    found = policies("network.yaml")
+    assert lets(found, "Ingress", PODS["web"], INGRESS, ("TCP", 8700))
+    assert not lets(found, "Ingress", PODS["web"], INGRESS, ("TCP", 22))
+    assert not any(connects(found, pod, "web", ("TCP", 8700)) for pod in PODS)
+    assert not any(lets(found, "Ingress", PODS[pod], INGRESS, ("TCP", 8700)) for pod in PODS if pod != "web")
 
 
 @pytest.mark.parametrize("pod", PODS)

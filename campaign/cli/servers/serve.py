@@ -37,6 +37,14 @@ def serve(
     behind_proxy: Annotated[
         bool, typer.Option("--behind-proxy", help="A proxy in front ends TLS.", rich_help_panel=_PANEL)
     ] = False,
+    proxy: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="With --behind-proxy: address or network of the proxy, by default loopback; may be repeated.",
+            rich_help_panel=_PANEL,
+        ),
+    ] = None,
     data: Annotated[
         Path | None,
         typer.Option(
@@ -74,6 +82,8 @@ def serve(
 
     if (https_cert is None) != (https_key is None):
         raise SpecError("--https-cert, --https-key: one of them is missing; HTTPS needs both")
+    if proxy and not behind_proxy:
+        raise SpecError("--proxy: has a meaning with --behind-proxy only; add it, or leave --proxy out")
     https = (https_cert, https_key) if https_cert and https_key else None
     url = open_store(store).files.full_url
     options = None if no_drive else tuple(where.options())
@@ -86,6 +96,7 @@ def serve(
         tuple(name or ()),
         https,
         behind_proxy,
+        tuple(proxy) if proxy else Settings.proxies,
         options,
         limits=limits,
         oidc=oidc,

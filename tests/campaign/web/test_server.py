@@ -1,10 +1,13 @@
 """Where a server may listen, and who gets the first link."""
 
+import asyncio
+from dataclasses import replace
+
 import pytest
 
 from campaign.errors import SpecError
 from campaign.web.configuration import SECRET, read_configuration
-from campaign.web.server import check_settings, login_link
+from campaign.web.server import check_settings, http_server, login_link
 from campaign.web.settings import Limits, Settings
 from campaign.web.web_service import open_service
 
@@ -15,6 +18,33 @@ def test_other_machines_need_tls(tmp_path, host):
         check_settings(Settings("runs", tmp_path, host))
     check_settings(Settings("runs", tmp_path, host, behind_proxy=True))
     check_settings(Settings("runs", tmp_path, host, https=(tmp_path / "cert", tmp_path / "key")))
+
+
+def test_a_proxy_is_an_address(tmp_path):
+    check_settings(Settings("runs", tmp_path, behind_proxy=True, proxies=("10.0.0.0/8", "::1")))
+    for proxy in ("*", "proxy.example", "10.0.0.1/8"):
+        with pytest.raises(SpecError, match="--proxy"):
+            check_settings(Settings("runs", tmp_path, behind_proxy=True, proxies=(proxy,)))
+
+
+def test_only_the_proxy_says_who_asks(settings):
+    """What a stranger writes into X-Forwarded-For is not believed; nobody is where no proxy is said to be."""
+    for proxies, seen in ((("127.0.0.1",), "9.9.9.9"), (("10.0.0.1",), "127.0.0.1")):
+        service = open_service(replace(settings, behind_proxy=True, proxies=proxies))
+        assert client_of(http_server(service).config.loaded_app, "127.0.0.1", "9.9.9.9") == seen
+
+
+def client_of(app, address, forwarded):
+    """Return the address from which a proxy's middleware says that a request came."""
+    found = []
+
+    async def inner(scope, receive, send):
+        found.append(scope["client"][0])
+
+    app.app = inner
+    headers = [(b"x-forwarded-for", forwarded.encode()), (b"x-forwarded-proto", b"https")]
+    asyncio.run(app({"type": "http", "client": (address, 1), "headers": headers, "scheme": "http"}, None, None))
+    return found[0]
 
 
 def test_first_link_makes_the_admin(tmp_path):
