@@ -111,7 +111,9 @@ class RemoteServer:
             return matching[0]
         named = ", ".join(matching[:MOST_NAMED]) + (" and others" if len(matching) > MOST_NAMED else "")
         if not matching:
-            raise SpecError(f"server {self.address}: no campaign {wanted or ''}; list them: clearcap list")
+            raise SpecError(
+                f"server {self.address}: no campaign {wanted or ''}; list them: clearcap list --server {self.address}"
+            )
         what = "name the campaign" if wanted is None else f"{wanted} could be several campaigns"
         raise SpecError(f"server {self.address}: {what}: {named}")
 

@@ -7,6 +7,7 @@ finished by the next one of the same campaign, or before the campaign is submitt
 
 from campaign.coordinator.lease import beating, check_lease, hold_lease
 from campaign.store import Store
+from campaign.store.files.files import TEMPORARY
 from campaign.store.layout import DELETED, HEARTBEAT, LEASE, PLAN
 
 
@@ -34,12 +35,14 @@ def delete_campaign(store: Store, campaign_id: str) -> None:
             if store.files.exists(f"{campaign_id}/{PLAN}"):
                 store.files.move(f"{campaign_id}/{PLAN}", f"{campaign_id}/{DELETED}")
             for name in store.files.names(campaign_id):
-                if name not in (DELETED, LEASE, HEARTBEAT):
+                # not the next heartbeat, which is being written
+                if name not in (DELETED, LEASE, HEARTBEAT) and not name.endswith(TEMPORARY):
                     check_lease(store, campaign_id, token)  # who was away for long may come back to a new campaign
                     store.files.remove_tree(f"{campaign_id}/{name}")
-        for name in (HEARTBEAT, DELETED):
+        left = [name for name in store.files.names(campaign_id) if name not in (DELETED, LEASE)]
+        for name in (*left, DELETED):
             check_lease(store, campaign_id, token)
-            store.remove(campaign_id, name)
+            store.files.remove_tree(f"{campaign_id}/{name}")
     store.files.remove(campaign_id)
 
 

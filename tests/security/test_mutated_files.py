@@ -35,6 +35,7 @@ from campaign.spec.data_files import read_columns
 from campaign.spec.load import load_campaign
 from campaign.spec.named_files import FolderFiles
 from campaign.store import BadPart, open_store
+from campaign.store.labels import Labels
 from campaign.store.layout import HEARTBEAT, LEASE, MANIFEST, STATE, STOPPED
 from engine import EngineError, load_mechanism, simulate, warm_up
 from engine.mechanism import mechanism_from
@@ -250,7 +251,7 @@ def documents(folder, count):
         each, content = mutated
         store.files.write(f"{name}/{each}", content)
         try:
-            entry = _entry(store, name)
+            entry = _entry(store, name, Labels(), None)
             assert entry["campaign"] == name
             state_of(store, name)
             is_coordinated(store, name)

@@ -13,6 +13,8 @@ PRINTED = re.compile(
     r"clearcap (?:resume|rerun|replay|report|watch|cancel|status|coordinate|compact|delete|list|whatif|advise|design)\b"
 )
 PROSE = {
+    # A command on a server, which has its address.
+    "campaign.client.remote_server",
     # What takes a folder or file: the store is that folder, or the one above it.
     "engine.file_kinds",
     # What a sampler is for: it names the verb.
@@ -30,7 +32,8 @@ def texts(tree):
     docstrings = {
         id(node.body[0].value)
         for node in ast.walk(tree)
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and isinstance(node.body[0], ast.Expr)
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
+        and isinstance(node.body[0], ast.Expr)
     }
     for node in ast.walk(tree):
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in docstrings:
