@@ -13,18 +13,10 @@ import numpy as np
 import pytest
 
 from reporting.write import write_report
+from tests.chromium import AXE, axe_faults, axe_run, chromium, needs_axe, needs_chromium, set_width
 from tests.reporting.synthetic import c60_spec, c60_table
 
-AXE = Path(__file__).parents[3] / "node_modules" / "axe-core" / "axe.min.js"
-CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
-OPTIONS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--window-size=1280,1000",
-           "--disable-background-networking", "--disable-component-update", "--disable-sync",
-           "--host-resolver-rules=MAP * ~NOTFOUND")  # fmt: skip
-
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason="no chromium with its driver on this machine"),
-]
+pytestmark = [pytest.mark.slow, needs_chromium]
 
 
 @pytest.fixture(scope="module")
@@ -39,18 +31,9 @@ def files(tmp_path_factory) -> dict[str, str]:
 @pytest.fixture(scope="module")
 def browser(files, tmp_path_factory) -> Iterator[Any]:
     """Open the page in a browser that cannot reach anything and writes down what it asks for."""
-    webdriver = pytest.importorskip("selenium.webdriver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
-    for option in (*OPTIONS, f"--user-data-dir={tmp_path_factory.mktemp('profile')}"):
-        options.add_argument(option)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
-    try:
+    with chromium(tmp_path_factory.mktemp("profile")) as driver:
         driver.get(Path(files["html"]).as_uri())
         yield driver
-    finally:
-        driver.quit()
 
 
 def test_nothing_is_asked_from_outside_and_nothing_goes_wrong(browser, files) -> None:
@@ -98,9 +81,7 @@ def test_the_page_is_no_wider_than_its_window(browser) -> None:
 
 def test_nothing_is_cut_off_on_a_telephone(browser) -> None:
     """At 400 px no table needs scrolling, every column has its name, and the text of figures can be read."""
-    browser.execute_cdp_cmd(
-        "Emulation.setDeviceMetricsOverride", {"width": 400, "height": 900, "deviceScaleFactor": 1, "mobile": True}
-    )
+    set_width(browser, 400)
     browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
     try:
         assert browser.execute_script("return innerWidth") == 400
@@ -146,22 +127,17 @@ def test_a_keyboard_reaches_everything(browser) -> None:
     assert unreached == 0
 
 
-@pytest.mark.skipif(not AXE.exists(), reason="no axe-core: npm install --no-save axe-core@4")
+@needs_axe
 def test_axe_finds_no_fault(browser) -> None:
     """The usual check of accessibility, all its rules of WCAG 2.2 AA and good practice."""
-    browser.set_script_timeout(120)
-    browser.execute_script(AXE.read_text(encoding="utf-8"))
-    browser.execute_script("document.querySelectorAll('details').forEach(d => d.open = true)")
-    found = browser.execute_async_script("axe.run(document).then(arguments[0])")
-    told = [(v["id"], [n["html"][:120] for n in v["nodes"][:2]]) for v in found["violations"]]
-    assert told == []
+    found = axe_run(browser)
+    assert axe_faults(found) == []
     assert len(found["passes"]) > 20
 
 
+@needs_axe
 def test_axe_would_find_one(browser) -> None:
     """The check sees a figure without a text."""
-    if not AXE.exists():
-        pytest.skip("no axe-core: npm install --no-save axe-core@4")
     browser.execute_script(AXE.read_text(encoding="utf-8"))
     browser.execute_script(
         "window.kept = document.querySelector('svg').getAttribute('aria-label');"

@@ -1,0 +1,83 @@
+"""A `clearcap serve` in a process of its own, as a user starts it, with a store and a data folder of its own."""
+
+import json
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx2 as httpx
+
+HOST = "127.0.0.1"
+WORKERS = 1
+ENDS_WITHIN = 60  # s
+
+
+@dataclass(frozen=True)
+class LiveServer:
+    """A server that answers.
+
+    Attributes
+    ----------
+    url : str
+        Its address, without a path.
+    login : str
+        The link by which its admin logs in once.
+    folder : Path
+        With ``runs`` (the store) and ``data``.
+    """
+
+    url: str
+    login: str
+    folder: Path
+
+    @property
+    def store(self) -> Path:
+        """Folder of the store."""
+        return self.folder / "runs"
+
+
+def _command(folder: Path, port: str) -> list[str]:
+    words = [sys.executable, "-P", "-m", "campaign", "serve", "--store", str(folder / "runs"), "--port", port]
+    return [*words, "--data", str(folder / "data"), "--workers", str(WORKERS)]
+
+
+def _free_port() -> str:
+    with socket.socket() as listening:
+        listening.bind((HOST, 0))
+        return str(listening.getsockname()[1])
+
+
+@contextmanager
+def live_server(folder: Path, *options: str) -> Iterator[LiveServer]:
+    """Serve the store ``runs`` of a folder in the block, and compute what is queued if no option says otherwise."""
+    port = _free_port()
+    log = folder / "serve.log"
+    with log.open("w") as written:
+        process = subprocess.Popen(
+            [*_command(folder, port), "--json", *options],
+            stdout=subprocess.PIPE,
+            stderr=written,
+            text=True,
+        )
+    assert process.stdout is not None
+    try:
+        lines = []
+        while not lines or lines[-1] not in ("", "}\n"):
+            lines.append(process.stdout.readline())
+        assert lines[-1], log.read_text()
+        told = json.loads("".join(lines))
+        with httpx.Client(transport=httpx.HTTPTransport(retries=20)) as client:
+            client.get(f"{told['address']}/healthz").raise_for_status()
+        yield LiveServer(told["address"], told["login"] or "", folder)
+    finally:
+        process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(ENDS_WITHIN)
+        finally:
+            process.kill()
+            process.stdout.close()

@@ -1,0 +1,77 @@
+"""Every `curl` of the page about the service is answered, one after the other, by a server in a process of its own."""
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from campaign.coordinator.state import write_state
+from campaign.spec.load import load_campaign
+from campaign.web.access import Role
+from campaign.web.settings import Settings
+from campaign.web.web_service import open_service
+from tests.campaign.conftest import SPEC
+from tests.campaign.driving import computed
+from tests.campaign.web.journeys.live_server import live_server
+
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(shutil.which("curl") is None, reason="no curl on this machine")]
+PAGE = (Path(__file__).parents[4] / "docs/service.md").read_text("utf-8")
+BLOCKS = re.findall(r"^```sh\n(.*?)^```", PAGE, re.M | re.S)
+LINES = [line for block in BLOCKS for line in block.replace("\\\n", " ").splitlines() if line.startswith("curl ")]
+CURL = "curl --silent --show-error --max-time 120 --write-out '\\n%{http_code}' "
+
+
+def _finished(folder, seed):
+    """Compute a campaign with a stand-in for the physics; return its id."""
+    path = folder / f"seed-{seed}.toml"
+    path.write_text(SPEC.replace("seed = 7", f"seed = {seed}"))
+    store, plan = computed(folder / "runs", load_campaign(str(path)), 10)
+    write_state(store, plan.campaign_id, "completed")
+    return plan.campaign_id
+
+
+@pytest.fixture(scope="module")
+def words(tmp_path_factory):
+    """Return the variables of the examples, while a server answers over two finished campaigns, and a folder."""
+    folder = tmp_path_factory.mktemp("curl")
+    known = {"ID": _finished(folder, 7), "OTHER": _finished(folder, 8)}
+    service = open_service(Settings(str(folder / "runs"), folder / "data", processes=0))
+    service.users.add("admin", Role.ADMIN)
+    secrets = [service.tokens.add("admin", name, Role.ADMIN, 3600.0)[1] for name in ("to be revoked", "examples")]
+    service.close()
+    with live_server(folder, "--no-drive") as server:
+        yield {**known, "AUTH": f"Authorization: Bearer {secrets[1]}", "URL": server.url}, folder
+
+
+def _ask(line, known, folder):
+    """Run a line in a shell, as a reader of the page does; return the status and what it printed."""
+    done = subprocess.run(
+        ["bash", "-c", line.replace("curl ", CURL, 1)],
+        cwd=folder,
+        env={**os.environ, **known},
+        capture_output=True,
+        timeout=150,
+        check=False,
+    )
+    body, _, status = done.stdout.decode(errors="replace").rpartition("\n")
+    return int(status or 0), body or done.stderr.decode(errors="replace")
+
+
+def test_every_example_is_answered(words):
+    """None is refused; what later examples name comes from the answers of earlier ones."""
+    known, folder = words
+    assert len(LINES) > 40
+    _, text = _ask('curl -H "$AUTH" -X POST "$URL/api/v1/campaigns/$ID/report"', known, folder)
+    assert "report.html" in text  # what is signed below
+    refused = []
+    for line in LINES:
+        status, text = _ask(line, known, folder)
+        if not 200 <= status < 400:
+            refused.append((line, status, text[:300]))
+        found = re.search(r'"content":\s*"([0-9a-f]{64})"', text)
+        if found:
+            known["CONTENT"] = found[1]
+    assert refused == []
