@@ -35,8 +35,9 @@ run: $(BIN)/clearcap ## install, simulate 500 C-60 circuit breakers on this mach
 	$(BIN)/clearcap run c60 --samples 500 --store runs
 	@printf '\nTo go on, type:\n\n  source $(VENV)/bin/activate\n  clearcap simulate c60 --set J1=0.05\n\n'
 
-serve: $(BIN)/clearcap ## pages and an API over the store runs, on this machine; prints a link by which you log in
+serve: $(BIN)/clearcap ## pages and an API on this machine, computing 500 C-60; prints a link by which you log in
 	$(BIN)/pip install --quiet --constraint $(VENV)/versions.txt --editable '.[excel,web]'
+	$(BIN)/clearcap submit c60 --samples 500 --batch-size 25 --queue-only --store runs
 	$(BIN)/clearcap serve --store runs
 
 test: $(VENV)/.dev ## prove the parts, one process a core
