@@ -2,6 +2,7 @@
 
 import shutil
 
+import httpx2
 import pytest
 import schemathesis
 from hypothesis import HealthCheck, given, seed, settings
@@ -81,13 +82,11 @@ def _ask_often(cases, count, client, token):
         body = {"content": sent["data"]} if isinstance(sent.get("data"), bytes | str) else {"data": sent.get("data")}
         if "json" in sent:
             body = {"json": sent["json"]}
-        answer = client.request(
-            sent["method"],
-            sent["url"],
-            params=sent.get("params"),
-            headers={**headers, "Authorization": f"Bearer {token}"},
-            **body,
-        )
+        headers["Authorization"] = f"Bearer {token}"
+        try:
+            answer = client.request(sent["method"], sent["url"], params=sent.get("params"), headers=headers, **body)
+        except httpx2.InvalidURL:  # longer than the client sends
+            return
         case.validate_response(answer, checks=CHECKS)
 
     ask()
