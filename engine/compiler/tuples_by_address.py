@@ -2,8 +2,7 @@
 
 Numba passes a tuple of arrays by value: seven numbers and more for each array, which are taken apart and put together
 again at every call. The 150 arrays of a run made most of the text of all kernels that way. A tuple declared here is one
-address: of a table with the arrays' descriptions, which is filled once, when Python calls the kernel. Nothing changes
-the table while the kernel runs, and the code says so: the compiler may keep what it has read.
+address: of a table with the arrays' descriptions, which is filled once, when Python calls the kernel.
 
 In kernels such a tuple has its fields and nothing else: it is neither made nor unpacked there. Without compilation
 (NUMBA_DISABLE_JIT) it is the plain tuple that it is in Python.
@@ -108,9 +107,8 @@ def _at(builder: Any, address: Any, word: int) -> Any:
 
 def _read(builder: Any, address: Any, word: int, kind: Any) -> Any:
     """Return a word of the table as a value of a type of LLVM."""
-    value = builder.load(builder.bitcast(_at(builder, address, word), kind.as_pointer()), align=WORD)
-    value.set_metadata("invariant.load", builder.module.add_metadata(()))
-    return value
+    # not marked as invariant: where a kernel is inlined into its wrapper, LLVM then reads the table before it is filled
+    return builder.load(builder.bitcast(_at(builder, address, word), kind.as_pointer()), align=WORD)
 
 
 def _read_array(context: Any, builder: Any, kind: Any, address: Any, first: int) -> Any:
