@@ -18,6 +18,7 @@ from campaign.web.api import routers
 from campaign.web.http.gate import Gate
 from campaign.web.http.problems import MEDIA_TYPE, Refusal, described, problem, problem_schemas, refusal_of
 from campaign.web.http.request_record import Metrics, Record
+from campaign.web.http.service_gauges import ServiceGauges
 from campaign.web.pages import STATIC, page_routers
 from campaign.web.pages.refused import refused_page
 from campaign.web.web_service import Service
@@ -56,6 +57,7 @@ def make_app(service: Service) -> FastAPI:
     app.openapi = partial(_described, app)  # type: ignore[method-assign]  # FastAPI's own way to extend it
     app.state.service = service
     app.state.metrics = Metrics()
+    app.state.metrics.registry.register(ServiceGauges(service.watcher, service.pool))
     for router in (*routers(), *page_routers()):
         app.include_router(router)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")

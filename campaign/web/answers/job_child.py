@@ -70,7 +70,7 @@ def _answer(job: Callable[..., Any], arguments: tuple[Any, ...], limits: JobLimi
             answer = job(*arguments)
             content = answer if isinstance(answer, bytes) else _json(answer)
     except MemoryError:
-        return _failure("JobFailed", f"it takes more than {limits.memory_gib:g} GiB of memory; ask for less"), b""
+        return _failure("JobTooLarge", f"it takes more than {limits.memory_gib:g} GiB of memory; ask for less"), b""
     except CampaignError as error:
         return _failure(_kind(error), str(error), error), b""
     except Exception as error:
@@ -79,11 +79,12 @@ def _answer(job: Callable[..., Any], arguments: tuple[Any, ...], limits: JobLimi
         if isinstance(error, EngineError):
             return _failure("SpecError", str(error), error), b""
         traceback.print_exc()
-        return _failure("JobFailed", f"it failed for a reason of the program's own ({type(error).__name__})"), b""
+        message = f"it failed for a reason of the program's own ({type(error).__name__}); the server's log says more"
+        return _failure("JobFailed", message), b""
     finally:
         resource.setrlimit(resource.RLIMIT_CPU, (resource.RLIM_INFINITY, resource.getrlimit(resource.RLIMIT_CPU)[1]))
     if len(content) > limits.answer_mib * 2**20:
-        return _failure("JobFailed", f"its answer has more than {limits.answer_mib:g} MiB; ask for less"), b""
+        return _failure("JobTooLarge", f"its answer has more than {limits.answer_mib:g} MiB; ask for less"), b""
     return {"size": len(content)}, content
 
 

@@ -28,4 +28,12 @@ class JobLimits:
 
 
 class JobFailed(CampaignError):
-    """A job ended without an answer: it took too much, its process ended, or it has a bug."""
+    """A job ended without an answer, for a reason of the server's own: its process ended, or it has a bug."""
+
+
+class JobTooLarge(JobFailed):
+    """A job needs more processor time or memory, or a larger answer, than it may have: its user asks for too much."""
+
+
+class JobPostponed(JobFailed):
+    """A job cannot be computed now: no process could be started, or it waits too long for the machine or the store."""

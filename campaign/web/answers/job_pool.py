@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import Any
 
 from campaign.errors import CampaignError
-from campaign.web.answers.job_limits import JobFailed, JobLimits
+from campaign.web.answers.job_limits import JobFailed, JobLimits, JobPostponed
 from campaign.web.answers.job_process import JobProcess
 from campaign.web.answers.turns import Quota, Turns
 
@@ -101,7 +101,8 @@ class JobPool:
         CampaignError
             What the job raised; its attribute ``faults`` is None or the faults of an input as data.
         JobFailed
-            If the job took more than it may, or ended its process.
+            If the job ended its process or has a bug; `JobTooLarge` if it took more than it may, `JobPostponed` if no
+            process could be started for it or it waited too long.
         """
         async with self._turns.turn(user):
             task = self._take()
@@ -112,12 +113,11 @@ class JobPool:
                 raise
             except (CampaignError, OSError) as error:
                 self._replace(task)
-                raise JobFailed(f"no process could be started for it: {error}") from error
+                raise JobPostponed(f"no process could be started for it: {error}; try again later") from error
             try:
                 content = await process.ask(job, arguments, limits or self._limits)
             except JobFailed as error:
-                if process.alive:
-                    logger.warning("a job of %s (%s) is ended: %s", user, job.__name__, error)
+                logger.warning("a job of %s (%s) failed: %s", user, job.__name__, error)
                 await self._end(task)
                 self._replace(task)
                 raise

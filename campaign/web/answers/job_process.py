@@ -14,8 +14,9 @@ from typing import Any
 from campaign import errors
 from campaign.errors import CampaignError
 from campaign.safe_path import python_environment
+from campaign.web.answers import job_limits
 from campaign.web.answers.job_child import COMMAND
-from campaign.web.answers.job_limits import JobFailed, JobLimits
+from campaign.web.answers.job_limits import JobFailed, JobLimits, JobPostponed, JobTooLarge
 
 # What a process needs of the environment; whatever else the service has there, secrets of its own too, it does not get.
 _PASSED_ON = re.compile(
@@ -83,7 +84,7 @@ class JobProcess:
         CampaignError
             What the job raised. An attribute ``faults`` has the faults of an input as data, None if there are none.
         JobFailed
-            If it took more than it may, or its process ended.
+            If its process ended; `JobTooLarge` if it took more than it may, `JobPostponed` if it waited too long.
         """
         stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None
@@ -96,9 +97,11 @@ class JobProcess:
                 head = json.loads(await stdout.readuntil(b"\n"))
                 content = await stdout.readexactly(head["size"])
         except TimeoutError:
-            raise JobFailed(f"it takes longer than {limits.wall_s:g} s; ask for less") from None
+            raise JobPostponed(
+                f"it takes longer than {limits.wall_s:g} s, most of which it waits; try again later, or ask for less"
+            ) from None
         except (asyncio.IncompleteReadError, ConnectionError):
-            raise JobFailed(await self._why_ended(limits)) from None
+            raise await self._why_ended(limits) from None
         if "error" in head:
             error: CampaignError = _error(head["error"])(head["message"])
             error.faults = head["faults"]  # type: ignore[attr-defined]
@@ -114,16 +117,16 @@ class JobProcess:
         if self._process.stdin is not None:
             self._process.stdin.close()
 
-    async def _why_ended(self, limits: JobLimits) -> str:
-        """Return how the process ended, in words."""
+    async def _why_ended(self, limits: JobLimits) -> JobFailed:
+        """Return the error of a job whose process has ended."""
         status = await self._process.wait()
         if status == -signal.SIGXCPU:
-            return f"it takes more than {limits.processor_s:g} s of processor time; ask for less"
+            return JobTooLarge(f"it takes more than {limits.processor_s:g} s of processor time; ask for less")
         how = f"by signal {-status} ({signal.strsignal(-status)})" if status < 0 else f"with exit status {status}"
-        return f"its process ended {how}; it was replaced, and the log may say more"
+        return JobFailed(f"its process ended {how}; it was replaced, and the server's log may say more")
 
 
 def _error(kind: str) -> type[CampaignError]:
     """Return a class of errors by its name."""
-    found = JobFailed if kind == JobFailed.__name__ else getattr(errors, kind, JobFailed)
+    found = getattr(job_limits, kind, None) or getattr(errors, kind, JobFailed)
     return found if isinstance(found, type) and issubclass(found, CampaignError) else JobFailed

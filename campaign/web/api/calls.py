@@ -53,5 +53,5 @@ def calls(tag: str, *, with_login: bool = True) -> APIRouter:
     with_login : bool
         The calls can be refused for what every call with a login can be refused for.
     """
-    refusals = described(400, 401, 403, 413, 422, 429, 503) if with_login else {}
+    refusals = described(400, 401, 403, 413, 422, 429, 500, 503) if with_login else {}
     return APIRouter(prefix=PREFIX if with_login else "", tags=[tag], route_class=_Call, responses=refusals)

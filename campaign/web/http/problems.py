@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from campaign.errors import CampaignError, SpecError, StoreError
+from campaign.web.answers.job_limits import JobFailed, JobPostponed, JobTooLarge
 from campaign.web.answers.turns import Busy
 from engine import EngineError
 from engine.faults.fault import Fault
@@ -70,14 +71,16 @@ def problem(status: int, detail: str, faults: list[dict[str, Any]] | None = None
 
 
 def refusal_of(error: Exception) -> Refusal | None:
-    """Return the refusal that an error of the house stands for; None for a bug."""
+    """Return the refusal that an error of the house stands for, 4xx only where the user can mend it; None for a bug."""
     if isinstance(error, Refusal):
         return error
     if isinstance(error, Busy):
         return Refusal(429, str(error), headers={"Retry-After": str(error.retry_after_s)})
-    if isinstance(error, StoreError):
+    if isinstance(error, StoreError | JobPostponed):
         return Refusal(503, str(error), headers={"Retry-After": "10"})
-    if isinstance(error, SpecError | EngineError):
+    if isinstance(error, JobFailed) and not isinstance(error, JobTooLarge):
+        return Refusal(500, str(error))
+    if isinstance(error, SpecError | EngineError | JobTooLarge):
         return Refusal(422, str(error), faults_of(error))
     if isinstance(error, CampaignError):
         return Refusal(409, str(error))

@@ -7,7 +7,7 @@ import time
 import traceback
 from typing import TextIO
 
-from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
+from prometheus_client import CollectorRegistry, Counter, Histogram
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -31,7 +31,7 @@ def show_requests(stream: TextIO | None = None) -> None:
 
 
 class Metrics:
-    """Counts of requests, for ``/metrics``."""
+    """Counts of requests, and the registry of all that ``/metrics`` gives."""
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
@@ -40,9 +40,6 @@ class Metrics:
         self.seconds = Histogram(
             "clearcap_request_seconds", "Time until the answer began", ("method", "route"), registry=self.registry
         )
-        self.streams = Gauge("clearcap_event_streams", "Open event streams", registry=self.registry)
-        self.campaigns = Gauge("clearcap_campaigns", "Campaigns by state", ("state",), registry=self.registry)
-        self.jobs = Gauge("clearcap_jobs", "Jobs by state", ("state",), registry=self.registry)
 
 
 class Record:

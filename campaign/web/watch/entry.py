@@ -6,6 +6,7 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from campaign.coordinator.follow import observe
+from campaign.coordinator.state import STATES
 from campaign.errors import CampaignError
 from campaign.store import Store
 from campaign.store.files.files import LARGEST
@@ -13,6 +14,7 @@ from campaign.store.label_versions import read_labels
 from campaign.store.layout import REPORT, SUBMISSION
 
 REPORT_DOCUMENT = f"{REPORT}/capability.json"
+LISTED_STATES = (*STATES, "incomplete", "planned", "broken")
 
 
 class Weakest(BaseModel):
@@ -38,7 +40,7 @@ class CampaignEntry(BaseModel):
     campaign: str = Field(description="Id of the campaign", examples=["c60-0a1b2c3d4e"])
     title: str = Field("", examples=["Schneider C-60"])
     state: str = Field(
-        description="queued, running, completed, incomplete, cancelled, failed, interrupted, planned or broken",
+        description=f"{', '.join(LISTED_STATES[:-1])} or {LISTED_STATES[-1]}",
         examples=["completed"],
     )
     message: str = Field("", description="Details of the state, or what is wrong with a broken campaign")

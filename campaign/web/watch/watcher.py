@@ -68,6 +68,7 @@ class Watcher:
     def __init__(self, store: Store, index: CampaignIndex) -> None:
         self._store, self.index = store.hasty, index
         self.listed_at: float | None = None  # by the monotonic clock, when the store was last listed
+        self._hurries = 0  # how often somebody has changed something here
         self.fault = ""  # why the store cannot be read
         self._feeds: dict[str, Feed] = {}
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="store-reader")
@@ -109,8 +110,10 @@ class Watcher:
 
     async def list_campaigns(self) -> None:
         """Bring the index up to date now."""
+        hurries = self._hurries
         await self._in_reader(self._refresh)
-        self.listed_at = time.monotonic()
+        if hurries == self._hurries:  # otherwise the store has changed since its files were looked at
+            self.listed_at = time.monotonic()
 
     def _refresh(self) -> None:
         for campaign in unfinished_deletions(self._store):
@@ -123,6 +126,7 @@ class Watcher:
 
     def hurry(self) -> None:
         """Look soon, because somebody has just changed something here; any thread may call it."""
+        self._hurries += 1
         self.listed_at = None
         self._loop.call_soon_threadsafe(self._wake.set)
 

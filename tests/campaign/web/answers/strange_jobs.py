@@ -77,6 +77,16 @@ def bug():
     raise KeyError("secret detail")
 
 
+def answer_by_a_bug(*_):
+    """Fail for a reason of the program's own, whatever is asked."""
+    bug()
+
+
+def answer_too_much(*_):
+    """Answer more than fits into any answer, whatever is asked."""
+    return bytes(65 << 20)
+
+
 def print_something():
     """Print where only answers belong."""
     print("noise")

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from campaign.errors import SpecError, StoreError
-from campaign.web.answers.job_limits import JobFailed, JobLimits
+from campaign.web.answers.job_limits import JobFailed, JobLimits, JobPostponed, JobTooLarge
 from campaign.web.answers.job_pool import JobPool
 from campaign.web.answers.turns import Busy, Quota
 from tests.campaign.web.answers import strange_jobs
@@ -78,25 +78,27 @@ def test_errors_of_the_input_come_as_what_they_are():
 
 
 @pytest.mark.parametrize(
-    ("job", "limits", "words"),
+    ("job", "limits", "kind", "words"),
     [
-        (partial(strange_jobs.sleep, 600), JobLimits(wall_s=0.5), "longer than 0.5 s"),
-        (strange_jobs.spin, JobLimits(processor_s=0.5), "more than 0.5 s of processor time"),
-        (strange_jobs.eat, LIMITS, "more than 1 GiB of memory"),
-        (partial(strange_jobs.raw, 3 << 20), LIMITS, "more than 1 MiB"),
-        (strange_jobs.crash, LIMITS, r"by signal 11 \(Segmentation fault\)"),
-        (strange_jobs.leave, LIMITS, "with exit status 7"),
-        (strange_jobs.bug, LIMITS, r"reason of the program's own \(KeyError\)"),
+        (partial(strange_jobs.sleep, 600), JobLimits(wall_s=0.5), JobPostponed, "longer than 0.5 s"),
+        (strange_jobs.spin, JobLimits(processor_s=0.5), JobTooLarge, "more than 0.5 s of processor time"),
+        (strange_jobs.eat, LIMITS, JobTooLarge, "more than 1 GiB of memory"),
+        (partial(strange_jobs.raw, 3 << 20), LIMITS, JobTooLarge, "more than 1 MiB"),
+        (strange_jobs.crash, LIMITS, JobFailed, r"by signal 11 \(Segmentation fault\)"),
+        (strange_jobs.leave, LIMITS, JobFailed, "with exit status 7"),
+        (strange_jobs.bug, LIMITS, JobFailed, r"reason of the program's own \(KeyError\)"),
     ],
 )
-def test_a_job_that_goes_wrong_is_one_clear_error_and_its_process_is_replaced(job, limits, words):
-    """Whatever it does, the next job is served, by another process; the error has no detail of the inside."""
+def test_a_job_that_goes_wrong_is_one_clear_error_and_its_process_is_replaced(job, limits, kind, words, caplog):
+    """Whatever it does, the next job is served, by another process; the error says whose fault it is, and no more."""
 
     async def ask(pool):
         before = (await pool.data("u", strange_jobs.add, 1, 2))["process"]
         with pytest.raises(JobFailed, match=words) as failed:
             await pool.run("u", _call, job, limits=limits)
+        assert type(failed.value) is kind
         assert "secret detail" not in str(failed.value)
+        assert str(failed.value) in caplog.text
         assert (await pool.data("u", strange_jobs.add, 1, 2))["process"] != before
         assert not is_running(before)
 
@@ -200,7 +202,7 @@ def test_processes_warm_up_before_they_serve(tmp_path):
     assert in_pool(ask, warm_up=partial(strange_jobs.count_calls, str(note), 0.0, None)) == b"x"
 
     async def ask_cold(pool):
-        with pytest.raises(JobFailed, match="no process could be started"):
+        with pytest.raises(JobPostponed, match="no process could be started"):
             await pool.run("u", strange_jobs.add, 1, 2)
 
     in_pool(ask_cold, warm_up=strange_jobs.store_away)

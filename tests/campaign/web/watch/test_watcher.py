@@ -144,6 +144,32 @@ def test_follower_that_comes_back_hears_what_is_new(finished, index, quick):
     assert _followed(finished[0], index, finished[1], act, last) == [b"event: end\ndata: {}\n\n"]
 
 
+def test_change_during_a_listing_is_listed_too(store, plan, index, quick):
+    """What somebody changes while the store is looked at may have been looked at before."""
+
+    async def list_and_change():
+        watcher = Watcher(store, index)
+        refresh = index.refresh
+
+        def refresh_and_change(*arguments):
+            changed = refresh(*arguments)
+            index.refresh = refresh
+            write_state(store, plan.campaign_id, "cancelled")
+            watcher.hurry()
+            return changed
+
+        write_state(store, plan.campaign_id, "completed")
+        index.refresh = refresh_and_change
+        looking = asyncio.create_task(watcher.run())
+        async with asyncio.timeout(30):
+            while watcher.listed_at is None:
+                await asyncio.sleep(0.01)
+        looking.cancel()
+        return index.entry(plan.campaign_id).state
+
+    assert asyncio.run(list_and_change()) == "cancelled"
+
+
 def test_streams_end_with_the_server(store, plan, index, quick):
     async def act(watcher):
         await asyncio.sleep(0.1)

@@ -1,0 +1,50 @@
+"""How much of each thing there is now in a service, for Prometheus: counted when it is asked."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+
+from prometheus_client import Metric
+from prometheus_client.core import GaugeMetricFamily
+from prometheus_client.registry import Collector
+
+from campaign.web.answers.job_pool import JobPool
+from campaign.web.watch.entry import LISTED_STATES
+from campaign.web.watch.watcher import Watcher
+
+
+class ServiceGauges(Collector):
+    """Counts campaigns by state, jobs that run and wait, and open event streams.
+
+    It may be asked in the event loop of the service only: nothing else keeps what it counts from changing meanwhile.
+
+    Parameters
+    ----------
+    watcher : Watcher
+        Knows campaigns and streams.
+    pool : JobPool
+        Knows the jobs.
+    """
+
+    def __init__(self, watcher: Watcher, pool: JobPool) -> None:
+        self._watcher, self._pool = watcher, pool
+
+    def collect(self) -> Iterable[Metric]:
+        """Yield the gauges with their values now."""
+        campaigns = Counter(dict.fromkeys(LISTED_STATES, 0))
+        campaigns.update(entry.state for entry, _ in self._watcher.index.entries())
+        yield _by_state("clearcap_campaigns", "Campaigns by state, as the list has them", campaigns)
+        jobs = {"running": self._pool.running, "waiting": self._pool.waiting}
+        yield _by_state("clearcap_jobs", "Jobs in the processes that compute for pages and calls", jobs)
+        yield GaugeMetricFamily("clearcap_event_streams", "Open event streams", self._watcher.followers)
+
+    def describe(self) -> Iterable[Metric]:
+        """Yield nothing: the registry need not count when it is told of this collector."""
+        return ()
+
+
+def _by_state(name: str, help: str, counts: Mapping[str, int]) -> Metric:
+    """Return a gauge with one value for each state."""
+    gauge = GaugeMetricFamily(name, help, labels=("state",))
+    for state, count in counts.items():
+        gauge.add_metric((state,), count)
+    return gauge

@@ -1,0 +1,117 @@
+"""Each gauge follows the thing that it counts."""
+
+import asyncio
+from contextlib import asynccontextmanager
+
+import pytest
+from prometheus_client import CollectorRegistry
+from prometheus_client.parser import text_string_to_metric_families
+
+from campaign.coordinator.state import write_state
+from campaign.store.change_tokens import change_tokens
+from campaign.web.answers.job_pool import JobPool
+from campaign.web.answers.turns import Quota
+from campaign.web.http.service_gauges import ServiceGauges
+from campaign.web.watch.index import CampaignIndex
+from campaign.web.watch.watcher import Watcher
+from tests.campaign.web.answers import strange_jobs
+
+
+@pytest.fixture
+def counted(store, tmp_path):
+    """Return what opens a watcher, a pool of one process, and what reads a gauge."""
+
+    @asynccontextmanager
+    async def opened():
+        index, registry = CampaignIndex(tmp_path / "index.sqlite"), CollectorRegistry()
+        watcher = Watcher(store, index)
+        async with JobPool(1, quota=Quota(at_once=1)) as pool:
+            registry.register(ServiceGauges(watcher, pool))
+            yield watcher, pool, lambda name, **state: registry.get_sample_value(name, state)
+        index.close()
+
+    return opened
+
+
+async def _until(name, count, value, **state):
+    """Wait until a gauge has a value."""
+    async with asyncio.timeout(30):
+        while value(name, **state) != count:
+            await asyncio.sleep(0.01)
+
+
+def test_campaigns_by_state(store, plan, counted):
+    """A state that no campaign has any more is zero, not gone."""
+
+    async def count():
+        async with counted() as (watcher, _, value):
+            assert value("clearcap_campaigns", state="queued") == 0
+            for state, other in (("queued", "cancelled"), ("cancelled", "queued")):
+                write_state(store, plan.campaign_id, state)
+                watcher.index.refresh(store, change_tokens(store))
+                assert value("clearcap_campaigns", state=state) == 1
+                assert value("clearcap_campaigns", state=other) == 0
+
+    asyncio.run(count())
+
+
+def test_jobs_that_run_and_wait(counted):
+    async def count():
+        async with counted() as (_, pool, value):
+            jobs = [asyncio.create_task(pool.run("eva", strange_jobs.sleep, 600)) for _ in range(3)]
+            await _until("clearcap_jobs", 1, value, state="running")
+            assert value("clearcap_jobs", state="waiting") == 2
+            for left in (1, 0):
+                jobs.pop().cancel()
+                await _until("clearcap_jobs", left, value, state="waiting")
+            jobs.pop().cancel()
+            await _until("clearcap_jobs", 0, value, state="running")
+
+    asyncio.run(count())
+
+
+def test_open_event_streams(store, plan, counted):
+    write_state(store, plan.campaign_id, "queued")
+
+    async def count():
+        async with counted() as (watcher, _, value):
+            streams = [watcher.follow(plan.campaign_id) for _ in range(3)]
+            for number, stream in enumerate(streams):
+                assert value("clearcap_event_streams") == number
+                await anext(stream)
+            for left in (2, 1, 0):
+                await streams[left].aclose()
+                assert value("clearcap_event_streams") == left
+
+    asyncio.run(count())
+
+
+def test_all_that_is_declared_is_counted(client, service, reported, as_user):
+    """No gauge of the page stands without a value, and each changes with what the server does."""
+
+    def page():
+        text = client.get("/metrics").text
+        families = {each.name: each for each in text_string_to_metric_families(text)}
+        assert all(each.samples for name, each in families.items() if not name.startswith("clearcap_request"))
+        return families
+
+    def campaigns(state):
+        return sum(each.value for each in page()["clearcap_campaigns"].samples if each.labels["state"] == state)
+
+    def listings():
+        return sum(each.value for each in page()["clearcap_requests"].samples if "campaigns" in each.labels["route"])
+
+    assert set(page()) == {
+        "clearcap_requests",
+        "clearcap_request_seconds",
+        "clearcap_campaigns",
+        "clearcap_jobs",
+        "clearcap_event_streams",
+    }
+    before = listings()
+    for state in ("completed", "failed"):
+        write_state(service.store, reported, state)
+        service.watcher.hurry()
+        client.get("/api/v1/campaigns", headers=as_user("viewer"))
+        assert campaigns(state) == 1
+    assert listings() > before
