@@ -4,7 +4,7 @@ VENV   ?= .venv
 BIN    := $(VENV)/bin
 TOOLS  := build/tools/bin
 LOCK   := deploy/requirements.lock
-EXTRAS := client excel jobqueue kubernetes pdf s3 tls web
+EXTRAS := cad client excel jobqueue kubernetes pdf s3 tls web
 PARALLEL := --numprocesses auto --dist loadfile --no-loadscope-reorder
 export MPLBACKEND := Agg
 

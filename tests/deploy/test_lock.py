@@ -57,6 +57,14 @@ def test_every_package_has_hashes():
     assert not re.search(r"://|^-", LOCK, re.M)
 
 
+def test_the_image_reads_no_cad_files():
+    """What only reads CAD files is installed with its hashes, as all that is locked, and taken out again."""
+    locked_for_cad = set(re.findall(r"^(cadquery-ocp[a-z-]*)==", LOCK, re.M))
+    [removed] = re.findall(r"pip uninstall --yes (.*)$", (ROOT / "deploy/Dockerfile").read_text(), re.M)
+    assert set(removed.split()) == locked_for_cad
+    assert locked_for_cad >= {Requirement(text).name for text in PYPROJECT["project"]["optional-dependencies"]["cad"]}
+
+
 def test_what_installs_from_it():
     """The image takes nothing else; the verbs of the Makefile that install take its versions."""
     image = (ROOT / "deploy/Dockerfile").read_text()

@@ -1,0 +1,238 @@
+"""What a STEP file holds, as plain numbers: parts, their solids and faces, circular edges, limits of size, triangles.
+
+All places and directions are in the frame of the assembly, as it is posed in the file; lengths in mm, angles in rad.
+The type of a field says by which power of the unit of length its numbers grow, see `engine.cad.unit_of_length`.
+"""
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+import numpy as np
+
+from engine.arrays import Array, Integers
+
+FaceKind = Literal["plane", "cylinder", "cone", "sphere", "torus", "surface"]
+
+
+@dataclass(frozen=True)
+class LengthPower:
+    """By which power of the unit of length a number grows."""
+
+    power: int
+
+
+Millimetres = Annotated[float, LengthPower(1)]
+SquareMillimetres = Annotated[float, LengthPower(2)]
+CubicMillimetres = Annotated[float, LengthPower(3)]
+GramsPerCubicMillimetre = Annotated[float, LengthPower(-3)]
+Coordinates = Annotated[Array, LengthPower(1)]
+UnitInertia = Annotated[Array, LengthPower(5)]
+
+
+def _no_direction() -> Array:
+    """Return zeros in place of a unit vector."""
+    return np.zeros(3)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Placement:
+    """Where a part's own frame lies in the assembly.
+
+    A point p of the part is at ``rotation @ (p * mirror) + translation``, where ``mirror`` is (1, 1, -1) for a mirrored
+    part and (1, 1, 1) for any other. So ``rotation`` is always a proper one.
+    """
+
+    rotation: Array
+    """Shape (3, 3); its columns are the axes of the part's frame."""
+    translation: Coordinates
+    """Shape (3,) [mm]."""
+    mirrored: bool = False
+
+    @property
+    def matrix(self) -> Array:
+        """The linear part with the mirror, shape (3, 3)."""
+        matrix: Array = self.rotation * np.array([1.0, 1.0, -1.0 if self.mirrored else 1.0])
+        return matrix
+
+    def to_assembly(self, points: Array) -> Array:
+        """Return points of the part's frame in the assembly's, shape (..., 3)."""
+        placed: Array = np.asarray(points) @ self.matrix.T + self.translation
+        return placed
+
+    def to_part(self, points: Array) -> Array:
+        """Return points of the assembly's frame in the part's, shape (..., 3)."""
+        local: Array = (np.asarray(points) - self.translation) @ self.matrix
+        return local
+
+
+@dataclass(frozen=True, kw_only=True)
+class CadMaterial:
+    """A material that the file names."""
+
+    name: str
+    density: GramsPerCubicMillimetre | None = None
+    """[g/mm3]; None where the file has none."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Solid:
+    """A solid of a part, of uniform density."""
+
+    name: str
+    """As the file names it; empty where it has no name of its own."""
+    volume: CubicMillimetres
+    """[mm3]."""
+    centre: Coordinates
+    """Its centre of mass, shape (3,) [mm]."""
+    inertia: UnitInertia
+    """About its centre for density 1, in axes of the assembly, shape (3, 3) [mm5]."""
+    material: CadMaterial | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CadPart:
+    """A part as it stands in the assembly; a product that stands there twice is two parts."""
+
+    name: str
+    """Unique in the assembly: the product's, with a number behind where several would have the same."""
+    product: str
+    """As in the file; empty for an unnamed one."""
+    path: tuple[str, ...]
+    """Names of the instances from the root down to this one, as in the file."""
+    placement: Placement
+    material: CadMaterial | None
+    solids: tuple[Solid, ...]
+    bounds: Coordinates
+    """The smallest and the largest coordinates, shape (2, 3) [mm]."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SplineSurface:
+    """A B-spline surface; neither direction is periodic. It may reach over the edges of its face."""
+
+    degrees: tuple[int, int]
+    knots: tuple[Array, Array]
+    """Of each direction, as often as their multiplicity, shapes (n + degree + 1,)."""
+    points: Coordinates
+    """Control points, shape (n, m, 3) [mm]."""
+    weights: Array
+    """Shape (n, m); all 1 unless the surface is rational."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CadFace:
+    """A face; pieces of one cylinder, cone, sphere or torus are one face, as a bore is that was cut into halves."""
+
+    number: int
+    """Its place in the assembly's faces; another export of the same part may number them otherwise."""
+    part: str
+    solid: int
+    """Place of its solid in the part; -1 if it bounds none."""
+    kind: FaceKind
+    point: Coordinates
+    """Shape (3,) [mm]: on the axis at mid-height (cylinder, cone), the centre (sphere, torus), else as `on`."""
+    axis: Array = field(default_factory=_no_direction)
+    """Unit vector: of the axis (cylinder, torus; a cone widens along it), the outward normal of a plane; else zeros."""
+    radius: Millimetres = 0.0
+    """[mm]; of a cone at `point`, of a torus that of its centre line; 0 for a plane or a surface."""
+    minor_radius: Millimetres = 0.0
+    """Of a torus' tube [mm]; else 0."""
+    half_angle: float = 0.0
+    """Of a cone [rad]; else 0."""
+    hollow: bool = False
+    """Whether the material is outside, as around a bore."""
+    span: float = 0.0
+    """Angle about the axis that the face covers [rad], 2 pi for all of it; 0 for a plane or a surface."""
+    middle: Array = field(default_factory=_no_direction)
+    """Unit vector from the axis to the middle of the span; zeros where the face goes all round, or has no axis."""
+    extent: Coordinates = field(default_factory=lambda: np.zeros(2))
+    """Where it begins and ends along its axis, from `point` on, shape (2,) [mm]; zeros for a plane or a surface."""
+    area: SquareMillimetres
+    """[mm2]."""
+    on: Coordinates
+    """A point of the face, shape (3,) [mm]."""
+    normal: Array = field(default_factory=_no_direction)
+    """The outward normal at `on`."""
+    recognition_gap: Millimetres = 0.0
+    """Largest distance [mm] between a spline of the file and what it was taken for; 0 where it was none."""
+    pieces: int = 1
+    """Number of the file's faces that it is made of."""
+    spline: SplineSurface | None = None
+    """Of a face of kind surface."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CadEdge:
+    """An edge that is a circle or an arc of one."""
+
+    part: str
+    faces: tuple[int, ...]
+    """Numbers of the faces that it bounds."""
+    centre: Coordinates
+    axis: Array = field(default_factory=_no_direction)
+    radius: Millimetres
+    span: float = 0.0
+    """[rad]; 2 pi for a circle."""
+    middle: Array = field(default_factory=_no_direction)
+    """Unit vector from the centre to the middle of the arc; zeros for a circle."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SizeLimits:
+    """A dimension with limits that the file attaches to faces (semantic PMI of AP242)."""
+
+    kind: str
+    """As ``diameter``, ``radius`` or ``linear distance``."""
+    nominal: Millimetres
+    lower: Millimetres
+    """The smallest size allowed [mm]."""
+    upper: Millimetres
+    """The largest size allowed [mm]."""
+    faces: tuple[int, ...] = ()
+    """Numbers of the faces that it belongs to; of a distance, of both sides."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TriangleMesh:
+    """Triangles of a part for pictures and overlaps; they turn counter-clockwise seen from outside."""
+
+    part: str
+    vertices: Coordinates
+    """Shape (n, 3) [mm]; each face has its own."""
+    triangles: Integers = field(default_factory=lambda: np.zeros((0, 3), np.int64))
+    """Rows of `vertices`, shape (m, 3)."""
+    faces: Integers = field(default_factory=lambda: np.zeros(0, np.int64))
+    """Number of the face of each triangle, shape (m,)."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CadAssembly:
+    """All that clearcap takes from a STEP file."""
+
+    sha256: str
+    """Of the file's content, 64 hexadecimal digits."""
+    unit: str
+    """The unit of length in which the file is written, as ``mm`` or ``inch``."""
+    schema: str
+    """Of the file, as ``AP242``, or as its header writes it."""
+    recognition: Millimetres
+    """Largest recognition gap allowed [mm]."""
+    parts: tuple[CadPart, ...] = ()
+    faces: tuple[CadFace, ...] = ()
+    edges: tuple[CadEdge, ...] = ()
+    limits: tuple[SizeLimits, ...] = ()
+    meshes: tuple[TriangleMesh, ...] = ()
+    """One for each part, in the order of `parts`."""
+    cautions: tuple[str, ...] = ()
+    """What the file has and clearcap left out, and why."""
+
+    def part(self, name: str) -> CadPart:
+        """Return the part of a name; KeyError if there is none."""
+        for part in self.parts:
+            if part.name == name:
+                return part
+        raise KeyError(name)
+
+    def faces_of(self, part: str) -> tuple[CadFace, ...]:
+        """Return the faces of a part."""
+        return tuple(face for face in self.faces if face.part == part)

@@ -1,0 +1,55 @@
+"""The same geometry in another unit of length."""
+
+from dataclasses import is_dataclass, replace
+from functools import cache
+from typing import Any, TypeVar, get_args, get_type_hints
+
+import numpy as np
+
+from engine.cad.cad_model import LengthPower
+
+_T = TypeVar("_T")
+
+
+def in_unit(geometry: _T, millimetres: float) -> _T:
+    """Return what was read from a CAD file, or found in it, in another unit of length.
+
+    Parameters
+    ----------
+    geometry : dataclass
+        An assembly, or anything of `engine.cad.cad_model`, in mm.
+    millimetres : float
+        The unit of length [mm], as 1000 for metres, > 0.
+
+    Returns
+    -------
+    dataclass
+        The same, with all lengths, areas, volumes, inertias and densities in the unit. Masses stay in g.
+    """
+    scaled: _T = _scaled(geometry, 0, 1.0 / millimetres)
+    return scaled
+
+
+def _scaled(value: Any, power: int, factor: float) -> Any:
+    """Return a value times a power of the factor; of a dataclass, each field with its own power."""
+    if is_dataclass(value) and not isinstance(value, type):
+        each = _powers(type(value)).items()
+        return replace(value, **{name: _scaled(getattr(value, name), own, factor) for name, own in each})
+    if isinstance(value, tuple):
+        return tuple(_scaled(entry, power, factor) for entry in value)
+    if power and isinstance(value, float | np.ndarray):
+        return value * factor**power
+    return value
+
+
+@cache
+def _powers(kind: type) -> dict[str, int]:
+    """Return the power of the unit of length of each field of a dataclass, by its name."""
+    return {name: _power(hint) for name, hint in get_type_hints(kind, include_extras=True).items()}
+
+
+def _power(hint: Any) -> int:
+    """Return the power that a type is annotated with, or one of the types it is made of; 0 if none is."""
+    if isinstance(hint, LengthPower):
+        return hint.power
+    return next((power for inner in get_args(hint) if (power := _power(inner))), 0)

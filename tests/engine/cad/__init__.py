@@ -1,0 +1,1 @@
+"""CAD files: STEP in, plain numbers out."""
