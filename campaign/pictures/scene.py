@@ -1,10 +1,11 @@
 """The numbers behind an animation: shapes, contact forces and play, projected, frame by frame."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from campaign.pictures.body_shapes import body_shape, linear_loads
+from campaign.pictures.body_shapes import BodyShape, body_shape, linear_loads
 from campaign.pictures.play import Play, plays
 from campaign.pictures.poses import Pose, finite_rows, poses, progress, spread_rows
 from campaign.pictures.view import View, choose_view
@@ -16,25 +17,47 @@ NEAR = 0.02  # a contact marks its plane where its gap is smaller than this, in 
 
 @dataclass(frozen=True)
 class BodyFrames:
-    """A body as drawn in ``m`` frames.
+    """A body as drawn in ``m`` frames: a point p of its own frame is drawn at ``turn @ p + origin``.
 
     Attributes
     ----------
     fixed : bool
         Whether it is part of the ground.
-    outline : ndarray, shape (m, k, 2)
-        Polygon around it.
-    lines, faces : tuple of ndarray, each of shape (m, k, 2)
-        Polylines of its primitives and pins, and of the patches of planes that are touched.
-    joints : ndarray, shape (m, k, 2)
-        Where its joints are.
+    shape : BodyShape
+        What is drawn of it, in its own frame.
+    turn : ndarray, shape (m, 2, 3)
+        From the body's axes to right and up of the drawing.
+    origin : ndarray, shape (m, 2)
+        Where the origin of its frame is drawn.
     """
 
     fixed: bool
-    outline: Array
-    lines: tuple[Array, ...]
-    faces: tuple[Array, ...]
-    joints: Array
+    shape: BodyShape
+    turn: Array
+    origin: Array
+
+    @cached_property
+    def outline(self) -> Array:
+        """Polygon around it, shape (m, k, 2)."""
+        return self._drawn(self.shape.outline)
+
+    @cached_property
+    def lines(self) -> tuple[Array, ...]:
+        """Polylines of its primitives and pins, each of shape (m, k, 2)."""
+        return tuple(map(self._drawn, self.shape.lines))
+
+    @cached_property
+    def faces(self) -> tuple[Array, ...]:
+        """Patches of planes that are touched, each of shape (m, 5, 2)."""
+        return tuple(map(self._drawn, self.shape.faces))
+
+    @cached_property
+    def joints(self) -> Array:
+        """Where its joints are, shape (m, k, 2)."""
+        return self._drawn(self.shape.joints)
+
+    def _drawn(self, points: Array) -> Array:
+        return np.asarray(np.einsum("mij,kj->mki", self.turn, points) + self.origin[:, None])
 
 
 @dataclass(frozen=True)
@@ -116,11 +139,8 @@ def _body_frames(
     """Return a body in all frames."""
     local = {contact: pose.local(points) for contact, points in touched.items()}
     shape = body_shape(mechanism, name, view, local, size)
-    outline, joints, *more = [
-        view.project(pose.world(points)) for points in (shape.outline, shape.joints, *shape.lines, *shape.faces)
-    ]
-    lines = len(shape.lines)
-    return BodyFrames(mechanism.bodies[name].fixed, outline, tuple(more[:lines]), tuple(more[lines:]), joints)
+    turn = np.swapaxes(view.project(np.swapaxes(pose.rotation, 1, 2)), 1, 2)
+    return BodyFrames(mechanism.bodies[name].fixed, shape, turn, view.project(pose.origin))
 
 
 def _box(bodies: dict[str, BodyFrames]) -> Array:

@@ -22,6 +22,7 @@ from campaign.web.answers.job_pool import JobPool
 from campaign.web.answers.kept_answers import KeptAnswers, SingleFlight
 from campaign.web.answers.turns import Quota
 from campaign.web.coordinator_child import CoordinatorChild
+from campaign.web.jobs.mechanisms import warm_up_trial
 from campaign.web.settings import Settings
 from campaign.web.signatory import Signatory
 from campaign.web.watch.index import CampaignIndex
@@ -29,7 +30,6 @@ from campaign.web.watch.watcher import Watcher
 from campaign.web.webhooks.campaign_news import CampaignNews, campaign_news
 from campaign.web.webhooks.webhook_book import WebhookBook
 from campaign.web.webhooks.webhook_sender import WebhookSender
-from engine import warm_up
 
 KEPT_BYTES = 64 << 20  # of pictures
 
@@ -94,7 +94,7 @@ class Service:
         limits = self.settings.limits
         taken = JobLimits(limits.job_seconds, 3.0 * limits.job_seconds, limits.job_memory / 2**30)
         self.pool = JobPool(
-            self.settings.processes, quota=Quota(limits.jobs, limits.waiting), limits=taken, warm_up=warm_up
+            self.settings.processes, quota=Quota(limits.jobs, limits.waiting), limits=taken, warm_up=warm_up_trial
         )
         self.answers = Answers(self.pool, self.store.hasty, columns_folder())
         index = CampaignIndex(self.database.path.with_name("index.sqlite"))

@@ -8,13 +8,14 @@ from typing import Any
 
 from campaign.errors import SpecError
 from campaign.mechanism_summary import mechanism_summary, mechanism_warnings
-from engine import load_mechanism, load_mechanism_text, read_trajectory, set_values, simulate
+from engine import Recording, load_mechanism, load_mechanism_text, read_trajectory, set_values, simulate
 from engine.mechanism import Mechanism, library_names
 from engine.mechanism.keys.listing import settable_numbers
 from engine.toml_file import UnfitToml, parse_toml, text_bytes
 
 PICTURES = ("svg", "png")
 ANIMATION_FRAMES = 45  # half of what the command draws, so that it comes within seconds
+MOST_STEPS = 2000  # that are recorded of a run which a page draws
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,26 @@ def simulate_once(source: MechanismSource, step: float | None = None, horizon: f
     run = simulate(mechanism, values, step=step, horizon=horizon, indeterminacy=True)
     results = {"status": run.status, "message": run.message, "responses": run.measured, "units": run.units}
     return {**results, "ranges": run.ranges, "certificate": asdict(run.certificate)}
+
+
+def try_once(source: MechanismSource) -> dict[str, Any]:
+    """Simulate a mechanism; return what `simulate_once` does as ``run``, and its `MovingDrawing` as ``motion``."""
+    from campaign.pictures.moving_drawing import moving_drawing
+    from campaign.pictures.scene import scene_of
+
+    results = simulate_once(source)
+    every = max(1, results["certificate"]["steps"] // MOST_STEPS)
+    mechanism = source.load()
+    with TemporaryDirectory(prefix="clearcap-") as folder:
+        motion = Path(folder, "motion.h5")
+        simulate(mechanism, source.all_values(mechanism), trajectory=Recording(motion, every))
+        trajectory = read_trajectory(motion)
+    return {"run": results, "motion": asdict(moving_drawing(scene_of(trajectory, ANIMATION_FRAMES), trajectory))}
+
+
+def warm_up_trial() -> None:
+    """Compile or load all that a trial of a mechanism calls, and with it what every run calls."""
+    try_once(MechanismSource("c60"))
 
 
 def animate_once(source: MechanismSource, step: float | None = None, horizon: float | None = None) -> bytes:

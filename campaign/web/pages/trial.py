@@ -1,5 +1,7 @@
 """Try a mechanism: change a number, simulate once, and look at responses, certificate and motion."""
 
+import json
+from dataclasses import replace
 from typing import Annotated, Any
 from urllib.parse import quote, urlencode
 
@@ -9,9 +11,10 @@ from starlette.responses import RedirectResponse, Response
 from campaign.errors import CampaignError
 from campaign.web.access import Principal, Role
 from campaign.web.api.mechanisms import MechanismName, source_of
-from campaign.web.api.simulations import MOST_VALUES, SimulationRequest, simulate, values_of
+from campaign.web.api.simulations import MOST_VALUES, values_of
 from campaign.web.http.asking import TheService, Viewer
 from campaign.web.http.problems import Refusal, refusal_of
+from campaign.web.jobs.mechanisms import try_once
 from campaign.web.pages.mechanisms import described_mechanism
 from campaign.web.pages.rendering import page
 from campaign.web.web_service import Service
@@ -41,14 +44,13 @@ async def trial_page(
         asked = urlencode([*typed, *((key, value) for key, value in more if value)])
         return RedirectResponse(f"/mechanisms/{quote(name)}/try?{asked}", 303)
     found = await described_mechanism(service, who, await source_of(service, name))
-    result, refusal, values = None, None, {}
+    tried, refusal, values = None, None, {}
     try:
         values = values_of(set or [])
         on_bench = await source_of(service, name, bench=bench or None, preset=preset or None)
         found = await described_mechanism(service, who, on_bench)
         if (run or values) and who.may(Role.ENGINEER):
-            wanted = SimulationRequest(mechanism=name, values=values, bench=bench or None, preset=preset or None)
-            result = await simulate(service, who, wanted)
+            tried = json.loads(await service.kept(who.name, try_once, replace(on_bench, values=values)))  # type: ignore[arg-type]
     except (CampaignError, EngineError, Refusal) as error:
         refusal = refusal_of(error)
         assert refusal is not None
@@ -57,7 +59,7 @@ async def trial_page(
     sliders = [_slider(each, values) for each in found["keys"] if each["short"]]
     named = {slider["key"] for slider in sliders}
     others = [(key, value) for key, value in values.items() if key not in named][:MOST_VALUES]
-    shown: dict[str, Any] = {"name": name, "found": found, "bench": bench, "preset": preset, "result": result}
+    shown: dict[str, Any] = {"name": name, "found": found, "bench": bench, "preset": preset, "tried": tried}
     shown |= {"sliders": sliders, "others": [*others, *[("", "")] * FREE_KEYS], "question": question, "field": FIELD}
     proposed = [each["key"] for each in found["keys"]][:MOST_LISTED]
     status = refusal.status if refusal else 200

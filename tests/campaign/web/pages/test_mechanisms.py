@@ -1,5 +1,6 @@
 """The pages of mechanisms: list, page, editor with faults beside their lines, and a trial with its address."""
 
+import json
 import re
 
 import pytest
@@ -114,6 +115,11 @@ def test_run_shows_numbers_and_motion(browser):
     assert "FC-1" in shown
     assert re.search(r"12\.7118", shown)
     assert "/api/v1/simulations/c60/motion.gif?set=J1%3D0.05" in shown
+    frames = json.loads(re.search(r"data-motion='([^']*)'", shown)[1])
+    assert len(frames["time"]) > 20
+    assert shown.count("data-body") == len(frames["bodies"]) == 8
+    assert re.search(r'class="outline" fill="#[0-9A-F]{6}" d="M[\d.]+ ', shown)  # a still picture without scripts
+    assert "J1: play 0.0500 mm" in shown
     assert 'name="value:J1" value="0.05"' in shown
     preset = client.get("/mechanisms/c60/try?preset=prototype").text
     assert 'name="value:J1" value="0.085"' in preset
