@@ -91,9 +91,14 @@ async def _answers(
     document = None
     if settings and not fault:
         document, fault = await _or_fault(answers.what_if(user, campaign, settings, preview=preview))
-    histograms = bins["histograms"] if bins else []
+    histograms = sorted(bins["histograms"] if bins else [], key=_has_no_limit)
     figures = {each["response"]: histogram_figure(each) for each in histograms}
     return {"histograms": histograms, "figures": figures, "document": document, "fault": fault}
+
+
+def _has_no_limit(bins: dict[str, Any]) -> bool:
+    """Return whether a response has no limit; it comes after those that have one."""
+    return bins["lsl"] is None and bins["usl"] is None
 
 
 async def _advice(service: Service, user: str, campaign: str, asked: dict[str, str]) -> dict[str, Any]:

@@ -5,8 +5,14 @@
   if (!live || !live.dataset.events || !window.EventSource) return;
   const field = (name) => live.querySelector(`[data-field="${name}"]`);
   const grouped = (n) => (n === null ? "" : n.toLocaleString("en").replace(/,/g, "\u202f"));
-  const fixed = (x, digits) => (x === null || x === undefined ? "" : x.toFixed(digits));
-  const brief = (x) => (x === null || x === undefined ? "" : String(Number(x.toPrecision(4))));
+  const brief = (x) => (x === null || x === undefined ? "" : x === 0 ? "0" : x.toPrecision(4).replace("e+", "e"));
+  const index = (x) => { // as the report writes it: never so few decimals that it reaches or crosses a target
+    if (x === null || x === undefined) return "";
+    if (Math.abs(x) > 100) return x > 0 ? "> 100.00" : "< -100.00";
+    const keepsItsSide = (text) => [1, 1.33].every((target) => Math.sign(text - target) === Math.sign(x - target));
+    const texts = [3, 4, 5, 6, 7, 8, 9, 10, 11, 12].map((decimals) => x.toFixed(decimals));
+    return texts.find(keepsItsSide) || String(x);
+  };
   const duration = (s) => {
     if (s === null) return "";
     if (s < 100) return `${Math.round(s)} s`;
@@ -42,8 +48,8 @@
       cell(row, "td", grouped(r.n), true);
       cell(row, "td", brief(r.mean), true);
       cell(row, "td", brief(r.std), true);
-      cell(row, "td", fixed(r.cpk, 2), true);
-      cell(row, "td", r.cpk_interval ? `${fixed(r.cpk_interval[0], 2)} to ${fixed(r.cpk_interval[1], 2)}` : "");
+      cell(row, "td", index(r.cpk), true);
+      cell(row, "td", r.cpk_interval ? `${index(r.cpk_interval[0])} to ${index(r.cpk_interval[1])}` : "").className = "interval";
     }
   };
   const source = new EventSource(live.dataset.events);

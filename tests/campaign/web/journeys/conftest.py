@@ -1,9 +1,21 @@
-"""A server with an empty store, a browser, and the text of a campaign that takes seconds."""
+"""Servers as their users have them, one with an empty store and one with finished campaigns, and browsers."""
+
+from dataclasses import dataclass
+from importlib import resources
 
 import pytest
 
+from campaign.coordinator.state import write_state
+from campaign.spec.load import load_campaign
+from campaign.web.access import Role
+from campaign.web.settings import Settings
+from campaign.web.web_service import open_service
+from engine import simulate
+from tests.campaign.driving import computed
+from tests.campaign.web.conftest import PASSWORD
 from tests.campaign.web.journeys.keyboard import Keyboard
-from tests.campaign.web.journeys.live_server import HOST, live_server
+from tests.campaign.web.journeys.live_server import HOST, LiveServer, live_server
+from tests.campaign.web.running import until
 from tests.chromium import chromium
 
 TEXT = """\
@@ -24,13 +36,51 @@ lsl = -7e-4
 usl = -3e-4
 source = "a test"
 """
+C60 = (resources.files("campaign") / "library" / "c60.toml").read_text("utf-8")
+WIDER = (
+    C60.replace('name = "c60"', 'name = "c60-wider"')
+    .replace("seven joint clearances", "J1 of another supplier")
+    .replace("std = 0.0175", "std = 0.025", 1)
+)
+SAMPLES = 400
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory):
-    """Return a server with an empty store."""
-    with live_server(tmp_path_factory.mktemp("served")) as serving:
-        yield serving
+@dataclass(frozen=True)
+class FinishedCampaigns:
+    """A server with two campaigns of the C-60, computed and reported, and an approver who has a password.
+
+    Attributes
+    ----------
+    server : LiveServer
+    first, wider : str
+        Their ids; in the second J1 scatters more.
+    user : str
+    """
+
+    server: LiveServer
+    first: str
+    wider: str
+    user: str = "ada"
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory):
+    """Return a server with finished campaigns: their rows are computed here, their reports by the server."""
+    folder = tmp_path_factory.mktemp("c60")
+    ids = []
+    for name, text in (("c60", C60), ("wider", WIDER)):
+        (folder / f"{name}.toml").write_text(text)
+        campaign = load_campaign(str(folder / f"{name}.toml"), samples=SAMPLES)
+        store, plan = computed(folder / "runs", campaign, 100, simulate)
+        write_state(store, plan.campaign_id, "queued")
+        ids.append(plan.campaign_id)
+    service = open_service(Settings(str(folder / "runs"), folder / "data", processes=0))
+    service.users.add("admin", Role.ADMIN)
+    service.users.add("ada", Role.APPROVER, PASSWORD)
+    service.close()
+    with live_server(folder) as server:
+        until(lambda: all((server.store / each / "report" / "report.html").exists() for each in ids), "the reports")
+        yield FinishedCampaigns(server, *ids)
 
 
 @pytest.fixture
