@@ -7,36 +7,24 @@ from itertools import groupby
 from operator import attrgetter
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment
 from markupsafe import Markup
 
 from reporting import format_numbers
 from reporting.capability.shares import largest_z, least_ppm
 from reporting.render import axes, figures, histograms, scatter_figure
+from reporting.render.page_templates import page_environment
 
 
 def environment() -> Environment:
     """Return the environment of the templates, with filters for numbers and figures."""
-    made = Environment(
-        loader=PackageLoader("reporting.render"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    made = page_environment("reporting.render")
     made.filters.update(
-        plain=format_numbers.plain,
         fixed=format_numbers.fixed,
-        index=format_numbers.index,
-        ppm=format_numbers.ppm,
         z=format_numbers.z_score,
         least_ppm=least_ppm,
         largest_z=largest_z,
-        percent=format_numbers.percent,
         share=format_numbers.part,
-        significant=format_numbers.significant,
-        grouped=format_numbers.grouped,
-        duration=format_numbers.duration,
         p=format_numbers.probability,
         unit=axes.unit_suffix,
         places=format_numbers.decimals_for,

@@ -4,29 +4,13 @@ from typing import Any
 from urllib.parse import urlencode
 
 from fastapi import Request
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.responses import HTMLResponse
 
 from campaign.web.access import Principal, Role
-from reporting import format_numbers
+from reporting.render.page_templates import page_environment
 
-_templates = Environment(
-    loader=PackageLoader("campaign.web.pages"),
-    autoescape=True,
-    undefined=StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-)
-_templates.filters.update(
-    plain=format_numbers.plain,
-    index=format_numbers.index,
-    ppm=format_numbers.ppm,
-    percent=format_numbers.percent,
-    significant=format_numbers.significant,
-    grouped=format_numbers.grouped,
-    duration=format_numbers.duration,
-    dict_query=lambda asked: urlencode(asked, doseq=True),
-)
+_templates = page_environment("campaign.web.pages")
+_templates.filters["dict_query"] = lambda asked: urlencode(asked, doseq=True)
 
 
 def page(request: Request, name: str, status: int = 200, /, **values: Any) -> HTMLResponse:
