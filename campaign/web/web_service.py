@@ -27,6 +27,7 @@ from campaign.web.settings import Settings
 from campaign.web.signatory import Signatory
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.watcher import Watcher
+from campaign.web.watch.workload import Workload
 from campaign.web.webhooks.campaign_news import CampaignNews, campaign_news
 from campaign.web.webhooks.webhook_book import WebhookBook
 from campaign.web.webhooks.webhook_sender import WebhookSender
@@ -65,6 +66,8 @@ class Service:
         Processes for whatever takes processor time.
     answers : Answers
         Questions to the rows of campaigns.
+    workload : Workload or None
+        What the page of the administration showed last of campaigns at work.
     """
 
     settings: Settings
@@ -83,6 +86,7 @@ class Service:
     submitting: Counter[str] = field(init=False)
     pool: JobPool = field(init=False)
     answers: Answers = field(init=False)
+    workload: Workload | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         self.users, self.sessions = Users(self.database), Sessions(self.database)

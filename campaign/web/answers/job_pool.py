@@ -75,6 +75,11 @@ class JobPool:
         """Number of jobs that wait for their turn."""
         return self._turns.waiting
 
+    @property
+    def by_user(self) -> dict[str, tuple[int, int]]:
+        """Number of jobs that run, and of those that wait, of each user who has some."""
+        return self._turns.by_user
+
     async def run(self, user: str, job: Callable[..., Any], *arguments: Any, limits: JobLimits | None = None) -> bytes:
         """Compute a job in one of the processes when it is the user's turn; cancelling this call ends it.
 

@@ -84,6 +84,11 @@ class Turns:
         """Number of jobs that run."""
         return self._places - self._free
 
+    @property
+    def by_user(self) -> dict[str, tuple[int, int]]:
+        """Number of jobs that run, and of those that wait, of each user who has some."""
+        return {user: (jobs.running, len(jobs.waiting)) for user, jobs in self._users.items()}
+
     @asynccontextmanager
     async def turn(self, user: str) -> AsyncIterator[None]:
         """Wait for a user's turn and hold it while the block runs.

@@ -1,12 +1,16 @@
-"""The pages of an admin: users, tokens, audit trail, limits, health."""
+"""The pages of an admin: users, tokens, audit trail, what is at work, health, limits."""
 
+import shutil
+import time
 from dataclasses import asdict
 from typing import Annotated, Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Form, Path, Query, Request
+from starlette.concurrency import run_in_threadpool
 from starlette.responses import RedirectResponse, Response
 
+from campaign.errors import StoreError
 from campaign.web.access import Role
 from campaign.web.access.users import LONGEST_PASSWORD, NAME, SHORTEST_PASSWORD
 from campaign.web.api.audit_trail import check_audit, list_audit
@@ -25,6 +29,7 @@ from campaign.web.api.users import (
 )
 from campaign.web.http.asking import Admin, TheService
 from campaign.web.pages.rendering import page
+from campaign.web.watch.workload import look_at_work
 from campaign.web.web_service import Service
 
 router = APIRouter(include_in_schema=False)
@@ -137,18 +142,42 @@ def audit_page(
 
 
 @router.get(f"{ADMIN}/system")
-def system_page(request: Request, service: TheService, who: Admin) -> Response:
-    """Show limits, health and the key of sign-offs."""
+async def system_page(request: Request, service: TheService, who: Admin) -> Response:
+    """Show what is computed and what waits, health, limits, and the key of sign-offs."""
+    fault, entries = "", [entry for entry, _ in service.watcher.index.entries()]
+    try:
+        if service.watcher.listed_at is None:
+            await service.watcher.list_campaigns()
+            entries = [entry for entry, _ in service.watcher.index.entries()]
+        service.workload = await run_in_threadpool(look_at_work, service.store.hasty, entries, service.workload)
+    except StoreError as error:
+        fault = str(error)
     values: dict[str, Any] = {
+        "work": None if fault else service.workload,
+        "coordinate": service.settings.coordinate,
+        "processes": service.settings.processes,
+        "jobs": service.pool.by_user,
+        "followers": service.watcher.followers,
         "limits": asdict(service.settings.limits),
         "store": service.store.url,
-        "fault": service.watcher.fault,
-        "campaigns": sum(1 for _ in service.watcher.index.entries()),
+        "fault": fault or service.watcher.fault,
+        "listed_s": None if service.watcher.listed_at is None else time.monotonic() - service.watcher.listed_at,
+        "free": _free_space(service),
+        "campaigns": len(entries),
+        "broken": sorted(entry.campaign for entry in entries if entry.state == "broken"),
         "database": service.database.path.stat().st_size,
         "issuer": service.settings.oidc.issuer if service.settings.oidc else "",
         "key": show_signing_key(service, who).fingerprint,
     }
     return page(request, "admin_system", **values)
+
+
+def _free_space(service: Service) -> int | None:
+    """Return the room on the disk of a store that is a folder [bytes]; None behind a URL, or if it is away."""
+    try:
+        return shutil.disk_usage(service.store.files.full_url).free
+    except OSError:
+        return None
 
 
 def _users_page(

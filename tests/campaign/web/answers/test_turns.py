@@ -41,11 +41,12 @@ def test_users_take_turns_whatever_one_of_them_asks():
             await jobs.ask("a", name)
         await jobs.ask("b", "b1")
         assert (jobs.turns.running, jobs.turns.waiting) == (1, 3)
+        assert jobs.turns.by_user == {"b": (0, 1), "a": (1, 2)}
         for name in ("a1", "b1", "a2", "a3"):
             await asyncio.sleep(0)
             assert jobs.begun[-1] == name
             await jobs.end(name)
-        assert (jobs.turns.running, jobs.turns.waiting) == (0, 0)
+        assert (jobs.turns.running, jobs.turns.waiting, jobs.turns.by_user) == (0, 0, {})
 
     asyncio.run(ask())
 
