@@ -2,7 +2,7 @@
 
 from engine.build import build_id
 from engine.compilation import missing_kernels
-from engine.errors import EngineError, FolderError, MechanismError, TrajectoryError
+from engine.errors import CadError, EngineError, FolderError, MechanismError, TrajectoryError
 from engine.faults.fault import Fault
 from engine.faults.toml_positions import TextPosition, position_of
 from engine.mechanism import Mechanism, library_names, load_mechanism, load_mechanism_text, set_values
@@ -11,6 +11,7 @@ from engine.simulate import check, simulate, warm_up
 from engine.trajectory import Recording, Trajectory, read_trajectory
 
 __all__ = [
+    "CadError",
     "Certificate",
     "EngineError",
     "Fault",

@@ -25,6 +25,10 @@ class MechanismError(EngineError):
         self.faults = tuple(faults)
 
 
+class CadError(EngineError):
+    """A CAD file cannot be read, or does not hold what is asked of it."""
+
+
 class TrajectoryError(EngineError):
     """A trajectory file cannot be written or read."""
 

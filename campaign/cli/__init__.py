@@ -139,11 +139,11 @@ def _check_words(words: list[str]) -> None:
 def _exit_code(error: Exception) -> int | None:
     """Return the exit status of an error whose message is for the user; None for a bug."""
     from campaign.errors import CampaignError, unwritable
-    from engine import EngineError, FolderError, MechanismError
+    from engine import CadError, EngineError, FolderError, MechanismError
 
     if isinstance(error, CampaignError):
         return error.exit_code
-    if isinstance(error, MechanismError | FolderError):
+    if isinstance(error, CadError | FolderError | MechanismError):
         return 2
     if isinstance(error, EngineError):
         return unwritable(str(error), error.__cause__).exit_code if isinstance(error.__cause__, OSError) else 1

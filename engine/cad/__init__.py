@@ -1,1 +1,16 @@
-"""CAD files: STEP in, plain numbers out. Needs the extra ``clearcap[cad]`` only while a file is read."""
+"""CAD files: STEP in, plain numbers out. OCCT, the extra ``clearcap[cad]``, runs only in the process that reads."""
+
+from engine.cad.cad_model import CadAssembly, CadEdge, CadFace, CadPart
+from engine.cad.step_reader import RECOGNITION, ReadingLimits, read_step
+from engine.cad.unit_of_length import in_unit
+
+__all__ = [
+    "RECOGNITION",
+    "CadAssembly",
+    "CadEdge",
+    "CadFace",
+    "CadPart",
+    "ReadingLimits",
+    "in_unit",
+    "read_step",
+]

@@ -1,0 +1,46 @@
+"""Unions of angles about an axis."""
+
+from math import tau
+
+import numpy as np
+
+from engine.arrays import Array
+
+_TOUCHING = 1e-7  # rad between two intervals that are one
+
+
+def covered(starts: Array, ends: Array) -> tuple[float, float]:
+    """Return how much of the circle intervals of angles cover, and the middle of it.
+
+    Parameters
+    ----------
+    starts, ends : array
+        Ends of each interval [rad], shape (n,), n >= 1; each end is at or above its start, by less than a turn.
+
+    Returns
+    -------
+    tuple of float
+        The sum of what is covered [rad], 2 pi for all of it; the middle between the two sides of the largest gap.
+    """
+    order = np.argsort(starts % tau)
+    begin, length = (starts % tau)[order], (ends - starts)[order]
+    reach, gaps = begin[0] + length[0], []
+    for start, extent in zip(begin[1:], length[1:], strict=True):
+        if start > reach + _TOUCHING:
+            gaps.append((start - reach, reach))
+        reach = max(reach, start + extent)
+    if begin[0] + tau > reach + _TOUCHING:
+        gaps.append((begin[0] + tau - reach, reach))
+    if not gaps:
+        return tau, 0.0
+    widest, since = max(gaps)
+    return float(tau - sum(gap for gap, _ in gaps)), float((since + widest + (tau - widest) / 2) % tau)
+
+
+def perpendicular(axis: Array) -> Array:
+    """Return two unit vectors that make a right-handed frame with an axis, shape (2, 3)."""
+    first = np.zeros(3)
+    first[np.argmin(np.abs(axis))] = 1.0
+    first -= axis * (first @ axis)
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(axis, first)])

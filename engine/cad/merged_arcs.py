@@ -1,0 +1,68 @@
+"""Arcs of one circle become one edge, as the circle at the end of a bore that was cut into halves."""
+
+from dataclasses import dataclass
+from math import tau
+
+import numpy as np
+
+from engine.arrays import Array
+from engine.cad.angles import covered, perpendicular
+from engine.cad.cad_model import CadEdge
+
+_SAME = 1e-6  # mm between two circles that are one, besides what recognising them has cost
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ArcPiece:
+    """An edge as the file has it, in the frame of its product; lengths in mm, angles in rad."""
+
+    faces: tuple[int, ...]
+    centre: Array
+    axis: Array
+    radius: float
+    recognition_gap: float
+    points: Array
+    """Points from its one end to the other, shape (n, 3), less than half a turn from each to the next."""
+
+
+def merge_arcs(pieces: list[ArcPiece], part: str) -> list[CadEdge]:
+    """Return the circles and arcs of a part."""
+    groups: list[list[ArcPiece]] = []
+    for piece in pieces:
+        for group in groups:
+            if _are_one(group[0], piece):
+                group.append(piece)
+                break
+        else:
+            groups.append([piece])
+    return [_edge(group, part) for group in groups]
+
+
+def _are_one(a: ArcPiece, b: ArcPiece) -> bool:
+    """Return whether two arcs lie on one circle."""
+    allowed = _SAME + a.recognition_gap + b.recognition_gap
+    tilt = float(np.linalg.norm(np.cross(a.axis, b.axis)))
+    apart = float(np.linalg.norm(a.centre - b.centre)), abs(a.radius - b.radius), tilt * a.radius
+    return max(apart) <= allowed
+
+
+def _edge(pieces: list[ArcPiece], part: str) -> CadEdge:
+    first = pieces[0]
+    frame = perpendicular(first.axis)
+    starts, ends = [], []
+    for piece in pieces:
+        away = piece.points - first.centre
+        angles = np.unwrap(np.arctan2(away @ frame[1], away @ frame[0]))
+        starts.append(angles.min())
+        ends.append(angles.max())
+    span, middle = covered(np.array(starts), np.array(ends))
+    towards = np.cos(middle) * frame[0] + np.sin(middle) * frame[1] if span < tau - 1e-6 else np.zeros(3)
+    return CadEdge(
+        part=part,
+        faces=tuple(sorted({number for piece in pieces for number in piece.faces})),
+        centre=first.centre,
+        axis=first.axis,
+        radius=first.radius,
+        span=span,
+        middle=towards,
+    )

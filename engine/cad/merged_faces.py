@@ -1,0 +1,156 @@
+"""Pieces of one cylinder, cone, sphere or torus become one face: many CAD systems cut a bore into halves."""
+
+from dataclasses import dataclass, field, replace
+from math import pi, tau
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.arrays import Array, Integers
+from engine.cad.angles import covered, perpendicular
+from engine.cad.cad_model import CadFace, FaceKind, SplineSurface
+
+_SAME = 1e-6  # mm between two surfaces that are one, besides what recognising them has cost
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FacePiece:
+    """A face as the file has it, in the frame of its product; lengths in mm."""
+
+    solid: int
+    kind: FaceKind
+    point: Array
+    """Any point of the axis (cylinder, cone), the centre (sphere, torus), else a point of the face, shape (3,)."""
+    axis: Array
+    radius: float = 0.0
+    minor_radius: float = 0.0
+    half_angle: float = 0.0
+    area: float
+    on: Array
+    normal: Array
+    """Outward, at `on`."""
+    recognition_gap: float = 0.0
+    spline: SplineSurface | None = None
+    vertices: Array = field(repr=False)
+    """Of its triangles, shape (n, 3)."""
+    triangles: Integers = field(repr=False)
+    """Rows of `vertices`, shape (m, 3)."""
+
+
+def merge_pieces(pieces: list[FacePiece], part: str) -> tuple[list[CadFace], Integers]:
+    """Return the faces of a part, and of each piece the number of its face."""
+    groups: list[list[int]] = []
+    for place, piece in enumerate(pieces):
+        for group in groups:
+            if any(_are_one(pieces[other], piece) for other in group):
+                group.append(place)
+                break
+        else:
+            groups.append([place])
+    numbers = np.zeros(len(pieces), np.int64)
+    for number, group in enumerate(groups):
+        numbers[group] = number
+    return [_face([pieces[i] for i in group], part, number) for number, group in enumerate(groups)], numbers
+
+
+def _are_one(a: FacePiece, b: FacePiece) -> bool:
+    """Return whether two pieces lie on the same surface, on the same side of it, and meet along its axis."""
+    if (a.solid, a.kind) != (b.solid, b.kind) or a.kind in ("plane", "surface"):
+        return False
+    allowed = _SAME + a.recognition_gap + b.recognition_gap
+    size = max(np.ptp(a.vertices, axis=0).max(), np.ptp(b.vertices, axis=0).max())
+    apart = [abs(a.radius - _radius_at(b, a.point)), abs(a.minor_radius - b.minor_radius)]
+    apart.append(abs(a.half_angle - b.half_angle) * size)
+    if a.kind != "sphere":
+        apart.append(float(np.linalg.norm(np.cross(a.axis, b.axis))) * size)
+    between = b.point - a.point
+    along = between @ a.axis if a.kind in ("cylinder", "cone") else 0.0
+    apart.append(float(np.linalg.norm(between - along * a.axis)))
+    if max(apart) > allowed or _hollow(a) != _hollow(b) or (a.kind == "cone" and a.axis @ b.axis < 0):
+        return False
+    return a.kind in ("sphere", "torus") or _meet(a, b, allowed)
+
+
+def _meet(a: FacePiece, b: FacePiece, allowed: float) -> bool:
+    """Return whether two pieces about one axis overlap or touch along it."""
+    first, second = (a.vertices - a.point) @ a.axis, (b.vertices - a.point) @ a.axis
+    return bool(first.min() <= second.max() + allowed and second.min() <= first.max() + allowed)
+
+
+def _radius_at(piece: FacePiece, point: Array) -> float:
+    """Return the radius of a piece at the height of a point; only a cone's depends on it."""
+    return piece.radius + float((point - piece.point) @ piece.axis) * float(np.tan(piece.half_angle))
+
+
+def _hollow(piece: FacePiece) -> bool:
+    """Return whether the outward normal points to the axis, the centre or the middle of the tube."""
+    away = piece.on - piece.point
+    if piece.kind != "sphere":
+        away = away - (away @ piece.axis) * piece.axis
+    if piece.kind == "torus":
+        away = piece.on - piece.point - piece.radius * away / np.linalg.norm(away)
+    return piece.kind not in ("plane", "surface") and bool(away @ piece.normal < 0)
+
+
+def _face(pieces: list[FacePiece], part: str, number: int) -> CadFace:
+    """Return the face that pieces make up."""
+    first = max(pieces, key=lambda piece: piece.area)
+    face = CadFace(
+        number=number,
+        part=part,
+        solid=first.solid,
+        kind=first.kind,
+        point=first.point,
+        axis=first.axis,
+        radius=first.radius,
+        minor_radius=first.minor_radius,
+        half_angle=first.half_angle,
+        hollow=_hollow(first),
+        area=sum(piece.area for piece in pieces),
+        on=first.on,
+        normal=first.normal,
+        recognition_gap=max(piece.recognition_gap for piece in pieces),
+        pieces=len(pieces),
+        spline=first.spline,
+    )
+    if first.kind in ("plane", "surface"):
+        return face
+    return _with_extent(face, pieces)
+
+
+def _with_extent(face: CadFace, pieces: list[FacePiece]) -> CadFace:
+    """Return a face with the angle and the length of the axis that the triangles of its pieces cover."""
+    axis = face.axis if face.kind != "sphere" else np.array([0.0, 0.0, 1.0])
+    frame = perpendicular(axis)
+    local = [piece.vertices - face.point for piece in pieces]
+    angles = [np.arctan2(each @ frame[1], each @ frame[0]) for each in local]
+    corners = np.concatenate([angle[piece.triangles] for angle, piece in zip(angles, pieces, strict=True)])
+    away = [np.hypot(each @ frame[1], each @ frame[0]) for each in local]
+    on_axis = np.concatenate([far[piece.triangles] for far, piece in zip(away, pieces, strict=True)]) < 1e-9 * (
+        1.0 + face.radius
+    )
+    span, middle = covered(*_intervals(corners, on_axis))
+    heights = np.concatenate([each @ axis for each in local])
+    low, high = float(heights.min()), float(heights.max())
+    towards = np.cos(middle) * frame[0] + np.sin(middle) * frame[1] if span < tau - 1e-6 else np.zeros(3)
+    if face.kind not in ("cylinder", "cone"):
+        return replace(face, span=span, middle=towards, extent=np.array([low, high]))
+    half, centre = (high - low) / 2, (high + low) / 2
+    return replace(
+        face,
+        point=face.point + centre * axis,
+        radius=face.radius + centre * float(np.tan(face.half_angle)),
+        span=span,
+        middle=towards,
+        extent=np.array([-half, half]),
+    )
+
+
+def _intervals(corners: Array, on_axis: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return the interval of angles that each triangle covers; a corner on the axis has no angle of its own."""
+    filled = corners.copy()
+    for column in range(3):  # it takes that of the next corner
+        filled[:, column] = np.where(on_axis[:, column], corners[:, (column + 1) % 3], filled[:, column])
+    base = filled[:, :1]
+    turned = (filled - base + pi) % tau - pi
+    return base[:, 0] + turned.min(axis=1), base[:, 0] + turned.max(axis=1)

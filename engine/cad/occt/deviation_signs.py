@@ -1,0 +1,48 @@
+"""The signs of deviations in a STEP file: OCCT hands on their sizes only."""
+
+from typing import Any
+
+from OCP.StepBasic import StepBasic_MeasureWithUnit
+from OCP.StepShape import StepShape_ToleranceValue
+
+_DECIMALS = 9  # of a mm, by which a deviation is found again
+
+
+class DeviationSigns:
+    """The deviations of all plus-minus tolerances in a file, by their sizes.
+
+    Parameters
+    ----------
+    model : StepData_StepModel
+        The entities of the file.
+    millimetres : float
+        The file's unit of length [mm].
+    by_occt : bool
+        Whether OCCT has written the file: it writes the lower deviation without its sign.
+    """
+
+    def __init__(self, model: Any, millimetres: float, by_occt: bool) -> None:
+        self._found: dict[tuple[float, float], set[tuple[float, float]]] = {}
+        for place in range(1, model.NbEntities() + 1):
+            entity = model.Value(place)
+            if isinstance(entity, StepShape_ToleranceValue):
+                bounds = [_measure(bound) for bound in (entity.LowerBound(), entity.UpperBound())]
+                if None not in bounds:
+                    lower, upper = (bound * millimetres for bound in bounds if bound is not None)
+                    lower = -lower if by_occt and lower > 0 else lower
+                    self._found.setdefault(_sizes(lower, upper), set()).add((lower, upper))
+
+    def signed(self, lower: float, upper: float) -> tuple[float, float] | None:
+        """Return the lower and the upper deviation [mm] of these sizes; None if the file has two pairs of them."""
+        found = self._found.get(_sizes(lower, upper), set())
+        signs = {(low > 0, high > 0) for low, high in found}
+        return max(found) if len(signs) == 1 else None
+
+
+def _sizes(lower: float, upper: float) -> tuple[float, float]:
+    return round(abs(lower), _DECIMALS), round(abs(upper), _DECIMALS)
+
+
+def _measure(bound: Any) -> float | None:
+    """Return the value of a measure in its own unit."""
+    return float(bound.ValueComponent()) if isinstance(bound, StepBasic_MeasureWithUnit) else None

@@ -1,0 +1,50 @@
+"""Names and materials of the labels of an XCAF document."""
+
+from typing import Any
+
+from OCP.collections import Sequence_TDF_Label
+from OCP.TDataStd import TDataStd_Name, TDataStd_TreeNode
+from OCP.XCAFDoc import XCAFDoc, XCAFDoc_Material
+
+from engine.cad.cad_model import CadMaterial
+
+
+def listed(fill: Any, *arguments: Any) -> list[Any]:
+    """Return the labels that a method of OCCT writes into a sequence, its last argument."""
+    found = Sequence_TDF_Label()
+    fill(*arguments, found)
+    return [found.Value(place) for place in range(1, found.Length() + 1)]
+
+
+def name_of(label: Any) -> str:
+    """Return the name of a label; empty if it has none."""
+    if not label.IsAttribute(TDataStd_Name.GetID_s()):
+        return ""
+    name = TDataStd_Name()
+    label.FindAttribute(TDataStd_Name.GetID_s(), name)
+    return str(name.Get().ToExtString()).strip()
+
+
+def material_of(label: Any, grams: float) -> CadMaterial | None:
+    """Return the material of a part or a solid; None if the file names none.
+
+    Parameters
+    ----------
+    label : TDF_Label
+        Of the shape.
+    grams : float
+        What the unit of mass of the file's densities is in g; NaN if it is not known.
+    """
+    node = TDataStd_TreeNode()
+    reference = XCAFDoc.MaterialRefGUID_s()
+    if not label.IsAttribute(reference):
+        return None
+    label.FindAttribute(reference, node)
+    target = node.Father().Label()
+    if not target.IsAttribute(XCAFDoc_Material.GetID_s()):
+        return None
+    material = XCAFDoc_Material()
+    target.FindAttribute(XCAFDoc_Material.GetID_s(), material)
+    name, density = material.GetName(), material.GetDensity() * grams / 1000.0  # from g/cm3
+    known = density > 0  # false of NaN too
+    return CadMaterial(name=str(name.ToCString()).strip() if name else "", density=density if known else None)

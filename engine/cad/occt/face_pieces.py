@@ -1,0 +1,116 @@
+"""The faces of a shape: what surface each lies on; what a spline is taken for."""
+
+from typing import Any
+
+import numpy as np
+from OCP.BRepAdaptor import BRepAdaptor_Surface
+from OCP.GeomAbs import GeomAbs_SurfaceType as Type
+from OCP.gp import gp_Cone, gp_Cylinder, gp_Pln, gp_Pnt, gp_Sphere, gp_Vec
+from OCP.ShapeAnalysis import ShapeAnalysis_CanonicalRecognition
+from OCP.TopAbs import TopAbs_Orientation
+from OCP.TopoDS import TopoDS
+
+from engine.arrays import Array, Integers
+from engine.cad.merged_faces import FacePiece
+from engine.cad.occt.mass_properties import area
+from engine.cad.occt.occt_arrays import array3, one_way
+from engine.cad.occt.spline_surfaces import spline_of
+from engine.cad.occt.triangulation import triangles_of
+
+
+def face_piece(face: Any, solid: int, recognition: float) -> FacePiece | None:
+    """Return a face as numbers; None if it has no area.
+
+    Parameters
+    ----------
+    face : TopoDS_Shape
+        With triangles.
+    solid : int
+        Place of its solid in the part, -1 if it has none.
+    recognition : float
+        Largest distance [mm] between a spline and the plane, cylinder, cone or sphere it is taken for.
+    """
+    face = TopoDS.Face(face)
+    found = triangles_of(face)
+    if found is None:
+        return None
+    vertices, triangles, parameters = found
+    surface = BRepAdaptor_Surface(face, True)
+    on, normal = _inside(face, surface, vertices, triangles, parameters)
+    kind = _analytic(surface) or _recognised(face, recognition) or {"kind": "surface", "spline": spline_of(face)}
+    if kind["kind"] in ("plane", "surface"):
+        kind |= {"point": on, "axis": normal if kind["kind"] == "plane" else np.zeros(3)}
+    return FacePiece(solid=solid, area=area(face), on=on, normal=normal, vertices=vertices, triangles=triangles, **kind)
+
+
+def _inside(face: Any, surface: Any, vertices: Array, triangles: Integers, parameters: Array) -> tuple[Array, Array]:
+    """Return a point inside a face, in the middle of its largest triangle, and the outward normal there."""
+    corners = vertices[triangles]
+    sizes = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    u, v = parameters[triangles[np.argmax(sizes)]].mean(axis=0)
+    point, along_u, along_v = gp_Pnt(), gp_Vec(), gp_Vec()
+    surface.D1(float(u), float(v), point, along_u, along_v)
+    normal = np.cross(array3(along_u), array3(along_v))
+    normal /= np.linalg.norm(normal)
+    return array3(point), -normal if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else normal
+
+
+def _analytic(surface: Any) -> dict[str, Any] | None:
+    """Return the surface of a face as the file names it; None for a spline, an extrusion, a revolution."""
+    kind = surface.GetType()
+    if kind == Type.GeomAbs_Plane:
+        return {"kind": "plane"}
+    if kind == Type.GeomAbs_Cylinder:
+        return _cylinder(surface.Cylinder())
+    if kind == Type.GeomAbs_Cone:
+        return _cone(surface.Cone())
+    if kind == Type.GeomAbs_Sphere:
+        return _sphere(surface.Sphere())
+    if kind == Type.GeomAbs_Torus:
+        torus = surface.Torus()
+        return {
+            "kind": "torus",
+            "point": array3(torus.Location()),
+            "axis": one_way(array3(torus.Axis().Direction())),
+            "radius": torus.MajorRadius(),
+            "minor_radius": torus.MinorRadius(),
+        }
+    return None
+
+
+def _recognised(face: Any, recognition: float) -> dict[str, Any] | None:
+    """Return what a face can be taken for, the simplest first, with the gap that this leaves."""
+    if recognition <= 0:
+        return None
+    for taken_for, test, become in (
+        (gp_Pln(), ShapeAnalysis_CanonicalRecognition.IsPlane, lambda _: {"kind": "plane"}),
+        (gp_Cylinder(), ShapeAnalysis_CanonicalRecognition.IsCylinder, _cylinder),
+        (gp_Cone(), ShapeAnalysis_CanonicalRecognition.IsCone, _cone),
+        (gp_Sphere(), ShapeAnalysis_CanonicalRecognition.IsSphere, _sphere),
+    ):
+        tried = ShapeAnalysis_CanonicalRecognition(face)
+        if test(tried, recognition, taken_for) and tried.GetGap() <= recognition:
+            return {**become(taken_for), "recognition_gap": tried.GetGap()}
+    return None
+
+
+def _cylinder(found: Any) -> dict[str, Any]:
+    axis = one_way(array3(found.Axis().Direction()))
+    return {"kind": "cylinder", "point": array3(found.Location()), "axis": axis, "radius": found.Radius()}
+
+
+def _cone(found: Any) -> dict[str, Any]:
+    """Return a cone with its axis to where it widens."""
+    angle = found.SemiAngle()
+    axis = array3(found.Axis().Direction()) * np.copysign(1.0, angle)
+    return {
+        "kind": "cone",
+        "point": array3(found.Location()),
+        "axis": axis,
+        "radius": found.RefRadius(),
+        "half_angle": abs(angle),
+    }
+
+
+def _sphere(found: Any) -> dict[str, Any]:
+    return {"kind": "sphere", "point": array3(found.Location()), "axis": np.zeros(3), "radius": found.Radius()}

@@ -1,0 +1,142 @@
+"""A STEP file becomes an assembly of plain numbers."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from OCP.TopLoc import TopLoc_Location
+from OCP.XCAFDoc import XCAFDoc_ShapeTool as ShapeTool
+
+from engine.cad.cad_model import CadAssembly, CadPart
+from engine.cad.occt.document_labels import listed, material_of, name_of
+from engine.cad.occt.product_geometry import product_geometry
+from engine.cad.occt.product_tree import Instance, instances
+from engine.cad.occt.shape_maps import FACE, SOLID, ShapeMap
+from engine.cad.occt.size_limits import size_limits
+from engine.cad.occt.step_document import StepDocument, open_step
+from engine.cad.placed_product import ProductGeometry, placed_product
+from engine.cad.unique_names import unique_names
+
+
+class _Product:
+    """A product of the file: its shape in its own frame, and what it consists of."""
+
+    def __init__(self, instance: Instance, document: StepDocument, recognition: float) -> None:
+        self.name = name_of(instance.label)
+        self.shape = ShapeTool.GetShape_s(instance.label).Located(TopLoc_Location())
+        self.material = material_of(instance.label, document.grams or np.nan)
+        self.geometry, self._numbers = product_geometry(self.shape, self._solids(instance, document), recognition)
+        self.first_faces: list[int] = []  # of each instance
+        self._faces = ShapeMap(self.shape, FACE)
+
+    def _solids(self, instance: Instance, document: StepDocument) -> list[Any]:
+        """Return name and material of each solid, where they have their own."""
+        solids = ShapeMap(self.shape, SOLID)
+        found: list[Any] = [("", None)] * len(solids)
+        for label in listed(ShapeTool.GetSubShapes_s, instance.label):
+            place = solids.place(ShapeTool.GetShape_s(label))
+            if place >= 0:
+                found[place] = name_of(label), material_of(label, document.grams or np.nan)
+        return found
+
+    def faces_of(self, shape: Any) -> tuple[int, ...]:
+        """Return the numbers, in the product, of the faces of a sub-shape."""
+        places = [self._faces.place(face) for face in ShapeMap(shape, FACE).shapes()]
+        return tuple(sorted({int(self._numbers[place]) for place in places if place >= 0} - {-1}))
+
+
+def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
+    """Read a STEP file with OCCT.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    sha256 : str
+        Of its content.
+    recognition : float
+        Largest distance [mm] between a spline and what it is taken for; 0 takes none.
+
+    Raises
+    ------
+    UnreadableStep
+        If it holds no STEP, or no shapes.
+    """
+    document = open_step(path)
+    found = instances(document.shapes)
+    products: dict[str, _Product] = {}
+    for instance in found:
+        if instance.entry not in products:
+            products[instance.entry] = _Product(instance, document, recognition)
+    names = unique_names([products[instance.entry].name for instance in found])
+    parts, placed = [], []
+    first_face = 0
+    for instance, name in zip(found, names, strict=True):
+        product = products[instance.entry]
+        here = placed_product(product.geometry, name, instance.placement, first_face)
+        product.first_faces.append(first_face)
+        first_face += len(here.faces)
+        placed.append(here)
+        parts.append(_part(instance, name, product, here))
+    limits, unclear = size_limits(document.dimensions, document.signs, _FacesOfLabels(products))
+    return CadAssembly(
+        sha256=sha256,
+        unit=document.unit,
+        schema=document.schema,
+        recognition=recognition,
+        parts=tuple(parts),
+        faces=tuple(face for here in placed for face in here.faces),
+        edges=tuple(edge for here in placed for edge in here.edges),
+        limits=tuple(limits),
+        meshes=tuple(here.mesh for here in placed),
+        cautions=tuple(_cautions(document, parts, placed, unclear)),
+    )
+
+
+def _part(instance: Instance, name: str, product: _Product, here: ProductGeometry) -> CadPart:
+    """Return a part from what it consists of."""
+    points = here.mesh.vertices if len(here.mesh.vertices) else np.zeros((1, 3))
+    return CadPart(
+        name=name,
+        product=product.name,
+        path=instance.path,
+        placement=instance.placement,
+        material=product.material,
+        solids=here.solids,
+        bounds=np.array([points.min(axis=0), points.max(axis=0)]),
+    )
+
+
+class _FacesOfLabels:
+    """Finds the faces on a label of a sub-shape, in all instances of its product."""
+
+    def __init__(self, products: dict[str, _Product]) -> None:
+        self._products = products
+
+    def __call__(self, label: Any) -> list[tuple[int, ...]]:
+        shape = ShapeTool.GetShape_s(label)
+        for product in self._products.values():
+            if faces := product.faces_of(shape):
+                return [tuple(number + first for number in faces) for first in product.first_faces]
+        return []
+
+
+def _cautions(document: StepDocument, parts: list[CadPart], placed: list[ProductGeometry], unclear: int) -> list[str]:
+    """Return what was left out."""
+    said = []
+    if document.grams is None:
+        said.append("densities are left out: their units of mass are not known, or differ; give each body its density")
+    if unclear:
+        said.append(
+            f"{unclear} dimensions are left out: the file has the same deviations with several signs; "
+            "give these limits in the campaign file"
+        )
+    empty = [part.name for part in parts if not part.solids]
+    if empty:
+        said.append(f"without a solid, so without volume: {', '.join(empty)}; export these parts as solids")
+    negative = [part.name for part in parts if any(solid.volume <= 0 for solid in part.solids)]
+    if negative:
+        said.append(
+            f"with a solid whose faces point inwards: {', '.join(negative)}; repair these parts in the CAD system"
+        )
+    return said

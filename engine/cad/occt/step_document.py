@@ -1,0 +1,98 @@
+"""A STEP file as a document of OCCT, and what its header says."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from OCP.APIHeaderSection import APIHeaderSection_MakeHeader
+from OCP.collections import Sequence_TCollection_AsciiString
+from OCP.IFSelect import IFSelect_ReturnStatus
+from OCP.Message import Message
+from OCP.STEPCAFControl import STEPCAFControl_Reader
+from OCP.TCollection import TCollection_ExtendedString
+from OCP.TDocStd import TDocStd_Document
+from OCP.XCAFDoc import XCAFDoc_DocumentTool
+
+from engine.cad.occt.density_unit import grams_of_densities
+from engine.cad.occt.deviation_signs import DeviationSigns
+
+_UNITS = {
+    "millimetre": ("mm", 1.0),
+    "centimetre": ("cm", 10.0),
+    "metre": ("m", 1000.0),
+    "micrometre": ("um", 1e-3),
+    "inch": ("inch", 25.4),
+    "foot": ("ft", 304.8),
+}
+_SCHEMAS = {"AP242": "AP242", "AUTOMOTIVE_DESIGN": "AP214", "CONFIG_CONTROL_DESIGN": "AP203"}
+
+
+class UnreadableStep(Exception):
+    """OCCT finds no STEP in a file, or no shapes."""
+
+
+@dataclass(frozen=True)
+class StepDocument:
+    """What OCCT has made of a file; lengths in mm."""
+
+    shapes: Any
+    dimensions: Any
+    unit: str
+    schema: str
+    grams: float | None
+    """The unit of mass of its densities [g]; None if they have several, or one that is not known."""
+    signs: DeviationSigns
+    keep: Any
+    """The document, which must live as long as its tools."""
+
+
+def open_step(path: Path) -> StepDocument:
+    """Read a STEP file.
+
+    Raises
+    ------
+    UnreadableStep
+        If it holds no STEP, or no shapes.
+    """
+    Message.DefaultMessenger_s().ChangePrinters().Clear()
+    document = TDocStd_Document(TCollection_ExtendedString("XmlXCAF"))
+    XCAFDoc_DocumentTool.SetLengthUnit_s(document, 0.001)
+    reader = STEPCAFControl_Reader()
+    reader.SetGDTMode(True)
+    reader.SetMatMode(True)
+    reader.SetNameMode(True)
+    if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
+        raise UnreadableStep("is no STEP file that can be read, or was cut off")
+    unit, millimetres = _unit(reader)
+    model = reader.ChangeReader().StepModel()
+    header = APIHeaderSection_MakeHeader(model)
+    by_occt = "Open CASCADE" in _text(header.PreprocessorVersion())
+    if not reader.Transfer(document):
+        raise UnreadableStep("has no shapes")
+    return StepDocument(
+        shapes=XCAFDoc_DocumentTool.ShapeTool_s(document.Main()),
+        dimensions=XCAFDoc_DocumentTool.DimTolTool_s(document.Main()),
+        unit=unit,
+        schema=_schema(header),
+        grams=grams_of_densities(model),
+        signs=DeviationSigns(model, millimetres, by_occt),
+        keep=(document, reader),
+    )
+
+
+def _unit(reader: Any) -> tuple[str, float]:
+    """Return the unit of length of a file, and what it is in mm."""
+    lengths, angles, solid_angles = (Sequence_TCollection_AsciiString() for _ in range(3))
+    reader.ChangeReader().FileUnits(lengths, angles, solid_angles)
+    name = str(lengths.Value(1).ToCString()).lower() if lengths.Length() else "millimetre"
+    return _UNITS.get(name, (name, 1.0))
+
+
+def _schema(header: Any) -> str:
+    """Return the application protocol of a file, or what its header says in its place."""
+    text = _text(header.SchemaIdentifiersValue(1)) if header.NbSchemaIdentifiers() else ""
+    return next((name for start, name in _SCHEMAS.items() if text.upper().startswith(start)), text[:80])
+
+
+def _text(value: Any) -> str:
+    return str(value.ToCString()) if value is not None else ""

@@ -1,0 +1,45 @@
+"""Triangles of faces."""
+
+from typing import Any
+
+import numpy as np
+from OCP.Bnd import Bnd_Box
+from OCP.BRep import BRep_Tool
+from OCP.BRepBndLib import BRepBndLib
+from OCP.BRepMesh import BRepMesh_IncrementalMesh
+from OCP.TopAbs import TopAbs_Orientation
+from OCP.TopLoc import TopLoc_Location
+
+from engine.arrays import Array, Integers
+from engine.cad.occt.occt_arrays import array3
+
+_SAG = 2e-3  # of the size of the shape, between a triangle and its face
+_SAG_LIMITS = 1e-3, 0.05  # mm
+_TURN = 0.3  # rad between neighbouring triangles
+
+
+def triangulate(shape: Any) -> None:
+    """Give all faces of a shape triangles."""
+    box = Bnd_Box()
+    BRepBndLib.Add_s(shape, box, False)
+    size = 1.0 if box.IsVoid() else float(box.CornerMin().Distance(box.CornerMax()))
+    BRepMesh_IncrementalMesh(shape, float(np.clip(_SAG * size, *_SAG_LIMITS)), False, _TURN, False)
+
+
+def triangles_of(face: Any) -> tuple[Array, Integers, Array] | None:
+    """Return the triangles of a face that has some: vertices (n, 3), rows of them (m, 3), parameters (n, 2).
+
+    The triangles turn counter-clockwise seen from outside.
+    """
+    where = TopLoc_Location()
+    mesh = BRep_Tool.Triangulation_s(face, where)
+    if mesh is None or not mesh.NbTriangles():
+        return None
+    count = range(1, mesh.NbNodes() + 1)
+    move = where.Transformation()
+    vertices = np.array([array3(mesh.Node(i).Transformed(move)) for i in count])
+    parameters = np.array([(uv.X(), uv.Y()) for uv in map(mesh.UVNode, count)])
+    rows = [[mesh.Triangle(i).Value(k) for k in (1, 2, 3)] for i in range(1, mesh.NbTriangles() + 1)]
+    triangles = np.array(rows, np.int64) - 1
+    turned = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
+    return vertices, triangles[:, ::-1] if turned else triangles, parameters

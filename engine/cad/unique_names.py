@@ -1,0 +1,27 @@
+"""Names of parts that can be told apart."""
+
+from collections import Counter
+
+_UNNAMED = "part"
+
+
+def unique_names(products: list[str]) -> list[str]:
+    """Return a name for each part: that of its product, with a number behind it where several have the same.
+
+    Parameters
+    ----------
+    products : list of str
+        Name of each part's product; empty for an unnamed one, which is called ``part``.
+    """
+    called = [product or _UNNAMED for product in products]
+    several = {name for name, count in Counter(called).items() if count > 1}
+    taken = set(called) - several
+    found, counts = [], Counter[str]()
+    for name in called:
+        unique = name
+        while name in several and (unique == name or unique in taken):
+            counts[name] += 1
+            unique = f"{name}-{counts[name]}"
+        taken.add(unique)
+        found.append(unique)
+    return found
