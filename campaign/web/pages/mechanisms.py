@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, Any
 from urllib.parse import quote
 
@@ -23,12 +24,13 @@ from campaign.web.api.mechanisms import (
 )
 from campaign.web.http.asking import Engineer, TheService, Viewer
 from campaign.web.http.problems import Refusal, refusal_of
+from campaign.web.http.tagged import tagged
 from campaign.web.jobs.mechanisms import MechanismSource, describe, titles
 from campaign.web.pages.marked_text import marked_lines, unix_lines
 from campaign.web.pages.rendering import page
 from campaign.web.web_service import Service
 from engine import EngineError
-from engine.mechanism import library_names
+from engine.mechanism import library_names, mechanism_schema
 
 router = APIRouter(include_in_schema=False)
 MOST_KEYS = 300  # that a page lists
@@ -81,6 +83,12 @@ async def mechanism_page(
         "more": len(listed) - MOST_KEYS,
     }
     return page(request, "mechanism", keys=keys, saved=found, **values)
+
+
+@router.get("/schemas/mechanism.json")
+def schema_document(request: Request, _: Viewer) -> Response:
+    """Return the JSON Schema of mechanism files, from which the editor proposes keys and values."""
+    return tagged(request, _schema(), "application/schema+json")
 
 
 @router.get("/mechanisms/{name}/edit")
@@ -171,6 +179,12 @@ async def described_mechanism(service: Service, who: Principal, source: Mechanis
     """Return what a mechanism is, as `campaign.web.jobs.mechanisms.describe` says; the last ones are kept."""
     content: dict[str, Any] = json.loads(await service.kept(who.name, describe, source))  # type: ignore[arg-type]
     return content
+
+
+@cache
+def _schema() -> bytes:
+    """Return the JSON Schema of mechanism files."""
+    return json.dumps(mechanism_schema(), ensure_ascii=False, separators=(",", ":")).encode()
 
 
 def _saved_texts(service: Service) -> list[SavedMechanism]:

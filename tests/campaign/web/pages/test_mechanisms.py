@@ -9,6 +9,7 @@ from campaign.web.access import Role
 from campaign.web.api.mechanisms import shipped_text
 from campaign.web.http.asking import COOKIE, CSRF_FIELD
 from campaign.web.settings import Settings
+from engine.mechanism import mechanism_schema
 from tests.campaign.web.conftest import URL, serving
 from tests.campaign.web.pages.forms import Page
 
@@ -62,6 +63,16 @@ def test_editor_shows_faults_beside_their_lines(browser):
     assert "<script>" not in client.post(
         f"/mechanisms/{PENDULUM}/edit", data={**csrf, "text": "'<script>' = 1"}
     ).text.replace("<script src", "")
+
+
+def test_editor_knows_the_schema(browser):
+    """The field names the document from which its proposals come; a browser keeps it."""
+    client, log_in = browser
+    log_in()
+    address = re.search(r'data-schema="([^"]+)"', client.get(f"/mechanisms/{PENDULUM}/edit").text)[1]
+    answer = client.get(address)
+    assert answer.json() == mechanism_schema()
+    assert client.get(address, headers={"If-None-Match": answer.headers["etag"]}).status_code == 304
 
 
 def test_saved_as_versions(browser):
