@@ -7,6 +7,7 @@ import numpy as np
 from engine.arrays import Array
 
 CORNERS = 49  # of a full circle
+ALONG = 1e-6  # sine of the angle between an axis and the line of sight; below, any side of the axis is as good
 
 
 def primitive_polylines(kind: str, primitive: Any, facing: Array) -> list[Array]:
@@ -39,7 +40,38 @@ def primitive_polylines(kind: str, primitive: Any, facing: Array) -> list[Array]
         half = (getattr(primitive, "half_length", None) or primitive.radius) * np.array(primitive.axis)
         ends = [np.array(primitive.point) + side * half for side in (-1, 1)]
         return [np.array(ends), *(circle(end, primitive.axis, primitive.radius) for end in ends)]
+    if kind == "turned":
+        return _turned(primitive, facing)
+    if kind == "extruded":
+        return _extruded(primitive)
     return [circle(primitive.centre, facing, primitive.radius)]  # sphere, socket, ring
+
+
+def _turned(primitive: Any, facing: Array) -> list[Array]:
+    """Return the two halves of the section across the line of sight, and a circle at each corner of the profile."""
+    axis, place = np.array(primitive.axis), np.array(primitive.point)
+    beside = np.cross(axis, facing)
+    aside = _across(axis, beside if np.linalg.norm(beside) > ALONG else np.eye(3)[np.argmin(np.abs(axis))])
+    lines = [_points(piece) for piece in primitive.curve]
+    halves = [place + side * p.real[:, None] * aside + p.imag[:, None] * axis for side in (-1, 1) for p in lines]
+    corners = {corner for piece in primitive.curve for corner in (piece.start, piece.end) if corner.real > 0}
+    return [*halves, *(circle(place + corner.imag * axis, axis, corner.real) for corner in sorted(corners, key=abs))]
+
+
+def _extruded(primitive: Any) -> list[Array]:
+    """Return the profile at both ends, or once without ends, and the edges between its corners."""
+    axis, along = np.array(primitive.axis), np.array(primitive.along)
+    across, half = np.cross(axis, along), primitive.half_length or 0.0
+    levels = [np.array(primitive.point) + side * half * axis for side in ((-1, 1) if half else (0,))]
+    outline = np.concatenate([_points(piece) for piece in primitive.curve])
+    flat = outline.real[:, None] * along + outline.imag[:, None] * across
+    starts = [piece.start.real * along + piece.start.imag * across for piece in primitive.curve]
+    return [*(level + flat for level in levels), *(levels + start for start in starts if half)]
+
+
+def _points(piece: Any) -> Array:
+    """Return points along a line or an arc of a profile, as complex numbers."""
+    return np.asarray(piece.point(np.linspace(0, 1, 2 + int(CORNERS * piece.sweep / (2 * np.pi)))))
 
 
 def circle(centre: Any, normal: Any, radius: float, middle: Any = None, half_angle: float = np.pi) -> Array:
@@ -62,11 +94,15 @@ def circle(centre: Any, normal: Any, radius: float, middle: Any = None, half_ang
         Points of the polyline.
     """
     n = np.asarray(normal, float)
-    e = np.eye(3)[np.argmin(np.abs(n))] if middle is None else np.asarray(middle, float)
-    e = e - (e @ n) * n
-    e = e / np.linalg.norm(e)
+    e = _across(n, np.eye(3)[np.argmin(np.abs(n))] if middle is None else np.asarray(middle, float))
     angle = np.linspace(-half_angle, half_angle, CORNERS)[:, None]
     return np.asarray(np.asarray(centre) + radius * (np.cos(angle) * e + np.sin(angle) * np.cross(n, e)))
+
+
+def _across(n: Array, direction: Array) -> Array:
+    """Return the unit vector across n nearest to a direction."""
+    e = direction - (direction @ n) * n
+    return np.asarray(e / np.linalg.norm(e))
 
 
 def square(centre: Any, a: Array, b: Array) -> Array:

@@ -1,13 +1,14 @@
 """Contact pairs as arrays: those of joints with clearance, then those of the file's [contacts]."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from engine.arrays import Array, Integers
 from engine.assembly.frames import BodyFrame
 from engine.assembly.primitives import rows
+from engine.assembly.profile_rows import NO_PIECES, profile_pieces
 from engine.assembly.remembered import remembered
 from engine.kernels.model import (
     ARC_PLANE,
@@ -15,8 +16,10 @@ from engine.kernels.model import (
     GEOMETRY,
     ON_BALL,
     ON_DISC,
+    ON_EXTRUDED,
     ON_RECTANGLE,
     ON_ROUND,
+    ON_TURNED,
     POINT_PLANE,
     RING_BORE,
     Contacts,
@@ -32,6 +35,8 @@ _SOLIDS = {
     "rectangle": ON_RECTANGLE,
     "sphere": ON_BALL,
     "socket": ON_BALL,
+    "turned": ON_TURNED,
+    "extruded": ON_EXTRUDED,
 }
 _PLANES = {"point": POINT_PLANE, "sphere": POINT_PLANE, "arc": ARC_PLANE, "cylinder": CYLINDER_PLANE}
 
@@ -61,6 +66,8 @@ class Pair:
         Added to the distance, it gives the gap; of a contact of a joint, without the joint's play.
     law : (float, float)
         Friction and restitution.
+    pieces : (np, PIECE) array
+        Those of the profile of side b; none if it has no profile.
     play : (str, str) or None
         The joint and the key of its clearance, which `engine.assembly.clearances` adds; None: there is none.
     """
@@ -73,6 +80,7 @@ class Pair:
     geometry_b: Array
     clearance: float
     law: tuple[float, float]
+    pieces: Array = field(default_factory=NO_PIECES.copy)
     play: tuple[str, str] | None = None
 
 
@@ -83,10 +91,18 @@ def contact_geometry(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> list
     return [rows(contact, frames[a.body], frames[b.body]) for contact, a, b in sides]
 
 
+@remembered
+def contact_profiles(mechanism: Mechanism) -> list[Array]:
+    """Return the pieces of side b's profile of each of the file's [contacts], shapes (np, PIECE)."""
+    return [profile_pieces(contact.sides[1]) for contact in mechanism.contacts.values()]
+
+
 def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[Pair]:
     """Yield the contacts of the file's [contacts]."""
-    geometry = contact_geometry(mechanism, frames)
-    for (name, contact), (geometry_a, geometry_b, clearance) in zip(mechanism.contacts.items(), geometry, strict=True):
+    geometry, profiles = contact_geometry(mechanism, frames), contact_profiles(mechanism)
+    for (name, contact), (geometry_a, geometry_b, clearance), pieces in zip(
+        mechanism.contacts.items(), geometry, profiles, strict=True
+    ):
         a, b = contact.sides
         yield Pair(
             name=name,
@@ -97,12 +113,14 @@ def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterato
             geometry_b=geometry_b,
             clearance=clearance,
             law=mechanism.contact_law(contact),
+            pieces=pieces,
         )
 
 
 def contact_arrays(pairs: list[Pair], block: Integers) -> tuple[Contacts, Laws]:
     """Return the pairs as arrays; ``block``: where each pair of bodies is in the system of a step."""
     laws = np.array([pair.law for pair in pairs], float).reshape(-1, 2)
+    counts = np.array([len(pair.pieces) for pair in pairs], np.int64)
     contacts = Contacts(
         kind=np.array([pair.kind for pair in pairs], np.int64),
         a=np.array([pair.a for pair in pairs], np.int64),
@@ -112,6 +130,8 @@ def contact_arrays(pairs: list[Pair], block: Integers) -> tuple[Contacts, Laws]:
         clearance=np.array([pair.clearance for pair in pairs], float),
         reach=np.array([reach(pair.geometry_a) for pair in pairs], float),
         pair=block,
+        profile=np.stack([np.cumsum(counts) - counts, np.cumsum(counts)], axis=1),
+        piece=np.concatenate([NO_PIECES, *(pair.pieces for pair in pairs)]),
     )
     return contacts, Laws(np.ascontiguousarray(laws[:, 0]), np.ascontiguousarray(laws[:, 1]))
 

@@ -53,6 +53,12 @@ def row_b(side: Side, frame: BodyFrame) -> Array:
     if side.kind in ("cylinder", "bore"):
         n, half = frame.direction(shape.axis), ENDLESS if shape.half_length is None else shape.half_length
         return _row(frame.point(shape.point), n, tangent(n), *_walls(shape.radius, side.kind == "bore"), -half, half)
+    if side.kind == "turned":
+        n = frame.direction(shape.axis)
+        return _row(frame.point(shape.point), n, tangent(n))
+    if side.kind == "extruded":
+        n, half = frame.direction(shape.axis), ENDLESS if shape.half_length is None else shape.half_length
+        return _row(frame.point(shape.point), n, _across(n, frame.direction(shape.along)), half)
     n = frame.direction(shape.normal)
     if side.kind == "plane":
         return _row(frame.point(shape.point), n, tangent(n))

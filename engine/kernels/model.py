@@ -11,6 +11,7 @@ import numpy as np
 from engine.compiler.tuples_by_address import by_address
 
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
+ON_TURNED, ON_EXTRUDED = range(8, 10)
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME = range(8)
 CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE = range(8, 11)  # the impulses of a whole step, divided by its length
 DERIVED = 11  # computed from other responses, after the run
@@ -18,6 +19,7 @@ END, PEAK, EVENT = range(3)
 SLIDE, TURN = range(2)
 
 GEOMETRY = 13  # numbers that describe one primitive
+PIECE = 19  # numbers that describe a line or an arc of a profile
 
 
 @by_address
@@ -42,6 +44,8 @@ class Contacts(NamedTuple):
     clearance: np.ndarray  # (nc,) radial clearance of a ring in a bore; minus the contact offset elsewhere
     reach: np.ndarray  # (nc,) farthest point of side a's primitive from its body's centre of mass
     pair: np.ndarray  # (nc,) int64, first piece of the two bodies in the system of a step, see `engine.friction.blocks`
+    profile: np.ndarray  # (nc, 2) int64, first piece of side b's profile, and the piece after its last
+    piece: np.ndarray  # (np, PIECE) see profiles.py
 
 
 @by_address

@@ -2,6 +2,8 @@
 
 from engine.jit import inner
 
+NOWHERE = 1e-150  # least length whose square is still a number; what is shorter has no direction
+
 
 @inner
 def dot(a, b):

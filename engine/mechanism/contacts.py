@@ -7,15 +7,20 @@ from pydantic import Field, model_validator
 
 from engine.mechanism.base import Length, Name, PairLaw, Point, TableModel, refuse
 from engine.mechanism.primitives import Arc, Bore, Cylinder, Disc, Plane, Rectangle, Ring, Socket, Sphere
+from engine.mechanism.profile_solids import Extruded, Turned
 from engine.mechanism.quantities import Quantity
 
-PRIMITIVES = ("point", "sphere", "arc", "ring", "cylinder", "bore", "socket", "plane", "disc", "rectangle")
+PRIMITIVES = (
+    *("point", "sphere", "arc", "ring", "cylinder", "bore", "socket", "plane", "disc", "rectangle"),
+    *("turned", "extruded"),
+)
 
+SOLIDS = ("cylinder", "bore", "sphere", "socket", "turned", "extruded")
 FLATS = ("plane", "disc", "rectangle")
 _PARTNERS = {
-    "point": (*FLATS, "cylinder", "bore", "sphere", "socket"),
-    "sphere": (*FLATS, "cylinder", "bore", "sphere", "socket"),
-    "arc": (*FLATS, "cylinder", "bore", "sphere", "socket"),
+    "point": (*FLATS, *SOLIDS),
+    "sphere": (*FLATS, *SOLIDS),
+    "arc": (*FLATS, *SOLIDS),
     "cylinder": FLATS,
     "ring": ("cylinder", "bore"),
 }
@@ -38,6 +43,10 @@ class Side(TableModel):
     disc: Disc | None = Field(default=None, description="a round face: { centre, normal, radius, ... }")
     rectangle: Rectangle | None = Field(
         default=None, description="a rectangular face: { centre, normal, along, half_lengths, ... }"
+    )
+    turned: Turned | None = Field(default=None, description="a turned solid: { point, axis, start, profile }")
+    extruded: Extruded | None = Field(
+        default=None, description="an extruded solid: { point, axis, along, start, profile, ... }"
     )
 
     @cached_property

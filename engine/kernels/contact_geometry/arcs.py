@@ -26,15 +26,13 @@ FLAT = 1e-12  # change of slope from one sample to the next, as a share of the r
 
 
 @inner
-def nearest_on_arc(kind, b, r, half, across, along, axes):
+def nearest_on_arc(solid, r, half, across, along, axes):
     """Find the point at which an arc is nearest to a solid.
 
     Parameters
     ----------
-    kind : int
-        Kind of the pair.
-    b : (GEOMETRY,) array
-        Geometry row of the solid.
+    solid : tuple
+        See `solids.signed_distance`.
     r, half : float
         Radius and half angle [rad] of the arc.
     across : (W, E, F)
@@ -53,6 +51,7 @@ def nearest_on_arc(kind, b, r, half, across, along, axes):
     normal : tuple
         The normal at that point, in the solid's axes.
     """
+    kind, b, _ = solid
     W, E, F = across
     ew, ee, fe = along
     x, y = axes
@@ -70,21 +69,35 @@ def nearest_on_arc(kind, b, r, half, across, along, axes):
         (r * dot(E, x), r * dot(E, y), r * ee),
         (r * dot(F, x), r * dot(F, y), r * fe),
     )
-    _, _, normal = distance_along(kind, b, curve, angle)
+    _, _, normal = distance_along(solid, curve, angle)
     if kind == ON_BALL or (within and normal[2] == (1.0 if flat else 0.0)):
         return angle, False, normal
-    angle = search(kind, b, r, half, curve)
-    _, _, normal = distance_along(kind, b, curve, angle)
+    angle = search(solid, r, half, curve)
+    return angle, True, normal_at(solid, half, curve, angle)
+
+
+@inner
+def normal_at(solid, half, curve, angle):
+    """Return the normal at the angle of the arc's nearest point, in the solid's axes.
+
+    Parameters
+    ----------
+    solid, curve, angle
+        As of `distance_along`.
+    half : float
+        Half angle [rad] of the arc.
+    """
+    _, _, normal = distance_along(solid, curve, angle)
     if abs(angle) < half or half >= np.pi:
-        _, slope0, n0 = distance_along(kind, b, curve, angle - BESIDE)
-        _, slope1, n1 = distance_along(kind, b, curve, angle + BESIDE)
+        _, slope0, n0 = distance_along(solid, curve, angle - BESIDE)
+        _, slope1, n1 = distance_along(solid, curve, angle + BESIDE)
         if slope0 < 0.0 < slope1:
             k0, k1 = slope1 / (slope1 - slope0), slope0 / (slope0 - slope1)
             n = (k0 * n0[0] + k1 * n1[0], k0 * n0[1] + k1 * n1[1], k0 * n0[2] + k1 * n1[2])
             length = np.sqrt(dot(n, n))
             if length > OPPOSED:
                 normal = (n[0] / length, n[1] / length, n[2] / length)
-    return angle, True, normal
+    return normal
 
 
 @inner
@@ -115,18 +128,18 @@ def angle_on_circle(WE, WF, EE, FF, EF, r):
 
 
 @inner
-def search(kind, b, r, half, curve):
+def search(solid, r, half, curve):
     """Return the angle of the arc's point nearest to the solid, wherever it is.
 
     The samples stand closer where distances and slopes do not fit each other: an edge lies between, or two valleys.
     """
     step = CELL
     low, angle = -half, -half
-    best, slope0, _ = distance_along(kind, b, curve, low)
+    best, slope0, _ = distance_along(solid, curve, low)
     d0 = best
     while low < half:
         high = min(low + step, half)
-        d, slope, _ = distance_along(kind, b, curve, high)
+        d, slope, _ = distance_along(solid, curve, high)
         width = high - low
         if abs(d - d0 - 0.5 * width * (slope0 + slope)) > UNEVEN * r and width > SMALLEST * CELL:
             step = 0.5 * width
@@ -134,8 +147,8 @@ def search(kind, b, r, half, curve):
         if d < best:
             best, angle = d, high
         if slope0 < 0.0 <= slope and slope - slope0 > FLAT * r:
-            valley = stationary(kind, b, curve, low, slope0, high, slope)
-            depth, _, _ = distance_along(kind, b, curve, valley)
+            valley = stationary(solid, curve, (low, slope0), (high, slope))
+            depth, _, _ = distance_along(solid, curve, valley)
             if depth < best:
                 best, angle = depth, valley
         low, d0, slope0, step = high, d, slope, min(2 * step, CELL)
@@ -143,19 +156,21 @@ def search(kind, b, r, half, curve):
 
 
 @inner
-def stationary(kind, b, curve, low, below, high, above):
-    """Return an angle where the slope, ``below`` < 0 at ``low`` and ``above`` >= 0 at ``high``, changes its sign.
+def stationary(solid, curve, lower, upper):
+    """Return an angle where the slope changes its sign, between two angles with their slopes: < 0 and >= 0.
 
     By the secant, and by halves where that leaves the interval and at every third step.
     """
-    last, slope0, angle, slope = low, below, high, above
+    low, slope0 = lower
+    high, slope = upper
+    last, angle = low, high
     for k in range(BISECTIONS):
         new = angle - slope * (angle - last) / (slope - slope0)
         if k % 3 == 2 or not low < new < high:
             new = 0.5 * (low + high)
         last, slope0 = angle, slope
         angle = new
-        _, slope, _ = distance_along(kind, b, curve, angle)
+        _, slope, _ = distance_along(solid, curve, angle)
         if slope < 0.0:
             low = angle
         else:
@@ -166,12 +181,22 @@ def stationary(kind, b, curve, low, below, high, above):
 
 
 @inner
-def distance_along(kind, b, curve, angle):
-    """Return the signed distance of the arc's point at an angle, its slope, and the normal there."""
+def distance_along(solid, curve, angle):
+    """Return the signed distance of the arc's point at an angle, its slope, and the normal there.
+
+    Parameters
+    ----------
+    solid : tuple
+        See `solids.signed_distance`.
+    curve : (centre, e, f)
+        Vectors in the solid's axes: the arc is centre + cos e + sin f.
+    angle : float
+        [rad]
+    """
     c, s = np.cos(angle), np.sin(angle)
     centre, e, f = curve
     x = centre[0] + c * e[0] + s * f[0]
     y = centre[1] + c * e[1] + s * f[1]
     z = centre[2] + c * e[2] + s * f[2]
-    d, n = signed_distance(kind, b, x, y, z)
+    d, n = signed_distance(solid, x, y, z)
     return d, n[0] * (c * f[0] - s * e[0]) + n[1] * (c * f[1] - s * e[1]) + n[2] * (c * f[2] - s * e[2]), n

@@ -13,10 +13,12 @@ ON_ROUND        cylinder or bore: axis point (0:3), axis (3:6), tangent (6:9), s
 ON_DISC         plate: centre of its face (0:3), normal (3:6), tangent (6:9), section (9:13)
 ON_RECTANGLE    plate: the same; half sides along tangent and normal x tangent (9:11), bottom and top (11:13)
 ON_BALL         sphere or socket: centre (0:3), two directions that fix T1 (3:6, 6:9), section (9:13)
+ON_TURNED       a profile turned about an axis: axis point (0:3), axis (3:6), tangent (6:9)
+ON_EXTRUDED     a profile extruded along an axis: its origin (0:3), axis (3:6), u (6:9), half length (9)
 ==============  ===================================================================================
 
 Side a: point, centre of an arc, or axis point of a cylinder (0:3); then normal or axis (3:6), middle or tangent
-(6:9), radius (9), half angle (10). Against the solids (the last four) a point is an arc of radius 0.
+(6:9), radius (9), half angle (10). Against the solids (the last six) a point is an arc of radius 0.
 
 The gap g_N is the signed distance plus ``clearance`` (for a ring: the radial clearance minus its eccentricity; the
 radii of spheres and rounded edges are skins, subtracted there). It changes by no more than the features move against
@@ -29,14 +31,23 @@ import numpy as np
 
 from engine.jit import inner, kernel
 from engine.kernels.contact_geometry.arcs import nearest_on_arc
+from engine.kernels.contact_geometry.arcs_on_profiles import on_profile
 from engine.kernels.contact_geometry.solids import box, section
-from engine.kernels.model import ARC_PLANE, CYLINDER_PLANE, ON_BALL, ON_RECTANGLE, ON_ROUND, RING_BORE
+from engine.kernels.contact_geometry.tangents import cross, transport
+from engine.kernels.model import (
+    ARC_PLANE,
+    CYLINDER_PLANE,
+    ON_BALL,
+    ON_EXTRUDED,
+    ON_RECTANGLE,
+    ON_ROUND,
+    ON_TURNED,
+    RING_BORE,
+)
 from engine.kernels.rotations import to_world, turn_to_world
-from engine.kernels.vectors import dot, split, vector_product, world_direction, world_point
+from engine.kernels.vectors import NOWHERE, dot, split, vector_product, world_direction, world_point
 
-NOWHERE = 1e-150  # least distance whose square is still a number; below it, the direction is taken from the body
 NEARLY = 1e-4  # if less than this share of a vector lies across an axis, rounding is removed once more
-BACK = 1e-6  # square of the angle from the back of a face within which its tangent is not turned with the normal
 
 
 @kernel
@@ -67,6 +78,8 @@ def find_contact(contacts, x, R, i, point, frame):
         return ring_in_bore(contacts, x, R, i, point[i], frame[i])
     if kind <= CYLINDER_PLANE:
         return on_plane(contacts, x, R, i, kind, point[i], frame[i])
+    if kind in (ON_TURNED, ON_EXTRUDED):
+        return on_profile(contacts, x, R, i, kind, point[i], frame[i])
     return on_solid(contacts, x, R, i, kind, point[i], frame[i])
 
 
@@ -163,7 +176,7 @@ def on_solid(contacts, x, R, i, kind, point, frame):
     y = vector_product(z, t)
     c, s, searched, normal = 0.0, 0.0, False, z
     if r > 0.0:
-        angle, searched, normal = nearest_on_arc(kind, gb, r, ga[10], (W, E, F), (ew, ee, fe), (t, y))
+        angle, searched, normal = nearest_on_arc((kind, gb, contacts.piece), r, ga[10], (W, E, F), (ew, ee, fe), (t, y))
         c, s = r * np.cos(angle), r * np.sin(angle)
     D = (W[0] + c * E[0] + s * F[0], W[1] + c * E[1] + s * F[1], W[2] + c * E[2] + s * F[2])
     height, outward = ew + c * ee + s * fe, -1.0 if gb[9] > 0.0 else 1.0
@@ -192,28 +205,3 @@ def on_solid(contacts, x, R, i, kind, point, frame):
         transport(z, t, N, T1)
     cross(N, T1, frame[2])
     return gap + contacts.clearance[i]
-
-
-@inner
-def transport(pole, t, n, out):
-    """Write into ``out`` the tangent ``t`` turned as the shortest rotation turns ``pole`` into ``n``.
-
-    The tangent of a face at ``pole`` thus turns round the edges without a jump, except at the very back.
-    """
-    s0, s1, s2 = pole[0] + n[0], pole[1] + n[1], pole[2] + n[2]
-    square = s0 * s0 + s1 * s1 + s2 * s2
-    if square > BACK:
-        k = 2 * (t[0] * s0 + t[1] * s1 + t[2] * s2) / square
-        out[0], out[1], out[2] = t[0] - k * s0, t[1] - k * s1, t[2] - k * s2
-    else:
-        _, (t0, t1, t2) = split(t, n)
-        k = 1 / np.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
-        out[0], out[1], out[2] = k * t0, k * t1, k * t2
-
-
-@inner
-def cross(a, b, out):
-    """Write the vector product of a and b."""
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]

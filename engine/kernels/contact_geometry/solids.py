@@ -10,7 +10,8 @@ faster than the features move, and a point that leaves a face goes round its edg
 import math
 
 from engine.jit import inner
-from engine.kernels.model import ON_RECTANGLE
+from engine.kernels.contact_geometry.profiles import extruded, turned
+from engine.kernels.model import ON_EXTRUDED, ON_RECTANGLE, ON_TURNED
 
 
 @inner
@@ -50,10 +51,23 @@ def box(b, x, y, z):
 
 
 @inner
-def signed_distance(kind, b, x, y, z):
-    """Return the signed distance of a point from a plate, a cylinder or a bore, and its gradient."""
+def signed_distance(solid, x, y, z):
+    """Return the signed distance of a point from a solid, and its gradient.
+
+    Parameters
+    ----------
+    solid : (kind, row, pieces)
+        Kind of the pair, geometry row of side b, and the pieces of its profile, if it has one.
+    x, y, z : float
+        In the solid's own axes.
+    """
+    kind, b, pieces = solid
     if kind == ON_RECTANGLE:
         return box(b, x, y, z)
+    if kind == ON_TURNED:
+        return turned(pieces, x, y, z)
+    if kind == ON_EXTRUDED:
+        return extruded(b, pieces, x, y, z)
     rho = math.hypot(x, y)
     d, d_rho, d_z = section(b, rho, z)
     if rho == 0.0:

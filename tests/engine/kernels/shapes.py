@@ -13,8 +13,10 @@ from scipy.spatial.transform import Rotation
 from engine.assembly.contacts import KINDS, Pair, contact_arrays
 from engine.assembly.frames import BodyFrame
 from engine.assembly.primitives import rows
+from engine.assembly.profile_rows import profile_pieces
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.mechanism.contacts import Contact
+from tests.engine.kernels.profile_shapes import drawn_profile, solid_gap
 
 Array = np.ndarray
 GRID = 241
@@ -59,6 +61,13 @@ def drawn_second(kind: str, rng: np.random.Generator) -> dict[str, Any]:
         return {kind: {"point": p, "axis": n.tolist(), "radius": size, **ends}}
     if kind == "plane":
         return {"plane": {"point": p, "normal": n.tolist()}}
+    if kind == "turned":
+        return {kind: {"point": p, "axis": n.tolist(), **drawn_profile(kind, rng)}}
+    if kind == "extruded":
+        ends = {"half_length": float(rng.uniform(0.3, 1.0))} if rng.random() < 0.7 else {}
+        return {
+            kind: {"point": p, "axis": n.tolist(), "along": across(n, rng).tolist(), **ends} | drawn_profile(kind, rng)
+        }
     depth = {"depth": float(rng.uniform(0.2, 1.0))} if rng.random() < 0.5 else {}
     face = {"centre": p, "normal": n.tolist(), **depth}
     if kind == "disc":
@@ -109,6 +118,8 @@ def distance(contact: Contact, p: Array) -> Array:
     """Signed distance of points of b's frame, shape (..., 3), from side b."""
     side = contact.sides[1]
     shape, inf = side.primitive, np.inf
+    if side.kind in ("turned", "extruded"):
+        return solid_gap(side, p)
     if side.kind == "plane":
         return (p - shape.point) @ np.array(shape.normal)
     if side.kind in ("sphere", "socket"):
@@ -225,7 +236,8 @@ def found(contact: Contact, poses: Poses) -> tuple[Array, Array, Array]:
     """Return the engine's gaps (n,), points (n, 3) and frames (n, 3, 3)."""
     n = len(poses)
     geometry_a, geometry_b, clearance = rows(contact, OWN, OWN)
-    pair = Pair("C", KINDS[contact.kind], 0, 0, geometry_a, geometry_b, clearance, (0.0, 0.0))
+    pieces = profile_pieces(contact.sides[1])
+    pair = Pair("C", KINDS[contact.kind], 0, 0, geometry_a, geometry_b, clearance, (0.0, 0.0), pieces)
     contacts, _ = contact_arrays([pair] * n, np.zeros(n, np.int64))
     contacts = contacts._replace(a=np.arange(n), b=np.arange(n, 2 * n))
     gap, point, frame = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))

@@ -24,6 +24,11 @@ SHAPES: dict[str, Any] = {
     "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]},
     "disc": {"centre": [0, 0, 0], "normal": [0, 0, 1], "radius": 2},
     "rectangle": {"centre": [0, 0, 0], "normal": [0, 0, 1], "along": [1, 0, 0], "half_lengths": [2, 1]},
+    "turned": {"point": [0, 0, 0], "axis": [0, 0, 1], "start": [0, -1], "profile": [{"to": [1, -1]}, {"to": [0, 1]}]},
+    "extruded": {
+        **{"point": [0, 0, 0], "axis": [0, 0, 1], "along": [1, 0, 0]},
+        **{"start": [1, 0], "profile": [{"to": [1, 0], "centre": [0, 0], "turn": "left"}]},
+    },
 }
 
 

@@ -1,0 +1,160 @@
+"""Contacts of points, spheres and arcs on turned and extruded solids: the nearest point of the arc, wherever it is.
+
+The arc is cut into cells of its angle. Over a cell the distance changes by no more than a known slope allows, so a cell
+that cannot hold a smaller distance than the least one found is left out. A cell is halved until only one piece of the
+profile, with its smooth neighbours, can be nearest in it, and a cubic through its ends fits its middle: what minimum it
+has lies where the slope changes its sign.
+"""
+
+import numpy as np
+
+from engine.jit import apart, inner
+from engine.kernels.contact_geometry.arcs import FLAT, distance_along, normal_at, stationary
+from engine.kernels.contact_geometry.profiles import is_alone
+from engine.kernels.contact_geometry.tangents import cross, transport
+from engine.kernels.model import ON_TURNED
+from engine.kernels.vectors import NOWHERE, dot, vector_product, world_direction, world_point
+
+COARSE = np.pi / 8  # the widest cell [rad]
+NARROWEST = 1 / 65536  # share of the widest cell; distances differ within such a cell by less than is told apart
+EVEN = 1e-9  # share of the radius by which a cubic may miss the middle of a cell
+MOST_CELLS = 4000  # where many pieces are as near as each other all along the arc
+
+
+@inner
+def on_profile(contacts, x, R, i, kind, point, frame):
+    """Find the point of an arc that is nearest to a turned or an extruded solid."""
+    a, b = contacts.a[i], contacts.b[i]
+    ga, gb = contacts.geometry_a[i], contacts.geometry_b[i]
+    first, after = contacts.profile[i]
+    solid = (kind, gb, contacts.piece[first:after])
+    z, t = world_direction(R, b, gb, 3), world_direction(R, b, gb, 6)
+    y = vector_product(z, t)
+    centre, foot, r = world_point(x, R, a, ga), world_point(x, R, b, gb), ga[9]
+    w = (centre[0] - foot[0], centre[1] - foot[1], centre[2] - foot[2])
+    e = world_direction(R, a, ga, 6)
+    f = vector_product(world_direction(R, a, ga, 3), e)
+    curve = (
+        (dot(w, t), dot(w, y), dot(w, z)),
+        (r * dot(e, t), r * dot(e, y), r * dot(e, z)),
+        (r * dot(f, t), r * dot(f, y), r * dot(f, z)),
+    )
+    angle = nearest_angle(solid, r, ga[10], curve) if r > 0.0 else 0.0
+    gap, _, n = distance_along(solid, curve, angle)
+    n = normal_at(solid, ga[10], curve, angle) if r > 0.0 else n
+    c, s = np.cos(angle), np.sin(angle)
+    N, T1 = frame[0], frame[1]
+    if kind == ON_TURNED:  # N and T1 in the plane through the axis
+        u, v = curve[0][0] + c * curve[1][0] + s * curve[2][0], curve[0][1] + c * curve[1][1] + s * curve[2][1]
+        rho = np.hypot(u, v)
+        u, v = (1.0, 0.0) if rho <= NOWHERE else (u / rho, v / rho)
+        n_rho = np.copysign(np.sqrt(max(1.0 - n[2] ** 2, 0.0)), n[0] * u + n[1] * v)
+        n = (n_rho * u, n_rho * v, n[2])
+        for k in range(3):
+            T1[k] = n_rho * z[k] - n[2] * (u * t[k] + v * y[k])
+    for k in range(3):
+        N[k] = n[0] * t[k] + n[1] * y[k] + n[2] * z[k]
+        point[k] = centre[k] + r * (c * e[k] + s * f[k]) - gap * N[k]
+    if kind != ON_TURNED:
+        transport(z, t, N, T1)
+    cross(N, T1, frame[2])
+    return gap + contacts.clearance[i]
+
+
+@apart
+def nearest_angle(solid, r, half, curve):
+    """Return the angle [rad] of the arc's point nearest to a solid, from the middle of the arc.
+
+    Parameters
+    ----------
+    solid : tuple
+        See `solids.signed_distance`.
+    r, half : float
+        Radius and half angle of the arc.
+    curve : (centre, e, f)
+        Vectors in the solid's axes: the arc is centre + cos e + sin f.
+    """
+    slope_limit, widest = steepest(solid, r, curve), 2 * half / np.ceil(2 * half / COARSE)
+    best, angle = least_sample(solid, half, curve, widest)
+    low, width, cells = -half, widest, 0
+    d0, s0, _ = distance_along(solid, curve, low)
+    while low < half:
+        high = min(low + width, half)
+        d1, s1, _ = distance_along(solid, curve, high)
+        while 0.5 * (d0 + d1 - slope_limit * (high - low)) < best:
+            middle, cells = 0.5 * (low + high), cells + 1
+            d, s, _ = distance_along(solid, curve, middle)
+            known = high - low <= NARROWEST * COARSE or cells > MOST_CELLS
+            if known or is_even(solid, r, curve, slope_limit, (low, d0, s0), (middle, d, s), (high, d1, s1)):
+                best, angle = lower_of(solid, r, curve, (best, angle), (low, d0, s0), (middle, d, s))
+                best, angle = lower_of(solid, r, curve, (best, angle), (middle, d, s), (high, d1, s1))
+                break
+            high, d1, s1 = middle, d, s
+        if d1 < best:
+            best, angle = d1, high
+        width = min(2 * (high - low), widest)
+        low, d0, s0 = high, d1, s1
+    return angle
+
+
+@inner
+def steepest(solid, r, curve):
+    """Return a bound of the distance's change with the angle: the radius, or less about a turned solid's own axis."""
+    if solid[0] != ON_TURNED:
+        return r
+    (x, y, _), (ex, ey, ez), (fx, fy, fz) = curve
+    ee, ff, ef = ex * ex + ey * ey, fx * fx + fy * fy, ex * fx + ey * fy
+    across, aside = np.hypot(x, y), 0.5 * np.hypot(ff - ee, 2 * ef)
+    nearest = np.sqrt(max(0.5 * (ee + ff) - aside, 0.0)) - across  # the arc's least distance from the axis, or less
+    if nearest <= 0.0:
+        return r
+    outward = (np.hypot(x * ex + y * ey, x * fx + y * fy) + aside) / nearest
+    return min(r, np.hypot(outward, np.hypot(ez, fz)))
+
+
+@inner
+def least_sample(solid, half, curve, width):
+    """Return the least distance at the ends of the widest cells and in the valley beside it, and its angle."""
+    best, angle, at, slope = np.inf, 0.0, 0.0, 0.0
+    for k in range(round(2 * half / width) + 1):
+        at = min(-half + k * width, half)
+        d, s, _ = distance_along(solid, curve, at)
+        if d < best:
+            best, angle, slope = d, at, s
+    if slope != 0.0:
+        beside = min(max(angle - np.copysign(width, slope), -half), half)
+        _, s, _ = distance_along(solid, curve, beside)
+        if slope * s < 0.0:
+            below, above = ((angle, slope), (beside, s)) if slope < 0.0 else ((beside, s), (angle, slope))
+            valley = stationary(solid, curve, below, above)
+            d, _, _ = distance_along(solid, curve, valley)
+            if d < best:
+                best, angle = d, valley
+    return best, angle
+
+
+@apart
+def is_even(solid, r, curve, slope_limit, lower, middle, upper):
+    """Return whether the distance over a cell is one smooth curve; of three points angle, distance and slope."""
+    width = upper[0] - lower[0]
+    cubic = 0.5 * (lower[1] + upper[1]) + 0.125 * width * (lower[2] - upper[2])
+    if abs(middle[1] - cubic) > EVEN * r:
+        return False
+    centre, e, f = curve
+    c, s = np.cos(middle[0]), np.sin(middle[0])
+    x, y, z = centre[0] + c * e[0] + s * f[0], centre[1] + c * e[1] + s * f[1], centre[2] + c * e[2] + s * f[2]
+    u, v = (np.hypot(x, y), z) if solid[0] == ON_TURNED else (x, y)
+    return is_alone(solid[2], u, v, slope_limit * width)
+
+
+@apart
+def lower_of(solid, r, curve, least, lower, upper):
+    """Return the least distance and its angle, of what was found and what an interval holds: angle, distance, slope."""
+    if upper[1] < least[0]:
+        least = (upper[1], upper[0])
+    if lower[2] < 0.0 <= upper[2] and upper[2] - lower[2] > FLAT * r:
+        valley = stationary(solid, curve, (lower[0], lower[2]), (upper[0], upper[2]))
+        depth, _, _ = distance_along(solid, curve, valley)
+        if depth < least[0]:
+            least = (depth, valley)
+    return least

@@ -1,0 +1,139 @@
+"""Signed distances of solids that are made from a profile: turned about an axis, or extruded along it.
+
+A profile is a closed curve of lines and arcs in a plane (u, v). Of a turned solid u is the distance from the axis and v
+the height along it; pieces of the profile on the axis are left out, for no surface is there. Of an extruded solid u and
+v are the two directions across its axis. Each piece is a row, with the material on its left:
+
+=======  ===========================================================================================
+columns  meaning
+=======  ===========================================================================================
+0:4      start (0:2) and end (2:4)
+4:7      a circle around the piece: centre (4:6), radius (6); for a line its middle and half its length
+7        0 for a line; radius of an arc, negative where the arc turns right, hollow
+8:10     a line's direction; an arc's centre
+10:12    direction from an arc's centre to its middle
+12       tangent of a quarter of the angle that an arc spans
+13:17    outward directions halfway between the normals that meet at the start (13:15) and at the end (15:17)
+17:19    at the start and at the end: 1 a convex corner, -1 a hollow one, 0 a smooth joint
+=======  ===========================================================================================
+
+The distance is that of the nearest piece, its sign that of the nearest point: on which side of the line or the arc the
+point lies, or at a corner, on which side of the line across the direction halfway. Distances are exact inside and
+outside, so that they change by no more than a point moves; at a convex corner the gradient points from the corner.
+"""
+
+import math
+
+import numpy as np
+
+from engine.jit import apart, inner
+from engine.kernels.vectors import NOWHERE
+
+
+@inner
+def piece_distance(piece, u, v):
+    """Return the distance of (u, v) from a piece, and its nearest end: -1.0 the start, 1.0 the end, 0.0 neither."""
+    if piece[7] == 0.0:
+        u0, v0 = u - piece[4], v - piece[5]
+        along = u0 * piece[8] + v0 * piece[9]
+        if abs(along) <= piece[6]:
+            return abs(u0 * piece[9] - v0 * piece[8]), 0.0
+        end = math.copysign(1.0, along)
+    else:
+        u0, v0 = u - piece[8], v - piece[9]
+        rho = math.hypot(u0, v0)
+        along, across = u0 * piece[10] + v0 * piece[11], piece[10] * v0 - piece[11] * u0
+        if abs(across) <= piece[12] * (rho + along):
+            return abs(rho - abs(piece[7])), 0.0
+        end = math.copysign(1.0, across * piece[7])
+    if end < 0.0:
+        return math.hypot(u - piece[0], v - piece[1]), end
+    return math.hypot(u - piece[2], v - piece[3]), end
+
+
+@apart
+def nearest_piece(pieces, u, v):
+    """Return the number of the piece nearest to (u, v), its distance, and the end that is nearest."""
+    nearest, least = 0, np.inf
+    for j in range(pieces.shape[0]):
+        u0, v0 = u - pieces[j, 4], v - pieces[j, 5]
+        square = u0 * u0 + v0 * v0
+        if square < least:
+            nearest, least = j, square
+    first = nearest
+    best, end = piece_distance(pieces[first], u, v)
+    for j in range(pieces.shape[0]):
+        u0, v0, reach = u - pieces[j, 4], v - pieces[j, 5], best + pieces[j, 6]
+        if j != first and u0 * u0 + v0 * v0 < reach * reach:
+            distance, at = piece_distance(pieces[j], u, v)
+            if distance < best:
+                nearest, best, end = j, distance, at
+    return nearest, best, end
+
+
+@apart
+def profile_distance(pieces, u, v):
+    """Return the signed distance of (u, v) from a profile, and its derivatives by u and by v."""
+    nearest, distance, end = nearest_piece(pieces, u, v)
+    piece = pieces[nearest]
+    if end != 0.0:
+        u0, v0, n_u, n_v = u - piece[2], v - piece[3], piece[15], piece[16]
+        if end < 0.0:
+            u0, v0, n_u, n_v = u - piece[0], v - piece[1], piece[13], piece[14]
+        if distance <= NOWHERE:
+            return 0.0, n_u, n_v
+        side = math.copysign(1.0, u0 * n_u + v0 * n_v)
+        return side * distance, side * u0 / distance, side * v0 / distance
+    if piece[7] == 0.0:
+        n_u, n_v = piece[9], -piece[8]
+        return (u - piece[4]) * n_u + (v - piece[5]) * n_v, n_u, n_v
+    u0, v0, outward = u - piece[8], v - piece[9], math.copysign(1.0, piece[7])
+    rho = math.hypot(u0, v0)
+    if rho <= NOWHERE:
+        return -outward * abs(piece[7]), outward * piece[10], outward * piece[11]
+    return outward * (rho - abs(piece[7])), outward * u0 / rho, outward * v0 / rho
+
+
+@apart
+def is_alone(pieces, u, v, margin):
+    """Return whether no other piece comes into play within half the margin of (u, v).
+
+    The neighbour of the nearest piece is none of the others where the distance has no kink between the two: outside a
+    convex or smooth joint, inside a hollow or smooth one.
+    """
+    nearest, distance, _ = nearest_piece(pieces, u, v)
+    signed, _, _ = profile_distance(pieces, u, v)
+    piece, side = pieces[nearest], math.copysign(1.0, signed)
+    for j in range(pieces.shape[0]):
+        other, reach = pieces[j], distance + margin + pieces[j, 6]
+        u0, v0 = u - other[4], v - other[5]
+        if j == nearest or u0 * u0 + v0 * v0 >= reach * reach:
+            continue
+        follows = other[0] == piece[2] and other[1] == piece[3] and side * piece[18] >= 0.0
+        precedes = other[2] == piece[0] and other[3] == piece[1] and side * piece[17] >= 0.0
+        if not (follows or precedes) and piece_distance(other, u, v)[0] < distance + margin:
+            return False
+    return True
+
+
+@apart
+def turned(pieces, x, y, z):
+    """Return the signed distance of a point from a turned solid, in its axes, and the gradient."""
+    rho = math.hypot(x, y)
+    d, n_rho, n_z = profile_distance(pieces, rho, z)
+    if rho <= NOWHERE:  # on the axis any direction is the nearest one
+        return d, (n_rho, 0.0, n_z)
+    return d, (n_rho * x / rho, n_rho * y / rho, n_z)
+
+
+@apart
+def extruded(b, pieces, x, y, z):
+    """Return the signed distance of a point from an extruded solid of half length ``b[9]``, and the gradient."""
+    d, n_x, n_y = profile_distance(pieces, x, y)
+    over, side = abs(z) - b[9], math.copysign(1.0, z)
+    if d > 0.0 and over > 0.0:
+        distance = math.hypot(d, over)
+        return distance, (n_x * d / distance, n_y * d / distance, side * over / distance)
+    if d >= over:
+        return d, (n_x, n_y, 0.0)
+    return over, (0.0, 0.0, side)

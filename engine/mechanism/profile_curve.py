@@ -1,0 +1,219 @@
+"""The closed curve of a profile: lines and arcs in a plane, whose points are complex numbers u + i v."""
+
+import cmath
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+
+from engine.mechanism.base import refuse
+
+MOST_SEGMENTS = 500
+CLOSE = 1e-9  # share of the profile's size: points that are closer are the same
+ON_CIRCLE = 1e-4  # share of an arc's radius or chord, the smaller one, by which its ends may miss its circle
+BACKWARDS = 1e-6  # angle [rad] from turning back at a corner
+BESIDE_A_CORNER = 1e-5  # share of the profile's size around a corner within which its two pieces do not meet again
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A line, or an arc about a centre that turns left or right; with its end at its start a full circle."""
+
+    start: complex
+    end: complex
+    centre: complex | None = None
+    left: bool = True
+
+    @property
+    def radius(self) -> float:
+        """Of an arc."""
+        return abs(self.start - self.centre) if self.centre is not None else 0.0
+
+    @property
+    def sweep(self) -> float:
+        """The angle that an arc spans, > 0 [rad]."""
+        if self.centre is None:
+            return 0.0
+        turn = 0.0 if self.end == self.start else self._turn(self.end, self.centre)
+        return turn if turn > 0 else turn + 2 * math.pi
+
+    def _turn(self, point: complex, centre: complex) -> float:
+        """Return the angle from an arc's start to a point, in the way in which it turns, from -pi to pi [rad]."""
+        return cmath.phase((point - centre) / (self.start - centre)) * (1 if self.left else -1)
+
+    def point(self, share: Any) -> Any:
+        """Return the points at shares of the length, from 0 at the start to 1 at the end."""
+        if self.centre is None:
+            return self.start + (self.end - self.start) * share
+        turn = self.sweep * (1j if self.left else -1j)
+        return self.centre + (self.start - self.centre) * np.exp(turn * share)
+
+    def direction(self, share: float) -> complex:
+        """Return the unit direction in which the piece runs at a share of its length."""
+        if self.centre is None:
+            return (self.end - self.start) / abs(self.end - self.start)
+        return complex((self.point(share) - self.centre) * (1j if self.left else -1j) / self.radius)
+
+    def reversed(self) -> Self:
+        """Return the piece run through the other way."""
+        return replace(self, start=self.end, end=self.start, left=not self.left)
+
+    def extremes(self) -> list[complex]:
+        """Return its ends, and the points of an arc that are farthest left, right, up and down."""
+        points = [self.start, self.end]
+        if self.centre is not None:
+            points += [p for way in (1, 1j, -1, -1j) if self.has(p := self.centre + self.radius * way, 0.0)]
+        return points
+
+    def has(self, point: complex, close: float) -> bool:
+        """Return whether a point is on the piece, or nearer to it than ``close``."""
+        if min(abs(point - self.start), abs(point - self.end)) <= close:
+            return True
+        if self.centre is None:
+            along = ((self.end - self.start).conjugate() * (point - self.start)) / abs(self.end - self.start)
+            return 0 <= along.real <= abs(self.end - self.start) and abs(along.imag) <= close
+        if abs(abs(point - self.centre) - self.radius) > close + 1e-14 * self.radius:
+            return False
+        return self._turn(point, self.centre) % (2 * math.pi) <= self.sweep
+
+    @property
+    def area(self) -> float:
+        """Of the sector from the origin, positive where the piece runs round it to the left."""
+        sector = 0.5 * (self.start.conjugate() * self.end).imag
+        cap = 0.5 * self.radius**2 * (self.sweep - math.sin(self.sweep))
+        return sector + (cap if self.left else -cap)
+
+
+def closed_curve(start: complex, segments: Sequence[Any], *, on_axis: bool = False) -> list[Piece]:
+    """Return the pieces of a closed profile, with the material on their left.
+
+    Parameters
+    ----------
+    start : complex
+    segments : sequence
+        Tables with ``to``, and an arc's ``centre`` and ``turn``.
+    on_axis : bool
+        Whether points that are almost on the line u = 0 are on it.
+
+    Raises
+    ------
+    PydanticCustomError
+        If an arc's ends miss its circle, or a segment has no length, turns back, or meets another one; or if there are
+        none or too many.
+    """
+    if not 0 < len(segments) <= MOST_SEGMENTS:
+        raise refuse(
+            f"{len(segments)} segments; allowed: 1 to {MOST_SEGMENTS}; write the lines and arcs of a closed curve",
+            key="profile",
+        )
+    points = [start, *(complex(*segment.to) for segment in segments)]
+    circles = (abs(complex(*segment.centre) - start) for segment in segments if segment.centre)
+    size = max(abs(p - start) for p in points) or max(circles, default=0.0)
+    if abs(points[-1] - start) <= CLOSE * size:
+        points[-1] = start
+    if on_axis:
+        points = [complex(0.0, p.imag) if abs(p.real) <= CLOSE * size else p for p in points]
+    pieces = [_piece(points[i], points[i + 1], segment, i, size) for i, segment in enumerate(segments)]
+    names = [f"segment {i}" for i in range(len(segments))]
+    if points[-1] != points[0]:
+        pieces.append(Piece(points[-1], points[0]))
+        names.append("the line that closes the profile")
+    _refuse_corners(pieces, names)
+    _refuse_meetings(pieces, names, size)
+    if sum(piece.area for piece in pieces) < 0:
+        return [piece.reversed() for piece in reversed(pieces)]
+    return pieces
+
+
+def _piece(start: complex, end: complex, segment: Any, i: int, size: float) -> Piece:
+    """Return a segment as a piece: an arc's centre is put where both ends have the same distance from it."""
+    key, chord = f"profile.{i}", end - start
+    centre, left = complex(*(segment.centre or segment.to)), segment.turn == "left"
+    first, last = abs(start - centre), abs(end - centre)
+    if abs(chord) <= CLOSE * size and first <= CLOSE * size:
+        raise refuse(
+            "ends where it begins; allowed: a line or an arc with a length; correct the point, or remove the segment: "
+            "a profile closes by itself",
+            key=f"{key}.to",
+            value=list(segment.to),
+        )
+    if segment.centre is None:
+        return Piece(start, end)
+    if abs(chord) <= CLOSE * size:
+        return Piece(start, start, centre, left)
+    if not abs(first - last) <= ON_CIRCLE * min(first, abs(chord)):
+        raise refuse(
+            f"the arc begins {first:.9g} and ends {last:.9g} from its centre; allowed: the same distance; "
+            "correct the centre or one of the ends",
+            key=f"{key}.centre",
+            value=list(segment.centre),
+        )
+    across, middle = 1j * chord / abs(chord), 0.5 * (start + end)
+    return Piece(start, end, middle + across * (across.conjugate() * (centre - middle)).real, left)
+
+
+def _refuse_corners(pieces: Sequence[Piece], names: Sequence[str]) -> None:
+    """Refuse a profile whose curve turns back on itself, or that has a full circle and more."""
+    for i, piece in enumerate(pieces):
+        if piece.start == piece.end and len(pieces) > 1:
+            raise refuse(
+                "a full circle; allowed: as the only segment; give it a contact of its own", key=f"profile.{i}"
+            )
+        if abs(pieces[i - 1].direction(1.0) + piece.direction(0.0)) < BACKWARDS:
+            raise refuse(
+                f"{names[i]} turns back along {names[i - 1]}; allowed: any other angle between the two; "
+                "give the tip or the groove there a width",
+                key="profile",
+            )
+
+
+def _refuse_meetings(pieces: Sequence[Piece], names: Sequence[str], size: float) -> None:
+    """Refuse a profile two of whose pieces touch or cross each other."""
+    extremes = [np.array(piece.extremes()) for piece in pieces]
+    low = np.array([[p.real.min(), p.imag.min()] for p in extremes]) - CLOSE * size
+    high = np.array([[p.real.max(), p.imag.max()] for p in extremes]) + CLOSE * size
+    for i, piece in enumerate(pieces):
+        near = np.all((low[i] <= high[i + 1 :]) & (low[i + 1 :] <= high[i]), axis=1)
+        for j in (i + 1 + np.flatnonzero(near)).tolist():
+            shared = [p for p in (piece.end, piece.start) if p in (pieces[j].start, pieces[j].end)]
+            for at in _meetings(piece, pieces[j], CLOSE * size):
+                if all(abs(at - corner) > BESIDE_A_CORNER * size for corner in shared):
+                    raise refuse(
+                        f"{names[i]} meets {names[j]} at [{at.real:.6g}, {at.imag:.6g}]; allowed: a "
+                        "curve that neither crosses nor touches itself; correct one of the two",
+                        key="profile",
+                    )
+
+
+def _meetings(one: Piece, other: Piece, close: float) -> list[complex]:
+    """Return points that two pieces have in common."""
+    ends = [p for p in (one.start, one.end) if other.has(p, close)]
+    ends += [p for p in (other.start, other.end) if one.has(p, close)]
+    return ends + [p for p in _crossings(one, other, close) if one.has(p, close) and other.has(p, close)]
+
+
+def _crossings(one: Piece, other: Piece, close: float) -> list[complex]:
+    """Return the points in which the whole lines and circles of two pieces cross each other, or almost touch."""
+    if one.centre is None and other.centre is None:
+        a, b = one.direction(0.0), other.direction(0.0)
+        lean = (a.conjugate() * b).imag
+        return [one.start + a * ((other.start - one.start).conjugate() * b).imag / lean] if lean else []
+    if one.centre is None or other.centre is None:
+        line, arc = (one, other) if one.centre is None else (other, one)
+        way = line.direction(0.0)
+        foot = line.start + way * (way.conjugate() * (arc.centre - line.start)).real  # type: ignore[operator]
+        square = arc.radius**2 - abs(foot - arc.centre) ** 2  # type: ignore[operator]
+        reach = math.sqrt(max(square, 0.0))
+        return [foot + way * sign * reach for sign in (-1, 1)] if square > -2 * close * arc.radius else []
+    between = other.centre - one.centre
+    if not abs(between):
+        return []
+    along = 0.5 * (abs(between) + (one.radius**2 - other.radius**2) / abs(between))
+    square = one.radius**2 - along**2
+    way = between / abs(between)
+    reach = math.sqrt(max(square, 0.0))
+    return (
+        [one.centre + way * (along + sign * 1j * reach) for sign in (-1, 1)] if square > -2 * close * one.radius else []
+    )
