@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from campaign.pictures.polylines import circle, patch, square
+from campaign.pictures.polylines import circle, patch, primitive_polylines, square
+from engine.mechanism.profile_solids import Extruded, Turned
 
 X, Y, Z = np.eye(3)
 
@@ -25,3 +26,37 @@ def test_patch_covers_what_is_touched():
     np.testing.assert_allclose(corners[:, 2], 1)
     assert (corners[:, 0].min(), corners[:, 0].max()) == pytest.approx((-0.5, 4.5))
     np.testing.assert_array_equal(square([0, 0, 0], X, Y)[[0, 2]], [[1, 1, 0], [-1, -1, 0]])
+
+
+def test_a_turned_solid_is_its_section_and_circles():
+    """Both halves of the section across the line of sight, and a circle where the profile has a corner off the axis."""
+    cone = Turned.model_validate(
+        {"point": [1, 2, 3], "axis": [0, 0, 1], "start": [0, 0], "profile": [{"to": [2, 0]}, {"to": [0, 4]}]}
+    )
+    lines = primitive_polylines("turned", cone, Y)
+    assert len(lines) == 2 * 2 + 1
+    assert {tuple(np.round(p - [1, 2, 3], 12)) for line in lines[:4] for p in line} == {
+        *((0, 0, 0), (2, 0, 0), (-2, 0, 0), (0, 0, 4))
+    }
+    np.testing.assert_allclose(np.hypot(*(lines[4] - [1, 2, 3]).T[:2]), 2)
+    for line in primitive_polylines("turned", cone, Z):  # seen along its axis
+        assert np.all(np.isfinite(line))
+
+
+def test_an_extruded_solid_is_two_profiles_and_its_edges():
+    """Without ends it is one profile, in the plane of its point."""
+    half_disc = {
+        **{"point": [0, 0, 5], "axis": [0, 0, 1], "along": [1, 0, 0], "start": [1, 0]},
+        **{"profile": [{"to": [-1, 0], "centre": [0, 0], "turn": "left"}]},
+    }
+    bottom, top, *edges = primitive_polylines("extruded", Extruded.model_validate({**half_disc, "half_length": 2}), Y)
+    np.testing.assert_allclose((bottom[:, 2], top[:, 2]), ([3] * len(bottom), [7] * len(top)))
+    np.testing.assert_allclose(np.hypot(*bottom[:25].T[:2]), 1)
+    assert len(bottom) > 25
+    assert bottom[:, 1].min() == pytest.approx(0, abs=1e-15)
+    assert [edge.tolist() for edge in edges] == [
+        [[1, 0, 3], [1, 0, 7]],
+        [[pytest.approx(-1), pytest.approx(0, abs=1e-15), 3], [pytest.approx(-1), pytest.approx(0, abs=1e-15), 7]],
+    ]
+    (only,) = primitive_polylines("extruded", Extruded.model_validate(half_disc), Y)
+    np.testing.assert_allclose(only[:, 2], 5)

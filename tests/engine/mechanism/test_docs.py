@@ -1,5 +1,6 @@
 """The page of the mechanism file is complete: its example loads, and it names every key."""
 
+import math
 import re
 import tomllib
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from engine.mechanism import get_value, load_mechanism, mechanism_from, mechanism_schema, set_values
+from engine.mechanism.contacts import Contact
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE = (DOCS / "mechanism.md").read_text(encoding="utf-8")
@@ -18,6 +20,19 @@ def test_the_example_loads():
     assert mechanism.response_units() == {"force": "N", "lift": "mm"}
     keys = {"J1": 0.1, "springs.return.free_angle": 0.4, "materials.steel_plastic.friction": 0.2}
     assert all(get_value(set_values(mechanism, keys), key) == value for key, value in keys.items())
+
+
+def test_the_profiles_are_contacts():
+    """The two solids of the page: the countersink's section, and the area of the cam between its tangents."""
+    text = PAGE.split("**Profiles.**")[1].split("```toml\n")[1].split("```")[0]
+    rim, cam = (
+        Contact.model_validate({**contact, "friction": 0.1}).sides[1].primitive.curve
+        for contact in tomllib.loads(text)["contacts"].values()
+    )
+    assert sum(piece.area for piece in rim) == pytest.approx(4.5 * 3 - 0.5)
+    angle = math.acos(3 / 5)
+    sectors = 6**2 * (math.pi - angle) + 3**2 * angle
+    assert sum(piece.area for piece in cam) == pytest.approx(sectors + (6 + 3) * 4)
 
 
 def test_every_key_of_the_format_is_described():
