@@ -6,8 +6,8 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.kernels.model import PIECE
+from engine.mechanism.closed_profiles.profile_curve import Piece
 from engine.mechanism.contacts import Side
-from engine.mechanism.profile_curve import Piece
 
 NO_PIECES = np.zeros((0, PIECE))
 SMOOTH = 1e-9  # sine of the angle at a joint; below, it is no corner

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from engine.mechanism.base import Direction, Point, PositiveLength, TableModel, check_perpendicular, is_number, refuse
-from engine.mechanism.profile_curve import BACKWARDS, CLOSE, MOST_SEGMENTS, Piece, closed_curve
+from engine.mechanism.closed_profiles.profile_curve import BACKWARDS, CLOSE, MOST_SEGMENTS, Piece, closed_curve
 from engine.mechanism.quantities import Quantity
 
 _TWO_NUMBERS = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
