@@ -96,3 +96,11 @@ def keyboard(tmp_path_factory):
     yield open_browser
     for context in reversed(opened):
         context.__exit__(None, None, None)
+
+
+@pytest.fixture(params=[1400, 400])
+def user(request, keyboard, finished):
+    """Return an approver at a browser, in a wide window and on a telephone, on the list of the finished campaigns."""
+    someone = keyboard(finished.server.url, request.param)
+    someone.log_in(finished.user, PASSWORD)
+    return someone

@@ -1,0 +1,120 @@
+"""What a user asks of finished rows: what-if, samples, comparison, export; by keyboard, in a wide window and not."""
+
+import pytest
+from selenium.webdriver.common.keys import Keys
+
+from tests.chromium import needs_axe, needs_chromium
+
+pytestmark = [pytest.mark.slow, needs_chromium, needs_axe]
+CPK = "return document.querySelector('[data-cpk=\"FC-6\"]')?.textContent"
+CARD = "return document.querySelector('#answer article[aria-label=\"FC-6\"]').innerText"
+GREY = "return getComputedStyle(document.querySelector('.card.refused h3')).filter"
+
+
+def _ask(user, campaign, tab):
+    """Open a campaign and go to one of its tabs."""
+    user.open(f"/campaigns/{campaign}")
+    user.go(tab, "a")
+    user.look()
+
+
+def _slide(user, name, key, times=1):
+    """Press a key on a slider."""
+    slider = user.tab_to(name, "input")
+    for _ in range(times):
+        slider.send_keys(key)
+
+
+def test_an_answer_follows_a_slider(user, finished):
+    """The number, the capability and the address move with it; the address alone gives the same answer."""
+    home = f"/campaigns/{finished.first}/whatif"
+    _ask(user, finished.first, "What if")
+    assert user.path == home
+    assert user.browser.execute_script(CPK) is None
+    _slide(user, "J1: std", Keys.ARROW_LEFT, 10)
+    user.until(lambda: user.path == f"{home}?set=J1.std%3D0.0147", "the address of the question")
+    assert user.browser.find_element("id", "v.J1.std").get_attribute("value") == "0.0147"
+    first = user.until(lambda: user.browser.execute_script(CPK), "a Cpk")
+    _slide(user, "J1: std", Keys.ARROW_LEFT, 10)
+    user.until(lambda: user.path == f"{home}?set=J1.std%3D0.0119", "the address of the next question")
+    user.until(lambda: user.browser.execute_script(CPK) != first, "another Cpk")
+    user.look()
+    shown = user.browser.execute_script(CARD)
+    assert "ppm out of limits" in shown
+    user.open(user.path)
+    assert user.browser.execute_script(CARD) == shown
+    assert user.browser.find_element("css selector", "[data-for='v.J1.std']").get_attribute("value") == "0.0119"
+    user.go("As it is", "a")
+    assert user.path == home
+
+
+def test_what_samples_do_not_carry_is_grey(user, finished):
+    """With the reason, and a way to the campaign that would tell; advice and cheapest tolerances stand below."""
+    _ask(user, finished.first, "What if")
+    _slide(user, "J1: mean", Keys.END)
+    mean = user.browser.find_element("id", "v.J1.mean").get_attribute("value")
+    user.until(lambda: user.browser.find_elements("css selector", ".card.refused"), "a refusal")
+    assert "grayscale" in user.browser.execute_script(GREY)
+    assert "the samples do not carry this" in user.text
+    user.look()
+    user.go("Which tolerances may grow, which must shrink?", "button")
+    assert "Spread may grow by" in user.text
+    user.look()
+    user.write("What a smaller sigma costs: the text of a cost file", "[variables.J1]\ncost = 1.0\n")
+    user.go("Allocate", "button")
+    user.look()
+    assert f"set=J1.mean%3D{mean}" in user.path
+    user.go("start a campaign with them", "a")
+    user.look()
+    text = user.browser.find_element("id", "text").get_attribute("value")
+    assert f"mean = {mean}" in text
+
+
+def test_a_sample_is_replayed(user, finished):
+    """From the table to one sample, to its bits, its curves and its motion."""
+    _ask(user, finished.first, "Samples")
+    user.write("Sort by", "number", "select")
+    user.write("Status", "ok", "select")
+    user.go("Show", "button")
+    assert user.path.endswith("/samples?sort=sample&status=ok")
+    assert "400 samples" in user.text
+    user.look()
+    user.go("3", "a")
+    user.look()
+    user.go("Replay: compute it again", "button")
+    assert "Same bits: yes" in user.text
+    user.look(is_answer=True)
+    user.go("Curves and motion", "a")
+    user.until_drawn()
+    assert len(user.browser.find_elements("css selector", "img.picture")) == 2
+    user.look()
+
+
+def test_two_campaigns_are_compared(user, finished):
+    _ask(user, finished.wider, "Compare")
+    user.write("With the campaign", finished.first)
+    user.go("Compare", "button")
+    assert user.path.endswith(f"/compare?with={finished.first}")
+    assert "Differences are this one less the other" in user.text
+    user.look()
+    user.go("Write the report of this comparison", "button")
+    assert "The report of this comparison: " in user.text
+    user.look()
+
+
+def test_rows_are_downloaded(user, finished, tmp_path):
+    """The page says what is in the file, and the file has it."""
+    _ask(user, finished.first, "Export")
+    user.write("Format", "csv", "select")
+    user.write("Columns, with spaces between them; all if empty", "sample FC-1")
+    user.write("First sample", "3")
+    user.write("Last sample", "7")
+    user.go("Show", "button")
+    user.look()
+    user.browser.execute_cdp_cmd("Browser.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(tmp_path)})
+    user.press(f"Download {finished.first}.csv", "a")
+    exported = tmp_path / f"{finished.first}.csv"
+    user.until(exported.exists, "the download")
+    lines = exported.read_text().splitlines()
+    assert lines[0].replace('"', "") == "sample,FC-1"
+    assert [line.split(",")[0] for line in lines[1:]] == ["3", "4", "5", "6", "7"]

@@ -1,0 +1,61 @@
+"""From a shipped mechanism to one's own: edited, with a fault marked beside its line, saved, and tried."""
+
+import pytest
+from selenium.webdriver.common.keys import Keys
+
+from tests.chromium import needs_axe, needs_chromium
+
+pytestmark = [pytest.mark.slow, needs_chromium, needs_axe]
+TEXT = "Text of the file, TOML"
+VALUES = "return [...document.querySelectorAll('section[aria-labelledby=outcome] td.number')].map(e => e.textContent)"
+NUMBERED = "return [...document.querySelectorAll('.gutter .wrong')].map(e => e.textContent.trim())"
+
+
+def test_a_mechanism_is_edited(user, finished):
+    """Its file gets a fault and loses it again; without one it is saved, and tried with another clearance."""
+    own = f"latch-{user.width}"
+    user.go("Mechanisms", "a")
+    user.look()
+    user.go("lever", "a")
+    user.until_drawn()
+    user.look()
+    user.go("Edit a copy", "a")
+    user.look()
+    user.tab_to(TEXT, "textarea").send_keys(Keys.CONTROL + Keys.HOME, Keys.NULL + "gravitation = 1\n")
+    user.go("Check", "button")
+    user.look(is_answer=True)
+    marked = user.browser.find_element("css selector", "ol.lines li.wrong")
+    assert marked.get_attribute("value") == "1"
+    assert "gravitation" in marked.text
+    assert user.browser.execute_script(NUMBERED) == ["1"]
+    text = user.tab_to(TEXT, "textarea")
+    text.send_keys(Keys.CONTROL + Keys.HOME, Keys.NULL, Keys.SHIFT + Keys.ARROW_DOWN, Keys.NULL, Keys.DELETE)
+    user.go("Check", "button")
+    user.look(is_answer=True)
+    assert "No faults" in user.text
+    user.write("Save as", own)
+    user.go("Save as a version", "button")
+    assert user.path == f"/mechanisms/{own}"
+    user.look()
+    _try(user, own)
+
+
+def _try(user, own):
+    """Move a clearance, simulate, and read what comes of it; the address alone says the same."""
+    user.go("Try it", "a")
+    user.look()
+    slider = user.tab_to("pin, slider", "input")
+    number = user.browser.find_element("id", "value-pin")
+    before = number.get_attribute("value")
+    slider.send_keys(Keys.END)
+    moved = number.get_attribute("value")
+    assert float(moved) > float(before)
+    user.go("Simulate", "button")
+    assert user.path == f"/mechanisms/{own}/try?set=pin%3D{moved}&run=true"
+    assert "Outcome: ok" in user.text
+    values = user.browser.execute_script(VALUES)
+    assert values[0] == "10"  # N: load x long / short, whatever the play
+    user.until_drawn()
+    user.look()
+    user.open(user.path)
+    assert user.browser.execute_script(VALUES) == values
