@@ -35,6 +35,7 @@ async def campaigns_page(
     if service.watcher.listed_at is None:
         await service.watcher.list_campaigns()
     known = list(service.watcher.index.entries())
+    question = _chosen(question)
     found = listed(known, question)
     asked = question.model_dump(exclude_defaults=True)
     entries = [entry for entry, _ in found[cursor : cursor + ON_A_PAGE]]
@@ -45,6 +46,12 @@ async def campaigns_page(
     values: dict[str, Any] = {"question": question, "entries": entries, "total": len(found), "sorts": SORTS}
     values |= {"tags": tags, "owners": owners, "states": states, "cursor": cursor, "following": following}
     return page(request, "campaigns", asked=asked, fault=service.watcher.fault, on_a_page=ON_A_PAGE, **values)
+
+
+def _chosen(question: ListQuestion) -> ListQuestion:
+    """Return a question without what a form sends empty, which stands for all."""
+    tags = [tag for tag in question.tag if tag]
+    return question.model_copy(update={"owner": question.owner or None, "state": question.state or None, "tag": tags})
 
 
 async def frame(request: Request, service: TheService, campaign: str, who: Asking) -> dict[str, Any]:

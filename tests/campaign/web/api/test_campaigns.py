@@ -197,6 +197,15 @@ def test_pages(client, browse, plan, path):
     assert plan.campaign_id in answer.text
 
 
+def test_the_filter_of_the_page_shows_all_that_fit(client, browse, plan):
+    """A browser sends what was not chosen too, as an empty text."""
+    browse("viewer")
+    sent = "state=&owner=&tag=&sort=newest"
+    assert "1 campaign<" in client.get(f"/campaigns?search=demo&{sent}").text
+    assert "0 campaigns<" in client.get(f"/campaigns?search=other&{sent}").text
+    assert "0 campaigns<" in client.get("/campaigns?search=&state=failed&owner=&tag=").text
+
+
 def test_page_without_login_leads_to_it(client, plan):
     answer = client.get(f"/campaigns/{plan.campaign_id}?x=1", headers={"Accept": "text/html"})
     assert (answer.status_code, answer.headers["location"]) == (

@@ -75,7 +75,7 @@ def test_pages_show_their_content(unscripted, finished):
 
 
 def test_a_campaign_is_made_and_ended(unscripted):
-    """The buttons between form and file; then cancel, resume, labels, and more samples."""
+    """The buttons between form and file; then cancel, resume, labels, and the end."""
     user = unscripted
     user.open("/campaigns/new?mechanism=clearance_pendulum")
     user.write("Name, with which its id begins", "patient")
@@ -104,8 +104,23 @@ def test_a_campaign_is_made_and_ended(unscripted):
     user.open("/campaigns")
     user.write("Search", "patient")
     user.go("Show", "button")
+    assert "search=patient&state=&owner=&tag=&sort=newest" in user.path
+    user.until(lambda: _found(user) == ["slow"], "the campaign in the list, with its tag")
     assert "1 campaign\n" in user.text
-    assert user.browser.find_element("css selector", "a.tag").text == "slow"
+    user.open(home)
+    user.press("Delete", "summary")
+    own_id = home.removeprefix("/campaigns/")
+    user.write(f"All rows are lost for ever. Type the id {own_id} to delete it", own_id)
+    user.go("Delete", "button")
+    assert user.path == "/campaigns"
+    user.open(home)
+    assert f"no campaign {own_id}" in user.text
+
+
+def _found(user):
+    """Load the page again; return the tags of the campaigns that it lists."""
+    user.browser.refresh()
+    return [each.text for each in user.browser.find_elements("css selector", "a.tag")]
 
 
 def _state(user, home):
