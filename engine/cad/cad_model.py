@@ -87,6 +87,8 @@ class Solid:
     inertia: UnitInertia
     """About its centre for density 1, in axes of the assembly, shape (3, 3) [mm5]."""
     material: CadMaterial | None = None
+    relative_error: float = 0.0
+    """Of the volume, as OCCT estimates it."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -121,7 +123,7 @@ class SplineSurface:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CadFace:
-    """A face; pieces of one cylinder, cone, sphere or torus are one face, as a bore is that was cut into halves."""
+    """A face; pieces of one plane, cylinder, cone, sphere or torus are one, as a bore is that was cut into halves."""
 
     number: int
     """Its place in the assembly's faces; another export of the same part may number them otherwise."""

@@ -1,4 +1,4 @@
-"""Pieces of one cylinder, cone, sphere or torus become one face: many CAD systems cut a bore into halves."""
+"""Pieces of one surface become one face: many CAD systems cut a bore into halves, or a plane where parts touch."""
 
 from dataclasses import dataclass, field, replace
 from math import pi, tau
@@ -10,6 +10,7 @@ from engine.arrays import Array, Integers
 from engine.cad.angles import covered, perpendicular
 from engine.cad.cad_model import CadFace, FaceKind, SplineSurface
 
+_CORNER = 1e-5  # mm between two corners that are one
 _SAME = 1e-6  # mm between two surfaces that are one, besides what recognising them has cost
 
 
@@ -41,12 +42,10 @@ def merge_pieces(pieces: list[FacePiece], part: str) -> tuple[list[CadFace], Int
     """Return the faces of a part, and of each piece the number of its face."""
     groups: list[list[int]] = []
     for place, piece in enumerate(pieces):
-        for group in groups:
-            if any(_are_one(pieces[other], piece) for other in group):
-                group.append(place)
-                break
-        else:
-            groups.append([place])
+        joined = [group for group in groups if any(_are_one(pieces[other], piece) for other in group)]
+        groups = [group for group in groups if group not in joined]
+        groups.append(sorted([place, *(other for group in joined for other in group)]))
+    groups.sort()
     numbers = np.zeros(len(pieces), np.int64)
     for number, group in enumerate(groups):
         numbers[group] = number
@@ -55,14 +54,17 @@ def merge_pieces(pieces: list[FacePiece], part: str) -> tuple[list[CadFace], Int
 
 def _are_one(a: FacePiece, b: FacePiece) -> bool:
     """Return whether two pieces lie on the same surface, on the same side of it, and meet along its axis."""
-    if (a.solid, a.kind) != (b.solid, b.kind) or a.kind in ("plane", "surface"):
+    if (a.solid, a.kind) != (b.solid, b.kind) or a.kind == "surface":
         return False
     allowed = _SAME + a.recognition_gap + b.recognition_gap
     size = max(np.ptp(a.vertices, axis=0).max(), np.ptp(b.vertices, axis=0).max())
+    tilt = float(np.linalg.norm(np.cross(a.axis, b.axis))) * size
+    if a.kind == "plane":
+        level = tilt <= allowed and a.axis @ b.axis > 0 and abs((b.point - a.point) @ a.axis) <= allowed
+        return bool(level) and _share_corners(a, b)
     apart = [abs(a.radius - _radius_at(b, a.point)), abs(a.minor_radius - b.minor_radius)]
     apart.append(abs(a.half_angle - b.half_angle) * size)
-    if a.kind != "sphere":
-        apart.append(float(np.linalg.norm(np.cross(a.axis, b.axis))) * size)
+    apart.append(tilt)
     between = b.point - a.point
     along = between @ a.axis if a.kind in ("cylinder", "cone") else 0.0
     apart.append(float(np.linalg.norm(between - along * a.axis)))
@@ -75,6 +77,12 @@ def _meet(a: FacePiece, b: FacePiece, allowed: float) -> bool:
     """Return whether two pieces about one axis overlap or touch along it."""
     first, second = (a.vertices - a.point) @ a.axis, (b.vertices - a.point) @ a.axis
     return bool(first.min() <= second.max() + allowed and second.min() <= first.max() + allowed)
+
+
+def _share_corners(a: FacePiece, b: FacePiece) -> bool:
+    """Return whether two pieces have at least two corners of triangles in common, so an edge."""
+    first, second = ({tuple(corner) for corner in (piece.vertices / _CORNER).round().tolist()} for piece in (a, b))
+    return len(first & second) > 1
 
 
 def _radius_at(piece: FacePiece, point: Array) -> float:

@@ -1,5 +1,6 @@
 """Names and materials of the labels of an XCAF document."""
 
+import re
 from typing import Any
 
 from OCP.collections import Sequence_TDF_Label
@@ -7,6 +8,8 @@ from OCP.TDataStd import TDataStd_Name, TDataStd_TreeNode
 from OCP.XCAFDoc import XCAFDoc, XCAFDoc_Material
 
 from engine.cad.cad_model import CadMaterial
+
+_MADE_UP = re.compile(r"Open CASCADE STEP translator|(SOLID|COMPOUND|SHELL|=>\[)")
 
 
 def listed(fill: Any, *arguments: Any) -> list[Any]:
@@ -23,6 +26,12 @@ def name_of(label: Any) -> str:
     name = TDataStd_Name()
     label.FindAttribute(TDataStd_Name.GetID_s(), name)
     return str(name.Get().ToExtString()).strip()
+
+
+def product_name(label: Any) -> str:
+    """Return the name of a product; empty if it has none, or one that OCCT has made up when it wrote the file."""
+    name = name_of(label)
+    return "" if _MADE_UP.match(name) else name
 
 
 def material_of(label: Any, grams: float) -> CadMaterial | None:

@@ -37,10 +37,14 @@ def face_piece(face: Any, solid: int, recognition: float) -> FacePiece | None:
     vertices, triangles, parameters = found
     surface = BRepAdaptor_Surface(face, True)
     on, normal = _inside(face, surface, vertices, triangles, parameters)
-    kind = _analytic(surface) or _recognised(face, recognition) or {"kind": "surface", "spline": spline_of(face)}
-    if kind["kind"] in ("plane", "surface"):
-        kind |= {"point": on, "axis": normal if kind["kind"] == "plane" else np.zeros(3)}
-    return FacePiece(solid=solid, area=area(face), on=on, normal=normal, vertices=vertices, triangles=triangles, **kind)
+    lies_on = _analytic(surface) or _recognised(face, recognition)
+    if lies_on is None:
+        lies_on = {"kind": "surface", "point": on, "axis": np.zeros(3), "spline": spline_of(face)}
+    elif lies_on["kind"] == "plane":
+        lies_on |= {"point": on, "axis": lies_on["axis"] * np.sign(lies_on["axis"] @ normal)}
+    return FacePiece(
+        solid=solid, area=area(face), on=on, normal=normal, vertices=vertices, triangles=triangles, **lies_on
+    )
 
 
 def _inside(face: Any, surface: Any, vertices: Array, triangles: Integers, parameters: Array) -> tuple[Array, Array]:
@@ -59,7 +63,7 @@ def _analytic(surface: Any) -> dict[str, Any] | None:
     """Return the surface of a face as the file names it; None for a spline, an extrusion, a revolution."""
     kind = surface.GetType()
     if kind == Type.GeomAbs_Plane:
-        return {"kind": "plane"}
+        return _plane(surface.Plane())
     if kind == Type.GeomAbs_Cylinder:
         return _cylinder(surface.Cylinder())
     if kind == Type.GeomAbs_Cone:
@@ -83,7 +87,7 @@ def _recognised(face: Any, recognition: float) -> dict[str, Any] | None:
     if recognition <= 0:
         return None
     for taken_for, test, become in (
-        (gp_Pln(), ShapeAnalysis_CanonicalRecognition.IsPlane, lambda _: {"kind": "plane"}),
+        (gp_Pln(), ShapeAnalysis_CanonicalRecognition.IsPlane, _plane),
         (gp_Cylinder(), ShapeAnalysis_CanonicalRecognition.IsCylinder, _cylinder),
         (gp_Cone(), ShapeAnalysis_CanonicalRecognition.IsCone, _cone),
         (gp_Sphere(), ShapeAnalysis_CanonicalRecognition.IsSphere, _sphere),
@@ -92,6 +96,10 @@ def _recognised(face: Any, recognition: float) -> dict[str, Any] | None:
         if test(tried, recognition, taken_for) and tried.GetGap() <= recognition:
             return {**become(taken_for), "recognition_gap": tried.GetGap()}
     return None
+
+
+def _plane(found: Any) -> dict[str, Any]:
+    return {"kind": "plane", "axis": array3(found.Axis().Direction())}
 
 
 def _cylinder(found: Any) -> dict[str, Any]:

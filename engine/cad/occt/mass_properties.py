@@ -15,13 +15,14 @@ _RELATIVE_ERROR = 1e-10  # of the volume below each face
 def solid_properties(shape: Any, name: str, material: CadMaterial | None) -> Solid:
     """Return a solid in the frame of its product, for density 1."""
     found = GProp_GProps()
-    BRepGProp.VolumeProperties_s(TopoDS.Solid(shape), found, _RELATIVE_ERROR, False, False)
+    relative_error = BRepGProp.VolumeProperties_s(TopoDS.Solid(shape), found, _RELATIVE_ERROR, False, False)
     return Solid(
         name=name,
         volume=found.Mass(),
         centre=array3(found.CentreOfMass()),
         inertia=matrix3(found.MatrixOfInertia()),
         material=material,
+        relative_error=relative_error,
     )
 
 

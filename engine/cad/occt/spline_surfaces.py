@@ -4,10 +4,9 @@ from typing import Any
 
 import numpy as np
 from OCP.BRep import BRep_Tool
-from OCP.BRepBuilderAPI import BRepBuilderAPI_NurbsConvert
 from OCP.BRepTools import BRepTools
+from OCP.Geom import Geom_RectangularTrimmedSurface
 from OCP.GeomConvert import GeomConvert
-from OCP.TopoDS import TopoDS
 
 from engine.arrays import Array
 from engine.cad.cad_model import SplineSurface
@@ -16,11 +15,11 @@ from engine.cad.occt.occt_arrays import array3
 
 def spline_of(face: Any) -> SplineSurface:
     """Return the surface of a face as a B-spline over the rectangle of parameters that the face needs."""
-    whole = TopoDS.Face(BRepBuilderAPI_NurbsConvert(face, True).Shape())
-    spline = GeomConvert.SurfaceToBSplineSurface_s(BRep_Tool.Surface_s(whole))
+    surface = BRep_Tool.Surface_s(face)
+    u0, u1, v0, v1 = _rectangle(surface, BRepTools.UVBounds_s(face))
+    spline = GeomConvert.SurfaceToBSplineSurface_s(Geom_RectangularTrimmedSurface(surface, u0, u1, v0, v1))
     spline.SetUNotPeriodic()
     spline.SetVNotPeriodic()
-    _cut_to(spline, BRepTools.UVBounds_s(whole))
     rows, columns = range(1, spline.NbUPoles() + 1), range(1, spline.NbVPoles() + 1)
     return SplineSurface(
         degrees=(spline.UDegree(), spline.VDegree()),
@@ -33,11 +32,15 @@ def spline_of(face: Any) -> SplineSurface:
     )
 
 
-def _cut_to(spline: Any, bounds: tuple[float, float, float, float]) -> None:
-    """Cut a spline to a rectangle of parameters; where the rectangle reaches over its edge, the edge stays."""
-    u0, u1, v0, v1 = spline.Bounds()
+def _rectangle(surface: Any, bounds: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """Return the parameters that a face needs; where they reach over the edge of its surface, that edge."""
     low_u, high_u, low_v, high_v = bounds
-    spline.Segment(max(u0, low_u), min(u1, high_u), max(v0, low_v), min(v1, high_v))
+    u0, u1, v0, v1 = surface.Bounds()
+    if not surface.IsUPeriodic():
+        low_u, high_u = max(u0, low_u), min(u1, high_u)
+    if not surface.IsVPeriodic():
+        low_v, high_v = max(v0, low_v), min(v1, high_v)
+    return low_u, high_u, low_v, high_v
 
 
 def _knots(count: int, knot: Any, multiplicity: Any) -> Array:

@@ -8,7 +8,7 @@ the base stops the crank, 0.8 mm from where it is drawn.
 import sys
 from math import atan2, hypot
 
-from tests.engine.cad.step_files import Drawing, box, cone, cut, cylinder, cylindrical, fused, place
+from tests.engine.cad.step_files import Drawing, box, cone, cut, cylinder, cylindrical, fused, one_face_a_plane, place
 
 THICKNESS, AXIAL_PLAY, WIDTH = 5.0, 0.05, 14.0
 CRANK, ROCKER = (0.0, 24.0), (44.0, 30.0)  # where the coupler's two ends are
@@ -46,7 +46,7 @@ def bar(length, bores):
 def parts():
     """Return the shapes of the four parts, each in its own frame."""
     foot = (*ROCKER_FOOT, 0.0)
-    stop = box((WIDTH / 2 + STOP_GAP, 10.0, 0.0), (6.0, 8.0, THICKNESS))
+    stop = box((WIDTH / 2 + STOP_GAP, 8.0, 0.0), (6.0, 7.0, THICKNESS))
     plate = box((-12.0, -12.0, -4.0), (76.0, 34.0, 4.0))
     base = fused(plate, stop, pin((0.0, 0.0, 0.0), RADII["base-crank"][0]), pin(foot, RADII["base-rocker"][0]))
     bore = RADII["base-crank"][1]
@@ -60,7 +60,8 @@ def parts():
     )
     coupler_length = hypot(ROCKER[0] - CRANK[0], ROCKER[1] - CRANK[1])
     coupler = bar(coupler_length, [RADII["crank-coupler"][1], RADII["rocker-coupler"][1]])
-    return {"base": base, "crank": crank, "rocker": rocker, "coupler": coupler}
+    shapes = {"base": base, "crank": crank, "rocker": rocker, "coupler": coupler}
+    return {name: one_face_a_plane(shape) for name, shape in shapes.items()}
 
 
 def places():

@@ -14,6 +14,7 @@ from OCP.gp import gp_Ax2, gp_Dir, gp_Pnt, gp_Trsf, gp_Vec
 from OCP.IFSelect import IFSelect_ReturnStatus
 from OCP.Interface import Interface_Static
 from OCP.Message import Message
+from OCP.ShapeUpgrade import ShapeUpgrade_UnifySameDomain
 from OCP.STEPCAFControl import STEPCAFControl_Writer
 from OCP.STEPControl import STEPControl_StepModelType
 from OCP.TCollection import TCollection_ExtendedString, TCollection_HAsciiString
@@ -56,6 +57,13 @@ def cut(first, *others):
     for other in others:
         first = BRepAlgoAPI_Cut(first, other).Shape()
     return first
+
+
+def one_face_a_plane(shape):
+    """Return a shape in which the faces that a union has cut are one again, as a CAD system exports it."""
+    whole = ShapeUpgrade_UnifySameDomain(shape, True, True, False)
+    whole.Build()
+    return whole.Shape()
 
 
 def place(x=0.0, y=0.0, z=0.0, angle=0.0):
@@ -124,6 +132,11 @@ class Drawing:
             self._call(label, name)
         self.shapes.UpdateAssemblies()
         return label
+
+    @staticmethod
+    def plane(point, normal):
+        """Return a plane, to mirror in."""
+        return gp_Ax2(gp_Pnt(*point), gp_Dir(*normal))
 
     def diameter(self, product, face, nominal, limits):
         """Attach a diameter with its lower and upper deviation to a face of a part."""

@@ -1,0 +1,19 @@
+"""What a CAD assembly says of its mechanism: pins in holes, their flanges, faces that could be stops."""
+
+from engine.cad.findings.common_area import triangles_by_face
+from engine.cad.findings.facing_planes import FacingPlanes, facing_planes
+from engine.cad.findings.pins_in_holes import NearMiss, PinInHole, Seat, pin_in_hole, pins_in_holes
+from engine.cad.findings.thrust_faces import ThrustFaces, thrust_faces
+
+__all__ = [
+    "FacingPlanes",
+    "NearMiss",
+    "PinInHole",
+    "Seat",
+    "ThrustFaces",
+    "facing_planes",
+    "pin_in_hole",
+    "pins_in_holes",
+    "thrust_faces",
+    "triangles_by_face",
+]

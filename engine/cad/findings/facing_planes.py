@@ -1,0 +1,77 @@
+"""Plane faces of two parts that look at each other across a small gap: candidates of stops."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.arrays import Array, Integers
+from engine.cad.cad_model import CadAssembly, CadFace, Coordinates, Millimetres, SquareMillimetres
+from engine.cad.findings.common_area import common_area
+
+_PARALLEL = 1e-3  # rad
+_DEEPEST_OVERLAP = 0.1  # mm
+_LEAST_SHARE = 1e-3  # of the smaller face: what is less is a corner over an edge
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FacingPlanes:
+    """Two plane faces that cover each other at least in part."""
+
+    faces: tuple[int, int]
+    parts: tuple[str, str]
+    gap: Millimetres
+    """Between them as posed [mm]; negative where the parts overlap."""
+    area: SquareMillimetres
+    """That they share [mm2], to the chords of round edges."""
+    middle: Coordinates
+    """Of what they share, on the first face, shape (3,) [mm]."""
+    normal: Array
+    """Of the first face, to the second, shape (3,)."""
+
+
+def facing_planes(assembly: CadAssembly, triangles: dict[int, Array], reach: float = 1.0) -> list[FacingPlanes]:
+    """Return the plane faces of different parts that look at each other, the smallest gap first.
+
+    Parameters
+    ----------
+    assembly : CadAssembly
+        In mm.
+    triangles : dict
+        Of its faces, as `engine.cad.findings.common_area.triangles_by_face` returns them.
+    reach : float
+        Largest gap [mm].
+    """
+    planes = [face for face in assembly.faces if face.kind == "plane" and face.number in triangles]
+    found = []
+    for i, j in _near(planes, triangles, reach).tolist():
+        first, second = planes[i], planes[j]
+        area, middle = common_area(triangles[first.number], triangles[second.number], first.axis)
+        if area > _LEAST_SHARE * min(first.area, second.area):
+            found.append(
+                FacingPlanes(
+                    faces=(first.number, second.number),
+                    parts=(first.part, second.part),
+                    gap=float((second.point - first.point) @ first.axis),
+                    area=area,
+                    middle=middle,
+                    normal=first.axis,
+                )
+            )
+    return sorted(found, key=lambda pair: pair.gap)
+
+
+def _near(planes: list[CadFace], triangles: dict[int, Array], reach: float) -> Integers:
+    """Return the pairs of planes that could face each other: opposite normals, a small gap, near boxes; (n, 2)."""
+    if len(planes) < 2:
+        return np.zeros((0, 2), np.int64)
+    normals, points = np.array([f.axis for f in planes]), np.array([f.point for f in planes])
+    parts = np.unique([f.part for f in planes], return_inverse=True)[1]
+    opposite = np.argwhere((normals @ normals.T < -np.cos(_PARALLEL)) & (parts[:, None] < parts))
+    gaps = np.einsum("nk,nk->n", points[opposite[:, 1]] - points[opposite[:, 0]], normals[opposite[:, 0]])
+    opposite = opposite[(gaps <= reach) & (gaps >= -_DEEPEST_OVERLAP)]
+    corners = [triangles[f.number].reshape(-1, 3) for f in planes]
+    lows = np.array([each.min(axis=0) for each in corners]) - reach
+    highs = np.array([each.max(axis=0) for each in corners]) + reach
+    i, j = opposite.T
+    near: Integers = opposite[((lows[i] <= highs[j]) & (lows[j] <= highs[i])).all(axis=1)]
+    return near

@@ -1,0 +1,243 @@
+"""Pins in holes: cylinders of two parts, one in the other, on one axis; and what is nearly so, with the reason."""
+
+from dataclasses import dataclass
+from math import degrees, radians
+
+import numpy as np
+
+from engine.arrays import Array
+from engine.cad.cad_model import CadAssembly, CadFace, Coordinates, Millimetres
+
+LEAST_SPAN = radians(160.0)
+"""Of a hole and of a pin [rad]: less than half a turn holds nothing."""
+MOST_CLEARANCE = 0.3
+"""Difference of the radii [mm] up to which a pin is guided by a hole."""
+MOST_EXCESS = 0.12
+"""Offset of the axes beyond the clearance [mm] that a pose in a drawing may have."""
+_NEAR = 1.0
+"""Differences of radii and offsets [mm] up to which a pair is named when it is refused."""
+_PARALLEL = radians(2.0)
+_ALIKE = 1e-6  # mm between two radii that are one
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Seat:
+    """A stretch of the axis along which a hole is around a pin."""
+
+    hole: int
+    """Number of the face."""
+    pin: int
+    hole_radius: Millimetres
+    pin_radius: Millimetres
+    start: Millimetres
+    """Station along the joint's axis, from its point on [mm]."""
+    end: Millimetres
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PinInHole:
+    """A joint of two parts: all holes of the one around all pins of the other on one axis."""
+
+    bearing: str
+    """The part with the hole."""
+    journal: str
+    """The part with the pin."""
+    point: Coordinates
+    """On the hole's axis, in the middle of its seats, shape (3,) [mm]."""
+    axis: Array
+    journal_point: Coordinates
+    """On the pin's axis, at the same station, shape (3,) [mm]."""
+    journal_axis: Array
+    """Unit vector, the same way as `axis`."""
+    seats: tuple[Seat, ...]
+    """In their order along the axis."""
+    radial_clearance: Millimetres
+    """As drawn: the smallest difference of radii; 0 where both are drawn with one radius."""
+    offset: Millimetres
+    """Largest distance of the two axes along the seats [mm]."""
+    tilt: float
+    """Angle between the two axes [rad]."""
+
+    @property
+    def overlap(self) -> float:
+        """How far pin and hole overlap as posed [mm]; 0 where the pin lies within its clearance."""
+        return max(0.0, self.offset - self.radial_clearance)
+
+    @property
+    def rings(self) -> tuple[tuple[float, Seat], ...]:
+        """Stations [mm] where rings carry the pin, and the seat of each: both ends of what has the same radii."""
+        first, last = self.seats[0], self.seats[-1]
+        radii = np.array([(seat.hole_radius, seat.pin_radius) for seat in self.seats])
+        if np.ptp(radii, axis=0).max() < _ALIKE:
+            return (first.start, first), (last.end, last)
+        return tuple((station, seat) for seat in self.seats for station in (seat.start, seat.end))
+
+
+@dataclass(frozen=True, kw_only=True)
+class NearMiss:
+    """A pin and a hole that are not taken for a joint."""
+
+    hole: int
+    pin: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """A hole and a pin, nearly on one axis."""
+
+    hole: CadFace
+    pin: CadFace
+    start: float
+    """Along the hole's axis from its point [mm]."""
+    end: float
+    offset: float
+
+    @property
+    def clearance(self) -> float:
+        return self.hole.radius - self.pin.radius
+
+
+def pins_in_holes(assembly: CadAssembly) -> tuple[list[PinInHole], list[NearMiss]]:
+    """Return the pins in holes of an assembly, and the pairs that nearly are some.
+
+    Parameters
+    ----------
+    assembly : CadAssembly
+        In mm.
+
+    Returns
+    -------
+    joints : list of PinInHole
+        In the order of the parts.
+    refused : list of NearMiss
+        Radii and axes differ by less than 1 mm, but they are no joint nor part of one; each with the reason.
+    """
+    pairs = [(pair, _refusal(pair)) for pair in _near_pairs(assembly)]
+    accepted = [pair for pair, reason in pairs if not reason]
+    refused = [
+        NearMiss(hole=pair.hole.number, pin=pair.pin.number, reason=reason)
+        for pair, reason in pairs
+        if reason and not any(_of_one_joint(pair, other) for other in accepted)
+    ]
+    return [_joint(group) for group in _grouped(accepted)], refused
+
+
+def pin_in_hole(hole: CadFace, pin: CadFace) -> PinInHole:
+    """Return the joint of one hole and one pin, both cylinders, whether or not they would be found to be one.
+
+    Parameters
+    ----------
+    hole, pin : CadFace
+        In mm.
+    """
+    return _joint([_pair(hole, pin)])
+
+
+def _near_pairs(assembly: CadAssembly) -> list[_Pair]:
+    """Return all holes and pins of two parts whose radii and axes differ by little."""
+    cylinders = [face for face in assembly.faces if face.kind == "cylinder"]
+    holes = [face for face in cylinders if face.hollow]
+    pins = [face for face in cylinders if not face.hollow]
+    if not holes or not pins:
+        return []
+    near = np.abs(np.subtract.outer([f.radius for f in holes], [f.radius for f in pins])) <= _NEAR
+    axes = np.array([f.axis for f in holes]), np.array([f.axis for f in pins])
+    near &= np.abs(axes[0] @ axes[1].T) >= np.cos(_PARALLEL)
+    between = np.array([f.point for f in pins]) - np.array([f.point for f in holes])[:, None]
+    along = np.einsum("ijk,ik->ij", between, axes[0])
+    near &= np.linalg.norm(between - along[:, :, None] * axes[0][:, None], axis=2) <= 2 * _NEAR
+    pairs = [_pair(holes[i], pins[j]) for i, j in np.argwhere(near) if holes[i].part != pins[j].part]
+    return [pair for pair in pairs if pair.offset <= _NEAR]
+
+
+def _pair(hole: CadFace, pin: CadFace) -> _Pair:
+    """Return where a hole is around a pin, and how far the axes are apart there."""
+    stations = np.sort((pin.point + np.outer(pin.extent, pin.axis) - hole.point) @ hole.axis)
+    start, end = max(hole.extent[0], stations[0]), min(hole.extent[1], stations[1])
+    at = hole.point + np.outer((start, end), hole.axis)
+    away = at - pin.point
+    away -= np.outer(away @ pin.axis, pin.axis)
+    return _Pair(hole, pin, float(start), float(end), float(np.linalg.norm(away, axis=1).max()))
+
+
+def _refusal(pair: _Pair) -> str:
+    """Return why a pair is no joint; empty if it is one."""
+    for name, face in (("hole", pair.hole), ("pin", pair.pin)):
+        if face.span <= LEAST_SPAN:
+            return f"only {degrees(face.span):.0f} degrees of the {name} are there; allowed: more than 160"
+    if pair.end <= pair.start:
+        return f"they lie {pair.start - pair.end:.3g} mm apart along the axis"
+    gaps = pair.hole.recognition_gap + pair.pin.recognition_gap + 1e-6
+    if pair.clearance < -gaps:
+        return f"the pin is {-pair.clearance:.3g} mm larger in radius than the hole: a press fit, or an error"
+    if pair.clearance > MOST_CLEARANCE:
+        return f"the radii differ by {pair.clearance:.3g} mm; allowed: up to {MOST_CLEARANCE:g}"
+    allowed = max(pair.clearance, 0.0) + MOST_EXCESS
+    if pair.offset > allowed:
+        return f"the axes are {pair.offset:.3g} mm apart; allowed: the clearance + {MOST_EXCESS:g}, so {allowed:.3g}"
+    return ""
+
+
+def _grouped(pairs: list[_Pair]) -> list[list[_Pair]]:
+    """Return the pairs of each joint: of the same two parts, on one axis."""
+    groups: list[list[_Pair]] = []
+    for pair in pairs:
+        for group in groups:
+            if _of_one_joint(group[0], pair):
+                group.append(pair)
+                break
+        else:
+            groups.append([pair])
+    return groups
+
+
+def _of_one_joint(a: _Pair, b: _Pair) -> bool:
+    """Return whether two pairs belong to the same two parts and lie on one axis."""
+    return (a.hole.part, a.pin.part) == (b.hole.part, b.pin.part) and _on_one_axis(a.hole, b.hole)
+
+
+def _on_one_axis(a: CadFace, b: CadFace) -> bool:
+    """Return whether the axes of two holes of a part are one."""
+    away = b.point - a.point
+    apart = np.linalg.norm(away - (away @ a.axis) * a.axis)
+    return bool(apart <= MOST_EXCESS and abs(a.axis @ b.axis) >= np.cos(_PARALLEL))
+
+
+def _joint(group: list[_Pair]) -> PinInHole:
+    """Return the joint that pairs on one axis make up."""
+    hole, pin = group[0].hole, group[0].pin
+    stretches = []
+    for pair in group:
+        shift, turn = (pair.hole.point - hole.point) @ hole.axis, np.sign(pair.hole.axis @ hole.axis)
+        stretches.append(sorted((float(shift + turn * pair.start), float(shift + turn * pair.end))))
+    ends = np.array(stretches)
+    middle = float(ends.min() + ends.max()) / 2
+    point = hole.point + middle * hole.axis
+    journal_axis = pin.axis * np.sign(pin.axis @ hole.axis)
+    along = (point - pin.point) @ hole.axis / (journal_axis @ hole.axis)
+    seats = [
+        Seat(
+            hole=pair.hole.number,
+            pin=pair.pin.number,
+            hole_radius=pair.hole.radius,
+            pin_radius=pair.pin.radius,
+            start=start - middle,
+            end=end - middle,
+        )
+        for pair, (start, end) in zip(group, stretches, strict=True)
+    ]
+    clearance = min(pair.clearance for pair in group)
+    gaps = max(pair.hole.recognition_gap + pair.pin.recognition_gap for pair in group) + 1e-9
+    return PinInHole(
+        bearing=hole.part,
+        journal=pin.part,
+        point=point,
+        axis=hole.axis,
+        journal_point=pin.point + along * journal_axis,
+        journal_axis=journal_axis,
+        seats=tuple(sorted(seats, key=lambda seat: seat.start)),
+        radial_clearance=clearance if clearance > gaps else 0.0,
+        offset=max(pair.offset for pair in group),
+        tilt=float(np.arcsin(min(1.0, float(np.linalg.norm(np.cross(hole.axis, journal_axis)))))),
+    )
