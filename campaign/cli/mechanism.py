@@ -1,4 +1,4 @@
-"""``clearcap mechanism``: list, show and check mechanisms."""
+"""``clearcap mechanism``: list, show and check mechanisms, and write them with plain numbers."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -103,6 +103,33 @@ def check(mechanism: MechanismName, json: Json = False) -> None:
         print_text(f"warning: {mechanism}: {entry['where']}{': ' if entry['where'] else ''}{entry['text']}")
     count = f", {len(warnings)} warning{'s' if len(warnings) > 1 else ''}" if warnings else ""
     print_text(f"{mechanism}: no errors{count}")
+
+
+@mechanism_app.command()
+def plain(
+    mechanism: MechanismName,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write it to a file: .toml.")] = None,
+    json: Json = False,
+) -> None:
+    """Write a mechanism with plain numbers in the place of the geometry that it takes from a CAD file."""
+    import tomli_w
+
+    from campaign.cli.output_files import check_output, replacing
+    from engine import load_mechanism
+
+    tables = load_mechanism(mechanism).model_dump(
+        mode="json", by_alias=True, exclude_unset=True, exclude_none=True, exclude={"geometry"}
+    )
+    if output is not None:
+        check_output("--output", output, (".toml",))
+        with replacing(output) as temporary:
+            temporary.write_text(tomli_w.dumps(tables), "utf-8")
+        if not json:
+            return
+    if json:
+        print_json(tables)
+    else:
+        print_text(tomli_w.dumps(tables).rstrip("\n"), lines=True)
 
 
 def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:

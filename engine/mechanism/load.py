@@ -4,13 +4,15 @@ import os
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
+from typing import Any
 
 from engine.errors import MechanismError
 from engine.faults.fault import Fault
 from engine.faults.toml_positions import with_positions
 from engine.file_kinds import content_kind, other_kind, unreadable_kind
 from engine.mechanism.faults import did_you_mean
-from engine.mechanism.models import Mechanism, mechanism_from
+from engine.mechanism.geometry.resolved_geometry import UnresolvedGeometry, with_geometry
+from engine.mechanism.models import Mechanism, mechanism_from, refused
 from engine.regular_file import read_regular_file
 from engine.toml_file import LARGEST, UnfitToml, parse_toml, text_bytes
 
@@ -57,7 +59,7 @@ def load_mechanism(name_or_path: str | Path) -> Mechanism:
 
 
 def load_mechanism_text(text: str | bytes, name: str = "mechanism") -> Mechanism:
-    """Load a mechanism from the text of its file. A mechanism names no other files, and none is opened.
+    """Load a mechanism from the text of its file. No other file is opened: a text with a table ``cad`` is refused.
 
     Parameters
     ----------
@@ -76,7 +78,7 @@ def load_mechanism_text(text: str | bytes, name: str = "mechanism") -> Mechanism
     MechanismError
         When it is no TOML or no mechanism, or with one line for each fault.
     """
-    return _checked(text_bytes(text), name)
+    return _checked(text_bytes(text), name, None)
 
 
 def _read(file: Path | Traversable, source: str) -> Mechanism:
@@ -87,11 +89,11 @@ def _read(file: Path | Traversable, source: str) -> Mechanism:
         reason = (error.strerror or str(error)).lower()
         unreadable = f"cannot be read ({reason}); give a mechanism's TOML file"
         raise _refused(source, unreadable_kind(source, "mechanism") or unreadable) from None
-    return _checked(content, source)
+    return _checked(content, source, file.parent if isinstance(file, Path) else None)
 
 
-def _checked(content: bytes, source: str) -> Mechanism:
-    """Return the mechanism in the content of a file; a MechanismError says what is wrong."""
+def _checked(content: bytes, source: str, folder: Path | None) -> Mechanism:
+    """Return the mechanism in the content of a file in a folder; a MechanismError says what is wrong."""
     try:
         data = parse_toml(content)
     except UnfitToml as error:
@@ -103,9 +105,28 @@ def _checked(content: bytes, source: str) -> Mechanism:
         # a campaign may name any file: what is no mechanism at all must not be quoted fault by fault
         raise _refused(source, "not a mechanism: it has neither format nor name, units or bodies; name another")
     try:
-        return mechanism_from(data, source)
+        return mechanism_from(_plain(data, source, folder), source)
     except MechanismError as error:
         raise MechanismError(str(error), with_positions(error.faults, content)) from None
+
+
+def _plain(data: dict[str, Any], source: str, folder: Path | None) -> dict[str, Any]:
+    """Return the tables of a file with numbers in the place of the geometry that they name."""
+    if "geometry" in data:
+        text = "written by clearcap where a mechanism names a CAD file, not by hand; remove it"
+        raise refused(source, [Fault(("geometry",), text)], 1)
+    if "cad" not in data:
+        return data
+    if folder is None:
+        text = (
+            "names a CAD file, and none is opened for a mechanism that comes as text; allowed: plain numbers; write"
+            " them with clearcap mechanism plain FILE -o PLAIN.toml, and give that"
+        )
+        raise refused(source, [Fault(("cad",), text)], 1)
+    try:
+        return with_geometry(data, folder)
+    except UnresolvedGeometry as error:
+        raise refused(source, error.faults, len(error.faults)) from None
 
 
 def _refused(source: str, text: str, line: int | None = None, column: int | None = None) -> MechanismError:

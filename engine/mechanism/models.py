@@ -25,6 +25,7 @@ from engine.mechanism.conditions import ValidityCondition
 from engine.mechanism.contacts import Contact
 from engine.mechanism.derived import ResponseDifference
 from engine.mechanism.faults import MOST_FAULTS, did_you_mean, faults_of, listed
+from engine.mechanism.geometry.geometry_certificate import GeometryCertificate
 from engine.mechanism.joints import AnyJoint, Joint
 from engine.mechanism.keys.places import Place, along
 from engine.mechanism.loads import Damper, Force, Spring, Torque
@@ -92,6 +93,9 @@ class Mechanism(TableModel):
         default={}, description="test benches: tables of this file that are added to it, and what is taken away"
     )
     presets: dict[Name, Preset] = Field(default={}, description="named sets of values, such as a measured prototype's")
+    geometry: GeometryCertificate | None = Field(
+        default=None, description="what came from a CAD file, and how exactly; written by load_mechanism"
+    )
 
     _formulas: dict[str, str] = PrivateAttr(default_factory=dict)
 
@@ -222,9 +226,10 @@ class Mechanism(TableModel):
         """Return the sha256 of the description in canonical form, 64 hexadecimal digits.
 
         Comments, spaces and the order of keys inside a table do not matter; the order of bodies, joints and
-        contacts does, because it is the order in which the engine adds numbers up.
+        contacts does, because it is the order in which the engine adds numbers up. Of a CAD file only the numbers
+        that were taken from it matter.
         """
-        data = self.model_dump(mode="json", by_alias=True)
+        data = self.model_dump(mode="json", by_alias=True, exclude={"geometry"})
         return hashlib.sha256(json.dumps(data, separators=(",", ":"), ensure_ascii=True).encode()).hexdigest()
 
 
@@ -257,7 +262,7 @@ def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
     table = data.get("parameters", {})
     values, faults = parameter_values(table) if isinstance(table, dict) else ({}, [])
     if faults:  # whatever uses a parameter would be a fault, too
-        raise _refused(source, faults, len(faults))
+        raise refused(source, faults, len(faults))
     try:
         read = {**data, "parameters": values} if values else data
         mechanism = Mechanism.model_validate(read, context=values)
@@ -267,15 +272,15 @@ def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
         if error.errors()[0]["type"] == "references":
             faults, count = [], 0
         references = reference_faults(data)
-        raise _refused(source, faults + references, count + len(references)) from None
+        raise refused(source, faults + references, count + len(references)) from None
     formulas = dict(formulas_in(Place(mechanism), data))
     mechanism = mechanism.with_tables({}, formulas)
     if faults := mechanism.parameter_faults():
-        raise _refused(source, faults, len(faults))
+        raise refused(source, faults, len(faults))
     return mechanism
 
 
-def _refused(source: str, faults: list[Fault], count: int) -> MechanismError:
+def refused(source: str, faults: list[Fault], count: int) -> MechanismError:
     """Return the error that lists the faults of a file; there are ``count``, if some are not among them."""
     lines = "\n".join(f"  {fault}" for fault in listed(faults, count))
     return MechanismError(f"{source}: {count} fault{'s' if count > 1 else ''}\n{lines}", faults[:MOST_FAULTS])

@@ -12,7 +12,7 @@ from engine.mechanism.keys.components import Components, declared, item, with_it
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.time_laws import TableLaw
 
-HIDDEN = ("benches", "presets", "plot")  # what a file says about other mechanisms, or about pictures
+HIDDEN = ("benches", "presets", "plot", "geometry")  # of other mechanisms, of pictures, of where numbers come from
 
 _OF_A_MOTION = ("mass", "inertia", "center_of_mass", "velocity", "angular_velocity")  # no effect on a fixed body
 SETTINGS = "simulation."  # how a run is computed, which is no property of the mechanism

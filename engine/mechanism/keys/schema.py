@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from engine.mechanism.base import TableModel
+from engine.mechanism.geometry.cad_table import AS_DRAWN, DENSITY, GEOMETRY_OF, PART, SELECTORS, CadTable
 from engine.mechanism.models import Mechanism
 from engine.mechanism.parameters.expression import LONGEST
 
@@ -18,10 +20,47 @@ def mechanism_schema() -> dict[str, Any]:
     """Return the JSON Schema of the mechanism file; where a number is allowed, so is an expression."""
     schema = Mechanism.model_json_schema(by_alias=True)
     tables = schema["$defs"]
+    del schema["properties"]["geometry"]  # written by clearcap
+    for name in ("GeometryCertificate", "DrawnBody", "DrawnFace", "DrawnJoint", "DrawnGap"):
+        del tables[name]
+    _add_geometry(schema)
     for name, table in tables.items():
         tables[name] = table if name in _WITHOUT_EXPRESSIONS else _or_expression(table)
     schema["properties"] = {key: _or_expression(entry) for key, entry in schema["properties"].items()}
     tables["Expression"] = EXPRESSION
+    return schema
+
+
+def _add_geometry(schema: dict[str, Any]) -> None:
+    """Add the keys that name geometry of a CAD file, and stand for others."""
+    tables = schema["$defs"]
+    schema["properties"]["cad"] = _table_of(CadTable, tables)
+    as_drawn = {"type": "string", "const": AS_DRAWN}
+    number = {"type": "number", "exclusiveMinimum": 0}
+    tables["Body"]["properties"] |= {
+        "part": {"type": "string", "description": PART},
+        "density": {"anyOf": [number, {"type": "array", "items": number}], "description": DENSITY},
+    }
+    for kind, model in SELECTORS.items():
+        selector = _table_of(model, tables)["properties"][kind]
+        for name in GEOMETRY_OF[kind]:
+            side = tables[name]
+            own = side["properties"].get(kind)
+            side["properties"][kind] = {"anyOf": [own, selector]} if own else selector
+            own_keys = [key for key in side.get("required", ()) if key != "body"]
+            if own_keys and "anyOf" not in side:
+                side["required"] = ["body"]
+                side["anyOf"] = [{"required": own_keys}, {"required": [kind]}]
+    for joint in ("Revolute", "Cylindrical"):
+        for key in ("radial_clearance", "rings"):
+            own = tables[joint]["properties"][key]
+            tables[joint]["properties"][key] = {**own, "anyOf": [*own["anyOf"], as_drawn]}
+
+
+def _table_of(model: type[TableModel], tables: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of a table; those that it refers to are added to the others."""
+    schema = model.model_json_schema(by_alias=True)
+    tables |= schema.pop("$defs", {})
     return schema
 
 

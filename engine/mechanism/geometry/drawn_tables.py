@@ -1,0 +1,201 @@
+"""The tables of a mechanism file that name geometry of a CAD file, made into tables of plain numbers."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from pydantic import ValidationError
+
+from engine.cad import CadAssembly, CadEdge, CadFace
+from engine.faults.fault import Fault
+from engine.mechanism.faults import did_you_mean, faults_of
+from engine.mechanism.geometry.cad_table import AS_DRAWN, SELECTORS, FeatureKind, selector_of
+from engine.mechanism.geometry.drawn_joint import DrawnPin, NotAsDrawn, joint_of_pin
+from engine.mechanism.geometry.face_search import NotOneFace, PartSearch
+from engine.mechanism.geometry.geometry_certificate import DrawnBody, DrawnFace, DrawnJoint
+from engine.mechanism.geometry.part_bodies import NoDensity, body_of_part, mass_properties
+from engine.mechanism.geometry.sides import axis_of, contact_side, feature_of, line_side
+from engine.mechanism.quantities import UnitSystem
+from engine.mechanism.tables import as_table
+
+Keys = tuple[str, ...]
+WEIGHS = {"mass", "center_of_mass", "inertia"}
+_JOINT_SIDES: dict[str, FeatureKind] = {"bearing": "hole", "journal": "pin"}
+
+
+@dataclass(frozen=True)
+class DrawnTables:
+    """Makes tables plain; notes what is wrong with them, and what goes into the certificate.
+
+    Attributes
+    ----------
+    assembly : CadAssembly
+        In the mechanism's unit of length.
+    units : str
+        The mechanism's unit system.
+    parts : dict
+        The part of each body that is one.
+    """
+
+    assembly: CadAssembly
+    units: UnitSystem
+    parts: dict[str, str] = field(default_factory=dict)
+    faults: list[Fault] = field(default_factory=list)
+    bodies: dict[str, DrawnBody] = field(default_factory=dict)
+    faces: dict[str, DrawnFace] = field(default_factory=dict)
+    features: dict[str, CadFace | CadEdge] = field(default_factory=dict)
+    joints: dict[str, DrawnJoint] = field(default_factory=dict)
+
+    @property
+    def millimetre(self) -> float:
+        """A millimetre in the mechanism's unit of length."""
+        return 1.0 if self.units == "mm-g-ms" else 1e-3
+
+    def body(self, keys: Keys, body: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the table of a body, plain."""
+        if "part" not in body:
+            return dict(body)
+        names = [part.name for part in self.assembly.parts]
+        name = body["part"]
+        if name not in names:
+            text = f"no such part; allowed: {', '.join(names)}{did_you_mean(str(name), names)}; correct it"
+            self.faults.append(Fault((*keys, "part"), text, name))
+            return {}
+        part = self.assembly.part(name)
+        self.parts[keys[-1]] = name
+        masses = None
+        if body.get("fixed") is not True and not body.keys() >= WEIGHS:
+            try:
+                masses = mass_properties(part, body, 1.0 if self.units == "mm-g-ms" else 1000.0)
+            except NoDensity as error:
+                self.faults.append(Fault((*keys, "density"), str(error), body.get("density")))
+                return {}
+        plain = body_of_part(part, body, masses, self.millimetre)
+        own = body.get("mass")
+        self.bodies[".".join(keys)] = DrawnBody(
+            part=name,
+            volume=sum(solid.volume for solid in part.solids),
+            drawn_mass=masses.mass if masses else None,
+            mass=float(own) if isinstance(own, int | float) else None,
+            density_from=masses.source if masses else "",
+        )
+        return plain
+
+    def joint(self, keys: Keys, joint: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the table of a joint, plain."""
+        sides = {side: as_table(joint[side]) for side in (*_JOINT_SIDES, "a", "b") if selector_of(joint.get(side))}
+        if not sides:
+            return self._without_words(keys, joint)
+        if not self._are_allowed(keys, sides):
+            return {}
+        found = {side: self._feature((*keys, side), table) for side, table in sides.items()}
+        if None in found.values():
+            return {}
+        plain = {**joint, **{side: _without_selector(as_table(joint[side])) for side in sides}}
+        searches = {side: self._search(as_table(joint[side])["body"]) for side in sides}
+        if set(found) == set(_JOINT_SIDES):
+            return self._pin_in_hole(keys, plain, found, searches)
+        for side, feature in found.items():
+            if isinstance(feature, CadFace) and side in _JOINT_SIDES:
+                radius = {"radius": feature.radius} if side == "journal" else {}
+                table = radius | plain[side]
+                plain[side] = line_side(searches[side], table, feature.point, axis_of(feature))
+            elif isinstance(feature, CadFace):
+                at, normal = searches[side].to_body(feature.on), searches[side].turned_to_body(feature.normal)
+                plain[side] = {"point": at, "normal": normal, **plain[side]}
+        return self._without_words(keys, plain)
+
+    def _are_allowed(self, keys: Keys, sides: Mapping[str, Any]) -> bool:
+        """Return whether the sides of a joint name faces of the right kinds; note a fault for each that does not."""
+        allowed = True
+        for side, table in sides.items():
+            kind, right = selector_of(table), _JOINT_SIDES.get(side, "plane")
+            if kind != right:
+                self.faults.append(Fault((*keys, side, str(kind)), f"not for {side}; allowed: {right}; name one"))
+                allowed = False
+        return allowed
+
+    def _pin_in_hole(self, keys: Keys, joint: dict[str, Any], found: Any, searches: Any) -> dict[str, Any]:
+        """Return the table of a joint both sides of which are faces."""
+        drawn = DrawnPin(found["bearing"], found["journal"])
+        try:
+            plain = joint_of_pin(drawn, joint, (searches["bearing"], searches["journal"]))
+        except NotAsDrawn as error:
+            value = AS_DRAWN if error.key in joint else None
+            self.faults.append(Fault((*keys, *error.key.split(".")), str(error), value))
+            return {}
+        self.joints[keys[-1]] = drawn.certificate()
+        return plain
+
+    def _without_words(self, keys: Keys, joint: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a joint in which nothing is wanted as drawn; note a fault for what is."""
+        for key in ("radial_clearance", "rings"):
+            if joint.get(key) == AS_DRAWN:
+                text = (
+                    "only between faces; allowed: where the bearing is a hole and the journal a pin of the CAD file;"
+                    " name both faces, or write a number"
+                )
+                self.faults.append(Fault((*keys, key), text, AS_DRAWN))
+        return dict(joint)
+
+    def contact(self, keys: Keys, contact: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the table of a contact, plain."""
+        plain = dict(contact)
+        for side, other in (("a", "b"), ("b", "a")):
+            kind = selector_of(contact.get(side))
+            if kind is None:
+                continue
+            table = as_table(contact[side])
+            feature = self._feature((*keys, side), table)
+            if feature is None:
+                return {}
+            primitive = contact_side(self._search(table["body"]), kind, feature, _primitive(contact.get(other)))
+            plain[side] = _without_selector(table) | primitive
+        return plain
+
+    def _feature(self, keys: Keys, side: Mapping[str, Any]) -> CadFace | CadEdge | None:
+        """Return the face or edge that a side names; None after noting why there is none."""
+        kind = selector_of(side)
+        assert kind is not None
+        body = side.get("body")
+        if body not in self.parts:
+            text = "no body that is a part of the CAD file; allowed: " + (
+                f"{', '.join(self.parts) or 'none is one'}; name one of them, or give that body a part"
+            )
+            self.faults.append(Fault((*keys, "body"), text, body))
+            return None
+        try:
+            wanted = SELECTORS[kind].model_validate({kind: side[kind]})
+        except ValidationError as error:
+            found = faults_of(error, SELECTORS[kind], self.units)
+            self.faults.extend(replace(fault, keys=(*keys, *fault.keys)) for fault in found)
+            return None
+        try:
+            feature = feature_of(self._search(body), kind, getattr(wanted, kind))
+        except NotOneFace as error:
+            self.faults.append(Fault((*keys, kind), str(error)))
+            return None
+        where = ".".join(keys)
+        self.features[where] = feature
+        gap = feature.recognition_gap if isinstance(feature, CadFace) else 0.0
+        radius = None if kind == "plane" else feature.radius
+        self.faces[where] = DrawnFace(kind=kind, radius=radius, recognition_gap=gap)
+        return feature
+
+    def _search(self, body: str) -> PartSearch:
+        """Return the search in a body's part."""
+        return PartSearch(self.assembly, self.parts[body], self.millimetre)
+
+
+def _without_selector(side: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a side without the key by which it names geometry."""
+    kind = selector_of(side)
+    return {key: value for key, value in side.items() if key != kind}
+
+
+def _primitive(side: Any) -> str:
+    """Return the primitive of a side, or the one that a selector becomes."""
+    kind = selector_of(side)
+    if kind is not None:
+        return {"hole": "bore", "pin": "cylinder"}.get(kind, kind)
+    return next((key for key in as_table(side) if key not in ("body", "within")), "")

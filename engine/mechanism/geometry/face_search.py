@@ -1,0 +1,162 @@
+"""Faces and edges of a part by where they are: exactly one fits, or the candidates are listed."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from engine.arrays import Array
+from engine.cad import CadAssembly, CadEdge, CadFace
+from engine.mechanism.geometry.cad_table import NearPlace, RoundFace
+from engine.mechanism.geometry.plain_numbers import direction, lengths
+from engine.mechanism.geometry.triangle_distance import distance_to_triangles
+
+WITHIN = 0.5
+"""How far from its face a point may be [mm], unless the file says otherwise."""
+
+SAME_RADIUS = 1e-3
+"""How far a face's radius may be from the one that is given [mm]."""
+
+COPLANAR = 1e-6
+"""Largest distance [mm] and angle [rad] between faces that are one plane."""
+
+_LISTED = 6  # candidates in a message
+_T = TypeVar("_T", CadFace, CadEdge)
+
+
+class NotOneFace(Exception):
+    """No face or several fit; the message says which ones there are."""
+
+
+@dataclass(frozen=True)
+class PartSearch:
+    """Searches the faces and edges of one part.
+
+    Attributes
+    ----------
+    assembly : CadAssembly
+        In the unit of length of the mechanism.
+    part : str
+    millimetre : float
+        Length of a millimetre in that unit.
+    """
+
+    assembly: CadAssembly
+    part: str
+    millimetre: float
+
+    def to_assembly(self, point: Sequence[float]) -> Array:
+        """Return a point of the body's frame in the assembly's."""
+        placement = self.assembly.part(self.part).placement
+        return np.asarray(placement.rotation @ np.asarray(point, float) + placement.translation)
+
+    def to_body(self, point: Array) -> list[float]:
+        """Return a point of the assembly's frame in the body's."""
+        placement = self.assembly.part(self.part).placement
+        return lengths(placement.rotation.T @ (point - placement.translation), self.millimetre)
+
+    def turned_to_body(self, vector: Array) -> list[float]:
+        """Return a direction of the assembly's frame in the body's."""
+        return direction(self.assembly.part(self.part).placement.rotation.T @ vector)
+
+    def round_face(self, wanted: RoundFace, *, hollow: bool) -> CadFace:
+        """Return the hole or pin of a radius near a point; NotOneFace if there is not exactly one."""
+        faces = [
+            face for face in self.assembly.faces_of(self.part) if face.kind == "cylinder" and face.hollow == hollow
+        ]
+        near = self.to_assembly(wanted.near)
+        far = [(_to_axis(face, near), face) for face in faces]
+        same = [
+            (distance, face)
+            for distance, face in far
+            if abs(face.radius - wanted.radius) <= SAME_RADIUS * self.millimetre
+        ]
+        return self._only(wanted, same, far, "hole" if hollow else "pin")
+
+    def plane(self, wanted: NearPlace) -> CadFace:
+        """Return the flat face near a point; pieces of one plane are one. NotOneFace if there is not exactly one."""
+        faces = [face for face in self.assembly.faces_of(self.part) if face.kind == "plane"]
+        near = self.to_assembly(wanted.near)
+        far = sorted(
+            ((distance_to_triangles(near, self._triangles(face)), face) for face in faces), key=lambda each: each[0]
+        )
+        pieces: list[tuple[float, CadFace]] = []
+        for distance, face in far:
+            if not any(self._is_same_plane(face, other) for _, other in pieces):
+                pieces.append((distance, face))
+        return self._only(wanted, pieces, pieces, "flat face")
+
+    def edge(self, wanted: NearPlace) -> CadEdge:
+        """Return the circular edge near a point; NotOneFace if there is not exactly one."""
+        near = self.to_assembly(wanted.near)
+        far = [(_to_arc(edge, near), edge) for edge in self.assembly.edges if edge.part == self.part]
+        return self._only(wanted, far, far, "circular edge")
+
+    def _only(
+        self, wanted: NearPlace, fitting: Iterable[tuple[float, _T]], all_of_kind: Iterable[tuple[float, _T]], what: str
+    ) -> _T:
+        """Return the one that is near enough."""
+        within = WITHIN * self.millimetre if wanted.within is None else wanted.within
+        fits = [found for distance, found in fitting if distance <= within]
+        if len(fits) == 1:
+            return fits[0]
+        candidates = sorted(all_of_kind, key=lambda each: each[0])
+        listed = "; ".join(f"{self._described(found)}, {distance:.3g} away" for distance, found in candidates[:_LISTED])
+        others = f"; and {len(candidates) - _LISTED} more" if len(candidates) > _LISTED else ""
+        count = f"{len(fits)} fit" if fits else "none fits"
+        found = f"these, nearest first: {listed}{others}" if candidates else f"no {what}"
+        keys = "radius and near" if isinstance(wanted, RoundFace) else "near"
+        raise NotOneFace(
+            f"{count} within {within:g}; {self.part} has {found}; allowed: exactly one {what}; correct {keys}, or give"
+            " within"
+        )
+
+    def _described(self, found: CadFace | CadEdge) -> str:
+        """Return a face or edge as a file would name it."""
+        if isinstance(found, CadFace) and found.kind == "plane":
+            return f"near = {_short(self.to_body(found.on))} with normal {_short(self.turned_to_body(found.normal))}"
+        if isinstance(found, CadFace):
+            return f"radius = {found.radius:.7g}, near = {_short(self.to_body(found.point))}"
+        at = found.centre + found.radius * (found.middle if found.middle.any() else _across(found.axis))
+        return f"near = {_short(self.to_body(at))} of radius {found.radius:.7g}"
+
+    def _triangles(self, face: CadFace) -> Array:
+        """Return the corners of a face's triangles, shape (n, 3, 3)."""
+        mesh = next(mesh for mesh in self.assembly.meshes if mesh.part == self.part)
+        return np.asarray(mesh.vertices[mesh.triangles[mesh.faces == face.number]])
+
+    def _is_same_plane(self, face: CadFace, other: CadFace) -> bool:
+        apart = abs(float(other.normal @ (face.on - other.on)))
+        turned = float(np.linalg.norm(face.normal - other.normal))
+        return apart <= COPLANAR * self.millimetre and turned <= COPLANAR
+
+
+def _to_axis(face: CadFace, point: Array) -> float:
+    """Return how far a point is from the piece of the axis along which a face goes."""
+    along = float(face.axis @ (point - face.point))
+    nearest = face.point + np.clip(along, *face.extent) * face.axis
+    return float(np.linalg.norm(point - nearest))
+
+
+def _to_arc(edge: CadEdge, point: Array) -> float:
+    """Return how far a point is from a circular edge."""
+    offset = point - edge.centre
+    across = offset - (offset @ edge.axis) * edge.axis
+    length = float(np.linalg.norm(across))
+    outward = across / length if length > 0 else _across(edge.axis)
+    if edge.middle.any() and float(outward @ edge.middle) < np.cos(edge.span / 2):
+        side = np.sign(float(np.cross(edge.axis, edge.middle) @ outward)) or 1.0
+        turned = side * np.cross(edge.axis, edge.middle)
+        outward = np.cos(edge.span / 2) * edge.middle + np.sin(edge.span / 2) * turned
+    return float(np.linalg.norm(offset - edge.radius * outward))
+
+
+def _across(axis: Array) -> Array:
+    """Return a unit vector across another."""
+    across = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
+    return np.asarray(across / np.linalg.norm(across))
+
+
+def _short(values: Sequence[float]) -> str:
+    return f"[{', '.join(f'{round(value, 6) + 0.0:g}' for value in values)}]"

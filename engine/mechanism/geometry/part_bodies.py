@@ -1,0 +1,144 @@
+"""A body that is a part of a CAD file: pose, mass, centre and inertia from its solids, where the file has none."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from engine.arrays import Array
+from engine.cad import CadPart
+from engine.mechanism.base import is_number
+from engine.mechanism.geometry.plain_numbers import direction, lengths, significant
+
+
+class NoDensity(Exception):
+    """A part's mass cannot be known; the message says why."""
+
+
+@dataclass(frozen=True, eq=False)
+class MassProperties:
+    """Mass properties of a part.
+
+    Attributes
+    ----------
+    volume, mass : float
+        In the mechanism's units.
+    centre : array
+        In the assembly's frame, shape (3,).
+    inertia : array
+        About the centre, in axes of the assembly, shape (3, 3).
+    source : str
+        Where its density is from.
+    """
+
+    volume: float
+    mass: float
+    centre: Array
+    inertia: Array
+    source: str
+
+
+def mass_properties(part: CadPart, body: Mapping[str, Any], mass_unit: float) -> MassProperties:
+    """Return the mass properties of a part.
+
+    Parameters
+    ----------
+    part : CadPart
+        In the mechanism's unit of length.
+    body : mapping
+        The body's table. Its ``density``, a number or one for each solid, goes before that of the CAD file; without
+        any, the solids share its ``mass`` by their volumes.
+    mass_unit : float
+        The mechanism's unit of mass [g].
+
+    Raises
+    ------
+    NoDensity
+        If neither file says what the part weighs.
+    """
+    volumes = np.array([solid.volume for solid in part.solids])
+    if not len(volumes):
+        raise NoDensity(
+            f"the part {part.name} holds no solid, only surfaces; allowed: a part with solids; give mass, "
+            "center_of_mass and inertia, or export it as a solid"
+        )
+    densities, source = _densities(part, body, mass_unit)
+    masses = densities * volumes
+    centres = np.array([solid.centre for solid in part.solids])
+    centre = masses @ centres / masses.sum()
+    inertia = np.zeros((3, 3))
+    for density, own, solid in zip(densities, masses, part.solids, strict=True):
+        r = solid.centre - centre
+        inertia += density * solid.inertia + own * (r @ r * np.eye(3) - np.outer(r, r))
+    return MassProperties(float(volumes.sum()), float(masses.sum()), centre, inertia, source)
+
+
+def _densities(part: CadPart, body: Mapping[str, Any], mass_unit: float) -> tuple[Array, str]:
+    """Return the density of each solid, and where it is from."""
+    given, count = body.get("density"), len(part.solids)
+    if given is not None:
+        each = [given] * count if is_number(given) else given
+        sound = isinstance(each, Sequence) and len(each) == count and all(is_number(rho) and rho > 0 for rho in each)
+        if not sound:
+            listed = f", or a list of {count}, one for each of its solids ({_solids(part)})" if count > 1 else ""
+            raise NoDensity(f"no density of {part.name}; allowed: a number > 0{listed}; correct it")
+        return np.array(each, float), "this file"
+    materials = [solid.material or part.material for solid in part.solids]
+    known = [material.density / mass_unit for material in materials if material and material.density]
+    if len(known) == count:
+        names = dict.fromkeys(material.name for material in materials if material)
+        return np.array(known), f"the CAD file ({', '.join(names)})"
+    if is_number(body.get("mass")) and not known:
+        return np.full(count, body["mass"] / sum(solid.volume for solid in part.solids)), "the mass in this file"
+    several = f"; its solids, in order: {_solids(part)}" if count > 1 else ""
+    raise NoDensity(
+        f"missing; the CAD file has no density of {part.name}{several}; allowed: density, a number > 0"
+        f"{' or one for each solid' if count > 1 else ''}, or mass; add one of them"
+    )
+
+
+def _solids(part: CadPart) -> str:
+    """Return the solids of a part in words."""
+    names = [solid.name or f"solid {i}" for i, solid in enumerate(part.solids)]
+    volumes = [f"of volume {solid.volume:.6g}" for solid in part.solids]
+    return ", ".join(" ".join(each) for each in zip(names, volumes, strict=True))
+
+
+def body_of_part(
+    part: CadPart, body: Mapping[str, Any], masses: MassProperties | None, millimetre: float
+) -> dict[str, Any]:
+    """Return the table of a body with the numbers of its part; what the table has already stays.
+
+    Parameters
+    ----------
+    part : CadPart
+    body : mapping
+        The table as written, with ``part`` and ``density``, which the result lacks.
+    masses : MassProperties, optional
+        None for a fixed body.
+    millimetre : float
+        A millimetre in the mechanism's unit of length.
+    """
+    from scipy.spatial.transform import Rotation
+
+    placement = part.placement
+    turn = Rotation.from_matrix(placement.rotation).as_rotvec()
+    angle = float(np.linalg.norm(turn))
+    numbers: dict[str, Any] = {"origin": lengths(placement.translation, millimetre)}
+    if angle > 0:
+        numbers |= {"axis": direction(turn / angle), "angle": angle}
+    if masses is not None:
+        R: Array = placement.rotation
+        own_mass = body.get("mass")
+        share = float(own_mass) / masses.mass if is_number(own_mass) and own_mass is not None else 1.0
+        inertia = R.T @ masses.inertia @ R * share
+        numbers |= {
+            "mass": float(significant(np.array(masses.mass))),
+            "center_of_mass": lengths(R.T @ (masses.centre - placement.translation), millimetre),
+            "inertia": significant((inertia + inertia.T) / 2).tolist(),
+        }
+    written = {key: value for key, value in body.items() if key not in ("part", "density")}
+    if written.keys() & {"origin", "axis", "angle"}:  # a pose is given whole, or comes whole from the part
+        numbers = {key: value for key, value in numbers.items() if key not in ("origin", "axis", "angle")}
+    return numbers | written

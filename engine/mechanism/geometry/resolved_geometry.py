@@ -1,0 +1,93 @@
+"""A mechanism file that names geometry of a CAD file, as one of plain numbers with a certificate."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from engine.cad import in_unit, read_step
+from engine.errors import CadError
+from engine.faults.fault import Fault
+from engine.mechanism.faults import faults_of
+from engine.mechanism.geometry.cad_table import CadTable
+from engine.mechanism.geometry.drawn_tables import DrawnTables
+from engine.mechanism.geometry.geometry_certificate import GeometryCertificate
+from engine.mechanism.quantities import UnitSystem
+from engine.mechanism.tables import as_table, named_tables, sub_table
+
+
+class UnresolvedGeometry(Exception):
+    """What is wrong with the geometry that a mechanism file names."""
+
+    def __init__(self, faults: list[Fault]) -> None:
+        super().__init__(f"{len(faults)} faults")
+        self.faults = faults
+
+
+def with_geometry(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return a mechanism file in which numbers stand for the geometry that it names.
+
+    Parameters
+    ----------
+    data : mapping
+        The file as read, with a table ``cad``.
+    folder : Path
+        Where the path of the CAD file begins.
+
+    Returns
+    -------
+    dict
+        Without ``cad``, with ``geometry``, a certificate.
+
+    Raises
+    ------
+    UnresolvedGeometry
+        With one fault for each thing that the CAD file does not have, or has in several places.
+    """
+    units: UnitSystem = "SI" if data.get("units") == "SI" else "mm-g-ms"
+    try:
+        table = CadTable.model_validate(data["cad"])
+    except ValidationError as error:
+        faults = faults_of(error, CadTable, units)
+        keyed = [Fault(("cad", *f.keys), f.text, f.value, f.unit) for f in faults]
+        raise UnresolvedGeometry(keyed) from None
+    try:
+        assembly = read_step(folder / table.file, table.recognition)
+    except CadError as error:
+        raise UnresolvedGeometry([Fault(("cad", "file"), str(error), table.file)]) from None
+    if assembly.sha256 != table.sha256:
+        text = (
+            f"{table.file} has another content, with the SHA-256 {assembly.sha256}; allowed: the content that this file"
+            f" was written for; see what changed with clearcap mechanism import {table.file} --update, then name it"
+        )
+        raise UnresolvedGeometry([Fault(("cad", "sha256"), text, table.sha256)])
+    tables = DrawnTables(assembly if units == "mm-g-ms" else in_unit(assembly, 1000.0), units)
+    plain = {key: value for key, value in data.items() if key != "cad"}
+    plain = _plain(plain, (), tables)
+    if "benches" in plain:
+        benches = named_tables(data, "benches")
+        plain["benches"] = {name: _plain(bench, ("benches", name), tables) for name, bench in benches.items()}
+    if tables.faults:
+        raise UnresolvedGeometry(tables.faults)
+    certificate = GeometryCertificate(
+        file=table.file,
+        sha256=table.sha256,
+        recognition=table.recognition,
+        bodies=tables.bodies,
+        faces=tables.faces,
+        joints=tables.joints,
+    )
+    return {**plain, "geometry": certificate.model_dump(exclude_none=True)}
+
+
+def _plain(data: Mapping[str, Any], keys: tuple[str, ...], tables: DrawnTables) -> dict[str, Any]:
+    """Return the file, or one of its benches, with plain bodies, joints and contacts."""
+    plain = dict(data)
+    for table, made in (("bodies", tables.body), ("joints", tables.joint), ("contacts", tables.contact)):
+        if isinstance(data.get(table), Mapping):
+            plain[table] = {
+                name: made((*keys, table, name), as_table(entry)) if isinstance(entry, Mapping) else entry
+                for name, entry in sub_table(data, table).items()
+            }
+    return plain
