@@ -48,10 +48,11 @@ def on_profile(contacts, x, R, i, kind, point, frame):
         u, v = curve[0][0] + c * curve[1][0] + s * curve[2][0], curve[0][1] + c * curve[1][1] + s * curve[2][1]
         rho = np.hypot(u, v)
         u, v = (1.0, 0.0) if rho <= NOWHERE else (u / rho, v / rho)
-        n_rho = np.copysign(np.sqrt(max(1.0 - n[2] ** 2, 0.0)), n[0] * u + n[1] * v)
-        n = (n_rho * u, n_rho * v, n[2])
+        n_rho, length = n[0] * u + n[1] * v, np.hypot(n[0] * u + n[1] * v, n[2])
+        n_rho, n_z = n_rho / length, n[2] / length
+        n = (n_rho * u, n_rho * v, n_z)
         for k in range(3):
-            T1[k] = n_rho * z[k] - n[2] * (u * t[k] + v * y[k])
+            T1[k] = n_rho * z[k] - n_z * (u * t[k] + v * y[k])
     for k in range(3):
         N[k] = n[0] * t[k] + n[1] * y[k] + n[2] * z[k]
         point[k] = centre[k] + r * (c * e[k] + s * f[k]) - gap * N[k]

@@ -57,7 +57,7 @@ class Turned(TableModel):
     @cached_property
     def curve(self) -> tuple[Piece, ...]:
         """The pieces of the profile that are surfaces of the solid: all but those on the axis; material on the left."""
-        return tuple(piece for piece in self._closed if piece.start.real or piece.end.real)
+        return tuple(piece for piece in self._closed if piece.centre is not None or piece.start.real or piece.end.real)
 
     @cached_property
     def _closed(self) -> list[Piece]:
