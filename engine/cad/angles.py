@@ -24,13 +24,12 @@ def covered(starts: Array, ends: Array) -> tuple[float, float]:
     """
     order = np.argsort(starts % tau)
     begin, length = (starts % tau)[order], (ends - starts)[order]
-    reach, gaps = begin[0] + length[0], []
-    for start, extent in zip(begin[1:], length[1:], strict=True):
+    reach = float((begin + length).max()) - tau  # of what began before 0
+    gaps = []
+    for start, extent in zip(begin.tolist(), length.tolist(), strict=True):
         if start > reach + _TOUCHING:
             gaps.append((start - reach, reach))
         reach = max(reach, start + extent)
-    if begin[0] + tau > reach + _TOUCHING:
-        gaps.append((begin[0] + tau - reach, reach))
     if not gaps:
         return tau, 0.0
     widest, since = max(gaps)

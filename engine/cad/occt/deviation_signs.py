@@ -3,6 +3,7 @@
 from typing import Any
 
 from OCP.StepBasic import StepBasic_MeasureWithUnit
+from OCP.StepRepr import StepRepr_ReprItemAndMeasureWithUnit
 from OCP.StepShape import StepShape_ToleranceValue
 
 _DECIMALS = 9  # of a mm, by which a deviation is found again
@@ -33,10 +34,16 @@ class DeviationSigns:
                     self._found.setdefault(_sizes(lower, upper), set()).add((lower, upper))
 
     def signed(self, lower: float, upper: float) -> tuple[float, float] | None:
-        """Return the lower and the upper deviation [mm] of these sizes; None if the file has two pairs of them."""
+        """Return the lower and the upper deviation [mm] of these sizes; None if their signs are not known."""
         found = self._found.get(_sizes(lower, upper), set())
         signs = {(low > 0, high > 0) for low, high in found}
         return max(found) if len(signs) == 1 else None
+
+    def both_below(self, lower: float) -> tuple[float, float] | None:
+        """Return two deviations below zero [mm] by the size of the lower one; None if the file has several such."""
+        every = set().union(*self._found.values())
+        found = {pair for pair in every if pair[1] < 0 and _sizes(*pair)[0] == _sizes(lower, 0.0)[0]}
+        return max(found) if len(found) == 1 else None
 
 
 def _sizes(lower: float, upper: float) -> tuple[float, float]:
@@ -45,4 +52,6 @@ def _sizes(lower: float, upper: float) -> tuple[float, float]:
 
 def _measure(bound: Any) -> float | None:
     """Return the value of a measure in its own unit."""
+    if isinstance(bound, StepRepr_ReprItemAndMeasureWithUnit):
+        bound = bound.GetMeasureWithUnit()
     return float(bound.ValueComponent()) if isinstance(bound, StepBasic_MeasureWithUnit) else None

@@ -64,11 +64,11 @@ def _referred(label: Any) -> list[Any]:
 
 def _limits(dimension: Any, signs: DeviationSigns) -> tuple[float, float, float] | None:
     """Return the nominal size and both limits [mm]; None if the signs of the deviations are not known."""
-    if dimension.IsDimWithRange():
-        low, high = dimension.GetLowerBound(), dimension.GetUpperBound()
-        return (low + high) / 2, low, high
-    nominal = dimension.GetValue()
-    deviations = signs.signed(dimension.GetLowerTolValue(), dimension.GetUpperTolValue())
+    nominal, *others = dimension.GetValues()
+    if dimension.IsDimWithRange() and others[0] >= nominal:
+        return (nominal + others[0]) / 2, nominal, others[0]
+    # OCCT leaves an upper deviation below zero out, so that the size and the lower one look like a range
+    deviations = signs.signed(*others) if len(others) == 2 else signs.both_below(*others)
     if deviations is None:
         return None
     lower, upper = (round(nominal + each, _DECIMALS) for each in deviations)

@@ -1,0 +1,1 @@
+"""Tests of `engine.cad.occt`: what OCCT has read is what was drawn."""
