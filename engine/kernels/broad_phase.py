@@ -2,8 +2,7 @@
 
 A gap is a distance, so it closes no faster than its two points approach each other. Each contact has a budget: its gap
 when it was last updated. Every displacement consumes of the budget the way that points of the two bodies may have gone.
-While something is left, the contact is open. The bound is safe, hence the results of fixed steps do not depend on it;
-the length of adaptive steps depends on the contacts that were updated.
+While something is left, the contact is open. The bound is safe, hence no result depends on it.
 """
 
 import numpy as np

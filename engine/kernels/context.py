@@ -13,7 +13,7 @@ class Control(NamedTuple):
 
     step: float  # the shortest step, and the only one unless longest is larger
     longest: float  # longest step
-    travel: float  # the step doubles while no contact point moves farther than this in one step
+    travel: float  # the step doubles while no body's mass moves farther than this in one step (root mean square)
     theta: float  # share of the step after the instant of loads and contacts
     slow: float  # theta is 1 while no body is faster than this, in a phase that ends at rest
     plain: bool  # Moreau-Jean's scheme without projection

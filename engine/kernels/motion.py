@@ -146,3 +146,17 @@ def restore_start(state, work):
         budget[i] = 0.0
         for k in range(3):
             state.r[i, k] = start.r[i, k]
+
+
+@inner
+def fastest_body(bodies, v):
+    """Return the largest root mean square speed of a body's mass, sqrt(2 T / m) with its kinetic energy T."""
+    fastest = 0.0
+    for body in range(bodies.mass.shape[0]):
+        t, J, twice = v[body], bodies.inertia[body], 0.0
+        for k in range(3):
+            twice += bodies.mass[body] * t[k] * t[k]
+            for j in range(3):
+                twice += t[3 + k] * J[k, j] * t[3 + j]
+        fastest = max(fastest, twice / bodies.mass[body])
+    return np.sqrt(fastest)

@@ -11,7 +11,7 @@ from engine.kernels.broad_phase import body_speeds, consume_budget, find_near_co
 from engine.kernels.context import StepResult
 from engine.kernels.joints import hold_joints
 from engine.kernels.loads import apply_loads
-from engine.kernels.motion import damp, free_twist, move, save_start
+from engine.kernels.motion import damp, fastest_body, free_twist, move, save_start
 from engine.kernels.projection import project_positions
 from engine.kernels.velocity import (
     apply_impulses,
@@ -68,9 +68,10 @@ def step(context):
         if status != CONVERGED:
             contact = worst_contact(problem, work.chosen, nc)
             return StepResult(status, residual, 0.0, contact, 0.0, fastest, iterations)
-        added, fastest = grow_active_set(contacts, laws, state, work, after)
+        added = grow_active_set(contacts, laws, state, work, after)
         if added == 0 or plain:
             break
+    fastest = fastest_body(bodies, state.v)
 
     # the rest of the displacement, the projection of the positions, and twists that fit the joints at the new pose
     move(state, after)

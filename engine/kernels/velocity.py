@@ -109,12 +109,10 @@ def grow_active_set(contacts, laws, state, work, dt):
 
     Returns
     -------
-    added : int
+    int
         How many contacts were activated.
-    fastest : float
-        Speed of the fastest near contact point relative to its partner.
     """
-    broad_phase, added, fastest = work.broad_phase, 0, 0.0
+    broad_phase, added = work.broad_phase, 0
     body_speeds(state.v, broad_phase.speed)
     for i in range(work.active.shape[0]):
         if not broad_phase.near[i]:
@@ -124,11 +122,10 @@ def grow_active_set(contacts, laws, state, work, dt):
             free_relative_velocity(contacts, laws, state, work, dt, False, i)
         a, b = contacts.a[i], contacts.b[i]
         relative_velocity(state.x, state.R, a, b, work.sites.point, work.sites.frame, state.v, i, work.u)
-        fastest = max(fastest, work.u[i, 0] ** 2 + work.u[i, 1] ** 2 + work.u[i, 2] ** 2)
         if not work.active[i] and work.u[i, 0] < 0.0 and work.gap[i] + dt * work.u[i, 0] < 0.0:
             work.active[i] = True
             added += 1
-    return added, np.sqrt(fastest)
+    return added
 
 
 @inner

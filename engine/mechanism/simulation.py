@@ -25,7 +25,7 @@ class Adaptive(TableModel):
         description="the longest time step, a number > 0; the shortest is step"
     )
     travel: Annotated[PositiveNumber, Quantity("length")] = Field(
-        description="how far a contact point may move in a step longer than the shortest, a number > 0"
+        description="how far a body may move in a step longer than the shortest, a number > 0"
     )
 
 

@@ -51,15 +51,15 @@ NEARLY_EXACT = [
         0.0925820676249437,
     ),
 ]
-# mm: sample 15080, whose handle creeps for 60 ms
+# mm: sample 2301, whose handle creeps for 60 ms
 CREEPING = (
-    0.11381819296483567,
-    0.06032292315778654,
-    0.05693061065459911,
-    0.06305128471304045,
-    0.07389257575491141,
-    0.04731036062429262,
-    0.057621506343409526,
+    0.09608630592263662,
+    0.058746914439374916,
+    0.06856905537860285,
+    0.07569075034437527,
+    0.06233534022567866,
+    0.07721791268991769,
+    0.06898671651427339,
 )
 
 
@@ -182,11 +182,11 @@ def test_forces_that_hold_a_pose_are_not_denied(clearances):
 
 
 def test_a_creeping_handle_has_time_to_stop():
-    """It comes to rest at 61 ms; with a horizon of 60 ms the message says that, and not that it trembles."""
+    """It comes to rest at 62 ms; with a horizon of 60 ms the message says that, and not that it trembles."""
     values = {f"J{i}": clearance for i, clearance in enumerate(CREEPING, 1)}
     run = simulate(load_mechanism("c60"), values)
     assert run.status == "ok", run.message
-    assert run.certificate.time == pytest.approx(61, abs=1)
+    assert run.certificate.time == pytest.approx(62, abs=1)
     short = simulate(load_mechanism("c60"), values, horizon=60.0)
     assert short.status == "not_at_rest"
-    assert re.search(r"comes to rest at about 6[01](\.\d)? ms: raise simulation.horizon to 7\d", short.message)
+    assert re.search(r"comes to rest at about 6[123](\.\d)? ms: raise simulation.horizon to 7\d", short.message)

@@ -1,0 +1,126 @@
+"""The length of adaptive steps depends on the motion alone: not on the origin, nor on contacts that never come near."""
+
+import copy
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from engine import load_mechanism, simulate
+from engine.assembly import assemble
+from tests.engine.histories import History, history, recorded
+from tests.engine.linkages import linkage
+from tests.engine.small import made, swinging, tumbling, turned
+
+TRAVEL = 2e-3  # m
+SOME = settings(max_examples=15, deadline=None, derandomize=True)
+seeds = st.integers(0, 100_000)
+coordinate = st.floats(-1000, 1000)
+vectors = st.tuples(coordinate, coordinate, coordinate)
+
+
+def adaptive(data: dict) -> dict:
+    """Let the steps of a description of a mechanism grow sixteen times, and shrink to a quarter of what they were."""
+    simulation = data["simulation"]
+    step = simulation["step"] / 4
+    return {**data, "simulation": {**simulation, "step": step, "adaptive": {"longest": 16 * step, "travel": TRAVEL}}}
+
+
+def with_peg(data: dict, place: np.ndarray) -> dict:
+    """Add a peg of the ground, and a plate far from it on the last body: the ground's points are measured from the origin."""
+    name = list(data["bodies"])[-1]
+    plate = {"centre": [0, 0, 0], "normal": [0, 0, 1], "radius": 0.1}
+    peg = {"a": {"body": "ground", "point": place.tolist()}, "b": {"body": name, "disc": plate}, "friction": 0.3}
+    return {**data, "contacts": {"peg": peg, **data["contacts"]}}
+
+
+def same_motion(one: History, other: History) -> None:
+    """Check that two runs have the same steps, and the same impulses, to the bit."""
+    for field in ("step", "x", "p", "v", "r"):
+        np.testing.assert_array_equal(getattr(one, field), getattr(other, field), field)
+
+
+@pytest.mark.parametrize("describe", [tumbling, swinging])
+def test_lengths_do_vary(describe):
+    """Otherwise the other tests would say nothing."""
+    assert len(set(history(made(adaptive(describe()))).step)) > 3
+
+
+@SOME
+@given(seeds)
+def test_contacts_that_are_looked_at_in_vain_change_no_step(seed):
+    """Look at every contact in every step: not a bit of the motion is different."""
+    mechanism = made(adaptive(linkage(seed)))
+    near, every = assemble(mechanism), assemble(mechanism)
+    every.model.contacts.reach[:] = np.inf
+    one, other = recorded(near, mechanism), recorded(every, mechanism)
+    same_motion(one, other)
+    np.testing.assert_array_equal(one.gap, other.gap)
+
+
+@SOME
+@given(seeds, st.floats(0.02, 0.5))
+def test_contacts_that_never_touch_change_no_step(seed, away):
+    """A peg beside the last body, which passes it at more than the travel of a step."""
+    data = adaptive(linkage(seed))
+    one = history(made(data))
+    other = history(made(with_peg(data, one.x[0, -1] + [0.6 * away, 0.0, 0.8 * away])))
+    peg = other.assembly.contact_names.index("peg")
+    assume(other.gap[:, peg].min() > TRAVEL)
+    np.testing.assert_array_equal(one.step, other.step)
+    np.testing.assert_array_equal(one.x, other.x)
+
+
+@SOME
+@given(seeds, vectors, vectors)
+def test_lengths_do_not_depend_on_the_frame(seed, turn, shift):
+    """Turned and moved by up to a kilometre: as many steps as long, and the same responses to what rounding moves.
+
+    A place 1 km away is known to 1e-13 m only. Without play: what rattles in a joint enlarges that without limit.
+    """
+    data = with_peg(adaptive(linkage(seed, loose=False)), np.array([0.0, 0.0, 100.0]))
+    other = turned(data, Rotation.from_rotvec(np.asarray(turn) / 300.0 + [0.1, 0.0, 0.0]), np.asarray(shift))
+    here, there = (history(made(described)) for described in (data, other))
+    np.testing.assert_array_equal(here.step, there.step)
+    one, two = (simulate(made(described), full_horizon=True).responses for described in (data, other))
+    np.testing.assert_allclose(list(two.values()), list(one.values()), rtol=0, atol=1e-6)
+
+
+@SOME
+@given(seeds)
+def test_lengths_do_not_depend_on_the_order(seed):
+    """Contacts, bodies and joints the other way round; without play, see above."""
+    data = adaptive(linkage(seed, loose=False))
+    other = copy.deepcopy(data)
+    for table in {"contacts", "bodies", "joints"} & data.keys():
+        other[table] = dict(reversed(data[table].items()))
+    np.testing.assert_array_equal(history(made(data)).step, history(made(other)).step)
+
+
+BREAKERS = [
+    [0.0441, 0.0681, 0.0622, 0.0836, 0.0734, 0.0415, 0.0491],
+    [0.0749, 0.0669, 0.0552, 0.0644, 0.0534, 0.0701, 0.0503],
+]
+
+
+@pytest.mark.parametrize("clearances", BREAKERS)
+def test_the_c60_does_not_depend_on_the_frame(clearances):
+    """Where a breaker stands on the bench moves no force by more than the solver's tolerance lets it."""
+
+    def moved(shift):
+        bodies = {
+            name: body.model_copy(update={"origin": tuple(np.add(body.origin, shift))})
+            for name, body in mechanism.bodies.items()
+        }
+        return mechanism.model_copy(update={"bodies": bodies})
+
+    mechanism = load_mechanism("c60")
+    values = {f"J{i}": clearance for i, clearance in enumerate(clearances, 1)}
+    here = simulate(mechanism, values)
+    for shift in ([16.0, 0.0, 0.0], [300.0, -200.0, 100.0]):
+        there = simulate(moved(shift), values)
+        assert there.certificate.steps == here.certificate.steps
+        for name in ("FC-1", "FC-2", "FC-3", "FC-4", "FC-5", "FC-6"):
+            assert there.responses[name] == pytest.approx(here.responses[name], abs=2e-4)
