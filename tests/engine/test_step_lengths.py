@@ -29,7 +29,7 @@ def adaptive(data: dict) -> dict:
 
 
 def with_peg(data: dict, place: np.ndarray) -> dict:
-    """Add a peg of the ground, and a plate far from it on the last body: the ground's points are measured from the origin."""
+    """Add a peg of the ground, and a plate on the last body: points of the ground are measured from the origin."""
     name = list(data["bodies"])[-1]
     plate = {"centre": [0, 0, 0], "normal": [0, 0, 1], "radius": 0.1}
     peg = {"a": {"body": "ground", "point": place.tolist()}, "b": {"body": name, "disc": plate}, "friction": 0.3}
