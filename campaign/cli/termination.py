@@ -1,7 +1,10 @@
 """End in order on SIGTERM and on the hangup of a terminal: lease, workers and temporary files are given back."""
 
+import os
 import signal
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -9,6 +12,7 @@ from types import FrameType
 from campaign.interrupts import send_again
 
 ENDING = (signal.SIGTERM, signal.SIGHUP)
+LOOK_EVERY = 0.5  # s, at whether the parent is still there
 
 
 @contextmanager
@@ -49,3 +53,20 @@ def terminated_in_order() -> Iterator[None]:
         sys.unraisablehook = hook
         for number in handled:
             signal.signal(number, before[number])
+
+
+def terminate_with_parent(parent: int) -> None:
+    """Send SIGTERM to this process when the one that started it has ended, however that ended.
+
+    Parameters
+    ----------
+    parent : int
+        Number of that process: it may have ended before this is called.
+    """
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(LOOK_EVERY)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=watch, name="parent", daemon=True).start()

@@ -22,8 +22,8 @@ END_WITHIN = 30.0  # s
 class CoordinatorChild:
     """Keep ``clearcap coordinate`` running: it computes what is queued in the store, also for others.
 
-    If another coordinator serves the store already, that one does the work, and this one waits for its end. One that
-    outlives a killed server goes on computing.
+    If another coordinator serves the store already, that one does the work, and this one waits for its end. It ends
+    with its server, also with one that is killed: whoever stops the next server stops all that computes.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class CoordinatorChild:
     """
 
     def __init__(self, store: Store, options: Sequence[str]) -> None:
-        self._words = [sys.executable, "-P", "-m", "campaign", "coordinate", *options]
+        self._words = [sys.executable, "-P", "-m", "campaign", "coordinate", "--parent", str(os.getpid()), *options]
         self._environment = {**python_environment(), STORE: store.files.full_url}
         self._over = threading.Event()
         self._process: subprocess.Popen[bytes] | None = None

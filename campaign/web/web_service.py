@@ -102,7 +102,7 @@ class Service:
         )
         self.answers = Answers(self.pool, self.store.hasty, columns_folder())
         index = CampaignIndex(self.database.path.with_name("index.sqlite"))
-        self.watcher = Watcher(self.store, index)
+        self.watcher = Watcher(self.store, index, is_served=self.settings.coordinate is not None)
         self.throttle = Throttle(self.settings.limits.failures, self.settings.limits.failures_within)
         oidc = self.settings.oidc
         self.company = CompanyLogin(oidc, self.settings.address) if oidc else None

@@ -21,14 +21,20 @@ def coordinate(
     store: StoreUrl = "runs",
     once: Annotated[bool, typer.Option("--once", help="Without an id: end when no campaign is queued.")] = False,
     no_report: NoReport = False,
+    parent: Annotated[
+        int | None, typer.Option(hidden=True, help="End when this process ends, which has started it.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Compute a planned campaign; without an id, serve the store: compute every queued campaign.
 
     A process supervisor may kill and restart it at any time.
     """
+    from campaign.cli.termination import terminate_with_parent
     from campaign.store import open_store
 
+    if parent is not None:
+        terminate_with_parent(parent)
     opened = open_store(store)
     if campaign is None:
         from campaign.coordinator.service import serve

@@ -66,7 +66,7 @@ async def campaign_page(request: Request, service: TheService, campaign: TheCamp
     """Show how far a campaign is; it moves while rows arrive."""
     seen = await run_in_threadpool(observe, service.store.hasty, campaign)
     shown = await frame(request, service, campaign, who)
-    return page(request, "campaign", progress=progress_of(seen), **shown)
+    return page(request, "campaign", progress=progress_of(seen, is_served=service.watcher.is_served), **shown)
 
 
 @router.get("/campaigns/{campaign}/report")

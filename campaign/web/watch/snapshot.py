@@ -39,20 +39,27 @@ class Snapshot:
         return f"id: {self.id}\nevent: progress\ndata: {self.data}\n\n".encode()
 
 
-def snapshot(seen: Observation) -> Snapshot:
-    """Return what followers see of an observation."""
-    data = json.dumps(progress_of(seen), allow_nan=False, separators=(",", ":"))
-    return Snapshot(seen.state, seen.is_over, data, sha256(data.encode()).hexdigest()[:16])
+def snapshot(seen: Observation, *, is_served: bool) -> Snapshot:
+    """Return what followers see of an observation; see `progress_of`."""
+    progress = progress_of(seen, is_served=is_served)
+    data = json.dumps(progress, allow_nan=False, separators=(",", ":"))
+    return Snapshot(seen.state, progress["over"], data, sha256(data.encode()).hexdigest()[:16])
 
 
-def progress_of(seen: Observation) -> dict[str, Any]:
+def progress_of(seen: Observation, *, is_served: bool) -> dict[str, Any]:
     """Return the progress that an observation shows, as plain data; counts are None before the first heartbeat.
 
     Each Cpk has its interval by normal theory: it narrows as rows arrive, and it is not the report's.
+
+    Parameters
+    ----------
+    seen : Observation
+    is_served : bool
+        A coordinator is kept alive that serves the store: what is interrupted goes on, and the report is still written.
     """
     beat = seen.heartbeat
     document: dict[str, Any] = {"campaign": seen.campaign, "state": seen.state, "message": seen.message}
-    document |= {"since": seen.since, "over": seen.is_over, "odd": seen.odd}
+    document |= {"since": seen.since, "over": seen.is_over and not (is_served and seen.is_open), "odd": seen.odd}
     counts = ("samples", "done", "ok", "failed", "left", "statuses", "rate", "eta_s", "workers", "repeats", "repeated")
     document |= {name: None if beat is None else getattr(beat, name) for name in counts}
     responses = {} if beat is None else beat.responses

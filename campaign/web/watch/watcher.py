@@ -26,9 +26,10 @@ logger = logging.getLogger(__name__)
 
 
 class Feed:
-    """The latest snapshot of a campaign, for any number of followers."""
+    """The latest snapshot of a campaign, for any number of followers; see `progress_of` for the parameter."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_served: bool) -> None:
+        self._is_served = is_served
         self.latest: Snapshot | None = None
         self.seen: Observation | None = None
         self.followers = 0
@@ -39,7 +40,7 @@ class Feed:
         if self.latest is not None and seen == self.seen:
             self.seen = seen  # what it knows of the coordinator's life is newer
             return
-        self.seen, self.latest = seen, snapshot(seen)
+        self.seen, self.latest = seen, snapshot(seen, is_served=self._is_served)
         self.wake()
 
     def wake(self) -> None:
@@ -63,10 +64,12 @@ class Watcher:
     ----------
     store : Store
     index : CampaignIndex
+    is_served : bool
+        See `progress_of`.
     """
 
-    def __init__(self, store: Store, index: CampaignIndex) -> None:
-        self._store, self.index = store.hasty, index
+    def __init__(self, store: Store, index: CampaignIndex, *, is_served: bool = False) -> None:
+        self._store, self.index, self.is_served = store.hasty, index, is_served
         self.listed_at: float | None = None  # by the monotonic clock, when the store was last listed
         self._hurries = 0  # how often somebody has changed something here
         self.fault = ""  # why the store cannot be read
@@ -151,7 +154,7 @@ class Watcher:
         last : str
             Id of the last event that the follower has seen; the first event comes when there is another.
         """
-        feed = self._feeds.setdefault(campaign, Feed())
+        feed = self._feeds.setdefault(campaign, Feed(is_served=self.is_served))
         feed.followers += 1
         try:
             yield RETRY

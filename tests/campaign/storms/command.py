@@ -6,6 +6,7 @@ The environment says how long a run takes, and names the file that says how wron
 import os
 import signal
 import subprocess
+import sys
 import time
 from functools import partial
 from pathlib import Path
@@ -37,7 +38,12 @@ def main():
     from campaign.coordinator import coordinate, submit
     from tests.campaign import fake_engine
 
-    submit.subprocess = SimpleNamespace(**{**vars(subprocess), "Popen": _start})
+    start_alike = SimpleNamespace(**{**vars(subprocess), "Popen": _start})
+    submit.subprocess = start_alike
+    if "serve" in sys.argv:
+        from campaign.web import coordinator_child
+
+        coordinator_child.subprocess = start_alike
     simulate = partial(fake_engine.takes, float(os.environ[SECONDS]))
     coordinate.coordinate = partial(coordinate.coordinate, simulate=simulate)
     submit.submit = partial(submit.submit, simulate=simulate)

@@ -1,7 +1,7 @@
 """What is done to a campaign in a storm. Each function returns how many processes or files it really hit."""
 
 import signal
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 
@@ -64,6 +64,14 @@ def pause_everything(storm):
     """Stop all processes for a while, as a laptop does that sleeps."""
     found = storm.processes()
     return storm.pause([process for role in found for process in found[role]], storm.chance.uniform(*SHORT))
+
+
+def restart(storm):
+    """End the server in order, and start the next one after a while."""
+    away = ExitStack()
+    away.enter_context(storm.supervisor.held())
+    storm.undo_after(storm.chance.uniform(*SHORT), away.close)
+    return hit(storm, "server", signal.SIGTERM)
 
 
 def read_only(storm):
@@ -167,6 +175,10 @@ CLUSTER_KILLS = {
     "kill nanny": partial(hit, role="nanny", number=signal.SIGKILL),
     "kill scheduler": partial(hit, role="scheduler", number=signal.SIGKILL),
 }
+SERVER_KILLS = {
+    "kill server": partial(hit, role="server", number=signal.SIGKILL),
+    "kill job process": partial(hit, role="job process", number=signal.SIGKILL),
+}
 SIGNALS = {
     "SIGTERM coordinator": partial(hit, role="coordinator", number=signal.SIGTERM),
     "SIGINT coordinator": partial(hit, role="coordinator", number=signal.SIGINT),
@@ -174,10 +186,19 @@ SIGNALS = {
     "SIGTERM worker": partial(hit, role="worker", number=signal.SIGTERM),
     "SIGTERM isolated child": partial(hit_child, number=signal.SIGTERM),
 }
+SERVER_SIGNALS = {
+    "SIGTERM server": partial(hit, role="server", number=signal.SIGTERM),
+    "SIGINT server": partial(hit, role="server", number=signal.SIGINT),
+    "restart server": restart,
+}
 PAUSES = {
     "pause worker": partial(pause, role="worker", seconds=FAULT),
     "pause coordinator": partial(pause, role="coordinator", seconds=SHORT),
     "pause everything": pause_everything,
+}
+SERVER_PAUSES = {
+    "pause server": partial(pause, role="server", seconds=FAULT),
+    "pause job process": partial(pause, role="job process", seconds=FAULT),
 }
 BEYOND_LEASE = {"pause coordinator beyond its lease": pause_beyond_lease}
 DISK = {
@@ -185,10 +206,13 @@ DISK = {
     "disk full": partial(full, fault=fill),
     "no inodes left": partial(full, fault=use_up_inodes),
 }
-FILES = {
+LOSSES = {
     "part damaged": partial(damage, change=flipped),
     "part truncated": partial(damage, change=truncated),
     "part removed": remove,
+}
+FILES = {
+    **LOSSES,
     "temporary left": leave_temporary,
     "plan away while a child starts": take_plan_away,
     "heartbeat garbage": partial(spoil, name="heartbeat.json"),
@@ -201,10 +225,13 @@ TIME = {"clock jumps": jump}
 
 def drawn(chance, mode):
     """Return the disturbances of a storm: of each sort some, in any order."""
-    kinds = chance.sample(sorted((KILLS | CLUSTER_KILLS if mode.clustered else KILLS).items()), 2)
+    fewer = 1 if mode.has_server else 2
+    kinds = chance.sample(sorted((KILLS | CLUSTER_KILLS if mode.clustered else KILLS).items()), fewer)
     kinds += chance.sample(sorted(SIGNALS.items()), 1)
     kinds += chance.sample(sorted((BEYOND_LEASE if mode.splits else PAUSES).items()), 1)
-    kinds += chance.sample(sorted(DISK.items()), 1) + chance.sample(sorted(FILES.items()), 2)
+    for of_server in chance.sample((SERVER_KILLS, SERVER_SIGNALS, SERVER_PAUSES), 2) if mode.has_server else ():
+        kinds += chance.sample(sorted(of_server.items()), 1)
+    kinds += chance.sample(sorted(DISK.items()), 1) + chance.sample(sorted(FILES.items()), fewer)
     kinds += list(TIME.items()) if mode.command == STAND_IN and chance.random() < 0.4 else []
     chance.shuffle(kinds)
     return kinds

@@ -1,12 +1,18 @@
 """The ways in which a campaign is computed in a storm; the supervisor repeats what ends too early, as people do."""
 
+import random
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 from campaign.cluster.tls_certificates import make_certificates
 from engine import simulate
+from engine.private_folder import private_folder
 from tests.campaign import fake_engine
+from tests.campaign.cluster_processes import free_port
 from tests.campaign.storms.cluster import start_cluster
+from tests.campaign.storms.server import new_token, signable_campaign
+from tests.campaign.storms.visitors import Visitors
 
 STAND_IN, ENGINE = "tests.campaign.storms.command", "campaign"
 ANOTHER_MACHINE = ("unshare", "--pid", "--fork", "--kill-child", "--mount-proc")  # by all that a process can see
@@ -30,6 +36,8 @@ class Mode:
         Whether a second coordinator waits for the first one's silence.
     serves : bool
         Whether the coordinator goes on when the campaign is over.
+    has_server : bool
+        Whether the campaign is posted to a server, which has it computed.
     """
 
     start: Callable
@@ -37,6 +45,7 @@ class Mode:
     clustered: bool = False
     splits: bool = False
     serves: bool = False
+    has_server: bool = False
 
     @property
     def simulate(self):
@@ -76,6 +85,26 @@ def start_two(storm, file, command):
     storm.supervisor.add("second", command, *words, once=True, prefix=ANOTHER_MACHINE)
 
 
+def start_server(storm, file, command, data=None):
+    """Start ``clearcap serve`` with workers of its own, and those who use it; one of them posts the campaign.
+
+    Its accounts lie in a folder that is never disturbed, unless another one is given.
+    """
+    data, port = private_folder(storm.supervisor.folder if data is None else data, "data"), free_port()
+    storm.accounts = data
+    token, earlier = new_token(data), signable_campaign(storm.store, storm.supervisor.folder)
+    words = ("serve", "--store", storm.store.url, "--data", data, "--port", port, "--workers", 2, "--json")
+    storm.supervisor.add("server", command, *words)
+    text = Path(file).read_text()
+    storm.visitors = Visitors(f"http://127.0.0.1:{port}", token, text, storm.campaign, earlier)
+    storm.visitors.arrive()
+
+
+def start_server_on_the_disk(storm, file, command):
+    """Start it with its accounts on the disk of the store, which becomes full and read-only."""
+    start_server(storm, file, command, storm.disk)
+
+
 def _cluster(storm):
     """Have a scheduler and two workers started; return the options that reach them."""
     folder = storm.supervisor.folder
@@ -91,7 +120,25 @@ MODES = {
     "submit": Mode(start_submit, serves=True),
     "service, TLS": Mode(start_service, clustered=True, serves=True),
     "two coordinators, TLS": Mode(start_two, clustered=True, splits=True),
+    "server": Mode(start_server, serves=True, has_server=True),
+    "server, one disk": Mode(start_server_on_the_disk, serves=True, has_server=True),
     "run, engine": Mode(start_run, ENGINE),
     "submit, engine": Mode(start_submit, ENGINE, serves=True),
+    "server, engine": Mode(start_server, ENGINE, serves=True, has_server=True),
 }
-TURNS = [*list(MODES)[:4] * 2, *list(MODES)[4:]]  # of ten storms two with the engine, which takes longer to start
+TURNS = [*list(MODES)[:6] * 2, *list(MODES)[6:]]  # of fifteen storms three with the engine, which takes longer to start
+STORMS, SHARE = 100, 6
+
+
+def mode_of(seed):
+    """Return the name of the mode of a storm."""
+    return TURNS[seed % len(TURNS)]
+
+
+def chosen(commit):
+    """Return the numbers of the storms that are run for a commit: six of the hundred, one or more with a server."""
+    chance = random.Random(commit)
+    while True:
+        seeds = sorted(chance.sample(range(STORMS), SHARE))
+        if any(MODES[mode_of(seed)].has_server for seed in seeds):
+            return seeds

@@ -15,9 +15,11 @@ import psutil
 from campaign.store import Store
 from tests.campaign.storms.modes import Mode
 from tests.campaign.storms.supervisor import Supervisor, processes, words
+from tests.campaign.storms.visitors import Visitors
 
 COORDINATES = {"run", "resume", "coordinate"}
 COMMANDS = {"campaign", "tests.campaign.storms.command"}
+JOBS = "campaign.web.answers.job_child"  # in the command line of the processes in which a server computes
 
 
 @dataclass
@@ -42,8 +44,12 @@ class Storm:
         What was sent to each process.
     take_overs : int
         How often another coordinator got the lease of one that was paused.
-    hits : list of (float, str)
-        What hit something: when [s], and what.
+    hits : list of (str, int, float)
+        What hit something, how many processes or files, and when [s].
+    accounts : Path or None
+        Folder of what only the server keeps, in a mode that has one.
+    visitors : Visitors or None
+        Who uses it.
     """
 
     chance: Random
@@ -55,6 +61,8 @@ class Storm:
     signals: dict = field(default_factory=lambda: defaultdict(set))
     take_overs: int = 0
     hits: list = field(default_factory=list)
+    accounts: Path | None = None
+    visitors: Visitors | None = None
     began: float = field(default_factory=time.monotonic)
     _undo: list = field(default_factory=list)
 
@@ -64,7 +72,10 @@ class Storm:
         return Path(self.store.files.path(self.campaign))
 
     def processes(self):
-        """Return the living processes by what they do: worker, nanny, scheduler, coordinator, child, other."""
+        """Return the living processes by what they do.
+
+        That is worker, nanny, scheduler, coordinator, child, server, job process or other.
+        """
         found = defaultdict(list)
         living = processes(self.supervisor.mark)
         workers = {process.pid for process in living if "spawn_main" in " ".join(words(process))}
@@ -161,6 +172,10 @@ def _role(process, workers):
         return "other"
     if COMMANDS & set(line) and COORDINATES & set(line):
         return "coordinator"
+    if COMMANDS & set(line) and "serve" in line:
+        return "server"
+    if any(JOBS in word for word in line):
+        return "job process"
     with suppress(psutil.Error):
         if process.ppid() in workers:
             return "child"

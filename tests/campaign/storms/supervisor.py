@@ -12,7 +12,9 @@ from pathlib import Path
 
 import psutil
 
-MARK = "CLEARCAP_STORM"  # in the environment of all processes of a storm, by which orphans are found
+# In the environment of all processes of a storm, by which orphans are found; a server passes on what begins so.
+MARK = "PYTHON_CLEARCAP_STORM"
+END_WITHIN = 40.0  # s, in which all members end; a server waits for its coordinator, and that for its workers
 ROOT = Path(__file__).parents[3]
 
 
@@ -106,7 +108,7 @@ class Supervisor:
     def __exit__(self, *_):
         self._over.set()
         self._thread.join()
-        until = time.monotonic() + 10.0
+        until = time.monotonic() + END_WITHIN
         for name in reversed(self._members):  # a worker whose scheduler ends first waits 8 s for it
             if (process := self._running.get(name)) is None:
                 continue

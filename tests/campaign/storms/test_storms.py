@@ -20,15 +20,15 @@ from tests.campaign.storms.cluster import DASK
 from tests.campaign.storms.command import CLOCK, SECONDS
 from tests.campaign.storms.disk import tmpfs
 from tests.campaign.storms.disturbances import drawn, strike
-from tests.campaign.storms.modes import BATCH, ENGINE, MODES, TURNS
+from tests.campaign.storms.modes import BATCH, ENGINE, MODES, STORMS, chosen, mode_of
+from tests.campaign.storms.server_checks import check_accounts, check_visits
 from tests.campaign.storms.storm import Storm
 from tests.campaign.storms.supervisor import Supervisor, those_left
 
 pytestmark = [pytest.mark.slow, pytest.mark.storm]
 
-STORMS, SHARE = 100, 6
 COMMIT = os.environ.get("CLEARCAP_STORMS")  # when set, only a share of the storms runs, chosen by it
-SEEDS = sorted(random.Random(COMMIT).sample(range(STORMS), SHARE)) if COMMIT else range(STORMS)
+SEEDS = chosen(COMMIT) if COMMIT else range(STORMS)
 RUN = 0.03  # s, that a run of the stand-in takes
 PATIENCE = 15.0  # s, in which progress is waited for before the next disturbance
 BOUND = 400.0  # s, for whatever may hang; a storm takes a tenth of it
@@ -71,7 +71,7 @@ def quiet_day(tmp_path_factory):
 def test_storm(seed, tmp_path, campaign_file, quiet_day, record_property):
     """Kills, signals, pauses, faults of the disk, damaged files: no row is lost, doubled, different or blamed."""
     chance = random.Random(seed)
-    name = TURNS[seed % len(TURNS)]
+    name = mode_of(seed)
     mode = MODES[name]
     campaign_file.write_text(BLOCKS if mode.command == ENGINE else SPEC.replace("samples = 25", "samples = 300"))
     asked = load_campaign(str(campaign_file))
@@ -80,7 +80,7 @@ def test_storm(seed, tmp_path, campaign_file, quiet_day, record_property):
     environment = {**DASK, SECONDS: str(RUN), CLOCK: str(tmp_path / "clock"), "TMPDIR": str(tmp_path)}
     with tmpfs(tmp_path / "disk", "12m", "nr_inodes=1000") as disk:
         store = open_store(str(disk / "store"))
-        plan = submit(store, asked, BATCH) if mode.clustered else make_plan(asked, BATCH)
+        plan = submit(store, asked, BATCH) if mode.clustered else make_plan(asked, None if mode.has_server else BATCH)
         with Supervisor(tmp_path, f"{seed}-{uuid.uuid4()}", **environment) as supervisor:
             storm = Storm(chance, supervisor, disk, store, plan.campaign_id, mode)
             mode.start(storm, campaign_file, mode.command)
@@ -88,10 +88,16 @@ def test_storm(seed, tmp_path, campaign_file, quiet_day, record_property):
                 _rage(storm, kinds, len(plan.batches))
                 storm.undo(everything=True)
                 _calm(storm)
+                if mode.has_server:
+                    check_visits(storm, plan.batches[0][1])
             finally:
                 storm.undo(everything=True)
+                if storm.visitors:
+                    storm.visitors.leave()
                 _record(storm, name, seed, kinds, record_property)
         assert those_left(supervisor.mark, within=BOUND) == []
+        if mode.has_server:
+            check_accounts(storm)
         _resume(storm, mode.command)
         check_endings(supervisor, storm.signals)
         check_whole(store, plan, quiet_day(mode, asked))
@@ -116,11 +122,12 @@ def _rage(storm, kinds, batches):
 
 
 def _calm(storm):
-    """Wait until the campaign is complete; a process that ends as none should is seen at once."""
+    """Wait until the campaign is complete, and who follows it knows; a process that ends as none should is seen."""
     until = time.monotonic() + BOUND
-    while not storm.wait(storm.is_over, 5.0) and not storm.is_over():
+    while not (storm.is_over() and (storm.visitors is None or storm.visitors.has_seen_the_end)):
         check_endings(storm.supervisor, storm.signals)
         assert time.monotonic() < until, "it does not end"
+        time.sleep(1.0)
 
 
 def _record(storm, mode, seed, kinds, record_property):

@@ -61,6 +61,25 @@ def test_sigterm_ends_the_coordinator(tmp_path):
         assert not any(process.is_running() for process in coordinator)
 
 
+def test_kill_ends_its_processes(tmp_path):
+    """Nothing goes on that nobody could stop: the coordinator with its workers, and the processes for jobs."""
+    with Served(tmp_path, "--workers", "1").wait() as server:
+        until(lambda: _coordinators(server), server.said)
+        started = psutil.Process(server.process.pid).children(recursive=True)
+        assert len(started) > 2
+        server.process.kill()
+        server.process.wait()
+        until(lambda: not any(map(_lives, started)), lambda: f"{list(filter(_lives, started))}: {server.said()}")
+
+
+def _lives(process):
+    """Return whether a process has not ended; one whose parent has ended may stay as a zombie."""
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
 def _coordinators(server):
     return [p for p in psutil.Process(server.process.pid).children() if "coordinate" in p.cmdline()]
 
