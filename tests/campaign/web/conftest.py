@@ -1,4 +1,7 @@
-"""A service over a store with one finished campaign, and browsers and programs that ask it."""
+"""A service over a store with one finished campaign, and browsers and programs that ask it.
+
+The store is in a folder. The tests of some folders also run with a store on S3; those are slow.
+"""
 
 import shutil
 from contextlib import contextmanager
@@ -9,6 +12,7 @@ from starlette.testclient import TestClient
 
 from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
+from campaign.store import open_store
 from campaign.web.access import Role
 from campaign.web.app import make_app
 from campaign.web.http.asking import COOKIE, CSRF_HEADER
@@ -21,6 +25,41 @@ from tests.campaign.driving import computed
 
 URL = "https://localhost"  # so that the client sends a secure cookie back
 PASSWORD = "correct horse battery"
+ALSO_ON_S3 = ("answers", "api", "jobs", "watch")  # folders below this one
+
+
+def pytest_generate_tests(metafunc):
+    """Choose where the store of a test is, unless the test does."""
+    chosen = [mark.args[0] for mark in metafunc.definition.iter_markers("parametrize")]
+    if "storage" not in metafunc.fixturenames or "storage" in chosen:
+        return
+    kinds = [pytest.param("folder", id=pytest.HIDDEN_PARAM)]
+    if Path(metafunc.module.__file__).parent.name in ALSO_ON_S3:
+        kinds.append(pytest.param("s3", marks=pytest.mark.slow))
+    metafunc.parametrize("storage", kinds, indirect=True, scope="session")
+
+
+@pytest.fixture(scope="session")
+def storage(request):
+    """Return what makes the address of a new store: in a folder that it is given, or in a bucket of a server's own."""
+    if getattr(request, "param", "folder") == "folder":
+        yield lambda folder: str(folder / "runs")
+        return
+    from tests.campaign.store.files.test_s3 import bucket, s3_server
+
+    with s3_server() as (_, port), pytest.MonkeyPatch.context() as patch:
+        bucket(patch, port)  # from here on all processes that start know the server
+        yield lambda _: bucket(patch, port)
+
+
+def copy_store(address, new):
+    """Copy all files of a store into a new one."""
+    if "://" not in address:
+        shutil.copytree(address, new)
+        return
+    source, target = open_store(address).files, open_store(new).files
+    for name in source.stamps(""):
+        target.write(name, source.read(name))
 
 
 @contextmanager
@@ -35,33 +74,34 @@ def serving(settings):
 
 
 @pytest.fixture(scope="session")
-def finished_store(tmp_path_factory):
-    """Return the folder of a store with a finished campaign of 25 samples, and its id; only to be read."""
+def finished_store(storage, tmp_path_factory):
+    """Return the address of a store with a finished campaign of 25 samples, and its id; only to be read."""
     folder = tmp_path_factory.mktemp("finished")
     (folder / "demo.toml").write_text(SPEC)
-    store, plan = computed(folder / "runs", load_campaign(str(folder / "demo.toml")), 10)
+    address = storage(folder)
+    store, plan = computed(address, load_campaign(str(folder / "demo.toml")), 10)
     write_state(store, plan.campaign_id, "completed")
-    return folder / "runs", plan.campaign_id
+    return address, plan.campaign_id
 
 
 @pytest.fixture(scope="session")
-def computing_service(finished_store, tmp_path_factory):
+def computing_service(finished_store, storage, tmp_path_factory):
     """Return a service with a computing process, and a client that asks as nobody; for all tests that need one.
 
     Its store has a finished campaign of 25 samples, another one of 400 with a wider J1, and one of 4 that the engine
     has computed.
     """
     folder = tmp_path_factory.mktemp("computing")
-    runs, _ = finished_store
-    shutil.copytree(runs, folder / "runs")
+    address = storage(folder)
+    copy_store(finished_store[0], address)
     for name, text, samples, run in (
         ("wider", SPEC.replace("std = 0.0175", "std = 0.02"), 400, fake_engine.simulate),
         ("real", SPEC.replace('"demo"', '"real"').replace("seed = 7", "seed = 8"), 4, simulate),
     ):
         (folder / f"{name}.toml").write_text(text)
-        store, plan = computed(folder / "runs", load_campaign(str(folder / f"{name}.toml"), samples=samples), 10, run)
+        store, plan = computed(address, load_campaign(str(folder / f"{name}.toml"), samples=samples), 10, run)
         write_state(store, plan.campaign_id, "completed")
-    with serving(Settings(str(folder / "runs"), folder / "data", processes=1)) as pair:
+    with serving(Settings(address, folder / "data", processes=1)) as pair:
         yield pair
 
 
@@ -88,9 +128,17 @@ def explored(finished_store, computing_service):
 
 
 @pytest.fixture
-def settings(tmp_path):
+def store(storage, tmp_path, plan):
+    """Return a store that holds the plan of a campaign."""
+    opened = open_store(storage(tmp_path))
+    opened.create_plan(plan)
+    return opened
+
+
+@pytest.fixture
+def settings(storage, tmp_path):
     """Return settings of a server on loopback with a store of its own."""
-    return Settings(str(tmp_path / "runs"), tmp_path / "data", processes=0, limits=Limits(failures=5))
+    return Settings(storage(tmp_path), tmp_path / "data", processes=0, limits=Limits(failures=5))
 
 
 @pytest.fixture
@@ -141,10 +189,9 @@ def browse(served):
 @pytest.fixture
 def reported(finished_store, settings):
     """Return the id of a completed campaign with a report, in a store of its own, to be served by `settings`."""
-    runs, campaign = finished_store
-    shutil.copytree(runs, settings.store)
-    folder = Path(settings.store) / campaign / "report"
-    folder.mkdir()
-    (folder / "report.html").write_text("<p>Cpk 1.33</p>")
-    (folder / "capability.json").write_text('{"headline": "capable", "responses": []}')
+    address, campaign = finished_store
+    copy_store(address, settings.store)
+    files = open_store(settings.store).files
+    files.write(f"{campaign}/report/report.html", b"<p>Cpk 1.33</p>")
+    files.write(f"{campaign}/report/capability.json", b'{"headline": "capable", "responses": []}')
     return campaign

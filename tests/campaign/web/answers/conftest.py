@@ -18,10 +18,10 @@ def fails_where_wide(mechanism, values, **settings):
 
 
 @pytest.fixture
-def growing(campaign, tmp_path):
+def growing(campaign, storage, tmp_path):
     """Return a store, a plan of 400 samples in 8 batches without rows, and what computes batches of it."""
     plan = make_plan(replace(campaign, spec=campaign.spec.model_copy(update={"samples": 400})), 50)
-    store = open_store(str(tmp_path / "runs"))
+    store = open_store(storage(tmp_path))
     store.create_plan(plan)
     address = CampaignAddress.of(store, plan, fails_where_wide)
 

@@ -29,7 +29,7 @@ COSTS = "[variables.J1]\ncost = 1.0\n[variables.preload]\ncost = 2.0\n"
 
 
 @pytest.fixture(scope="module")
-def pooled():
+def pooled(storage):
     """Return an event loop and a pool of one process, kept for all tests of this module: starting one takes seconds."""
     with asyncio.Runner() as runner:
         pool = JobPool(1)

@@ -19,18 +19,19 @@ LATCH = shipped_text("c60")
 
 
 @contextmanager
-def computing_with(folder, **limits):
+def computing_with(address, data, **limits):
     """Serve with one computing process; yield the service, the client, and headers by role."""
-    settings = Settings(str(folder / "runs"), folder / "data", processes=1, limits=Limits(**limits))
+    settings = Settings(address, data, processes=1, limits=Limits(**limits))
     with serving(settings) as (service, client):
         secrets = {role: service.tokens.add(role.word, "test", role, 3600.0)[1] for role in Role}
         yield service, client, {role.word: {"Authorization": f"Bearer {secrets[role]}"} for role in Role}
 
 
 @pytest.fixture(scope="module")
-def computing(tmp_path_factory):
+def computing(storage, tmp_path_factory):
     """Return a service with one computing process, a client, and headers by role."""
-    with computing_with(tmp_path_factory.mktemp("submissions"), samples=1000) as served:
+    folder = tmp_path_factory.mktemp("submissions")
+    with computing_with(storage(folder), folder / "data", samples=1000) as served:
         yield served
 
 
@@ -179,8 +180,8 @@ def test_failed_rows_again(computing):
     assert client.post(where, json={"statuses": ["none"]}, headers=headers["engineer"]).status_code == 422
 
 
-def test_quotas_have_words(tmp_path):
-    with computing_with(tmp_path, samples=1000, running=1) as computing:
+def test_quotas_have_words(storage, tmp_path):
+    with computing_with(storage(tmp_path), tmp_path / "data", samples=1000, running=1) as computing:
         too_many = submit(computing, SPEC, samples=1001)
         assert too_many.status_code == 422
         assert "1000" in too_many.json()["detail"]

@@ -60,9 +60,9 @@ def test_a_posted_text_is_checked():
         check_text(MechanismSource("m", shipped(PENDULUM).replace("[bodies.", "[bodied.", 1)))
 
 
-def test_a_sample_is_repeated_and_reported(campaign_file, tmp_path):
+def test_a_sample_is_repeated_and_reported(campaign_file, storage, tmp_path):
     """The document is the command's; a report is written into the store."""
-    store, plan = computed(tmp_path / "runs", load_campaign(str(campaign_file), samples=4), 2, simulate)
+    store, plan = computed(storage(tmp_path), load_campaign(str(campaign_file), samples=4), 2, simulate)
     found = replay_document(store.url, plan.campaign_id, 3)
     assert found["same"] is True
     assert found["differences"] == ""

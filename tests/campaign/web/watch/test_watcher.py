@@ -35,10 +35,10 @@ def test_entry_of_a_finished_campaign(finished):
     assert entry.title == "demo"
 
 
-def test_entry_of_a_broken_campaign(tmp_path):
-    (tmp_path / "runs" / "x-1").mkdir(parents=True)
-    (tmp_path / "runs" / "x-1" / "plan.json").write_text("{")
-    entry = entry_of(open_store(str(tmp_path / "runs")), "x-1")
+def test_entry_of_a_broken_campaign(storage, tmp_path):
+    store = open_store(storage(tmp_path))
+    store.files.write("x-1/plan.json", b"{")
+    entry = entry_of(store, "x-1")
     assert entry.state == "broken"
     assert "plan.json" in entry.message
 
