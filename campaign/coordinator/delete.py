@@ -31,19 +31,24 @@ def delete_campaign(store: Store, campaign_id: str) -> None:
         If it cannot be deleted.
     """
     with hold_lease(store, campaign_id) as token:
-        with beating(store, campaign_id):
-            if store.files.exists(f"{campaign_id}/{PLAN}"):
-                store.files.move(f"{campaign_id}/{PLAN}", f"{campaign_id}/{DELETED}")
-            for name in store.files.names(campaign_id):
-                # not the next heartbeat, which is being written
-                if name not in (DELETED, LEASE, HEARTBEAT) and not name.endswith(TEMPORARY):
-                    check_lease(store, campaign_id, token)  # who was away for long may come back to a new campaign
-                    store.files.remove_tree(f"{campaign_id}/{name}")
-        left = [name for name in store.files.names(campaign_id) if name not in (DELETED, LEASE)]
-        for name in (*left, DELETED):
-            check_lease(store, campaign_id, token)
-            store.files.remove_tree(f"{campaign_id}/{name}")
+        _remove_all(store, campaign_id, token)
     store.files.remove(campaign_id)
+
+
+def _remove_all(store: Store, campaign_id: str, token: str) -> None:
+    """Remove all but the lease, which the caller holds."""
+    with beating(store, campaign_id):
+        if store.files.exists(f"{campaign_id}/{PLAN}"):
+            store.files.move(f"{campaign_id}/{PLAN}", f"{campaign_id}/{DELETED}")
+        for name in store.files.names(campaign_id):
+            # not the next heartbeat, which is being written
+            if name not in (DELETED, LEASE, HEARTBEAT) and not name.endswith(TEMPORARY):
+                check_lease(store, campaign_id, token)  # who was away for long may come back to a new campaign
+                store.files.remove_tree(f"{campaign_id}/{name}")
+    left = [name for name in store.files.names(campaign_id) if name not in (DELETED, LEASE)]
+    for name in (*left, DELETED):
+        check_lease(store, campaign_id, token)
+        store.files.remove_tree(f"{campaign_id}/{name}")
 
 
 def is_half_deleted(store: Store, campaign_id: str) -> bool:
@@ -58,5 +63,9 @@ def unfinished_deletions(store: Store) -> list[str]:
 
 def finish_deletion(store: Store, campaign_id: str) -> None:
     """Finish the deletion of a campaign, if one was interrupted; raises what `delete_campaign` raises."""
-    if is_half_deleted(store, campaign_id):
-        delete_campaign(store, campaign_id)
+    if not is_half_deleted(store, campaign_id):
+        return
+    with hold_lease(store, campaign_id) as token:
+        if is_half_deleted(store, campaign_id):  # another process may have finished it: the campaign may be a new one
+            _remove_all(store, campaign_id, token)
+    store.files.remove(campaign_id)

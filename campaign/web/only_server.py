@@ -4,9 +4,9 @@ import fcntl
 import json
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 
-from campaign.errors import SpecError
+from campaign.errors import SpecError, unwritable
 from campaign.web.settings import Settings
 
 LOCK = "server.lock"
@@ -20,9 +20,15 @@ def only_server(settings: Settings) -> Iterator[None]:
     ------
     SpecError
         If another server uses the folder.
+    StoreError
+        If its disk is read-only or broken.
     """
     path = settings.data / LOCK
-    with path.open("a+", encoding="utf-8") as file:
+    with ExitStack() as stack:
+        try:
+            file = stack.enter_context(path.open("a+b", buffering=0))
+        except OSError as error:
+            raise unwritable(f"--data {settings.data}: cannot be used now ({error.strerror})", error) from error
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -32,13 +38,13 @@ def only_server(settings: Settings) -> Iterator[None]:
                 f"--data {settings.data}: another server uses this folder{which}; end it first, or give this one a"
                 " folder of its own with --data"
             ) from error
-        file.truncate(0)
-        file.write(json.dumps({"process": os.getpid(), "address": settings.address}))
-        file.flush()
+        with suppress(OSError):  # a full disk: only the message to a second server needs it
+            file.truncate(0)
+            file.write(json.dumps({"process": os.getpid(), "address": settings.address}).encode())
         yield
 
 
-def _named(text: str) -> str:
+def _named(text: bytes) -> str:
     """Return in words which server wrote the lock; empty if it says nothing yet."""
     try:
         known = json.loads(text)

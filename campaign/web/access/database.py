@@ -3,13 +3,21 @@
 import sqlite3
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from campaign.errors import SpecError
+from campaign.errors import SpecError, StoreError
 
 VERSION = 1
 BUSY = 10.0  # s, for which a writer waits for another process, such as a backup
+OF_DISK = {  # what SQLite says where its disk is full, read-only or broken, or another process holds the file for long
+    sqlite3.SQLITE_BUSY,
+    sqlite3.SQLITE_CANTOPEN,
+    sqlite3.SQLITE_FULL,
+    sqlite3.SQLITE_IOERR,
+    sqlite3.SQLITE_LOCKED,
+    sqlite3.SQLITE_READONLY,
+}
 SCHEMA = """
 CREATE TABLE users (
     name TEXT PRIMARY KEY, role TEXT NOT NULL, password TEXT, subject TEXT UNIQUE, created REAL NOT NULL,
@@ -66,12 +74,17 @@ class Database:
     ------
     SpecError
         If the file is of a later version, or no database.
+    StoreError
+        Here and later, if its disk is full, read-only or broken.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._writing, self._reading = threading.RLock(), threading.Lock()
-        path.touch(0o600)
+        try:
+            path.touch(0o600)
+        except OSError as error:
+            raise self._unusable(error) from error
         self._connection = sqlite3.connect(path, timeout=BUSY, isolation_level=None, check_same_thread=False)
         self._connection.row_factory = sqlite3.Row
         try:
@@ -80,8 +93,13 @@ class Database:
             self._reader = sqlite3.connect(path, timeout=BUSY, isolation_level=None, check_same_thread=False)
             self._reader.row_factory = sqlite3.Row
             self._reader.execute("PRAGMA query_only = ON")
+        except StoreError:
+            self._connection.close()
+            raise
         except sqlite3.DatabaseError as error:
             self._connection.close()
+            if _is_of_disk(error):
+                raise self._unusable(error) from error
             raise SpecError(f"{path}: is no database of a server ({error}); restore it from a backup") from error
 
     def _prepare(self) -> None:
@@ -109,18 +127,20 @@ class Database:
 
         What the block has written is seen by its connection, and by `rows` after the block.
         """
-        with self._writing:
-            self._connection.execute("BEGIN IMMEDIATE")
+        with self._writing, self._faults_of_the_disk():
             try:
+                self._connection.execute("BEGIN IMMEDIATE")
                 yield self._connection
+                self._connection.execute("COMMIT")
             except BaseException:
-                self._connection.execute("ROLLBACK")
+                if self._connection.in_transaction:  # SQLite may have rolled back by itself
+                    with suppress(sqlite3.OperationalError):
+                        self._connection.execute("ROLLBACK")
                 raise
-            self._connection.execute("COMMIT")
 
     def rows(self, statement: str, *values: object) -> list[sqlite3.Row]:
         """Return the rows of a query."""
-        with self._reading:
+        with self._reading, self._faults_of_the_disk():
             return self._reader.execute(statement, values).fetchall()
 
     def row(self, statement: str, *values: object) -> sqlite3.Row | None:
@@ -133,3 +153,22 @@ class Database:
         with self._writing, self._reading:
             self._reader.close()
             self._connection.close()
+
+    @contextmanager
+    def _faults_of_the_disk(self) -> Iterator[None]:
+        """Raise StoreError in place of what SQLite says of a disk."""
+        try:
+            yield
+        except sqlite3.OperationalError as error:
+            if not _is_of_disk(error):
+                raise
+            raise self._unusable(error) from error
+
+    def _unusable(self, error: Exception) -> StoreError:
+        """Return what to say of a file that cannot be used now."""
+        return StoreError(f"{self.path}: cannot be used now ({error}); free or repair its disk, then try again")
+
+
+def _is_of_disk(error: sqlite3.DatabaseError) -> bool:
+    """Return whether an error is one of the disk, and not of the file's content."""
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF in OF_DISK

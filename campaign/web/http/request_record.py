@@ -12,6 +12,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from campaign.errors import StoreError
 from campaign.web.access.audit import AuditTrail
 from campaign.web.access.throttle import Throttle, place_of
 from campaign.web.http.problems import MEDIA_TYPE, Refusal, problem
@@ -63,14 +64,19 @@ class Record:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        start, begun = time.perf_counter(), False
+        start, begun, refused = time.perf_counter(), False, False
 
         async def send_recorded(message: Message) -> None:
-            nonlocal begun
+            nonlocal begun, refused
             if message["type"] == "http.response.start":
                 begun = True
-                await self._record(scope, message["status"], time.perf_counter() - start)
-            await send(message)
+                try:
+                    await self._record(scope, message["status"], time.perf_counter() - start)
+                except StoreError as error:  # of the audit trail: what it cannot take is not answered as done
+                    refused = True
+                    await self._refuse(scope, receive, send, error)
+            if not refused:
+                await send(message)
 
         try:
             await self._app(scope, receive, send_recorded)
@@ -84,6 +90,12 @@ class Record:
             detail = f"a bug of the server; its log has the reason under the request {request}"
             body = problem(500, detail).model_dump_json()
             await Response(body, 500, media_type=MEDIA_TYPE)(scope, receive, send_recorded)
+
+    async def _refuse(self, scope: Scope, receive: Receive, send: Send, error: StoreError) -> None:
+        """Answer that a request cannot be audited now."""
+        logger.warning("%s", json.dumps({"request": scope["state"].get("request", ""), "fault": str(error)}))
+        body = problem(503, str(error)).model_dump_json()
+        await Response(body, 503, {"Retry-After": "10"}, MEDIA_TYPE)(scope, receive, send)
 
     async def _record(self, scope: Scope, status: int, seconds: float) -> None:
         """Record a request that is about to be answered."""

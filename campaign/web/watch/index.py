@@ -5,7 +5,7 @@ It is a file that may be deleted at any time: it is built again from the store.
 
 import sqlite3
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -59,8 +59,7 @@ class CampaignIndex:
         with self._lock:
             for campaign in gone:
                 self._entries.pop(campaign, None)
-            self._connection.executemany("DELETE FROM entries WHERE campaign = ?", [(campaign,) for campaign in gone])
-            self._connection.commit()
+            self._keep("DELETE FROM entries WHERE campaign = ?", [(campaign,) for campaign in gone])
         stale = [campaign for campaign, token in tokens.items() if not self._is_fresh(campaign, token)]
         for begin in range(0, len(stale), AT_ONCE):
             self._read(store, {campaign: tokens[campaign] for campaign in stale[begin : begin + AT_ONCE]})
@@ -70,8 +69,7 @@ class CampaignIndex:
         """Forget a campaign that was deleted here, before the next look at the store."""
         with self._lock:
             self._entries.pop(campaign, None)
-            self._connection.execute("DELETE FROM entries WHERE campaign = ?", (campaign,))
-            self._connection.commit()
+            self._keep("DELETE FROM entries WHERE campaign = ?", [(campaign,)])
 
     def _is_fresh(self, campaign: str, token: str) -> bool:
         known = self._entries.get(campaign)
@@ -86,8 +84,15 @@ class CampaignIndex:
             for (campaign, token), entry, text in zip(tokens.items(), entries, texts, strict=True):
                 self._entries[campaign] = token, entry, text.encode()
             rows = [(campaign, token, text) for (campaign, token), text in zip(tokens.items(), texts, strict=True)]
-            self._connection.executemany("INSERT OR REPLACE INTO entries VALUES (?, ?, ?)", rows)
+            self._keep("INSERT OR REPLACE INTO entries VALUES (?, ?, ?)", rows)
+
+    def _keep(self, statement: str, rows: Sequence[tuple[str, ...]]) -> None:
+        """Change the file; what a full disk refuses the next server reads from the store again."""
+        try:
+            self._connection.executemany(statement, rows)
             self._connection.commit()
+        except sqlite3.OperationalError:
+            self._connection.rollback()
 
     def entries(self) -> Iterator[tuple[CampaignEntry, bytes]]:
         """Yield the entries of all campaigns, each also as JSON."""

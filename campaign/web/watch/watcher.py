@@ -5,10 +5,12 @@ import logging
 import time
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from typing import TypeVar
 
 from campaign.coordinator.delete import finish_deletion, unfinished_deletions
 from campaign.coordinator.follow import Observation, observe
+from campaign.coordinator.lease import LeaseHeld
 from campaign.errors import CampaignError
 from campaign.store import Store
 from campaign.store.change_tokens import change_tokens
@@ -120,7 +122,8 @@ class Watcher:
 
     def _refresh(self) -> None:
         for campaign in unfinished_deletions(self._store):
-            finish_deletion(self._store, campaign)
+            with suppress(LeaseHeld):  # whoever deletes it is still at it
+                finish_deletion(self._store, campaign)
         self.index.refresh(self._store, change_tokens(self._store))
 
     async def _in_reader(self, function: Callable[..., T], *arguments: object) -> T:

@@ -8,6 +8,7 @@ import threading
 
 import pytest
 
+import campaign.coordinator.delete as deleting
 import campaign.coordinator.lease as leases
 from campaign.cluster.cluster import Cluster
 from campaign.coordinator.coordinate import coordinate
@@ -117,6 +118,21 @@ def test_submitted_again_it_is_new(whole, plan, campaign):
     assert (state_of(whole, again.campaign_id)["state"], unfinished_deletions(whole)) == ("queued", [])
     finish_deletion(whole, again.campaign_id)
     assert whole.campaigns() == [again.campaign_id]
+
+
+def test_who_comes_too_late_to_finish_it_leaves_the_new_one(whole, plan, campaign, monkeypatch):
+    """Another process finishes it and plans the campaign anew before this one has the lease."""
+
+    def hold_late(*words):
+        monkeypatch.setattr(deleting, "hold_lease", hold_lease)
+        submit(whole, campaign, 10)
+        return hold_lease(*words)
+
+    half_deleted(whole, plan)
+    monkeypatch.setattr(deleting, "hold_lease", hold_late)
+    finish_deletion(whole, plan.campaign_id)
+    assert (whole.campaigns(), state_of(whole, plan.campaign_id)["state"]) == ([plan.campaign_id], "queued")
+    assert LEASE not in whole.files.names(plan.campaign_id)
 
 
 def test_a_folder_without_a_plan_is_not_a_deletion(store, plan):

@@ -13,7 +13,7 @@ from campaign.store.survey import load_manifest
 VARIES = ["wall_s", "attempts"]
 OF_DASK = "scheduler", "worker"  # their statuses and words are dask's
 STOPPED = {signal.SIGTERM, signal.SIGKILL}  # by which a supervisor ends what still runs
-FAILED_AT = "store ", "scheduler", "worker", "engine could not be"  # what a message of status 4 names
+FAILED_AT = "store ", "scheduler", "worker", "engine could not be", "cannot be used now"  # in messages of status 4
 BEFORE_PYTHON = (
     "Fatal Python error: init"  # an interrupt before the interpreter is up ends it with 1 and its own traceback
 )

@@ -25,7 +25,7 @@ def check_visits(storm, batch):
         Largest number of rows in a part: so many may be lost again when one is damaged.
     """
     visitors = storm.visitors
-    assert visitors.faults == []
+    assert not visitors.faults, visitors.faults[:3]
     assert 500 not in visitors.statuses, visitors.statuses
     assert visitors.has_seen_the_end
     last = visitors.events[-1]

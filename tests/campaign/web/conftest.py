@@ -5,6 +5,7 @@ The store is in a folder. The tests of some folders also run with a store on S3;
 
 import shutil
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -41,15 +42,15 @@ def pytest_generate_tests(metafunc):
 
 @pytest.fixture(scope="session")
 def storage(request):
-    """Return what makes the address of a new store: in a folder that it is given, or in a bucket of a server's own."""
+    """Return what makes the address of a new store: in a folder that it is given, or on S3."""
     if getattr(request, "param", "folder") == "folder":
         yield lambda folder: str(folder / "runs")
         return
     from tests.campaign.store.files.test_s3 import bucket, s3_server
 
     with s3_server() as (_, port), pytest.MonkeyPatch.context() as patch:
-        bucket(patch, port)  # from here on all processes that start know the server
-        yield lambda _: bucket(patch, port)
+        address, numbers = bucket(patch, port), count()  # from here on all processes that start know the server
+        yield lambda _: f"{address}-{next(numbers)}"
 
 
 def copy_store(address, new):

@@ -5,7 +5,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from campaign.errors import CampaignError, SpecError
+from campaign.errors import CampaignError, SpecError, StoreError
 from campaign.web.access import Role, sessions, tokens
 from campaign.web.access.database import Database
 from campaign.web.access.sessions import Sessions
@@ -74,6 +74,34 @@ def test_failed_write_leaves_nothing(database):
     assert users.all() == []
 
 
+def test_full_disk_is_said_and_passes(users, database):
+    """What was written stays, nothing is half written, and with room again all goes on."""
+    pages = database.row("PRAGMA page_count")[0]
+    users.add("first", Role.VIEWER)
+    with database.write() as connection:
+        connection.execute(f"PRAGMA max_page_count = {pages}")
+    begun = Sessions(database)
+    secrets = []
+
+    def fill():
+        while True:
+            secrets.append(begun.begin("first"))
+
+    with pytest.raises(StoreError, match=r"cannot be used now \(.*full.*\); free or repair its disk"):
+        fill()
+    assert all(begun.principal(secret) for secret in secrets)
+    assert users.get("first") is not None
+    with database.write() as connection:
+        connection.execute(f"PRAGMA max_page_count = {pages + 100}")
+    assert begun.principal(begun.begin("first")) is not None
+
+
+def test_fault_of_a_statement_is_none_of_the_disk(database):
+    for ask in (database.rows, database.row):
+        with pytest.raises(sqlite3.OperationalError, match="no such table"):
+            ask("SELECT 1 FROM no_table")
+
+
 def test_reading_does_not_wait_for_writing(users, database):
     """Who is asked for is known while another thread's write takes its time; what it writes is seen afterwards."""
     with database.write() as connection:
@@ -81,7 +109,7 @@ def test_reading_does_not_wait_for_writing(users, database):
         with ThreadPoolExecutor(1) as other:
             assert other.submit(users.get, "eva").result(5.0).role is Role.ENGINEER
     assert users.get("eva").role is Role.VIEWER
-    with pytest.raises(sqlite3.OperationalError, match="readonly"):
+    with pytest.raises(StoreError, match="readonly"):
         database.rows("DELETE FROM users")
 
 

@@ -38,8 +38,9 @@ def sign(client, as_user, url):
     return signed
 
 
-def folder(service, campaign):
-    return Path(service.store.url) / campaign
+def file_at(service, campaign, name):
+    """Return where a file of a campaign is, in a store that is a folder."""
+    return Path(service.store.url) / campaign / name
 
 
 def test_only_approvers_sign(client, as_user, url):
@@ -86,9 +87,9 @@ def test_four_eyes(client, service, campaign, as_user, url):
 def test_changed_byte_shows(client, service, campaign, as_user, url, sign, name):
     """Also if the file keeps its size."""
     assert sign().status_code == 201
-    path = folder(service, campaign) / name
-    content = path.read_bytes()
-    path.write_bytes(content[:9] + bytes([content[9] ^ 1]) + content[10:])
+    files, path = service.store.files, f"{campaign}/{name}"
+    content = files.read(path)
+    files.write(path, content[:9] + bytes([content[9] ^ 1]) + content[10:])
     answer = client.get(url, headers=as_user("viewer"))
     if name == "plan.json":  # nothing of the campaign can be read then
         assert answer.status_code == 503
@@ -97,9 +98,10 @@ def test_changed_byte_shows(client, service, campaign, as_user, url, sign, name)
     assert any(name in words for words in answer.json()["signoffs"][0]["differences"])
 
 
+@pytest.mark.parametrize("storage", ["folder"], indirect=True)  # behind a URL every file is read each time
 def test_check_reads_again(client, service, campaign, as_user, url, sign):
     """Files that seem to be as they were are not read, unless that is asked for."""
-    path = folder(service, campaign) / "report/report.html"
+    path = file_at(service, campaign, "report/report.html")
     long_ago = time.time() - 1000.0
     assert sign().status_code == 201
     read = []
@@ -125,7 +127,7 @@ def test_check_reads_again(client, service, campaign, as_user, url, sign):
 def test_what_changed_since_he_looked_is_not_signed(client, service, campaign, as_user, url):
     approver = as_user("approver")
     content = client.get(f"{url}/content", headers=approver).json()["content"]
-    (folder(service, campaign) / "report/report.html").write_text("<p>Cpk 2.00</p>")
+    service.store.files.write(f"{campaign}/report/report.html", b"<p>Cpk 2.00</p>")
     answer = client.post(url, json={"content": content}, headers=approver)
     assert (answer.status_code, "has changed since" in answer.json()["detail"]) == (409, True)
 
@@ -135,7 +137,7 @@ def test_only_completed_campaigns_are_signed(client, service, campaign, sign):
     answer = sign()
     assert (answer.status_code, "is cancelled" in answer.json()["detail"]) == (409, True)
     write_state(service.store, campaign, "completed")
-    (folder(service, campaign) / "parts/part-000001.parquet").unlink()
+    service.store.files.remove(f"{campaign}/parts/part-000001.parquet")
     answer = sign()
     assert (answer.status_code, "have no rows" in answer.json()["detail"]) == (409, True)
 

@@ -6,6 +6,7 @@ import logging
 
 import pytest
 
+from campaign.errors import StoreError
 from campaign.web.http.request_record import logger, show_requests
 
 
@@ -28,6 +29,20 @@ def test_each_request_is_a_line(client, shown):
         ("/healthz", 200, "nobody"),
         ("none", 404, "nobody"),
     ]
+
+
+def test_write_that_cannot_be_audited_is_not_answered_as_done(client, service, as_user, shown, monkeypatch):
+    """The disk is full: whoever asked is told, and may try again."""
+
+    def full(*_, **__):
+        raise StoreError("service.sqlite: cannot be used now (database or disk is full)")
+
+    headers = as_user("admin")
+    monkeypatch.setattr(service.audit, "add", full)
+    answer = client.post("/api/v1/users", json={"name": "bob", "role": "viewer"}, headers=headers)
+    assert (answer.status_code, answer.headers["retry-after"]) == (503, "10")
+    assert "disk is full" in answer.json()["detail"]
+    assert "Traceback" not in shown.getvalue()
 
 
 def test_bug_is_one_line(client, service, shown, monkeypatch):

@@ -2,15 +2,20 @@
 
 import asyncio
 import json
+from itertools import groupby
 
 import pytest
 
-from campaign.coordinator.state import write_state
+from campaign.coordinator.lease import hold_lease
+from campaign.coordinator.state import close_campaign, write_state
+from campaign.plan import make_plan
+from campaign.spec.load import load_campaign
 from campaign.store import open_store
 from campaign.store.change_tokens import change_tokens
 from campaign.store.files import local
 from campaign.store.label_versions import change_labels
 from campaign.store.labels import LabelChange
+from campaign.store.layout import DELETED, PLAN
 from campaign.web.watch import watcher as watching
 from campaign.web.watch.entry import entry_of
 from campaign.web.watch.index import CampaignIndex
@@ -82,6 +87,22 @@ def test_index_is_kept_and_can_be_deleted(store, plan, index, exact, tmp_path):
     new.close()
 
 
+def test_full_disk_does_not_stop_the_index(store, plan, index, exact, tmp_path):
+    """It knows all the same; the next one reads from the store what was not kept."""
+    index._connection.execute("INSERT INTO entries VALUES ('of another time', '', ?)", ("x" * 3000,))
+    index._connection.commit()
+    pages = index._connection.execute("PRAGMA page_count").fetchone()[0]
+    index._connection.execute(f"PRAGMA max_page_count = {pages}")
+    change_labels(store, plan.campaign_id, LabelChange(note="x" * 2000))
+    index.refresh(store, change_tokens(store))
+    assert index.entry(plan.campaign_id).note.startswith("xxx")
+    again = CampaignIndex(tmp_path / "index.sqlite")
+    assert again.entry(plan.campaign_id) is None
+    again.refresh(store, change_tokens(store))
+    assert again.entry(plan.campaign_id) == index.entry(plan.campaign_id)
+    again.close()
+
+
 def test_index_forgets_what_is_gone(store, plan, index):
     index.refresh(store, change_tokens(store))
     store.files.remove_tree(plan.campaign_id)
@@ -89,11 +110,51 @@ def test_index_forgets_what_is_gone(store, plan, index):
     assert list(index.entries()) == []
 
 
-def _followed(store, index, campaign, act, last="", most=10):
+def test_a_deletion_at_work_does_not_disturb_others(store, plan, index):
+    """The store is listed, without the campaign; a deletion that nobody is at is finished."""
+    other = make_plan(load_campaign("c60", samples=5))
+    store.create_plan(other)
+    watcher = Watcher(store, index)
+    with hold_lease(store, plan.campaign_id):
+        store.files.move(f"{plan.campaign_id}/{PLAN}", f"{plan.campaign_id}/{DELETED}")
+        asyncio.run(watcher.list_campaigns())
+        assert [entry.campaign for entry, _ in index.entries()] == [other.campaign_id]
+    asyncio.run(watcher.list_campaigns())
+    assert store.folders() == [other.campaign_id]
+
+
+def test_followers_of_a_served_store_hear_how_it_goes_on(store, plan, index, quick):
+    """A coordinator that died is started again, and the report is written after the last row: neither is the end."""
+
+    async def act(_):
+        await asyncio.sleep(0.3)
+        write_state(store, plan.campaign_id, "completed", is_open=True)
+        await asyncio.sleep(0.3)
+        close_campaign(store, plan.campaign_id)
+
+    write_state(store, plan.campaign_id, "running")  # and nobody has the lease
+    events = _followed(store, index, plan.campaign_id, act, is_served=True)
+    told = [(_data(event)["state"], _data(event)["over"]) for event in events[:-1]]
+    assert [each for each, _ in groupby(told)] == [("interrupted", False), ("completed", False), ("completed", True)]
+    assert events[-1] == b"event: end\ndata: {}\n\n"
+
+
+def test_followers_of_other_stores_hear_of_the_interruption(store, plan, index, quick):
+    """Nobody is known who would go on."""
+
+    async def act(_):
+        pass
+
+    write_state(store, plan.campaign_id, "running")
+    events = _followed(store, index, plan.campaign_id, act)
+    assert [_data(event).get("state") for event in events] == ["interrupted", None]
+
+
+def _followed(store, index, campaign, act, last="", most=10, is_served=False):
     """Return the events of a campaign that is followed while `act` changes it."""
 
     async def follow():
-        watcher = Watcher(store, index)
+        watcher = Watcher(store, index, is_served=is_served)
         looking = asyncio.create_task(watcher.run())
         events = []
         acting = asyncio.create_task(act(watcher))
