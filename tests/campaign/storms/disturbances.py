@@ -191,6 +191,7 @@ SERVER_SIGNALS = {
     "SIGINT server": partial(hit, role="server", number=signal.SIGINT),
     "restart server": restart,
 }
+FROM_A_TERMINAL = {"SIGINT coordinator", "SIGHUP coordinator"}  # which that of a server does not have
 PAUSES = {
     "pause worker": partial(pause, role="worker", seconds=FAULT),
     "pause coordinator": partial(pause, role="coordinator", seconds=SHORT),
@@ -227,7 +228,8 @@ def drawn(chance, mode):
     """Return the disturbances of a storm: of each sort some, in any order."""
     fewer = 1 if mode.has_server else 2
     kinds = chance.sample(sorted((KILLS | CLUSTER_KILLS if mode.clustered else KILLS).items()), fewer)
-    kinds += chance.sample(sorted(SIGNALS.items()), 1)
+    signals = SIGNALS.keys() - FROM_A_TERMINAL if mode.has_server else SIGNALS
+    kinds += [(kind, SIGNALS[kind]) for kind in chance.sample(sorted(signals), 1)]
     kinds += chance.sample(sorted((BEYOND_LEASE if mode.splits else PAUSES).items()), 1)
     for of_server in chance.sample((SERVER_KILLS, SERVER_SIGNALS, SERVER_PAUSES), 2) if mode.has_server else ():
         kinds += chance.sample(sorted(of_server.items()), 1)
