@@ -82,7 +82,5 @@ def check_endings(supervisor, signals):
             allowed |= {4} if "error: " in said and any(words in said for words in FAILED_AT) else set()
             allowed |= {2} if NO_PLAN in said else set()
             assert code in allowed, f"{life.name} {pid} ended with {code}:\n{said[-3000:]}"
-            place = max(said.find("Traceback") - 1000, 0)
-            assert not started or "Traceback" not in said, (
-                f"{life.name} {pid} ended with {code}:\n{said[place:][:6000]}"
-            )
+            from_there = said[max(said.find("Traceback") - 1000, 0) :][:6000]
+            assert not started or "Traceback" not in said, f"{life.name} {pid} ended with {code}:\n{from_there}"

@@ -27,6 +27,7 @@ from tests.campaign.driving import computed
 URL = "https://localhost"  # so that the client sends a secure cookie back
 PASSWORD = "correct horse battery"
 ALSO_ON_S3 = ("answers", "api", "jobs", "watch")  # folders below this one
+in_a_folder = pytest.mark.parametrize("storage", ["folder"], indirect=True)  # for tests to which the store is all one
 
 
 def pytest_generate_tests(metafunc):

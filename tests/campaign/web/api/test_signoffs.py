@@ -13,6 +13,7 @@ from campaign.reports.signing.signed_archive import open_archive
 from campaign.reports.signing.verification import verify_export
 from campaign.web.signatory import KEY_FILE
 from campaign.web.web_service import open_service
+from tests.campaign.web.conftest import in_a_folder
 
 
 @pytest.fixture
@@ -98,7 +99,7 @@ def test_changed_byte_shows(client, service, campaign, as_user, url, sign, name)
     assert any(name in words for words in answer.json()["signoffs"][0]["differences"])
 
 
-@pytest.mark.parametrize("storage", ["folder"], indirect=True)  # behind a URL every file is read each time
+@in_a_folder  # behind a URL every file is read each time
 def test_check_reads_again(client, service, campaign, as_user, url, sign):
     """Files that seem to be as they were are not read, unless that is asked for."""
     path = file_at(service, campaign, "report/report.html")

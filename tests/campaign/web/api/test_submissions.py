@@ -13,7 +13,7 @@ from campaign.web.api.mechanisms import shipped_text
 from campaign.web.http.asking import COOKIE, CSRF_FIELD
 from campaign.web.settings import Limits, Settings
 from tests.campaign.conftest import SPEC
-from tests.campaign.web.conftest import URL, serving
+from tests.campaign.web.conftest import URL, in_a_folder, serving
 
 LATCH = shipped_text("c60")
 
@@ -214,6 +214,7 @@ HOSTILE = [
 ]
 
 
+@in_a_folder
 @pytest.mark.parametrize("content", HOSTILE, ids=range(len(HOSTILE)))
 def test_hostile_content_is_refused(computing, content):
     _, client, headers = computing
@@ -227,6 +228,7 @@ def test_hostile_content_is_refused(computing, content):
     assert "root:" not in answer.text
 
 
+@in_a_folder
 def test_other_bodies_are_refused(computing):
     _, client, headers = computing
     for kind, body, status in (
@@ -247,6 +249,7 @@ WRITES = [
 ]
 
 
+@in_a_folder
 @pytest.mark.parametrize(("path", "content"), WRITES)
 def test_writes_need_a_role_and_an_own_page(reported, served, as_user, path, content):
     """401 for nobody, 403 for a viewer and for another site; each is an entry of the audit trail."""
