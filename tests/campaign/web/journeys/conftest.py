@@ -7,6 +7,8 @@ import pytest
 
 from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
+from campaign.store.label_versions import change_labels
+from campaign.store.labels import LabelChange
 from campaign.web.access import Role
 from campaign.web.settings import Settings
 from campaign.web.web_service import open_service
@@ -72,6 +74,7 @@ def finished(tmp_path_factory):
         (folder / f"{name}.toml").write_text(text)
         campaign = load_campaign(str(folder / f"{name}.toml"), samples=SAMPLES)
         store, plan = computed(folder / "runs", campaign, 100, simulate)
+        change_labels(store, plan.campaign_id, LabelChange(owner="ada", add=("release-3",)), by="ada")
         write_state(store, plan.campaign_id, "queued")
         ids.append(plan.campaign_id)
     service = open_service(Settings(str(folder / "runs"), folder / "data", processes=0))

@@ -1,10 +1,8 @@
 """A browser that is driven by its keyboard alone, and whose every page is looked at."""
 
 import json
-import os
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -14,7 +12,6 @@ from selenium.webdriver.common.keys import Keys
 
 from tests.chromium import axe_faults, axe_run, set_width
 
-PICTURES = os.environ.get("CLEARCAP_PICTURES", "")  # a folder, such as docs/images: makes its pictures anew
 STOPS = 250  # most presses of Tab to anything on a page
 PATIENCE = 90.0  # s
 FOCUS = """
@@ -170,11 +167,6 @@ class Keyboard:
             faults = axe_faults(axe_run(self.browser))
             assert faults == [], f"{self.path}: {faults}"
             self.browser.get_log("browser")  # what axe caused
-
-    def picture(self, name: str) -> None:
-        """Save what the window shows as a picture of the docs, if the folder of pictures is given."""
-        if PICTURES and self.width > 1000:
-            self.browser.save_screenshot(str(Path(PICTURES) / f"service-{name}.png"))
 
     def check_requests(self) -> None:
         """Check that nothing but the server was asked since the last time."""

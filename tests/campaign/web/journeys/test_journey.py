@@ -76,13 +76,11 @@ def _follow(user, campaign):
     user.until(lambda: user.browser.execute_script(same), "completed, on the same page")
     assert "30" in user.browser.find_element("css selector", "[data-field=done]").text
     user.until(lambda: not user.browser.execute_script("return window.isSame"), "the page at its end")
-    user.picture("campaign")
     user.look()
     over = time.monotonic() + 60
     user.go("Report", "a")
     while "report.html" not in user.text and time.monotonic() < over:
         user.go("Report", "a")
-    user.picture("report")
     user.look()
     assert user.browser.execute_script(FRAMED) > 300
     user.browser.switch_to.frame(user.browser.find_element("css selector", "iframe.report"))
@@ -125,14 +123,11 @@ def _add_approver(user):
     user.look(is_answer=True)
     for tab in ("Tokens", "Audit trail", "System"):
         user.go(tab, "a")
-        if tab == "Audit trail":
-            user.picture("audit")
         user.look()
     user.go("Users", "a")
     user.go("Make a one-time link for ada")
     link = re.search(r"http://\S+/login/link\S+", user.text)[0]
     user.go("Mechanisms", "a")
-    user.picture("mechanisms")
     user.look()
     user.go("Help and API", "a")
     user.look()
@@ -141,7 +136,6 @@ def _add_approver(user):
 
 def _sign(user, campaign):
     """Read the campaign as an approver, and sign it."""
-    user.picture("campaigns")
     user.go(OWN, "a")
     user.look()
     user.go("Sign-off", "a")
@@ -149,7 +143,6 @@ def _sign(user, campaign):
     user.look()
     user.write("Comment", "as drawn")
     user.go("Sign plan, rows and report as ada")
-    user.picture("signoff")
     user.look()
     assert "Status: signed" in user.text
     assert "as drawn" in user.text

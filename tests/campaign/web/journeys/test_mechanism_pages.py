@@ -21,6 +21,7 @@ def test_a_mechanism_is_edited(user, finished):
     user.look()
     user.go("Edit a copy", "a")
     user.look()
+    assert user.browser.find_element("id", "text").size["height"] < 900  # px: it scrolls, the page does not grow
     user.tab_to(TEXT, "textarea").send_keys(Keys.CONTROL + Keys.HOME, Keys.NULL + "gravitation = 1\n")
     user.go("Check", "button")
     user.look(is_answer=True)

@@ -1,0 +1,97 @@
+"""The pictures of the service in the docs: pages about the C-60 as a browser shows them.
+
+``CLEARCAP_PICTURES=docs/images pytest -m slow tests/campaign/web/journeys/test_screenshots.py`` makes them anew.
+"""
+
+import base64
+import io
+import os
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+from tests.campaign.web.conftest import PASSWORD
+from tests.campaign.web.journeys.keyboard import Keyboard
+from tests.campaign.web.journeys.live_server import HOST
+from tests.chromium import chromium, needs_chromium, set_width
+
+pytestmark = [pytest.mark.slow, needs_chromium]
+DOCS = Path(__file__).parents[4] / "docs"
+WIDTH, HEIGHT = 1400, 900  # px
+HEIGHTS = {"try": 1500}
+NAMES = ("campaigns", "live", "report", "whatif", "new", "try")
+COLOURS = 256
+MOST_BYTES = 200_000
+SAMPLES = 4000  # of the campaign that is shown while it is computed
+DONE = "return Number(document.querySelector('[data-field=done]').textContent.replace(/\\D/g, ''))"
+FRAMED = "return document.readyState"
+
+
+@pytest.fixture(scope="module")
+def pictures(finished, tmp_path_factory):
+    """Return the folder of the pictures, which are made here."""
+    folder = Path(os.environ.get("CLEARCAP_PICTURES") or tmp_path_factory.mktemp("pictures"))
+    with chromium(tmp_path_factory.mktemp("profile"), host=HOST) as browser:
+        user = Keyboard(browser, finished.server.url, WIDTH, with_axe=False)
+        user.log_in(finished.user, PASSWORD)
+        _show_pages(user, finished, folder)
+    return folder
+
+
+def _show_pages(user, finished, folder):
+    """Take a picture of each page; the rows of one campaign arrive meanwhile, and it is ended then."""
+    user.open(f"/campaigns/new?from={finished.wider}&samples={SAMPLES}&set=J2.std%3D0.02")
+    _shoot(user, folder, "new")
+    user.write("Title", "C-60 circuit breaker, ON position: J2 of another supplier too")
+    user.go("Submit", "button")
+    user.until(lambda: user.browser.execute_script(DONE) > SAMPLES / 20, "rows")
+    live = user.path
+    _shoot(user, folder, "live")
+    user.open("/campaigns")
+    _shoot(user, folder, "campaigns")
+    user.open(live)
+    user.go("Cancel: keep finished rows", "button")
+    user.open(f"/campaigns/{finished.first}/report")
+    _until_framed(user)
+    _shoot(user, folder, "report")
+    user.open(f"/campaigns/{finished.first}/whatif?set=J1.std%3D0.0119&set=J3.std%3D0.0133")
+    _shoot(user, folder, "whatif")
+    user.open("/mechanisms/c60/try?set=J1%3D0.03&run=true")
+    _shoot(user, folder, "try")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_picture_shows_a_page(pictures, name):
+    """It has the size of the window and many colours, none of them nearly everywhere, and stays small."""
+    path = pictures / f"service-{name}.png"
+    picture = Image.open(path).convert("L")
+    assert picture.size == (WIDTH, HEIGHTS.get(name, HEIGHT))
+    counts = sorted(picture.histogram())
+    assert sum(count > 0 for count in counts) > 20
+    assert counts[-1] < 0.97 * picture.width * picture.height
+    assert path.stat().st_size < MOST_BYTES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_page_of_docs_has_the_picture(name):
+    """The docs show a picture that has the size of those made here."""
+    assert f"](images/service-{name}.png)" in (DOCS / "service.md").read_text("utf-8")
+    assert Image.open(DOCS / "images" / f"service-{name}.png").size == (WIDTH, HEIGHTS.get(name, HEIGHT))
+
+
+def _until_framed(user):
+    """Wait until the report in the frame is there."""
+    user.browser.switch_to.frame(user.browser.find_element("css selector", "iframe.report"))
+    user.until(lambda: user.browser.execute_script(FRAMED) == "complete" and "Trust" in user.text, "the report")
+    user.browser.switch_to.default_content()
+
+
+def _shoot(user, folder, name):
+    """Write what the window shows, when all pictures of the page are drawn."""
+    set_width(user.browser, WIDTH, HEIGHTS.get(name, HEIGHT))
+    user.until_drawn()
+    shot = user.browser.execute_cdp_cmd("Page.captureScreenshot", {"format": "png"})
+    picture = Image.open(io.BytesIO(base64.b64decode(shot["data"]))).convert("RGB")
+    picture.quantize(COLOURS, dither=Image.Dither.NONE).save(folder / f"service-{name}.png", optimize=True)
+    set_width(user.browser, WIDTH)
