@@ -77,7 +77,8 @@ def test_picture_shows_a_page(pictures, name):
 def test_page_of_docs_has_the_picture(name):
     """The docs show a picture that has the size of those made here."""
     assert f"](images/service-{name}.png)" in (DOCS / "service.md").read_text("utf-8")
-    assert Image.open(DOCS / "images" / f"service-{name}.png").size == (WIDTH, HEIGHTS.get(name, HEIGHT))
+    with Image.open(DOCS / "images" / f"service-{name}.png") as picture:
+        assert picture.size == (WIDTH, HEIGHTS.get(name, HEIGHT))
 
 
 def _until_framed(user):
@@ -93,5 +94,5 @@ def _shoot(user, folder, name):
     user.until_drawn()
     shot = user.browser.execute_cdp_cmd("Page.captureScreenshot", {"format": "png"})
     picture = Image.open(io.BytesIO(base64.b64decode(shot["data"]))).convert("RGB")
-    picture.quantize(COLOURS, dither=Image.Dither.NONE).save(folder / f"service-{name}.png", optimize=True)
+    picture.quantize(COLOURS, kmeans=2, dither=Image.Dither.NONE).save(folder / f"service-{name}.png", optimize=True)
     set_width(user.browser, WIDTH)
