@@ -17,6 +17,7 @@ from benchmarks import (
     chains,
     first_use,
     friction,
+    gaps,
     hard,
     heaps,
     machine,
@@ -28,7 +29,7 @@ from engine import warm_up
 
 PARTS = (
     *("friction", "hard", "heaps", "c60", "chain", "campaign", "overhead", "report", "first_use", "siconos"),
-    *("builds", "web_answers"),
+    *("builds", "web_answers", "gaps"),
 )
 
 
@@ -89,6 +90,9 @@ def main() -> None:
     if "web_answers" in parts:
         numbers["web_answers"] = web_answers.measure(unit)
         _show(console, "answers of the service", numbers["web_answers"])
+    if "gaps" in parts:
+        numbers["gaps"] = gaps.measure(unit)
+        _show(console, "a query of a contact's gap, point and frame", numbers["gaps"])
     asked.out.parent.mkdir(parents=True, exist_ok=True)
     asked.out.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
     console.print(f"written to {asked.out}")

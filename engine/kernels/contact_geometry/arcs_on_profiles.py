@@ -34,32 +34,35 @@ def on_profile(contacts, x, R, i, kind, point, frame):
     w = (centre[0] - foot[0], centre[1] - foot[1], centre[2] - foot[2])
     e = world_direction(R, a, ga, 6)
     f = vector_product(world_direction(R, a, ga, 3), e)
-    curve = (
-        (dot(w, t), dot(w, y), dot(w, z)),
-        (r * dot(e, t), r * dot(e, y), r * dot(e, z)),
-        (r * dot(f, t), r * dot(f, y), r * dot(f, z)),
-    )
+    curve = (seen(w, t, y, z, 1.0), seen(e, t, y, z, r), seen(f, t, y, z, r))
     angle = nearest_angle(solid, r, ga[10], curve) if r > 0.0 else 0.0
     gap, _, n = distance_along(solid, curve, angle)
     n = normal_at(solid, ga[10], curve, angle) if r > 0.0 else n
     c, s = np.cos(angle), np.sin(angle)
-    N, T1 = frame[0], frame[1]
+    tangent = (0.0, 0.0, 0.0)
     if kind == ON_TURNED:  # N and T1 in the plane through the axis
         u, v = curve[0][0] + c * curve[1][0] + s * curve[2][0], curve[0][1] + c * curve[1][1] + s * curve[2][1]
         rho = np.hypot(u, v)
         u, v = (1.0, 0.0) if rho <= NOWHERE else (u / rho, v / rho)
-        n_rho, length = n[0] * u + n[1] * v, np.hypot(n[0] * u + n[1] * v, n[2])
+        n_rho = n[0] * u + n[1] * v
+        length = np.hypot(n_rho, n[2])
         n_rho, n_z = n_rho / length, n[2] / length
-        n = (n_rho * u, n_rho * v, n_z)
-        for k in range(3):
-            T1[k] = n_rho * z[k] - n_z * (u * t[k] + v * y[k])
+        n, tangent = (n_rho * u, n_rho * v, n_z), (-n_z * u, -n_z * v, n_rho)
+    N, T1 = frame[0], frame[1]
     for k in range(3):
         N[k] = n[0] * t[k] + n[1] * y[k] + n[2] * z[k]
+        T1[k] = tangent[0] * t[k] + tangent[1] * y[k] + tangent[2] * z[k]
         point[k] = centre[k] + r * (c * e[k] + s * f[k]) - gap * N[k]
     if kind != ON_TURNED:
         transport(z, t, N, T1)
     cross(N, T1, frame[2])
     return gap + contacts.clearance[i]
+
+
+@inner
+def seen(v, t, y, z, size):
+    """Return ``size`` times a vector of the world, in a solid's axes."""
+    return (size * dot(v, t), size * dot(v, y), size * dot(v, z))
 
 
 @apart

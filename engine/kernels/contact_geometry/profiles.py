@@ -54,18 +54,12 @@ def piece_distance(piece, u, v):
 @apart
 def nearest_piece(pieces, u, v):
     """Return the number of the piece nearest to (u, v), its distance, and the end that is nearest."""
-    nearest, least = 0, np.inf
+    nearest, best, end = 0, np.inf, 0.0
     for j in range(pieces.shape[0]):
-        u0, v0 = u - pieces[j, 4], v - pieces[j, 5]
-        square = u0 * u0 + v0 * v0
-        if square < least:
-            nearest, least = j, square
-    first = nearest
-    best, end = piece_distance(pieces[first], u, v)
-    for j in range(pieces.shape[0]):
-        u0, v0, reach = u - pieces[j, 4], v - pieces[j, 5], best + pieces[j, 6]
-        if j != first and u0 * u0 + v0 * v0 < reach * reach:
-            distance, at = piece_distance(pieces[j], u, v)
+        piece = pieces[j]
+        u0, v0, reach = u - piece[4], v - piece[5], best + piece[6]
+        if u0 * u0 + v0 * v0 < reach * reach:
+            distance, at = piece_distance(piece, u, v)
             if distance < best:
                 nearest, best, end = j, distance, at
     return nearest, best, end

@@ -15,6 +15,7 @@ from engine.assembly.frames import BodyFrame
 from engine.assembly.primitives import rows
 from engine.assembly.profile_rows import profile_pieces
 from engine.kernels.contact_geometry.gaps import find_contacts
+from engine.kernels.model import Contacts
 from engine.mechanism.contacts import Contact
 from tests.engine.kernels.profile_shapes import drawn_profile, solid_gap
 
@@ -232,14 +233,18 @@ def twists(n: int, rng: np.random.Generator) -> tuple[Array, Array]:
     return v[0], v[1]
 
 
-def found(contact: Contact, poses: Poses) -> tuple[Array, Array, Array]:
-    """Return the engine's gaps (n,), points (n, 3) and frames (n, 3, 3)."""
-    n = len(poses)
+def compiled(contact: Contact, n: int) -> Contacts:
+    """Return a contact as the engine's arrays, n times: between bodies i and n + i."""
     geometry_a, geometry_b, clearance = rows(contact, OWN, OWN)
     pieces = profile_pieces(contact.sides[1])
     pair = Pair("C", KINDS[contact.kind], 0, 0, geometry_a, geometry_b, clearance, (0.0, 0.0), pieces)
     contacts, _ = contact_arrays([pair] * n, np.zeros(n, np.int64))
-    contacts = contacts._replace(a=np.arange(n), b=np.arange(n, 2 * n))
+    return contacts._replace(a=np.arange(n), b=np.arange(n, 2 * n))
+
+
+def found(contact: Contact, poses: Poses) -> tuple[Array, Array, Array]:
+    """Return the engine's gaps (n,), points (n, 3) and frames (n, 3, 3)."""
+    n = len(poses)
     gap, point, frame = np.zeros(n), np.zeros((n, 3)), np.zeros((n, 3, 3))
-    find_contacts(contacts, np.concatenate(poses.x), np.concatenate(poses.R), gap, point, frame)
+    find_contacts(compiled(contact, n), np.concatenate(poses.x), np.concatenate(poses.R), gap, point, frame)
     return gap, point, frame
