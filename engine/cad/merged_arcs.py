@@ -8,7 +8,9 @@ import numpy as np
 from engine.arrays import Array
 from engine.cad.angles import covered, perpendicular
 from engine.cad.cad_model import CadEdge
+from engine.cad.one_surface import groups_of_one
 
+_NEAR = 1e-2  # mm between the features of two arcs that could be one
 _SAME = 1e-6  # mm between two circles that are one, besides what recognising them has cost
 
 
@@ -27,15 +29,10 @@ class ArcPiece:
 
 def merge_arcs(pieces: list[ArcPiece], part: str) -> list[CadEdge]:
     """Return the circles and arcs of a part."""
-    groups: list[list[ArcPiece]] = []
-    for piece in pieces:
-        for group in groups:
-            if _are_one(group[0], piece):
-                group.append(piece)
-                break
-        else:
-            groups.append([piece])
-    return [_edge(group, part) for group in groups]
+    near = _NEAR + 2 * max((piece.recognition_gap for piece in pieces), default=0.0)
+    features = np.array([(*piece.centre, piece.radius) for piece in pieces]).reshape(-1, 4)
+    groups = groups_of_one(features, near, lambda a, b: _are_one(pieces[a], pieces[b]))
+    return [_edge([pieces[place] for place in group], part) for group in groups]
 
 
 def _are_one(a: ArcPiece, b: ArcPiece) -> bool:

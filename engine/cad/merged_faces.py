@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from math import pi, tau
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +10,10 @@ from numpy.typing import NDArray
 from engine.arrays import Array, Integers
 from engine.cad.angles import covered, perpendicular
 from engine.cad.cad_model import CadFace, FaceKind, SplineSurface
+from engine.cad.one_surface import groups_of_one
 
 _CORNER = 1e-5  # mm between two corners that are one
+_NEAR = 1e-2  # mm between the features of two pieces that could be one
 _SAME = 1e-6  # mm between two surfaces that are one, besides what recognising them has cost
 
 
@@ -40,16 +43,25 @@ class FacePiece:
 
 def merge_pieces(pieces: list[FacePiece], part: str) -> tuple[list[CadFace], Integers]:
     """Return the faces of a part, and of each piece the number of its face."""
-    groups: list[list[int]] = []
-    for place, piece in enumerate(pieces):
-        joined = [group for group in groups if any(_are_one(pieces[other], piece) for other in group)]
-        groups = [group for group in groups if group not in joined]
-        groups.append(sorted([place, *(other for group in joined for other in group)]))
-    groups.sort()
+    near = _NEAR + 2 * max((piece.recognition_gap for piece in pieces), default=0.0)
+    features = np.array([_features(piece) for piece in pieces]).reshape(-1, 6)
+    groups = groups_of_one(features, near, lambda a, b: _are_one(pieces[a], pieces[b]))
     numbers = np.zeros(len(pieces), np.int64)
     for number, group in enumerate(groups):
         numbers[group] = number
     return [_face([pieces[i] for i in group], part, number) for number, group in enumerate(groups)], numbers
+
+
+def _features(piece: FacePiece) -> Array:
+    """Return numbers that two pieces of one surface have in common: its kind and size, and where it is [mm]."""
+    foot = piece.point - (piece.point @ piece.axis) * piece.axis  # the point of the axis that is nearest to the origin
+    where = {
+        "plane": (*piece.axis, piece.point @ piece.axis),
+        "cylinder": (*foot, piece.radius),
+        "cone": (*foot, piece.half_angle),
+    }
+    kind = get_args(FaceKind).index(piece.kind)
+    return np.array([piece.solid, kind, *where.get(piece.kind, (*piece.point, piece.radius))])
 
 
 def _are_one(a: FacePiece, b: FacePiece) -> bool:

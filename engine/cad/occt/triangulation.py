@@ -1,5 +1,6 @@
 """Triangles of faces."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,6 @@ from OCP.TopAbs import TopAbs_Orientation
 from OCP.TopLoc import TopLoc_Location
 
 from engine.arrays import Array, Integers
-from engine.cad.occt.occt_arrays import array3
 
 _SAG = 2e-3  # of the size of the shape, between a triangle and its face
 _SAG_LIMITS = 1e-3, 0.05  # mm
@@ -36,10 +36,15 @@ def triangles_of(face: Any) -> tuple[Array, Integers, Array] | None:
     if mesh is None or not mesh.NbTriangles():
         return None
     count = range(1, mesh.NbNodes() + 1)
-    move = where.Transformation()
-    vertices = np.array([array3(mesh.Node(i).Transformed(move)) for i in count])
+    nodes: Iterable[Any] = map(mesh.Node, count)
+    if not where.IsIdentity():
+        move = where.Transformation()
+        nodes = (node.Transformed(move) for node in nodes)
+    vertices = np.array([(node.X(), node.Y(), node.Z()) for node in nodes])
     parameters = np.array([(uv.X(), uv.Y()) for uv in map(mesh.UVNode, count)])
-    rows = [[mesh.Triangle(i).Value(k) for k in (1, 2, 3)] for i in range(1, mesh.NbTriangles() + 1)]
+    rows = [
+        (each.Value(1), each.Value(2), each.Value(3)) for each in map(mesh.Triangle, range(1, mesh.NbTriangles() + 1))
+    ]
     triangles = np.array(rows, np.int64) - 1
     turned = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
     return vertices, triangles[:, ::-1] if turned else triangles, parameters
