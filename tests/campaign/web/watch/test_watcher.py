@@ -123,13 +123,19 @@ def test_a_deletion_at_work_does_not_disturb_others(store, plan, index):
     assert store.folders() == [other.campaign_id]
 
 
+async def _seen(watcher, campaign, state):
+    """Wait until a campaign that is followed was seen in a state."""
+    while (latest := watcher._feeds[campaign].latest) is None or latest.state != state:
+        await asyncio.sleep(0.01)
+
+
 def test_followers_of_a_served_store_hear_how_it_goes_on(store, plan, index, quick):
     """A coordinator that died is started again, and the report is written after the last row: neither is the end."""
 
-    async def act(_):
-        await asyncio.sleep(0.3)
+    async def act(watcher):
+        await _seen(watcher, plan.campaign_id, "interrupted")
         write_state(store, plan.campaign_id, "completed", is_open=True)
-        await asyncio.sleep(0.3)
+        await _seen(watcher, plan.campaign_id, "completed")
         close_campaign(store, plan.campaign_id)
 
     write_state(store, plan.campaign_id, "running")  # and nobody has the lease
@@ -180,9 +186,10 @@ def _data(event):
 
 
 def test_follower_hears_each_change_once(store, plan, index, quick):
-    async def act(_):
+    async def act(watcher):
         write_state(store, plan.campaign_id, "queued")
-        await asyncio.sleep(0.3)
+        await _seen(watcher, plan.campaign_id, "queued")
+        await asyncio.sleep(0.1)
         write_state(store, plan.campaign_id, "cancelled", "by a test")
 
     write_state(store, plan.campaign_id, "queued")
@@ -233,6 +240,7 @@ def test_change_during_a_listing_is_listed_too(store, plan, index, quick):
 
 def test_streams_end_with_the_server(store, plan, index, quick):
     async def act(watcher):
+        await _seen(watcher, plan.campaign_id, "queued")
         await asyncio.sleep(0.1)
         watcher.end_streams()
 
