@@ -1,6 +1,8 @@
 """Samples of a campaign as columns, for questions that need no new runs."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +15,9 @@ from campaign.spec.campaign_file import Response
 from campaign.store import Store
 from engine.arrays import Array
 from reporting.samples import whole_lots
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 Limits = dict[str, tuple[float | None, float | None]]
 
@@ -52,19 +57,38 @@ def independent_samples(store: Store, plan: Plan) -> SampleColumns:
     CampaignError
         If there are no rows.
     """
-    names = column_names(plan)
-    pieces: dict[str, list[Array]] = {name: [] for name in names}
-    samples: list[NDArray[np.int64]] = []
-    for table in store.stream(plan, ["sample", *names]):
+    columns = samples_in(plan, store.stream(plan, ["sample", *column_names(plan)]))
+    if not columns.number.size:
+        raise no_samples(plan)
+    return columns
+
+
+def samples_in(plan: Plan, tables: "Iterable[pa.Table]") -> SampleColumns:
+    """Return the variables and responses of those rows that are of independent samples, in the order of the rows.
+
+    Parameters
+    ----------
+    plan : Plan
+        The campaign.
+    tables : iterable of pyarrow.Table
+        Rows of it, with the columns ``sample`` and `column_names`.
+    """
+    pieces: dict[str, list[Array]] = {name: [np.empty(0)] for name in column_names(plan)}
+    samples = [np.empty(0, np.int64)]
+    for table in tables:
         numbers = table["sample"].to_numpy()
         rows = sampler_named(plan.spec.sampler).independent(plan.spec, numbers)
         chosen = slice(None) if rows.all() else rows  # usually all, which need no copy
         samples.append(numbers[chosen])
-        for name in names:
-            pieces[name].append(table[name].to_numpy()[chosen])
-    if not samples:
-        raise CampaignError(f"{plan.campaign_id}: no sample is computed yet; wait for the first, or run the campaign")
+        for name, columns in pieces.items():
+            columns.append(table[name].to_numpy()[chosen])
+    names = list(pieces)
     return SampleColumns(np.concatenate(samples), {name: np.concatenate(pieces.pop(name)) for name in names})
+
+
+def no_samples(plan: Plan) -> CampaignError:
+    """Return the error that a campaign has no rows yet."""
+    return CampaignError(f"{plan.campaign_id}: no sample is computed yet; wait for the first, or run the campaign")
 
 
 def column_names(plan: Plan) -> list[str]:

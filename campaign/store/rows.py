@@ -1,7 +1,7 @@
 """Rows in the order of the samples, some at a time, whatever file they are in and while parts are merged."""
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from campaign.plan_header import PlanHeader
@@ -17,11 +17,16 @@ logger = logging.getLogger(__name__)
 
 
 def files_by_batch(files: Files, plan: PlanHeader) -> dict[int, list[str]]:
-    """Return the names of the files that hold each batch, in the order in which to try them.
+    """Return the names of the files that hold each batch; see `holders`."""
+    return holders(plan, files.names(folder(plan)))
+
+
+def holders(plan: PlanHeader, names: Iterable[str]) -> dict[int, list[str]]:
+    """Return which of some files hold each batch, in the order in which to try them.
 
     A batch's own part comes first, then the longest merged file.
     """
-    spans = {name: span for name in files.names(folder(plan)) if (span := batches_of(name, plan))}
+    spans = {name: span for name in names if (span := batches_of(name, plan))}
     by_batch: dict[int, list[str]] = {}
     for name in sorted(spans, key=lambda name: (name.startswith("rows"), spans[name][0] - spans[name][1], name)):
         for batch in range(spans[name][0], spans[name][1] + 1):
@@ -53,12 +58,14 @@ def read_batch(files: Files, plan: PlanHeader, batch: int) -> "pa.Table":
     raise FileNotFoundError(part_name(plan, batch))
 
 
-def stream(files: Files, plan: PlanHeader, end: int, columns: Sequence[str] | None) -> "Iterator[pa.Table]":
+def stream(
+    files: Files, plan: PlanHeader, end: int, columns: Sequence[str] | None, batches: Collection[int] | None = None
+) -> "Iterator[pa.Table]":
     """Yield rows in the order of the samples; see `Store.stream`."""
     import pyarrow as pa
 
     pieces: list[pa.Table] = []
-    for table in _tables_of_files(files, plan, end, columns):
+    for table in _tables_of_files(files, plan, end, columns, batches):
         pieces.append(table)
         if sum(map(len, pieces)) >= ROW_GROUP:  # small files together: each table costs its reader some time
             yield pa.concat_tables(pieces)
@@ -67,16 +74,18 @@ def stream(files: Files, plan: PlanHeader, end: int, columns: Sequence[str] | No
         yield pa.concat_tables(pieces)
 
 
-def _tables_of_files(files: Files, plan: PlanHeader, end: int, columns: Sequence[str] | None) -> "Iterator[pa.Table]":
+def _tables_of_files(
+    files: Files, plan: PlanHeader, end: int, columns: Sequence[str] | None, batches: Collection[int] | None
+) -> "Iterator[pa.Table]":
     """Yield rows in the order of the samples, those of a file at a time."""
-    by_batch = files_by_batch(files, plan)
+    by_batch = _wanted(files_by_batch(files, plan), batches)
     batch, last = 0, max(number for number, (first, _) in enumerate(plan.batches) if first < end)
     listed_for = -1
     bad: set[str] = set()
     while batch <= last:
         names = [name for name in by_batch.get(batch, []) if name not in bad]
         if not names and listed_for != batch and batch in by_batch:  # its file was merged since, or is bad: list anew
-            by_batch, listed_for = files_by_batch(files, plan), batch
+            by_batch, listed_for = _wanted(files_by_batch(files, plan), batches), batch
             continue
         if not names:
             batch += 1
@@ -94,6 +103,11 @@ def _tables_of_files(files: Files, plan: PlanHeader, end: int, columns: Sequence
             continue
         yield table.slice(0, end - plan.batches[batch][0])
         batch = last_in_file + 1
+
+
+def _wanted(by_batch: dict[int, list[str]], batches: Collection[int] | None) -> dict[int, list[str]]:
+    """Return the files of those batches that are wanted; None are all."""
+    return by_batch if batches is None else {batch: by_batch[batch] for batch in batches if batch in by_batch}
 
 
 def _last_from_file(by_batch: dict[int, list[str]], name: str, batch: int, last: int) -> int:

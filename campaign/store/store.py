@@ -1,7 +1,7 @@
 """The store: plans, parts, tables and small documents of campaigns under one root."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from campaign.errors import StoreError
@@ -203,7 +203,9 @@ class Store:
             )
         return plan.rows_before(end)
 
-    def stream(self, plan: PlanHeader, columns: Sequence[str] | None = None) -> "Iterator[pa.Table]":
+    def stream(
+        self, plan: PlanHeader, columns: Sequence[str] | None = None, batches: Collection[int] | None = None
+    ) -> "Iterator[pa.Table]":
         """Yield the rows of a campaign in the order of the samples, some ten thousand at a time.
 
         Parameters
@@ -212,6 +214,8 @@ class Store:
             The campaign.
         columns : sequence of str, optional
             Columns to read; by default all.
+        batches : collection of int, optional
+            Batches to read; by default all.
 
         Yields
         ------
@@ -219,7 +223,7 @@ class Store:
             The next rows, of one file or of several small ones. Missing batches are left out; bad ones too, with a
             warning.
         """
-        return stream(self.files, plan, self.end(plan), columns)
+        return stream(self.files, plan, self.end(plan), columns, batches)
 
     def table(self, campaign_id: str | None = None) -> "pa.Table":
         """Return the rows of a campaign, sorted by sample.

