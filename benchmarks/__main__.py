@@ -24,12 +24,13 @@ from benchmarks import (
     overhead,
     report,
     web_answers,
+    web_load,
 )
 from engine import warm_up
 
 PARTS = (
     *("friction", "hard", "heaps", "c60", "chain", "campaign", "overhead", "report", "first_use", "siconos"),
-    *("builds", "web_answers", "gaps"),
+    *("builds", "web_answers", "web_load", "gaps"),
 )
 
 
@@ -90,6 +91,11 @@ def main() -> None:
     if "web_answers" in parts:
         numbers["web_answers"] = web_answers.measure(unit)
         _show(console, "answers of the service", numbers["web_answers"])
+    if "web_load" in parts:
+        figures, facts = web_load.measure()
+        numbers["web_load"] = {"figures": figures, "facts": facts}
+        _show(console, "the service under load", figures)
+        _show(console, "the service under load, the whole run", [facts])
     if "gaps" in parts:
         numbers["gaps"] = gaps.measure(unit)
         _show(console, "a query of a contact's gap, point and frame", numbers["gaps"])

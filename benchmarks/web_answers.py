@@ -10,16 +10,14 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
-from campaign.inputs.sampling import draw
-from campaign.plan import Plan, make_plan
+from benchmarks.made_up_campaigns import made_up_campaign
+from campaign.plan import Plan
 from campaign.spec.load import load_campaign
 from campaign.store import Store, open_store
 from campaign.web.answers.answers import Answers
@@ -55,7 +53,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="clearcap-bench-") as folder:
         root = Path(folder)
         store, folder_of_columns = open_store(str(root / "runs")), private_folder(root / "cache", "columns")
-        papers, million = _filled(store, PAPERS, 100), _filled(store, MILLION, 100_000)
+        loaded = load_campaign("c60")
+        papers, million = (made_up_campaign(store, loaded, *size) for size in ((PAPERS, 100), (MILLION, 100_000)))
         small, large = (_asked(store, plan, folder_of_columns) for plan in (papers, million))
         rows = [
             _first("what if of 30,850 rows x 10 responses, the first (309 parts)", small, None),
@@ -69,35 +68,6 @@ def main() -> None:
             *asyncio.run(_served(store, papers, folder_of_columns)),
         ]
     print(json.dumps(rows))
-
-
-def _filled(store: Store, samples: int, batch: int) -> Plan:
-    """Return the plan of a campaign with made-up rows in files of ``batch`` rows."""
-    loaded = load_campaign("c60")
-    spec = loaded.spec.model_copy(update={"samples": samples, "name": f"c60-{samples}", "stop": None})
-    plan = store.create_plan(make_plan(replace(loaded, spec=spec), batch))
-    parts = [
-        store.write_part(plan, number, _rows(plan, first, count)) for number, (first, count) in enumerate(plan.batches)
-    ]
-    store.record(plan, parts)
-    return plan
-
-
-def _rows(plan: Plan, first: int, count: int) -> pa.Table:
-    """Return made-up rows."""
-    variables = draw(plan.spec, first, count)
-    scaled = [(x - x.mean()) / (x.std() or 1.0) for x in variables.values()]
-    rng = np.random.default_rng(first)
-    columns: dict[str, Any] = {"sample": np.arange(first, first + count), **variables}
-    for number, name in enumerate(plan.mechanism.responses):
-        limits = plan.spec.responses[name].limits()[:2] if name in plan.spec.responses else (None, None)
-        low, high = (side if side is not None else end for side, end in zip(limits, (0.0, 10.0), strict=True))
-        spread = sum(x * (1 + (number + k) % 3) for k, x in enumerate(scaled)) + rng.standard_normal(count)
-        columns[name] = (low + high) / 2 + (high - low) / 50 * spread
-    constants = {"status": "ok", "message": "", "earlier_attempts": "", "settled": True, "steps": 80, "attempts": 1}
-    for name in plan.schema.names:
-        columns.setdefault(name, np.full(count, constants.get(name, 1e-9)))
-    return pa.table({name: pa.array(columns[name]) for name in plan.schema.names}).cast(plan.schema)
 
 
 def _asked(store: Store, plan: Plan, folder: Path) -> AskedRows:

@@ -25,6 +25,7 @@ from campaign.web.coordinator_child import CoordinatorChild
 from campaign.web.jobs.mechanisms import warm_up_trial
 from campaign.web.settings import Settings
 from campaign.web.signatory import Signatory
+from campaign.web.watch.counted_status import CountedStatuses
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.watcher import Watcher
 from campaign.web.watch.workload import Workload
@@ -58,6 +59,8 @@ class Service:
         The company's login service.
     watcher : Watcher
         Looks at the store for all.
+    statuses : CountedStatuses
+        How far campaigns are.
     streams : Counter of str
         Open event streams by user.
     submitting : Counter of str
@@ -82,6 +85,7 @@ class Service:
     throttle: Throttle = field(init=False)
     company: CompanyLogin | None = field(init=False)
     watcher: Watcher = field(init=False)
+    statuses: CountedStatuses = field(init=False)
     streams: Counter[str] = field(init=False)
     submitting: Counter[str] = field(init=False)
     pool: JobPool = field(init=False)
@@ -103,6 +107,7 @@ class Service:
         self.answers = Answers(self.pool, self.store.hasty, columns_folder())
         index = CampaignIndex(self.database.path.with_name("index.sqlite"))
         self.watcher = Watcher(self.store, index, is_served=self.settings.coordinate is not None)
+        self.statuses = CountedStatuses(self.store.hasty)
         self.throttle = Throttle(self.settings.limits.failures, self.settings.limits.failures_within)
         oidc = self.settings.oidc
         self.company = CompanyLogin(oidc, self.settings.address) if oidc else None

@@ -38,7 +38,7 @@ class Done(BaseModel):
 def cancel(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
     """End a campaign; finished rows stay, and `resume` continues it."""
     before = cancel_campaign(service.store.hasty, campaign)
-    service.watcher.hurry()
+    service.watcher.hurry(campaign)
     note = "it is completed; nothing to cancel" if before == "completed" else "its workers end within some seconds"
     return Done(campaign=campaign, before=before, note=note)
 
@@ -49,7 +49,7 @@ def resume(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
     entry = service.watcher.index.entry(campaign)
     plan = service.store.hasty.plan(campaign)
     assignment = assign_coordinator(service.store.hasty, plan, [], queue_only=True)
-    service.watcher.hurry()
+    service.watcher.hurry(campaign)
     note = "a coordinator computes it already" if assignment.kind == "coordinator" else "queued"
     return Done(campaign=campaign, before=entry.state if entry else "planned", note=note)
 
@@ -80,7 +80,7 @@ def rerun(service: TheService, campaign: TheCampaign, who: Engineer, wanted: Fai
     request_rerun(store, campaign, wanted.statuses, who.name)
     store.remove(campaign, CANCEL)
     write_state(store, campaign, "queued", f"{count} failed rows will be computed again")
-    service.watcher.hurry()
+    service.watcher.hurry(campaign)
     return Done(campaign=campaign, before=before, note=f"queued: {count} failed rows will be computed again")
 
 
@@ -101,7 +101,7 @@ async def label(service: TheService, campaign: TheCampaign, who: Engineer, wante
     """Change owner, tags and note of a campaign, or archive it."""
     change = LabelChange(wanted.owner, tuple(wanted.add_tags), tuple(wanted.remove_tags), wanted.note, wanted.archived)
     await asyncio.to_thread(change_labels, service.store.hasty, campaign, change, by=who.name, version=wanted.version)
-    await service.watcher.list_campaigns()
+    await service.watcher.list_campaigns(campaign)
     entry = service.watcher.index.entry(campaign)
     if entry is None:
         raise Refusal(404, f"no campaign {campaign} in the store")
@@ -126,5 +126,5 @@ def delete(
         raise Refusal(409, f"campaign {campaign} is signed; archive it instead")
     delete_campaign(service.store.hasty, campaign)
     service.watcher.index.forget(campaign)
-    service.watcher.hurry()
+    service.watcher.hurry(campaign)
     return Response(status_code=204)

@@ -9,7 +9,6 @@ from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response, StreamingResponse
 
-from campaign.coordinator.progress.progress_report import progress_report
 from campaign.store.layout import CAMPAIGN_FILE
 from campaign.web.api.calls import calls
 from campaign.web.api.whose import TheCampaign
@@ -105,7 +104,7 @@ async def show_campaign(service: TheService, campaign: TheCampaign) -> CampaignE
     """Show a campaign: state, progress, yield, weakest Cpk, owner and tags."""
     entry = service.watcher.index.entry(campaign)
     if entry is None:
-        await service.watcher.list_campaigns()
+        await service.watcher.list_campaigns(campaign)
         entry = service.watcher.index.entry(campaign)
     if entry is None:
         raise Refusal(404, f"no campaign {campaign} in the store")
@@ -173,9 +172,8 @@ class CampaignStatus(BaseModel):
 
 @router.get("/campaigns/{campaign}/status", responses=described(404))
 def campaign_status(service: TheService, campaign: TheCampaign) -> CampaignStatus:
-    """Count the rows of a campaign now: state, rows by status, and the last message of its coordinator."""
-    store, remarks = service.store.hasty, list[str]()
-    document = progress_report(store, store.plan_header(campaign), remarks.append)
+    """Count the rows of a campaign: state, rows by status, and of one that runs, as its coordinator counts."""
+    document = service.statuses.status(campaign)
     if document["heartbeat"]:
         document["heartbeat"]["token"] = ""  # of the coordinator's lease
-    return CampaignStatus(**document, remarks=remarks)
+    return CampaignStatus(**document)

@@ -59,7 +59,7 @@ async def write_report(service: TheService, campaign: TheCampaign, who: Engineer
     if service.is_signed(campaign):
         raise Refusal(409, f"campaign {campaign} is signed, and its report with it; it is not written again")
     await service.pool.data(who.name, written_report, service.store.files.full_url, campaign)
-    service.watcher.hurry()
+    service.watcher.hurry(campaign)
     return await run_in_threadpool(report_files, service, campaign)
 
 

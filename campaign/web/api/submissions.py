@@ -166,7 +166,7 @@ async def _made(service: Service, who: Principal, job: Any, *arguments: Any) -> 
         made = await service.pool.data(who.name, job, *arguments)
     finally:
         service.submitting[who.name] -= 1
-    await service.watcher.list_campaigns()
+    await service.watcher.list_campaigns(made["campaign"])
     note = "" if made["is_new"] else f"the store had it already; its owner is {made['owner'] or 'nobody'}"
     if made["is_new"] and made["reuse"] and job is extend_campaign:
         note = f"all rows are computed anew: {made['reuse']}"

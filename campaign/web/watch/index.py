@@ -65,6 +65,13 @@ class CampaignIndex:
             self._read(store, {campaign: tokens[campaign] for campaign in stale[begin : begin + AT_ONCE]})
         return {*gone, *stale}
 
+    def refresh_one(self, store: Store, campaign: str, token: str | None) -> None:
+        """Read one campaign again if it has changed; without a token, which means that it is gone, forget it."""
+        if token is None:
+            self.forget(campaign)
+        elif not self._is_fresh(campaign, token):
+            self._read(store, {campaign: token})
+
     def forget(self, campaign: str) -> None:
         """Forget a campaign that was deleted here, before the next look at the store."""
         with self._lock:

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import math
 import time
 from collections.abc import AsyncIterator, Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -13,7 +14,7 @@ from campaign.coordinator.follow import Observation, observe
 from campaign.coordinator.lease import LeaseHeld
 from campaign.errors import CampaignError
 from campaign.store import Store
-from campaign.store.change_tokens import change_tokens
+from campaign.store.change_tokens import change_token, change_tokens
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.snapshot import Snapshot, snapshot
 
@@ -73,7 +74,9 @@ class Watcher:
     def __init__(self, store: Store, index: CampaignIndex, *, is_served: bool = False) -> None:
         self._store, self.index, self.is_served = store.hasty, index, is_served
         self.listed_at: float | None = None  # by the monotonic clock, when the store was last listed
-        self._hurries = 0  # how often somebody has changed something here
+        self._listed_whole_at = -math.inf
+        self._changed = set[str]()  # campaigns that were changed here since they were looked at
+        self._hurries = 0  # how often that was
         self.fault = ""  # why the store cannot be read
         self._feeds: dict[str, Feed] = {}
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="store-reader")
@@ -98,8 +101,9 @@ class Watcher:
     async def _look(self) -> None:
         """Look once; a store that is away is looked at again later."""
         try:
-            if self.listed_at is None or time.monotonic() - self.listed_at >= LIST_EVERY:
+            if self._is_whole_due():
                 await self._in_reader(self._finish_deletions)
+            if self.listed_at is None or self._is_whole_due():
                 await self.list_campaigns()
             for campaign, feed in list(self._feeds.items()):
                 if feed.followers:
@@ -114,12 +118,27 @@ class Watcher:
         except Exception:
             logger.exception("the store could not be looked at")
 
-    async def list_campaigns(self) -> None:
-        """Bring the index up to date now."""
-        hurries = self._hurries
-        await self._in_reader(self._refresh)
-        if hurries == self._hurries:  # otherwise the store has changed since its files were looked at
-            self.listed_at = time.monotonic()
+    async def list_campaigns(self, changed: str | None = None) -> None:
+        """Bring the index up to date now: with what was changed here, and every five seconds with the whole store.
+
+        Parameters
+        ----------
+        changed : str, optional
+            A campaign that was changed here, besides those of `hurry`.
+        """
+        campaigns, hurries = {*self._changed, *([changed] if changed else [])}, self._hurries
+        is_whole = not campaigns or self._is_whole_due()
+        await (self._in_reader(self._refresh) if is_whole else self._in_reader(self._refresh_some, campaigns))
+        if hurries != self._hurries:
+            return  # the store has changed since its files were looked at: the next look is soon
+        self._changed.clear()
+        self.listed_at = time.monotonic()
+        if is_whole:
+            self._listed_whole_at = self.listed_at
+
+    def _is_whole_due(self) -> bool:
+        """Return whether it is time to look at all campaigns of the store."""
+        return time.monotonic() - self._listed_whole_at >= LIST_EVERY
 
     def _finish_deletions(self) -> None:
         for campaign in unfinished_deletions(self._store):
@@ -129,12 +148,20 @@ class Watcher:
     def _refresh(self) -> None:
         self.index.refresh(self._store, change_tokens(self._store))
 
+    def _refresh_some(self, campaigns: set[str]) -> None:
+        for campaign in campaigns:
+            self.index.refresh_one(self._store, campaign, change_token(self._store, campaign))
+
     async def _in_reader(self, function: Callable[..., T], *arguments: object) -> T:
         """Call a function in the one thread that reads the store."""
         return await asyncio.get_running_loop().run_in_executor(self._reader, function, *arguments)
 
-    def hurry(self) -> None:
-        """Look soon, because somebody has just changed something here; any thread may call it."""
+    def hurry(self, campaign: str | None = None) -> None:
+        """Look soon, because a campaign, or any of them, was just changed; any thread may call it."""
+        if campaign is None:
+            self._listed_whole_at = -math.inf
+        else:
+            self._changed.add(campaign)
         self._hurries += 1
         self.listed_at = None
         self._loop.call_soon_threadsafe(self._wake.set)

@@ -238,6 +238,35 @@ def test_change_during_a_listing_is_listed_too(store, plan, index, quick):
     assert asyncio.run(list_and_change()) == "cancelled"
 
 
+def test_change_made_here_is_looked_at_alone(store, plan, index, monkeypatch):
+    """Others are looked at in their turn; one that is gone is forgotten."""
+    listed = []
+    monkeypatch.setattr(watching, "change_tokens", lambda store: (listed.append("all"), change_tokens(store))[1])
+    states = []
+
+    async def change():
+        watcher = Watcher(store, index)
+        looking = asyncio.create_task(watcher.run())
+        async with asyncio.timeout(30):
+            while watcher.listed_at is None:
+                await asyncio.sleep(0.01)
+        for state in ("cancelled", "failed"):
+            write_state(store, plan.campaign_id, state)
+            watcher.hurry(plan.campaign_id)
+            await watcher.list_campaigns()
+            states.append(index.entry(plan.campaign_id).state)
+        store.files.remove_tree(plan.campaign_id)
+        await watcher.list_campaigns(plan.campaign_id)
+        looking.cancel()
+
+    write_state(store, plan.campaign_id, "completed")
+    monkeypatch.setattr(watching, "LIST_EVERY", 1e9)
+    asyncio.run(change())
+    assert states == ["cancelled", "failed"]
+    assert index.entry(plan.campaign_id) is None
+    assert listed == ["all"]
+
+
 def test_streams_end_with_the_server(store, plan, index, quick):
     async def act(watcher):
         await _seen(watcher, plan.campaign_id, "queued")

@@ -1,0 +1,202 @@
+"""What the service takes under load: lists, states and event streams, while a campaign computes beside it.
+
+A real server, in a process of its own, over a store of 1,000 campaigns that are made up here. Each figure is processor
+time of that process alone, beside the bar that it must keep, and as a multiple of a bare answer (`bare_answer`).
+"""
+
+import asyncio
+import tempfile
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from benchmarks.made_up_campaigns import made_up_campaign
+from benchmarks.server_load import PATIENCE, ServerLoad, asking, bare_server
+from campaign.coordinator.state import write_state
+from campaign.plan import Plan
+from campaign.reports.report import report
+from campaign.spec.load import load_campaign
+from campaign.store import Store, open_store
+from campaign.store.layout import SUBMISSION
+from campaign.web.watch.entry import REPORT_DOCUMENT
+
+CAMPAIGNS, SAMPLES = 1000, 20
+FILES, ROWS_OF_A_FILE = 309, 100  # of one larger campaign, the paper's
+FOLLOWERS = 200
+LISTINGS, CHANGES, STATUSES, BARE = 40, 20, 200, 2000  # requests that a figure is the mean of
+IDLE, FOLLOWED, FIRST_MIXED, MIXED = 10.0, 30.0, 20.0, 60.0  # s
+CALLERS, PAUSE = 4, 0.1  # s, between two questions of a caller
+LIST = f"/api/v1/campaigns?limit={CAMPAIGNS}"
+BESIDE = """format = 1
+name = "beside"
+mechanism = "c60"
+samples = 60000
+
+[variables.J1]
+distribution = "uniform"
+lower = 0.01
+upper = 0.13
+"""
+
+
+def measure() -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Return what each kind of question takes [ms of processor time], and figures of the whole run."""
+    with tempfile.TemporaryDirectory(prefix="clearcap-bench-") as folder:
+        return asyncio.run(_measured(Path(folder)))
+
+
+async def _measured(folder: Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Measure servers of a store, one after the other; see `measure`."""
+    changed, small, large = _filled(open_store(str(folder / "runs")))
+    async with bare_server() as bare:
+        table = _Table(await bare.mean(BARE, lambda _: bare.ask("/")))
+        bare_wait = float(np.median(bare.waits))
+    async with _serving(folder, "--no-drive") as load:
+        without_index = load.taken
+    async with _serving(folder, "--workers", "1") as load:
+        table.add("the first list of all, more without an index than with one", without_index - load.taken)
+        running = await _campaign_beside(load)
+        load.idle = await load.share(IDLE)
+        table.add("a second in which nobody asks", load.idle)
+        await _measure_questions(load, table, changed, {"20 rows": small, "309 files": large, "running": running})
+        async with load.followers(f"/api/v1/campaigns/{running}/events", FOLLOWERS):
+            before = load.events
+            table.add(f"a second of {FOLLOWERS} followers", await load.share(FOLLOWED) - load.idle, 100.0)
+            facts = {"events a follower a second": (load.events - before) / FOLLOWED / FOLLOWERS}
+            paths = [LIST, "/api/v1/campaigns", f"/api/v1/campaigns/{running}/status", f"/campaigns/{small}"]
+            facts |= await _mixed(load, paths, bare_wait)
+        facts |= {"answers": load.statuses.total(), "errors among them": load.errors}
+    return table.rows, facts
+
+
+class _Table:
+    """Figures, each beside its bar and relative to a bare answer [s of processor time]."""
+
+    def __init__(self, bare_answer: float) -> None:
+        self._unit, self.rows = bare_answer, list[dict[str, Any]]()
+        self.add("a bare answer", bare_answer)
+
+    def add(self, what: str, seconds: float, bar_ms: float | None = None) -> None:
+        """Add a figure."""
+        milliseconds = 1e3 * seconds
+        share = "" if bar_ms is None else milliseconds / bar_ms
+        row = {"what": what, "processor_ms": milliseconds, "bar_ms": bar_ms or "", "share_of_bar": share}
+        self.rows.append(row | {"in_bare_answers": seconds / self._unit})
+
+
+def _filled(store: Store) -> tuple[str, str, str]:
+    """Fill a store with completed campaigns that have reports; return the ids of two small ones and of a large one."""
+    loaded = load_campaign("c60")
+    first = made_up_campaign(store, loaded, SAMPLES, SAMPLES, "c60-0")
+    report(store, first, kinds=("json",))
+    document = store.files.read(f"{first.campaign_id}/{REPORT_DOCUMENT}")
+    _complete(store, first, document)
+    for number in range(1, CAMPAIGNS):
+        second = made_up_campaign(store, loaded, SAMPLES, SAMPLES, f"c60-{number}")
+        _complete(store, second, document)
+    large = made_up_campaign(store, loaded, FILES * ROWS_OF_A_FILE, ROWS_OF_A_FILE)
+    _complete(store, large, document)
+    return first.campaign_id, second.campaign_id, large.campaign_id
+
+
+def _complete(store: Store, plan: Plan, document: bytes) -> None:
+    """Mark a campaign as completed, with a report."""
+    with patch("os.fsync"):
+        store.write_json(plan.campaign_id, SUBMISSION, {"user": "eva", "time": time.time()})
+        store.files.write(f"{plan.campaign_id}/{REPORT_DOCUMENT}", document)
+        write_state(store, plan.campaign_id, "completed")
+
+
+@asynccontextmanager
+async def _serving(folder: Path, *options: str) -> AsyncIterator[ServerLoad]:
+    """Serve the store in the block, once all campaigns are listed."""
+    from tests.campaign.web.running import Served
+
+    (folder / "limits.toml").write_text(f"[limits]\nstreams = {FOLLOWERS}\n", encoding="utf-8")
+    with Served(folder, "--config", str(folder / "limits.toml"), *options) as served:
+        served.wait()
+        async with asking(served.url, served.process.pid, served.token("engineer")) as load:
+            async with asyncio.timeout(PATIENCE):
+                while (await load.ask(LIST)).json()["total"] <= CAMPAIGNS:
+                    await asyncio.sleep(1.0)
+            yield load
+
+
+async def _campaign_beside(load: ServerLoad) -> str:
+    """Submit a campaign that takes longer than all questions, wait until it has rows, and return its id."""
+    campaign: str = (await load.ask("/api/v1/campaigns", "POST", json={"text": BESIDE})).json()["campaign"]
+    async with asyncio.timeout(PATIENCE):
+        while True:
+            status = (await load.ask(f"/api/v1/campaigns/{campaign}/status")).json()
+            if status["done"] and status["heartbeat"]:
+                return campaign
+            await asyncio.sleep(1.0)
+
+
+async def _measure_questions(load: ServerLoad, table: _Table, changed: str, campaigns: dict[str, str]) -> None:
+    """Measure the list, warm and after a change of a campaign, and the status of some campaigns by their names."""
+
+    async def change(number: int) -> None:
+        await load.ask(f"/api/v1/campaigns/{changed}/labels", "PATCH", json={"note": f"number {number}"})
+        await load.ask(LIST)
+
+    table.add(f"a list of {CAMPAIGNS} campaigns", await load.mean(LISTINGS, lambda _: load.ask(LIST)), 50.0)
+    table.add("a change of a label and the list after it", await load.mean(CHANGES, change), 50.0)
+    for name, campaign in campaigns.items():
+        path = f"/api/v1/campaigns/{campaign}/status"
+        table.add(f"a status: {name}", await load.mean(STATUSES, lambda _, path=path: load.ask(path)), 2.5)
+
+
+async def _mixed(load: ServerLoad, paths: list[str], bare_wait: float) -> dict[str, float]:
+    """Ask all paths again and again with some callers at once; return memory of the process and waiting times.
+
+    Parameters
+    ----------
+    load : ServerLoad
+        The server.
+    paths : list of str
+        What is asked.
+    bare_wait : float
+        Waiting time for a bare answer [s].
+    """
+    at_first = load.memory_mib
+    await _ask_all(load, paths, FIRST_MIXED)  # until each of its threads has the memory that it works with
+    load.waits.clear()
+    before = load.taken
+    at, mib = np.array(await _ask_all(load, paths, MIXED)).T
+    median, late = np.quantile(load.waits, (0.5, 0.99))
+    return {
+        f"mixed questions in {MIXED:g} s": len(load.waits),
+        "share of a core meanwhile": (load.taken - before) / MIXED,
+        "waiting time, median, ms": 1e3 * float(median),
+        "waiting time, 99 %, ms": 1e3 * float(late),
+        "median in those of bare answers": float(median) / bare_wait,
+        "memory before mixed questions, MiB": at_first,
+        f"memory {FIRST_MIXED:g} s later, MiB": float(mib[0]),
+        f"memory {MIXED:g} s later again, MiB": float(mib[-1]),
+        "its slope, MiB a minute": 60.0 * float(np.polyfit(at - at[0], mib, 1)[0]),
+    }
+
+
+async def _ask_all(load: ServerLoad, paths: list[str], seconds: float) -> list[tuple[float, float]]:
+    """Ask all paths in turns, with some callers at once; return times [s] and memory [MiB], one pair a second."""
+    end, memory = time.monotonic() + seconds, list[tuple[float, float]]()
+
+    async def call(number: int) -> None:
+        while time.monotonic() < end:
+            await load.ask(paths[number % len(paths)])
+            number += 1
+            await asyncio.sleep(PAUSE)
+
+    async def look() -> None:
+        while time.monotonic() < end:
+            memory.append((time.monotonic(), load.memory_mib))
+            await asyncio.sleep(1.0)
+
+    await asyncio.gather(look(), *map(call, range(CALLERS)))
+    return memory

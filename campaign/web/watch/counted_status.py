@@ -1,0 +1,57 @@
+"""How far campaigns are, with their rows counted: again only when their files have changed."""
+
+import time
+from collections import OrderedDict
+from threading import Lock
+from typing import Any
+
+from campaign.coordinator.progress.progress_report import progress_report, running_report
+from campaign.store import Store
+from campaign.store.change_tokens import change_token
+
+MOST_KEPT = 2000  # campaigns
+RECOUNT_AFTER = 60.0  # s: a file that is damaged where it is changes no token
+RESTING = ("completed", "incomplete", "cancelled", "failed", "planned")  # states that last until a file changes
+
+
+class CountedStatuses:
+    """Counts the rows of campaigns; any thread may ask.
+
+    Parameters
+    ----------
+    store : Store
+        Where they are.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self._store, self._lock = store, Lock()
+        self._kept: OrderedDict[str, tuple[str, float, dict[str, Any]]] = OrderedDict()  # token, when, and document
+
+    def status(self, campaign: str) -> dict[str, Any]:
+        """Return how far a campaign is, as `progress_report` says it, and what is wrong with its files as ``remarks``.
+
+        Of a campaign that runs the counts are those of its coordinator, at most some seconds old.
+
+        Raises
+        ------
+        StoreError
+            If the store cannot be read, or has no such campaign.
+        """
+        token = change_token(self._store, campaign)
+        with self._lock:
+            known = self._kept.get(campaign)
+        if known is not None and known[0] == token and time.monotonic() - known[1] < RECOUNT_AFTER:
+            return known[2]
+        remarks: list[str] = []
+        document = running_report(self._store, campaign, remarks.append)
+        if document is None:
+            remarks.clear()
+            document = progress_report(self._store, self._store.plan_header(campaign), remarks.append)
+        document["remarks"] = remarks
+        with self._lock:
+            self._kept.pop(campaign, None)
+            if token is not None and document["state"] in RESTING:
+                self._kept[campaign] = token, time.monotonic(), document
+            while len(self._kept) > MOST_KEPT:
+                self._kept.popitem(last=False)
+        return document
