@@ -101,8 +101,6 @@ class Watcher:
     async def _look(self) -> None:
         """Look once; a store that is away is looked at again later."""
         try:
-            if self._is_whole_due():
-                await self._in_reader(self._finish_deletions)
             if self.listed_at is None or self._is_whole_due():
                 await self.list_campaigns()
             for campaign, feed in list(self._feeds.items()):
@@ -140,12 +138,10 @@ class Watcher:
         """Return whether it is time to look at all campaigns of the store."""
         return time.monotonic() - self._listed_whole_at >= LIST_EVERY
 
-    def _finish_deletions(self) -> None:
+    def _refresh(self) -> None:
         for campaign in unfinished_deletions(self._store):
             with suppress(LeaseHeld):  # whoever deletes it is still at it
                 finish_deletion(self._store, campaign)
-
-    def _refresh(self) -> None:
         self.index.refresh(self._store, change_tokens(self._store))
 
     def _refresh_some(self, campaigns: set[str]) -> None:
