@@ -6,9 +6,11 @@ from typing import Annotated, Any
 
 import typer
 
+from campaign.cli.import_step import import_step
 from campaign.cli.output import Json, print_json, print_text
 
 mechanism_app = typer.Typer(help="List, show and check mechanisms.", no_args_is_help=True)
+mechanism_app.command("import")(import_step)
 
 MechanismName = Annotated[str, typer.Argument(help="A shipped mechanism or a mechanism file.")]
 
@@ -91,17 +93,28 @@ def show(
 @mechanism_app.command()
 def check(mechanism: MechanismName, json: Json = False) -> None:
     """Check a mechanism, also on its test benches and with its presets; warn of what looks wrong but can run."""
+    from campaign.geometry_summary import geometry_lines
     from campaign.mechanism_summary import mechanism_warnings
     from engine import load_mechanism
+    from engine.cad_import.open_questions import questions_of_file
 
+    questions = questions_of_file(mechanism)
+    for question in () if json else questions:
+        print_text(f"question: {mechanism}, line {question.line}: {question.text}")
     loaded = load_mechanism(mechanism)
     warnings = mechanism_warnings(loaded)
     if json:
-        print_json({"mechanism": loaded.name, "ok": True, "digest": loaded.digest(), "warnings": warnings})
+        document = {"mechanism": loaded.name, "ok": True, "digest": loaded.digest(), "warnings": warnings}
+        document["questions"] = [asdict(question) for question in questions]
+        document["geometry"] = loaded.geometry.model_dump(exclude_none=True) if loaded.geometry else None
+        print_json(document)
         return
+    for line in geometry_lines(loaded):
+        print_text(line)
     for entry in warnings:
         print_text(f"warning: {mechanism}: {entry['where']}{': ' if entry['where'] else ''}{entry['text']}")
-    count = f", {len(warnings)} warning{'s' if len(warnings) > 1 else ''}" if warnings else ""
+    count = f", {_counted(len(warnings), 'warning')}" if warnings else ""
+    count += f", {_counted(len(questions), 'open question')}" if questions else ""
     print_text(f"{mechanism}: no errors{count}")
 
 

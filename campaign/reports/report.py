@@ -13,6 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from campaign.errors import CampaignError, SpecError, unwritable
+from campaign.geometry_summary import geometry_provenance
 from campaign.inputs.distributions import Continuous
 from campaign.inputs.sampling import production_batch, sampler_named
 from campaign.plan import Plan
@@ -206,6 +207,7 @@ def provenance(plan: Plan, place: Iterable[str] = ()) -> dict[str, str]:
         "campaign": plan.campaign_id,
         "mechanism": spec.mechanism,
         "mechanism digest": plan.mechanism.digest(),
+        **geometry_provenance(plan.mechanism.geometry),
         "samples": str(spec.samples),
         "sampler": spec.sampler,
         "seed": str(spec.seed),

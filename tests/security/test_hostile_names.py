@@ -9,6 +9,7 @@ import unicodedata
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
 from typer.main import get_command
@@ -94,6 +95,7 @@ def words_of(verb, campaign_id):
         "folder": [FOLDER],
         "export": [f"runs/{campaign_id}"],
         "pattern": ["*"],
+        "step_file": [str(ROOT / "docs" / "examples" / "latch.step")],
     }
     words = []
     for parameter in VERBS[verb].params:
@@ -105,6 +107,8 @@ def words_of(verb, campaign_id):
         ("delete",): ["--yes"],
         ("whatif",): ["--set", f"{VARIABLE}.std=0.019"],
         ("mechanism", "show"): ["--keys"],
+        ("mechanism", "import"): ["--output", f"imported-{uuid4().hex}.toml"],
+        ("mechanism", "plain"): ["--output", f"plain-{uuid4().hex}.toml"],
         ("serve",): ["--login-link", "admin", "--data", "served"],
         ("rerun",): ["--sample", "3", "--workers", "1"],
     }

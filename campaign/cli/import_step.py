@@ -1,0 +1,138 @@
+"""``clearcap mechanism import``."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from campaign.cli.output import Json, print_json, print_text
+
+if TYPE_CHECKING:
+    from engine.cad_import.found_geometry import FoundGeometry
+
+
+def import_step(
+    step_file: Annotated[str, typer.Argument(metavar="STEP", help="A STEP file: .step or .stp.")],
+    output: Annotated[Path, typer.Option("--output", "-o", help="The mechanism file to write: .toml.")],
+    recognition: Annotated[
+        float, typer.Option(help="How far a spline may be from the plane or cylinder it is taken for [mm].")
+    ] = 1e-4,
+    json: Json = False,
+) -> None:
+    """Propose a mechanism file from a STEP file: parts, joints, play, and what only you know as marked questions."""
+    from campaign.cli.output_files import check_output, replacing
+    from campaign.spec.proposed_campaign import proposed_campaign
+    from engine.cad import read_step
+    from engine.cad_import.found_geometry import find_geometry
+    from engine.cad_import.open_questions import open_questions
+    from engine.cad_import.proposed_joints import diameters_of
+    from engine.cad_import.proposed_mechanism import proposed_mechanism
+
+    campaign = output.with_name(f"{output.stem}-campaign.toml")
+    check_output("--output", output, (".toml",))
+    _refuse_existing(output)
+    found = find_geometry(read_step(step_file, recognition))
+    _refuse_empty(found, step_file)
+    name = _name(output.stem)
+    file = os.path.relpath(step_file, output.parent)
+    text = proposed_mechanism(found, file, name)
+    diameters = [each for joint in found.joints for each in diameters_of(found, joint).values()]
+    if diameters:
+        _refuse_existing(campaign)
+        with replacing(campaign) as temporary:
+            temporary.write_text(proposed_campaign(diameters, output.name, f"{name}-limits"), "utf-8")
+    with replacing(output) as temporary:
+        temporary.write_text(text, "utf-8")
+    written = [str(output), *([str(campaign)] if diameters else [])]
+    questions = open_questions(text)
+    if json:
+        print_json({**_document(found), "questions": [each.text for each in questions], "written": written})
+        return
+    _print(found)
+    for question in questions:
+        print_text(f"question, line {question.line}: {question.text}")
+    print_text(f"written: {', '.join(written)}; {len(questions)} questions are open")
+
+
+def _refuse_existing(path: Path) -> None:
+    """Refuse to write over a file that may hold a person's answers."""
+    from campaign.errors import SpecError
+
+    if path.exists():
+        raise SpecError(f"{path}: exists already, and may hold answers; name another file with --output, or move it")
+
+
+def _refuse_empty(found: "FoundGeometry", step_file: str) -> None:
+    """Refuse a file of which no mechanism can be made."""
+    from campaign.errors import SpecError
+
+    if len(found.assembly.parts) < 2:
+        raise SpecError(
+            f"{step_file}: holds {len(found.assembly.parts)} parts; allowed: two or more, one of them fixed; export the"
+            " assembly, not a single part"
+        )
+
+
+def _name(stem: str) -> str:
+    """Return a name of a mechanism for a file."""
+    name = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "-" for c in stem).strip("-_")
+    return name if name[:1].isalpha() else f"mechanism-{name}".rstrip("-")
+
+
+def _document(found: "FoundGeometry") -> dict[str, Any]:
+    """Return what was found as plain data; lengths in mm."""
+    face = {f.number: f for f in found.assembly.faces}
+    return {
+        "parts": [
+            {
+                "name": part.name,
+                "body": found.bodies[part.name],
+                "path": list(part.path),
+                "volume": sum(solid.volume for solid in part.solids),
+                "material": part.material.name if part.material else None,
+            }
+            for part in found.assembly.parts
+        ],
+        "joints": [
+            {
+                "name": joint.name,
+                "bearing": joint.pin.bearing,
+                "journal": joint.pin.journal,
+                "hole_radius": joint.pin.seats[0].hole_radius,
+                "pin_radius": joint.pin.seats[0].pin_radius,
+                "radial_clearance": joint.pin.radial_clearance,
+                "axial_plays": {flange.side: flange.play for flange in joint.flanges},
+                "point": joint.pin.point.tolist(),
+                "axis": joint.pin.axis.tolist(),
+            }
+            for joint in found.joints
+        ],
+        "stops": [{"parts": list(pair.parts), "gap": pair.gap, "area": pair.area} for pair in found.stops],
+        "refused": [
+            {"hole_of": face[miss.hole].part, "pin_of": face[miss.pin].part, "reason": miss.reason}
+            for miss in found.refused
+        ],
+        "left_out": list(found.assembly.cautions),
+    }
+
+
+def _print(found: "FoundGeometry") -> None:
+    """Print what was found."""
+    document = _document(found)
+    for part in document["parts"]:
+        print_text(f"part {part['name']}: {part['volume']:.6g} mm3, {part['material'] or 'no material'}")
+    for joint in document["joints"]:
+        plays = ", ".join(f"{play:.4g}" for play in joint["axial_plays"].values())
+        radii = f"radii {joint['hole_radius']:.6g} and {joint['pin_radius']:.6g}"
+        axial = f"axial play {plays}" if plays else "free along its axis"
+        print_text(
+            f"joint {joint['name']}: {joint['journal']} in {joint['bearing']}, {radii}, "
+            f"clearance {joint['radial_clearance']:.4g}, {axial} mm"
+        )
+    for miss in document["refused"]:
+        print_text(f"no joint: pin of {miss['pin_of']} in {miss['hole_of']}: {miss['reason']}")
+    for number, pair in enumerate(document["stops"], 1):
+        print_text(f"facing stop-{number}: {' and '.join(pair['parts'])}, {pair['gap']:.4g} mm apart")
+    for text in document["left_out"]:
+        print_text(f"left out: {text}")

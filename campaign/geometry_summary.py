@@ -1,0 +1,63 @@
+"""The certificate of geometry in words: how well a mechanism agrees with the CAD file that it takes numbers from."""
+
+from engine.mechanism import Mechanism
+from engine.mechanism.geometry.geometry_certificate import DrawnBody, DrawnFace, DrawnJoint, GeometryCertificate
+
+
+def geometry_lines(mechanism: Mechanism) -> list[str]:
+    """Return a line for the CAD file, and for each body, joint and face that is from it; none if nothing is.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        As `engine.load_mechanism` returns it.
+    """
+    certificate = mechanism.geometry
+    if certificate is None:
+        return []
+    length, mass = mechanism.unit("length"), mechanism.unit("mass")
+    return [
+        f"geometry from {certificate.file}, sha256 {certificate.sha256[:12]}",
+        *(f"  {key}: {_body(body, length, mass)}" for key, body in certificate.bodies.items()),
+        *(f"  joints.{name}: {_joint(joint, length)}" for name, joint in certificate.joints.items()),
+        *(f"  {key}: {_face(face, length)}" for key, face in certificate.faces.items()),
+    ]
+
+
+def geometry_provenance(certificate: GeometryCertificate | None) -> dict[str, str]:
+    """Return what a report says of the CAD file: which one, and the largest deviations from it."""
+    if certificate is None:
+        return {}
+    faces, joints = certificate.faces.values(), certificate.joints.values()
+    gap = max((face.recognition_gap for face in faces), default=0.0)
+    offset = max((joint.axis_offset for joint in joints), default=0.0)
+    tilt = max((joint.tilt for joint in joints), default=0.0)
+    return {
+        "CAD file": certificate.file,
+        "sha256 of the CAD file": certificate.sha256,
+        "geometry from it": f"{len(certificate.bodies)} bodies, {len(faces)} faces; largest recognition gap {gap:.3g}, "
+        f"axes up to {offset:.3g} apart and {tilt:.3g} rad tilted as drawn",
+    }
+
+
+def _body(body: DrawnBody, length: str, mass: str) -> str:
+    """Return where a body's mass is from."""
+    text = f"part {body.part}, {body.volume:.6g} {length}3"
+    if body.drawn_mass is None:
+        return text
+    drawn = f"{body.drawn_mass:.6g} {mass} by the density of {body.density_from}"
+    if body.mass is None:
+        return f"{text}, {drawn}"
+    return f"{text}, {body.mass:.6g} {mass} in this file, {100 * (body.mass / body.drawn_mass - 1):+.2g} % from {drawn}"
+
+
+def _joint(joint: DrawnJoint, length: str) -> str:
+    return (
+        f"clearance {joint.clearance:.6g} {length} as drawn, axes {joint.axis_offset:.3g} {length} apart and "
+        f"{joint.tilt:.3g} rad tilted"
+    )
+
+
+def _face(face: DrawnFace, length: str) -> str:
+    radius = "" if face.radius is None else f" of radius {face.radius:.9g} {length}"
+    return f"{face.kind}{radius}, recognition gap {face.recognition_gap:.3g} {length}"

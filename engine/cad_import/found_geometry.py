@@ -1,0 +1,95 @@
+"""What a CAD file says of its mechanism, put in order: joints with their flanges, candidates of stops, names."""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from engine.arrays import Array
+from engine.cad import CadAssembly, CadFace
+from engine.cad.findings import (
+    FacingPlanes,
+    NearMiss,
+    PinInHole,
+    ThrustFaces,
+    facing_planes,
+    pins_in_holes,
+    thrust_faces,
+)
+from engine.cad.findings.common_area import triangles_by_face
+
+
+@dataclass(frozen=True, eq=False)
+class FoundJoint:
+    """A pin in a hole, with a name of its own."""
+
+    name: str
+    pin: PinInHole
+    flanges: tuple[ThrustFaces, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class FoundGeometry:
+    """What was found in an assembly; lengths in mm.
+
+    Attributes
+    ----------
+    assembly : CadAssembly
+    bodies : dict
+        A name for the body that each part becomes, by the part's.
+    joints : tuple of FoundJoint
+    refused : tuple of NearMiss
+        Pins and holes that are no joint.
+    stops : tuple of FacingPlanes
+        Faces that look at each other and are no flanges.
+    """
+
+    assembly: CadAssembly
+    bodies: dict[str, str]
+    joints: tuple[FoundJoint, ...]
+    refused: tuple[NearMiss, ...]
+    stops: tuple[FacingPlanes, ...]
+
+    def face(self, number: int) -> CadFace:
+        """Return a face by its number."""
+        return next(face for face in self.assembly.faces if face.number == number)
+
+    def to_body(self, part: str, point: Array) -> Array:
+        """Return a point of the assembly's frame in that of the body that a part becomes."""
+        placement = self.assembly.part(part).placement
+        return np.asarray(placement.rotation.T @ (point - placement.translation))
+
+
+def find_geometry(assembly: CadAssembly) -> FoundGeometry:
+    """Find joints and candidates of stops in an assembly, and give them names.
+
+    Parameters
+    ----------
+    assembly : CadAssembly
+        In mm.
+    """
+    triangles = triangles_by_face(assembly)
+    parts = [part.name for part in assembly.parts]
+    bodies = dict(zip(parts, _names(parts, "part"), strict=True))
+    pins, refused = pins_in_holes(assembly)
+    names = _names([f"{bodies[pin.journal]}-{bodies[pin.bearing]}" for pin in pins], "joint")
+    flanges = [tuple(thrust_faces(assembly, pin, triangles)) for pin in pins]
+    joints = [FoundJoint(*each) for each in zip(names, pins, flanges, strict=True)]
+    taken = {frozenset((flange.bearing_face, flange.journal_face)) for joint in joints for flange in joint.flanges}
+    stops = [pair for pair in facing_planes(assembly, triangles) if frozenset(pair.faces) not in taken]
+    return FoundGeometry(assembly, bodies, tuple(joints), tuple(refused), tuple(stops))
+
+
+def _names(texts: list[str], otherwise: str) -> list[str]:
+    """Return a name of the mechanism file for each text, no two alike."""
+    names: list[str] = []
+    for text in texts:
+        stem = re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_") or otherwise
+        stem = stem if stem[0].isalpha() else f"{otherwise}-{stem}"
+        number = next(n for n in range(1, len(texts) + 1) if _numbered(stem, n) not in names)
+        names.append(_numbered(stem, number))
+    return names
+
+
+def _numbered(stem: str, number: int) -> str:
+    return stem if number == 1 else f"{stem}-{number}"

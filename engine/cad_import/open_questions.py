@@ -1,0 +1,45 @@
+"""The questions of a proposed file that are still open: its lines that begin with ``#?``."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from engine.cad_import.toml_lines import QUESTION
+from engine.mechanism import library_names
+from engine.regular_file import read_regular_file
+from engine.toml_file import LARGEST
+
+
+@dataclass(frozen=True)
+class OpenQuestion:
+    """A question in the text of a file.
+
+    Attributes
+    ----------
+    line : int
+        From 1.
+    text : str
+        The key or table it is about, a colon, and the question.
+    """
+
+    line: int
+    text: str
+
+
+def open_questions(text: str) -> list[OpenQuestion]:
+    """Return the questions of a file that nobody has answered yet: whoever answers one removes its line."""
+    lines = enumerate(text.splitlines(), 1)
+    return [
+        OpenQuestion(number, line.strip().removeprefix(QUESTION).strip())
+        for number, line in lines
+        if line.lstrip().startswith(QUESTION)
+    ]
+
+
+def questions_of_file(name_or_path: str | Path) -> list[OpenQuestion]:
+    """Return the open questions of a mechanism file; none of a shipped one, or where no file can be read."""
+    if str(name_or_path) in library_names():
+        return []
+    try:
+        return open_questions(read_regular_file(name_or_path, LARGEST).decode("utf-8", "replace"))
+    except (OSError, ValueError):  # ValueError: a NUL in the name
+        return []

@@ -1,0 +1,159 @@
+"""The tables of joints: a pin in a hole, its rings, its clearance, its flanges."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from engine.arrays import Array
+from engine.cad.cad_model import CadFace, SizeLimits
+from engine.cad_import.found_geometry import FoundGeometry, FoundJoint
+from engine.cad_import.toml_lines import key_line, question
+from engine.mechanism.geometry.cad_table import AS_DRAWN
+from engine.mechanism.geometry.sides import axis_of
+
+LAW = "contact"
+"""The pair of materials of all proposed joints and contacts."""
+
+_ALIKE = 1e-6  # mm
+_LEAST_PLAY = 1e-6  # mm
+
+
+@dataclass(frozen=True)
+class Diameter:
+    """A diameter with limits that the CAD file attaches to the hole or the pin of a joint.
+
+    Attributes
+    ----------
+    parameter : str
+        Its name in the mechanism file.
+    nominal, lower, upper : float
+        [mm].
+    """
+
+    parameter: str
+    nominal: float
+    lower: float
+    upper: float
+
+
+def joint_lines(found: FoundGeometry, joint: FoundJoint) -> list[str]:
+    """Return the table of a joint, with a question for all that the CAD file does not say."""
+    pin = joint.pin
+    first = pin.seats[0]
+    holes, pins = [found.face(seat.hole) for seat in pin.seats], [found.face(seat.pin) for seat in pin.seats]
+    stations = _Stations(joint, axis_of(holes[0]))
+    shaft = {"body": found.bodies[pin.journal], "pin": _selector(found, pins[0])}
+    lines = [
+        f"[joints.{joint.name}]",
+        f'type = "clearance_{"revolute" if joint.flanges else "cylindrical"}"',
+        key_line("bearing", {"body": found.bodies[pin.bearing], "hole": _selector(found, holes[0])}),
+    ]
+    radii = [seat.pin_radius for _, seat in pin.rings]
+    stepped = np.ptp(radii) > _ALIKE
+    if stepped:
+        shaft["radius"] = radii if stations.sign > 0 else radii[::-1]
+    if (shift := stations.shift()) is not None:
+        shaft["point"] = found.to_body(pin.journal, shift)
+    lines.append(key_line("journal", shaft))
+    if len(pin.seats) > 1:
+        lines.append(key_line("rings", sorted(stations.of(station) for station, _ in pin.rings)))
+    lines += _clearance_lines(found, joint, stepped or first.hole_radius - first.pin_radius != pin.radial_clearance)
+    lines += _flange_lines(joint, stations)
+    if pin.overlap > 0:
+        text = f"pin and hole overlap by {pin.overlap:.4g} mm as posed; correct the assembly, or give origin of a body"
+        lines.append(question(f"joints.{joint.name}", text))
+    return [*lines, key_line("material", LAW), ""]
+
+
+def diameters_of(found: FoundGeometry, joint: FoundJoint) -> dict[str, Diameter]:
+    """Return the diameters with limits of a joint with one seat, under ``hole`` and ``pin``; none if it has several."""
+    if len(joint.pin.seats) > 1 or joint.pin.radial_clearance <= 0:
+        return {}
+    [seat] = joint.pin.seats
+    stem = joint.name.replace("-", "_")
+    diameters = {}
+    for side, number in (("hole", seat.hole), ("pin", seat.pin)):
+        for limits in found.assembly.limits:
+            if limits.faces == (number,) and limits.kind in ("diameter", "radius"):
+                diameters[side] = _diameter(f"{stem}_{side}", limits)
+    return diameters
+
+
+def _diameter(parameter: str, limits: SizeLimits) -> Diameter:
+    factor = 2.0 if limits.kind == "radius" else 1.0
+    return Diameter(parameter, *(round(factor * size, 9) for size in (limits.nominal, limits.lower, limits.upper)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Stations:
+    """Stations along a joint's axis, as the mechanism file counts them: from the middle of its first seat.
+
+    Attributes
+    ----------
+    joint : FoundJoint
+    axis : array
+        The direction in which the file counts, along the joint's axis or against it.
+    """
+
+    joint: FoundJoint
+    axis: Array
+
+    @property
+    def sign(self) -> float:
+        return float(np.sign(self.axis @ self.joint.pin.axis))
+
+    def of(self, station: float) -> float:
+        """Return a station from the joint's point as the file counts it."""
+        first = self.joint.pin.seats[0]
+        return self.sign * (station - (first.start + first.end) / 2)
+
+    def shift(self) -> Array | None:
+        """Return the point of the pin that is in the middle when the pin is; None where it is as posed."""
+        plays = {flange.side: flange.play for flange in self.joint.flanges}
+        if len(plays) < 2 or abs(plays["end"] - plays["start"]) < _ALIKE:
+            return None
+        pin = self.joint.pin
+        first = pin.seats[0]
+        middle = (first.start + first.end) / 2 + (plays["end"] - plays["start"]) / 2
+        return np.asarray(pin.journal_point + middle * pin.journal_axis)
+
+
+def _selector(found: FoundGeometry, face: CadFace) -> dict[str, Any]:
+    return {"radius": round(face.radius, 9), "near": np.round(found.to_body(face.part, face.point), 6)}
+
+
+def _clearance_lines(found: FoundGeometry, joint: FoundJoint, in_numbers: bool) -> list[str]:
+    """Return the radial clearance: from limits, as drawn, or as a question."""
+    clearance, key = joint.pin.radial_clearance, "radial_clearance"
+    if clearance <= 0:
+        radius = joint.pin.seats[0].pin_radius
+        text = f"pin and hole are both drawn with radius {radius:.6g} mm; which clearance do their tolerances leave?"
+        return [question(f"joints.{joint.name}.{key}", text), f"# {key} = 0.02"]
+    if diameters := diameters_of(found, joint):
+        [seat] = joint.pin.seats
+        hole = diameters["hole"].parameter if "hole" in diameters else f"{2 * seat.hole_radius:.9g}"
+        pin = diameters["pin"].parameter if "pin" in diameters else f"{2 * seat.pin_radius:.9g}"
+        return [key_line(key, f"({hole} - {pin}) / 2", f"{clearance:.6g} as drawn")]
+    return [key_line(key, clearance if in_numbers else AS_DRAWN, f"{clearance:.6g}")]
+
+
+def _flange_lines(joint: FoundJoint, stations: _Stations) -> list[str]:
+    """Return the flanges and the axial clearance."""
+    if not joint.flanges:
+        text = "nothing was found that holds it along its axis; if something does, make it a clearance_revolute"
+        return [question(f"joints.{joint.name}", f"{text} with flanges and axial_clearance")]
+    faces = {flange.side: flange for flange in joint.flanges}
+    pin = joint.pin
+    ends = {"start": pin.seats[0].start, "end": pin.seats[-1].end} | {s: f.station for s, f in faces.items()}
+    flanges: dict[str, Any] = {"radius": min(flange.radius for flange in joint.flanges)}
+    flanges["ends"] = sorted(stations.of(station) for station in ends.values())
+    if len(faces) == 1:
+        [side] = faces
+        flanges["sides"] = side if stations.sign > 0 else {"start": "end", "end": "start"}[side]
+    play = float(np.mean([flange.play for flange in joint.flanges]))
+    lines = [key_line("flanges", flanges)]
+    if play > _LEAST_PLAY:
+        return [*lines, key_line("axial_clearance", round(play, 9))]
+    text = "drawn without axial play; which play do the tolerances leave at each end?"
+    return [*lines, question(f"joints.{joint.name}.axial_clearance", text), "# axial_clearance = 0.05"]

@@ -1,0 +1,152 @@
+"""The text of a mechanism file, proposed from what was found in a CAD file."""
+
+import numpy as np
+
+from engine.cad.cad_model import CadPart, Solid
+from engine.cad.findings import FacingPlanes
+from engine.cad_import.found_geometry import FoundGeometry
+from engine.cad_import.proposed_joints import LAW, diameters_of, joint_lines
+from engine.cad_import.toml_lines import key_line, marked, question
+
+_HEAD = """\
+# Proposed by clearcap mechanism import. A line that begins with #? asks what no CAD file says: answer it, by removing
+# the mark before a line or by writing your own, and then remove the question. clearcap mechanism check names those
+# that are still open. Points of a body are in the frame of its part.
+"""
+
+
+def proposed_mechanism(found: FoundGeometry, file: str, name: str) -> str:
+    """Return the text of a mechanism file.
+
+    Parameters
+    ----------
+    found : FoundGeometry
+    file : str
+        The CAD file, by its path from the mechanism file.
+    name : str
+        Of the mechanism.
+    """
+    assembly = found.assembly
+    lines = [
+        _HEAD,
+        "format = 1",
+        key_line("name", name),
+        'units = "mm-g-ms"',
+        *_gravity(found),
+        "",
+        *_parameters(found),
+        "[cad]",
+        key_line("file", file),
+        key_line("sha256", assembly.sha256),
+        key_line("recognition", assembly.recognition),
+        "",
+        *_simulation(),
+        f"[materials.{LAW}]",
+        question(f"materials.{LAW}.friction", "which coefficient of friction do the parts have?"),
+        "friction = 0.0",
+        "",
+    ]
+    largest = max(assembly.parts, key=lambda part: sum(solid.volume for solid in part.solids)).name
+    for part in assembly.parts:
+        lines += _body(found, part, is_largest=part.name == largest)
+    for joint in found.joints:
+        lines += joint_lines(found, joint)
+    return "\n".join([*lines, *_stops(found), *_loads(), *_responses(found)]).rstrip("\n") + "\n"
+
+
+def _gravity(found: FoundGeometry) -> list[str]:
+    """Return the question about attitude and gravity, which names the axes along which parts are loose."""
+    axes = {tuple(np.round(np.abs(joint.pin.axis), 3) + 0.0) for joint in found.joints if joint.flanges}
+    loose = " and ".join(f"[{', '.join(f'{x:g}' for x in axis)}]" for axis in sorted(axes))
+    text = "which way is down? Along a direction that neither gravity nor a load acts on, parts float and never rest"
+    if loose:
+        text += f"; here joints have axial play along {loose}"
+    return [question("gravity", text), *marked([key_line("gravity", [0.0, 0.0, -9.81e-3], "mm/ms2")])]
+
+
+def _parameters(found: FoundGeometry) -> list[str]:
+    """Return the diameters with limits, which a campaign varies."""
+    diameters = [each for joint in found.joints for each in diameters_of(found, joint).values()]
+    if not diameters:
+        return []
+    lines = [key_line(d.parameter, d.nominal, f"mm, {d.lower:.6g} to {d.upper:.6g} in the CAD file") for d in diameters]
+    return ["[parameters]", *lines, ""]
+
+
+def _simulation() -> list[str]:
+    return [
+        "[simulation]",
+        "step = 5e-3                          # ms",
+        "horizon = 500.0                      # ms",
+        "penetration = 1e-7                   # mm",
+        "adaptive = { longest = 0.2, travel = 5e-3 }",
+        "rest = { window = 10.0, drift = 1e-5 }",
+        "",
+    ]
+
+
+def _body(found: FoundGeometry, part: CadPart, *, is_largest: bool) -> list[str]:
+    """Return the table of a body."""
+    name = found.bodies[part.name]
+    path = " / ".join(part.path)
+    lines = [f"[bodies.{name}]", key_line("part", part.name, path if path != part.name else "")]
+    if is_largest:
+        lines += [question("bodies", "which part is fixed? This is the largest"), "# fixed = true"]
+    without = [solid for solid in part.solids if not _density(part, solid)]
+    if not part.solids:
+        text = "it has surfaces only, no solid: what are its mass, center_of_mass and inertia?"
+        lines.append(question(f"bodies.{name}.mass", text))
+    elif without:
+        one = len(part.solids) == 1
+        text = "the CAD file has none; which is it, in g/mm3?"
+        several = f"{len(part.solids)} solids, of {', '.join(f'{s.volume:.4g}' for s in part.solids)} mm3"
+        lines.append(question(f"bodies.{name}.density", text if one else f"{text} {several}"))
+        lines.append(f"# density = {'7.85e-3' if one else '[' + ', '.join(['7.85e-3'] * len(part.solids)) + ']'}")
+    return [*lines, ""]
+
+
+def _density(part: CadPart, solid: Solid) -> float | None:
+    """Return the density of a solid as the CAD file has it."""
+    material = solid.material or part.material
+    return material.density if material else None
+
+
+def _stops(found: FoundGeometry) -> list[str]:
+    """Return the candidates of stops, marked."""
+    if not found.stops:
+        return []
+    text = "which of these faces are stops? Remove the marks of those; give more points where a whole face rests on one"
+    lines = [question("contacts", text)]
+    for number, pair in enumerate(found.stops, 1):
+        lines += marked(_stop(found, pair, number))
+        lines.append("")
+    return lines
+
+
+def _stop(found: FoundGeometry, pair: FacingPlanes, number: int) -> list[str]:
+    """Return the table of a stop: a point of the one face against the other."""
+    plane, point = pair.parts
+    on_plane = np.round(found.to_body(plane, pair.middle), 6)
+    on_point = np.round(found.to_body(point, pair.middle + pair.gap * pair.normal), 9)
+    state = f"{pair.gap:.4g} mm apart" if pair.gap >= 0 else f"overlapping by {-pair.gap:.4g} mm"
+    return [
+        f"[contacts.stop-{number}]".ljust(36) + f" # {state}, {pair.area:.4g} mm2 face each other",
+        key_line("a", {"body": found.bodies[point], "point": on_point}),
+        key_line("b", {"body": found.bodies[plane], "plane": {"near": on_plane}}),
+        key_line("material", LAW),
+    ]
+
+
+def _loads() -> list[str]:
+    text = "what drives the mechanism? Springs, forces and torques are in no CAD file"
+    example = [
+        "[torques.drive]",
+        'body = "NAME"',
+        "torque = [0.0, 0.0, 10.0]            # N mm",
+    ]
+    return [question("loads", text), *marked(example), ""]
+
+
+def _responses(found: FoundGeometry) -> list[str]:
+    example = ["[responses.force]", 'type = "contact_force"', f'contact = "stop-{1 if found.stops else "NAME"}"']
+    return [question("responses", "what is read off at the end?"), *marked(example)]

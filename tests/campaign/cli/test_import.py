@@ -1,0 +1,117 @@
+"""`clearcap mechanism import`: from a STEP file to files that load, and what `check` says of them."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import pytest
+from typer.testing import CliRunner
+
+from campaign.cli import app
+from campaign.geometry_summary import geometry_provenance
+from campaign.plan import Plan, make_plan
+from campaign.reports.report import provenance
+from campaign.spec.load import load_campaign
+from engine import load_mechanism
+from tests.engine.mechanism.geometry.latch_file import LATCH
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return a folder with the latch's STEP file and a cache."""
+    folder = tmp_path_factory.mktemp("import")
+    shutil.copy(LATCH, folder / "latch.step")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def here(folder, monkeypatch):
+    """Be in the folder, and keep nothing in the user's cache."""
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+
+
+def clearcap(*words):
+    done = CliRunner().invoke(app, ["mechanism", *words])
+    assert done.exit_code == 0, done.exception
+    return done.stdout
+
+
+def test_import_and_check(folder):
+    """What is found is printed, the questions too; `check` prints them again, and the certificate."""
+    printed = clearcap("import", "latch.step", "-o", "latch.toml")
+    assert "joint base-crank: base in crank, radii 3.05 and 3, clearance 0.05, axial play 0.05, 0.05 mm" in printed
+    assert "facing stop-1: base and crank, 0.8 mm apart" in printed
+    assert printed.endswith("written: latch.toml, latch-campaign.toml; 6 questions are open\n")
+    checked = clearcap("check", "latch.toml")
+    assert "question: latch.toml, line 8: gravity: which way is down?" in checked
+    assert "joints.base-rocker: clearance 0.06 mm as drawn, axes 0 mm apart and 0 rad tilted" in checked
+    assert "bodies.crank: part crank, 2497.53 mm3, 19.6056 g by the density of the CAD file (steel)" in checked
+    assert checked.endswith("6 open questions\n")
+    document = json.loads(clearcap("check", "latch.toml", "--json"))
+    assert document["geometry"]["joints"]["base-rocker"]["clearance"] == pytest.approx(0.06, abs=1e-9)
+    assert document["questions"][0]["line"] == 8
+    again = CliRunner().invoke(app, ["mechanism", "import", "latch.step", "-o", "latch.toml"])
+    assert "exists already" in str(again.exception)
+
+
+def test_json(folder):
+    """The same as data."""
+    document = json.loads(clearcap("import", "latch.step", "-o", "other.toml", "--json"))
+    assert [part["name"] for part in document["parts"]] == ["base", "crank", "rocker", "coupler"]
+    assert [joint["pin_radius"] for joint in document["joints"]] == pytest.approx([3.0, 3.0, 2.5, 2.5], abs=1e-9)
+    assert document["written"] == ["other.toml", "other-campaign.toml"]
+    assert len(document["questions"]) == 6
+
+
+def test_the_campaign_of_limits(folder):
+    """The limits in the STEP file vary the clearance; plan and provenance hold the certificate."""
+    clearcap("import", "latch.step", "-o", "limits.toml")
+    campaign = load_campaign("limits-campaign.toml")
+    hole = campaign.spec.variables["base_crank_hole"]
+    assert (hole.nominal, hole.tolerance) == (pytest.approx(6.105, abs=1e-9), pytest.approx(0.015, abs=1e-9))
+    plan = make_plan(campaign)
+    again = Plan.from_json(plan.to_json())
+    assert again.mechanism.geometry == load_mechanism("limits.toml").geometry
+    assert again.campaign_id == plan.campaign_id
+    listed = provenance(again)
+    assert listed["CAD file"] == "latch.step"
+    assert listed["sha256 of the CAD file"] == again.mechanism.geometry.sha256
+    assert "4 bodies, 8 faces" in listed["geometry from it"]
+    assert geometry_provenance(None) == {}
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["none.step", "-o", "x.toml"], "cannot be read"),
+        (["latch.step", "-o", "x.txt"], "unknown ending"),
+        (["latch.toml", "-o", "x.toml"], "is no STEP file"),
+    ],
+)
+def test_refused(folder, words, said):
+    """Nothing is written where something is wrong."""
+    (folder / "latch.toml").touch()
+    done = CliRunner().invoke(app, ["mechanism", "import", *words])
+    assert said in str(done.exception) or "is empty" in str(done.exception)
+    assert not (folder / "x.toml").exists()
+
+
+def test_without_the_extra(folder):
+    """Where OCCT is not installed, `import` says what to install, and others work."""
+    hide = "import sys; sys.modules['OCP'] = None; sys.argv = ['clearcap', *{words!r}]"
+    code = hide + "; from campaign.cli import main; main()"
+
+    def run(*words):
+        return subprocess.run(
+            [sys.executable, "-c", code.format(words=words)],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            env={"XDG_CACHE_HOME": str(folder / "none"), "PATH": "", "HOME": str(folder)},
+        )
+
+    refused = run("mechanism", "import", "latch.step", "-o", "y.toml")
+    assert (refused.returncode, "pip install 'clearcap[cad]'" in refused.stderr) == (2, True)
+    assert run("mechanism", "check", "lever").returncode == 0

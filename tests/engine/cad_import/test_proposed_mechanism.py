@@ -1,0 +1,150 @@
+"""The latch of the docs, from its STEP file to a mechanism: what is found, what is asked, what loads."""
+
+import tomllib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine import MechanismError, check, load_mechanism
+from engine.cad_import.found_geometry import find_geometry
+from engine.cad_import.open_questions import open_questions, questions_of_file
+from engine.cad_import.proposed_mechanism import proposed_mechanism
+from tests.engine.mechanism.geometry.latch_file import LATCH
+
+
+def written(folder, found):
+    """Return the path of the proposed file."""
+    path = folder / "latch.toml"
+    path.write_text(proposed_mechanism(found, str(LATCH), "latch"))
+    return path
+
+
+def answered(text):
+    """Return the file of somebody who removes all marks, and questions."""
+    lines = (line for line in text.splitlines() if not line.startswith("#?"))
+    bare = [line.removeprefix("# ") if " = " in line or line.startswith("# [") else line for line in lines]
+    return "\n".join(bare).replace('"NAME"', '"crank"').replace("[0.0, 0.0, 10.0]", "[0.0, 0.0, -10.0]")
+
+
+def all_but(found, **changes):
+    """Return the latch found again, with another material or other parts."""
+    return find_geometry(replace(found.assembly, **changes))
+
+
+def test_the_proposal_loads(latch, tmp_path):
+    """It is sound as it stands, with the joints of the drawing."""
+    path = written(tmp_path, latch)
+    mechanism = load_mechanism(path)
+    clearances = {name: joint.radial_clearance for name, joint in mechanism.joints.items()}
+    assert clearances == pytest.approx(
+        {"base-crank": 0.05, "base-rocker": 0.06, "crank-coupler": 0.04, "rocker-coupler": 0.05}, abs=1e-9
+    )
+    for joint in mechanism.joints.values():
+        assert joint.axial_clearance == pytest.approx(0.05, abs=1e-9)
+        assert joint.flanges.ends[1] - joint.flanges.ends[0] == pytest.approx(5.0, abs=1e-9)
+    assert mechanism.parameters == {"base_crank_hole": 6.1, "base_crank_pin": 6.0}
+    assert not any(body.fixed for body in mechanism.bodies.values())
+    asked = [question.text.partition(":")[0] for question in questions_of_file(path)]
+    assert asked == ["gravity", "materials.contact.friction", "bodies", "contacts", "loads", "responses"]
+    assert "axial play along [0, 0, 1]" in path.read_text()
+
+
+def test_all_answered(latch, tmp_path):
+    """Whoever removes the marks has a mechanism that can start, with the stop 0.8 mm away."""
+    path = written(tmp_path, latch)
+    path.write_text(answered(path.read_text()))
+    mechanism = load_mechanism(path)
+    check(mechanism)
+    assert questions_of_file(path) == []
+    assert mechanism.bodies["base"].fixed
+    stop = mechanism.contacts["stop-1"]
+    crank = stop.a.point
+    assert -crank[1] + 0.8 == pytest.approx(stop.b.plane.point[0], abs=1e-9)
+    assert mechanism.gravity[2] < 0
+
+
+def test_missing_densities(latch, tmp_path):
+    """A part without a density is asked for; without an answer nothing loads."""
+    parts = tuple(replace(part, material=None) for part in latch.assembly.parts)
+    path = written(tmp_path, all_but(latch, parts=parts))
+    asked = [question.text for question in questions_of_file(path) if ".density" in question.text]
+    assert len(asked) == 4
+    assert "bodies.crank.density: the CAD file has none" in asked[1]
+
+
+def test_equal_radii(latch, tmp_path):
+    """Pins as large as their holes: a question for each, and no clearance until it is answered."""
+    holes = {6: 3.05, 7: 3.06}
+    faces = tuple(
+        replace(face, radius=holes.get(face.number, face.radius) if face.part == "base" else face.radius)
+        for face in latch.assembly.faces
+    )
+    found = all_but(latch, faces=faces, limits=())
+    path = written(tmp_path, found)
+    asked = [question.text for question in questions_of_file(path) if "radial_clearance" in question.text]
+    assert len(asked) == 2
+    assert "both drawn with radius 3.05 mm" in asked[0]
+    assert "# radial_clearance" in path.read_text()
+    with pytest.raises(MechanismError, match=r"joints\.base-crank\.radial_clearance: missing"):
+        load_without_cad(found)
+
+
+def load_without_cad(found):
+    """Check the joints of a proposal; its faces are not in the CAD file."""
+    from engine.mechanism import mechanism_from
+
+    tables = tomllib.loads(proposed_mechanism(found, "x.step", "latch"))
+    del tables["cad"]
+    tables["bodies"] = {name: {"fixed": True} for name in tables["bodies"]}
+    tables["bodies"]["base"] = {"mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
+    for joint in tables["joints"].values():
+        for side, kind in (("bearing", "hole"), ("journal", "pin")):
+            selector = joint[side].pop(kind)
+            joint[side] |= {"point": selector["near"], "axis": [0, 0, 1]}
+            joint[side] |= {"radius": selector["radius"]} if kind == "pin" else {}
+        joint["rings"] = [-2.0, 2.0]
+        if joint.get("radial_clearance") == "as drawn":
+            joint["radial_clearance"] = 0.05
+    return mechanism_from(tables, "latch")
+
+
+@pytest.mark.parametrize(("shift", "end"), [(0.02, 0.05), (-0.05, 0.05)])
+def test_unequal_play(latch, tmp_path, shift, end):
+    """A crank that is drawn nearer to one flange: the mean play, and a pin that starts off the middle."""
+    assembly = latch.assembly
+    move = np.array([0.0, 0.0, shift])
+    faces = tuple(
+        replace(face, point=face.point + move, on=face.on + move) if face.part == "coupler" else face
+        for face in assembly.faces
+    )
+    meshes = tuple(
+        replace(mesh, vertices=mesh.vertices + move) if mesh.part == "coupler" else mesh for mesh in assembly.meshes
+    )
+    found = all_but(latch, faces=faces, meshes=meshes)
+    tables = tomllib.loads(proposed_mechanism(found, str(LATCH), "latch"))
+    joint = tables["joints"]["crank-coupler"]
+    assert joint["axial_clearance"] == pytest.approx(end, abs=1e-9)
+    bearing = 7.6 + shift  # the middle of the coupler's hole, in the assembly
+    assert joint["journal"]["point"][2] + 0.05 == pytest.approx(bearing - shift, abs=1e-6)
+
+
+def test_hostile_names(latch, tmp_path):
+    """Names of a CAD file are quoted, and become names that a mechanism file can have."""
+    odd = 'cr"ank\n[bodies.x]\n\\ \x07'
+    parts = tuple(replace(p, name=odd, path=(odd,)) if p.name == "crank" else p for p in latch.assembly.parts)
+    faces = tuple(replace(face, part=odd) if face.part == "crank" else face for face in latch.assembly.faces)
+    meshes = tuple(replace(mesh, part=odd) if mesh.part == "crank" else mesh for mesh in latch.assembly.meshes)
+    tables = tomllib.loads(proposed_mechanism(all_but(latch, parts=parts, faces=faces, meshes=meshes), odd, "latch"))
+    assert tables["cad"]["file"] == odd
+    assert tables["bodies"]["cr-ank-bodies-x"]["part"] == odd
+    assert len(tables["joints"]) == 4
+
+
+def test_questions_are_lines():
+    """A question is a line that begins with its mark; others are comments."""
+    found = open_questions("a = 1  #? b\n  #? c: why?\n# d\n")
+    assert [(each.line, each.text) for each in found] == [(2, "c: why?")]
+    assert questions_of_file("c60") == []
+    assert questions_of_file("none.toml") == []
+    assert questions_of_file("\0") == []
