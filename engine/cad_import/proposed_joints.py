@@ -43,7 +43,7 @@ def joint_lines(found: FoundGeometry, joint: FoundJoint) -> list[str]:
     first = pin.seats[0]
     holes, pins = [found.face(seat.hole) for seat in pin.seats], [found.face(seat.pin) for seat in pin.seats]
     stations = _Stations(joint, axis_of(holes[0]))
-    shaft = {"body": found.bodies[pin.journal], "pin": _selector(found, pins[0])}
+    shaft: dict[str, Any] = {"body": found.bodies[pin.journal], "pin": _selector(found, pins[0])}
     lines = [
         f"[joints.{joint.name}]",
         f'type = "clearance_{"revolute" if joint.flanges else "cylindrical"}"',
