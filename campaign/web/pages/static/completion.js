@@ -44,6 +44,15 @@ function attach(text, schema) {
     else text.setAttribute("aria-activedescendant", `${list.id}-${chosen}`);
     status.textContent = chosen < 0 ? `${found.options.length} proposals` : `${chosen + 1} of ${found.options.length}`;
   };
+  const place = () => { // below the line, also when the text is scrolled
+    if (!found) return;
+    const lines = text.value.slice(0, found.from).split("\n");
+    const style = getComputedStyle(text), high = parseFloat(style.lineHeight), wide = 0.6 * parseFloat(style.fontSize);
+    const below = text.offsetTop + parseFloat(style.paddingTop) + lines.length * high - text.scrollTop;
+    const right = text.offsetLeft + lines[lines.length - 1].length * wide - text.scrollLeft;
+    list.style.top = `${below + 4}px`;
+    list.style.left = `${Math.max(0, Math.min(right, frame.clientWidth - list.offsetWidth))}px`;
+  };
   const open = (isAsked) => {
     const at = text.selectionStart;
     found = at === text.selectionEnd ? proposalsAt(schema, text.value, at) : null;
@@ -53,14 +62,9 @@ function attach(text, schema) {
       return;
     }
     chosen = isAsked ? 0 : -1;
-    const lines = text.value.slice(0, found.from).split("\n");
-    const style = getComputedStyle(text), high = parseFloat(style.lineHeight), wide = 0.6 * parseFloat(style.fontSize);
-    const below = text.offsetTop + parseFloat(style.paddingTop) + lines.length * high - text.scrollTop;
-    const right = text.offsetLeft + lines[lines.length - 1].length * wide - text.scrollLeft;
     list.hidden = false;
     draw();
-    list.style.top = `${below + 4}px`;
-    list.style.left = `${Math.max(0, Math.min(right, frame.clientWidth - list.offsetWidth))}px`;
+    place();
   };
   const insert = (option) => {
     const after = text.value.slice(text.selectionStart);
@@ -98,7 +102,8 @@ function attach(text, schema) {
     event.preventDefault();
   });
   text.addEventListener("input", (event) => { if (/^(insertText|deleteContent)/.test(event.inputType || "")) open(false); });
-  for (const kind of ["blur", "click", "scroll"]) text.addEventListener(kind, close);
+  for (const kind of ["blur", "click"]) text.addEventListener(kind, close);
+  text.addEventListener("scroll", place);
 }
 
 for (const text of document.querySelectorAll("textarea[data-schema]")) {

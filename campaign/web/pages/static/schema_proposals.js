@@ -2,11 +2,13 @@
 
 import { placeIn } from "./toml_place.js";
 
-// Return the schemas that a schema stands for: references followed, alternatives one by one.
+// Return the schemas that a schema stands for: references followed, alternatives one by one, and what holds for them all.
 function alternatives(root, schema) {
   if (schema.$ref) return alternatives(root, root.$defs[schema.$ref.split("/").pop()]);
   const several = schema.anyOf || schema.oneOf || schema.allOf;
-  return several ? several.flatMap((each) => alternatives(root, each)) : [schema];
+  if (!several) return [schema];
+  const { anyOf, oneOf, allOf, ...common } = schema;
+  return [...(common.properties ? [common] : []), ...several.flatMap((each) => alternatives(root, each))];
 }
 
 // Return the tables that a schema allows; those that contradict what the table holds are left out.

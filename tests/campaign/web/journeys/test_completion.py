@@ -115,7 +115,7 @@ def test_keys_and_values(user):
     assert editor.ask()[:2] == ["bearing", "journal"]  # of this type, and what must be there first
     assert "ball" not in editor.proposed
     editor.field.send_keys(Keys.ENTER, "{ ")
-    assert editor.ask() == ["body", "point", "axis"]
+    assert editor.ask()[:3] == ["body", "point", "axis"]
     editor.field.send_keys(Keys.CONTROL, "z")
     assert "bearing" in editor.text
 
