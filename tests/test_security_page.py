@@ -12,6 +12,7 @@ from campaign.spec import data_files, data_formats, named_files
 from campaign.store.files import files
 from campaign.store.store import LARGEST_DOCUMENT
 from engine import toml_file
+from engine.cad import ReadingLimits
 from engine.mechanism.parameters import expression
 
 ROOT = Path(__file__).parents[1]
@@ -59,12 +60,15 @@ def test_verbs_of_make(verb):
 
 def test_limits():
     """Limits are those of the code."""
+    cad = ReadingLimits()
     limits = [
         f"{toml_file.LARGEST // 10**6} MB, keys of {toml_file.MOST_PARTS} parts, {toml_file.MOST_NESTED} levels,"
         f" {toml_file.MOST_TABLES} keys, words and numbers of {toml_file.LONGEST_WORD} characters",
         f"{expression.LONGEST} characters, {expression.DEEPEST} levels",
         f"{data_files.LARGEST_FILE // 10**6} MB, {data_formats.MOST_ROWS} rows, {data_formats.MOST_COLUMNS} columns,"
         f" {data_formats.LARGEST_DECODED >> 30} GiB to decode it",
+        f"{cad.file_bytes >> 20} MiB; a process of its own reads it, with {cad.memory_bytes >> 30} GiB of memory and"
+        f" {cad.seconds} s",
         f"{named_files.MOST_FILES} files, {named_files.LARGEST_TOTAL // 10**6} MB in all",
         f"{files.LARGEST >> 20} MiB; state, lease and heartbeat {LARGEST_DOCUMENT >> 20} MiB each",
         f"at most {tls_certificates.LONGEST}",

@@ -124,5 +124,7 @@ def _crash(ended: "subprocess.CompletedProcess[bytes]", limits: ReadingLimits) -
     if ended.returncode < 0:
         name = signal.Signals(-ended.returncode).name
         return f"OCCT crashed while it read it ({name}); export it again, with other settings or fewer parts"
-    said = ended.stderr.decode(errors="replace").strip().splitlines()
-    return f"OCCT failed to read it ({said[-1] if said else 'it said nothing'}); export it again, as AP242 or AP214"
+    *_, last = ["it said nothing", *ended.stderr.decode(errors="replace").strip().splitlines()]
+    if last.startswith(("ImportError", "ModuleNotFoundError")):
+        return f"the OCCT that is installed is not the one that is needed ({last}); pip install 'clearcap[cad]'"
+    return f"OCCT failed to read it ({last}); export it again, as AP242 or AP214"

@@ -8,7 +8,9 @@ from OCP.TDataStd import TDataStd_Name, TDataStd_TreeNode
 from OCP.XCAFDoc import XCAFDoc, XCAFDoc_Material
 
 from engine.cad.cad_model import CadMaterial
+from engine.faults.fault import one_line
 
+_LONGEST_NAME = 200  # characters
 _MADE_UP = re.compile(r"Open CASCADE STEP translator|(SOLID|COMPOUND|SHELL|=>\[)")
 
 
@@ -20,12 +22,12 @@ def listed(fill: Any, *arguments: Any) -> list[Any]:
 
 
 def name_of(label: Any) -> str:
-    """Return the name of a label; empty if it has none."""
+    """Return the name of a label, without characters that a terminal acts on; empty if it has none."""
     if not label.IsAttribute(TDataStd_Name.GetID_s()):
         return ""
     name = TDataStd_Name()
     label.FindAttribute(TDataStd_Name.GetID_s(), name)
-    return str(name.Get().ToExtString()).strip()
+    return one_line(str(name.Get().ToExtString()).strip()[:_LONGEST_NAME])
 
 
 def product_name(label: Any) -> str:

@@ -141,6 +141,7 @@ def test_steps_without_a_shape(tmp_path, data, said):
     [
         ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", {}, "OCCT crashed while it read it (SIGSEGV)"),
         ("while True: pass", {"seconds": 2}, "OCCT needs more than 2 s to read it"),
+        ("__version__ = '7.8'", {}, "is not the one that is needed (ModuleNotFoundError: No module named 'OCP."),
         ("raise SystemError('geometry')", {}, "OCCT failed to read it (SystemError: geometry)"),
         ("x = bytearray(2**40)", {}, "takes more than 4 GiB of memory"),
     ],

@@ -112,6 +112,16 @@ def test_a_single_part_without_a_name(read, tmp_path):
     assert [(part.name, part.product) for part in nameless.parts] == [("part", "")]
 
 
+def test_names_that_a_terminal_would_act_on(tmp_path):
+    """They are shown as what they are."""
+    made = Drawing()
+    made.product("pin", box((0, 0, 0), (1, 1, 1)))
+    hostile = edited(made, tmp_path / "hostile.step", (r"PRODUCT\('pin','pin'", r"PRODUCT('pin','a\\X\\1B[2Jb'"))
+    [part] = hostile.parts
+    assert part.name.isprintable()
+    assert "[2J" in part.name
+
+
 # -- materials -------------------------------------------------------------------------------------------------------
 
 
