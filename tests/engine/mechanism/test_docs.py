@@ -23,13 +23,13 @@ def test_the_example_loads():
 
 
 def test_the_profiles_are_contacts():
-    """The two solids of the page: the countersink's section, and the area of the cam between its tangents."""
+    """The two solids of the page: the area of half the shaft's section, and that of the cam between its tangents."""
     text = PAGE.split("**Profiles.**")[1].split("```toml\n")[1].split("```")[0]
-    rim, cam = (
+    shaft, cam = (
         Contact.model_validate({**contact, "friction": 0.1}).sides[1].primitive.curve
         for contact in tomllib.loads(text)["contacts"].values()
     )
-    assert sum(piece.area for piece in rim) == pytest.approx(4.5 * 3 - 0.5)
+    assert sum(piece.area for piece in shaft) == pytest.approx(3 * 8 + 4 * 2 + 5 * 4)
     angle = math.acos(3 / 5)
     sectors = 6**2 * (math.pi - angle) + 3**2 * angle
     assert sum(piece.area for piece in cam) == pytest.approx(sectors + (6 + 3) * 4)
