@@ -59,7 +59,10 @@ def _submit(user, server):
     user.look(is_answer=True)
     secret = re.search(r"clearcap_token_[\w-]+\S+", user.text)[0]
     answer = httpx.post(
-        f"{server.url}/api/v1/campaigns", json={"text": TEXT}, headers={"Authorization": f"Bearer {secret}"}, timeout=60
+        f"{server.url}/api/v1/campaigns",
+        json={"text": TEXT},
+        headers={"Authorization": f"Bearer {secret}"},
+        timeout=300,
     )
     assert answer.status_code == 201, answer.text
     return answer.json()["campaign"]
