@@ -1,12 +1,14 @@
 """The sessions of the docs, line by line: what a reader types gives what the page shows.
 
-A page's blocks belong together. ``toml file=NAME`` is appended to a file; ``console session`` holds commands, each
-followed by what it prints; ``python session`` continues the Python of the blocks before. In what a command prints,
+A page's blocks belong together. ``toml file=NAME`` is appended to a file, ``diff file=NAME`` changes lines of it, piece
+by piece between empty lines; STEP files of the examples are there. ``console session`` holds commands, each followed
+by what it prints; ``python session`` continues the Python of the blocks before. In what a command prints,
 ``...`` stands for anything, and a number may differ by a hundredth; real times and ids of campaigns are not compared.
 """
 
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -30,9 +32,15 @@ AT_MOST = 300.0  # s, for a command; a compilation may be part of it
 def test_session(page, tmp_path, monkeypatch, capsys):
     """Every block of a page works in the order of the page."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    for example in (ROOT / "docs" / "examples").glob("*.step"):
+        shutil.copy(example, tmp_path)
     names = {}
     for language, mark, text in BLOCK.findall(page.read_text("utf-8")):
-        if mark.startswith("file="):
+        if language == "diff":
+            path = Path(mark.removeprefix("file="))
+            path.write_text(changed(path.read_text(), text))
+        elif mark.startswith("file="):
             with Path(mark.removeprefix("file=")).open("a") as file:
                 file.write(text)
         elif language == "python":
@@ -42,6 +50,24 @@ def test_session(page, tmp_path, monkeypatch, capsys):
             for command, expected in commands(text):
                 printed = output_of(command)
                 assert is_shown(expected, printed), f"$ {command}\n{printed}\nthe page shows:\n{expected}"
+
+
+def changed(text, diff):
+    """Return a text with the pieces of a diff applied; each fits in one place."""
+    for piece in re.split(r"\n\n+", diff.strip("\n")):
+        lines = piece.splitlines()
+        old = "".join(f"{line[1:]}\n" for line in lines if line[0] in " -")
+        new = "".join(f"{line[1:]}\n" for line in lines if line[0] in " +")
+        assert text.count(old) == 1, f"{old!r} is in the file {text.count(old)} times"
+        text = text.replace(old, new)
+    return text
+
+
+def test_changed():
+    """A diff must fit."""
+    assert changed("a\nb\nc\nd\n", " a\n-b\n+x\n+y\n\n-d\n") == "a\nx\ny\nc\n"
+    with pytest.raises(AssertionError, match="2 times"):
+        changed("a\nb\na\n", "-a\n")
 
 
 def commands(text):

@@ -2,15 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from pydantic import ValidationError
 
+from engine.arrays import Array
 from engine.cad import CadAssembly, CadEdge, CadFace
 from engine.faults.fault import Fault
 from engine.mechanism.faults import did_you_mean, faults_of
 from engine.mechanism.geometry.cad_table import AS_DRAWN, SELECTORS, FeatureKind, selector_of
 from engine.mechanism.geometry.drawn_joint import DrawnPin, NotAsDrawn, joint_of_pin
+from engine.mechanism.geometry.drawn_outline import drawn_outline, viewing_direction
 from engine.mechanism.geometry.face_search import NotOneFace, PartSearch
 from engine.mechanism.geometry.geometry_certificate import DrawnBody, DrawnFace, DrawnJoint
 from engine.mechanism.geometry.part_bodies import NoDensity, body_of_part, mass_properties
@@ -46,6 +49,11 @@ class DrawnTables:
     features: dict[str, CadFace | CadEdge] = field(default_factory=dict)
     joints: dict[str, DrawnJoint] = field(default_factory=dict)
 
+    @cached_property
+    def direction(self) -> Array:
+        """The direction in which bodies are drawn."""
+        return viewing_direction(self.assembly)
+
     @property
     def millimetre(self) -> float:
         """A millimetre in the mechanism's unit of length."""
@@ -71,6 +79,8 @@ class DrawnTables:
                 self.faults.append(Fault((*keys, "density"), str(error), body.get("density")))
                 return {}
         plain = body_of_part(part, body, masses, self.millimetre)
+        if "outline" not in plain and (corners := drawn_outline(self.assembly, name, self.direction, self.millimetre)):
+            plain["outline"] = corners
         own = body.get("mass")
         self.bodies[".".join(keys)] = DrawnBody(
             part=name,

@@ -77,6 +77,18 @@ def test_bodies_as_drawn(load):
     assert body.angle == pytest.approx(math.atan2(6, 44), abs=1e-12)
 
 
+def test_outlines_as_drawn(load):
+    """The coupler is drawn as the bar with round ends that it is; an outline of the file stays."""
+    corners = np.array(load(latch_file()).bodies["coupler"].outline)
+    length = math.hypot(44, 6)
+    along = np.clip(corners[:, 0], 0, length)
+    np.testing.assert_allclose(np.hypot(corners[:, 0] - along, corners[:, 1]), 7.0, atol=0.15)
+    assert np.ptp(corners[:, 0]) == pytest.approx(length + 14, abs=0.2)
+    own = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    kept = load(changed("bodies", "coupler", "outline", own)).bodies["coupler"].outline
+    assert [list(corner) for corner in kept] == own
+
+
 def test_the_stop(load):
     """A flat face becomes a plane."""
     plane = load(latch_file()).contacts["stop"].b.plane
