@@ -226,7 +226,7 @@ class CadAssembly:
     meshes: tuple[TriangleMesh, ...] = ()
     """One for each part, in the order of `parts`."""
     cautions: tuple[str, ...] = ()
-    """What the file has and clearcap left out, and why."""
+    """What was left out of the file, and where it contradicts itself, each with what to do."""
 
     def part(self, name: str) -> CadPart:
         """Return the part of a name; KeyError if there is none."""

@@ -7,7 +7,7 @@ import numpy as np
 from OCP.TopLoc import TopLoc_Location
 from OCP.XCAFDoc import XCAFDoc_ShapeTool as ShapeTool
 
-from engine.cad.cad_model import CadAssembly, CadPart
+from engine.cad.cad_model import CadAssembly, CadFace, CadPart, SizeLimits
 from engine.cad.occt.document_labels import listed, material_of, name_of, product_name
 from engine.cad.occt.product_geometry import product_geometry
 from engine.cad.occt.product_tree import Instance, instances
@@ -16,6 +16,9 @@ from engine.cad.occt.size_limits import size_limits
 from engine.cad.occt.step_document import StepDocument, open_step
 from engine.cad.placed_product import ProductGeometry, placed_product
 from engine.cad.unique_names import unique_names
+
+_RADII = {"diameter": 2, "spherical diameter": 2, "radius": 1, "spherical radius": 1}
+_FAR_OFF = 0.1  # of the size that is drawn
 
 
 class _Product:
@@ -79,17 +82,18 @@ def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
         placed.append(here)
         parts.append(_part(instance, name, product, here))
     limits, unclear = size_limits(document.dimensions, document.signs, _FacesOfLabels(products))
+    faces = tuple(face for here in placed for face in here.faces)
     return CadAssembly(
         sha256=sha256,
         unit=document.unit,
         schema=document.schema,
         recognition=recognition,
         parts=tuple(parts),
-        faces=tuple(face for here in placed for face in here.faces),
+        faces=faces,
         edges=tuple(edge for here in placed for edge in here.edges),
         limits=tuple(limits),
         meshes=tuple(here.mesh for here in placed),
-        cautions=tuple(_cautions(document, parts, placed, unclear)),
+        cautions=(*_left_out(document, parts, unclear), *_contradictions(limits, faces)),
     )
 
 
@@ -121,7 +125,19 @@ class _FacesOfLabels:
         return []
 
 
-def _cautions(document: StepDocument, parts: list[CadPart], placed: list[ProductGeometry], unclear: int) -> list[str]:
+def _contradictions(limits: list[SizeLimits], faces: tuple[CadFace, ...]) -> list[str]:
+    """Return the dimensions that are not those of the faces they stand on."""
+    said = []
+    for limit in limits:
+        for face in (faces[number] for number in limit.faces):
+            size = _RADII.get(limit.kind, 0) * face.radius
+            if size and abs(limit.nominal - size) > _FAR_OFF * size:
+                drawn = f"the face that it stands on, of {face.part}, is drawn with {size:g} mm"
+                said.append(f"a {limit.kind} of {limit.nominal:g} mm: {drawn}; check the unit of the file's dimensions")
+    return said
+
+
+def _left_out(document: StepDocument, parts: list[CadPart], unclear: int) -> list[str]:
     """Return what was left out."""
     said = []
     if document.grams is None:

@@ -210,6 +210,14 @@ def test_a_lower_deviation_that_occt_has_written(tmp_path):
     assert (other.limits[0].lower, other.limits[0].upper) == (6.11, 6.12)
 
 
+def test_a_dimension_that_is_not_that_of_its_face(read):
+    """OCCT writes the numbers of dimensions in mm also where it says that they are inches."""
+    said = read(latch.drawing(), unit="INCH").cautions
+    assert len(said) == 2
+    assert said[0].startswith("a diameter of 154.94 mm: the face that it stands on, of crank, is drawn with 6.1 mm")
+    assert read(latch.drawing()).cautions == ()
+
+
 def test_limits_of_every_instance(read):
     """A dimension of a product is one of each part that it is."""
     made = Drawing()
