@@ -23,6 +23,7 @@ from benchmarks import (
     machine,
     overhead,
     report,
+    surface_gaps,
     web_answers,
     web_load,
 )
@@ -30,7 +31,7 @@ from engine import warm_up
 
 PARTS = (
     *("friction", "hard", "heaps", "c60", "chain", "campaign", "overhead", "report", "first_use", "siconos"),
-    *("builds", "web_answers", "web_load", "gaps"),
+    *("builds", "web_answers", "web_load", "gaps", "surfaces"),
 )
 
 
@@ -99,6 +100,9 @@ def main() -> None:
     if "gaps" in parts:
         numbers["gaps"] = gaps.measure(unit)
         _show(console, "a query of a contact's gap, point and frame", numbers["gaps"])
+    if "surfaces" in parts:
+        numbers["surfaces"] = surface_gaps.measure()
+        _show(console, "gaps on surfaces of patches beside closed forms, processor time of one", numbers["surfaces"])
     asked.out.parent.mkdir(parents=True, exist_ok=True)
     asked.out.write_text(json.dumps(numbers, indent=2) + "\n", encoding="utf-8")
     console.print(f"written to {asked.out}")

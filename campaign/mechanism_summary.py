@@ -4,6 +4,8 @@ from typing import Any
 
 from engine import check, set_values
 from engine.mechanism import Mechanism, get_value, unit_of
+from engine.mechanism.quantities import Quantity
+from engine.mechanism.surfaces.surface import FreeFormSurface
 from engine.preflight import cautions
 
 
@@ -46,6 +48,17 @@ def mechanism_summary(mechanism: Mechanism) -> dict[str, Any]:
         "validity": [str(condition) for condition in mechanism.validity],
         "benches": {name: bench.title for name, bench in mechanism.benches.items()},
         "presets": {name: preset.title for name, preset in mechanism.presets.items()},
+    }
+
+
+def converted_surfaces(mechanism: Mechanism) -> dict[str, dict[str, Any]]:
+    """Return the contacts whose surface is a B-spline: how many patches take its place, their error and its unit."""
+    found = {name: contact.sides[1].primitive for name, contact in mechanism.contacts.items()}
+    splines = {name: shape for name, shape in found.items() if isinstance(shape, FreeFormSurface) and shape.degree}
+    unit = Quantity("length").unit(mechanism.units)
+    return {
+        name: {"patches": len(shape.top), "error": shape.conversion_error, "unit": unit}
+        for name, shape in splines.items()
     }
 
 

@@ -94,7 +94,7 @@ def show(
 def check(mechanism: MechanismName, json: Json = False) -> None:
     """Check a mechanism, also on its test benches and with its presets; warn of what looks wrong but can run."""
     from campaign.geometry_summary import geometry_lines
-    from campaign.mechanism_summary import mechanism_warnings
+    from campaign.mechanism_summary import converted_surfaces, mechanism_warnings
     from engine import load_mechanism
     from engine.cad_import.open_questions import questions_of_file
 
@@ -102,15 +102,19 @@ def check(mechanism: MechanismName, json: Json = False) -> None:
     for question in () if json else questions:
         print_text(f"question: {mechanism}, line {question.line}: {question.text}")
     loaded = load_mechanism(mechanism)
-    warnings = mechanism_warnings(loaded)
+    warnings, surfaces = mechanism_warnings(loaded), converted_surfaces(loaded)
     if json:
         document = {"mechanism": loaded.name, "ok": True, "digest": loaded.digest(), "warnings": warnings}
         document["questions"] = [asdict(question) for question in questions]
         document["geometry"] = loaded.geometry.model_dump(exclude_none=True) if loaded.geometry else None
+        document["surfaces"] = surfaces
         print_json(document)
         return
     for line in geometry_lines(loaded):
         print_text(line)
+    for name, entry in surfaces.items():
+        error = f"{entry['error']:.2g} {entry['unit']}"
+        print_text(f"contacts.{name}: {entry['patches']} bicubic patches, no farther than {error} from the B-spline")
     for entry in warnings:
         print_text(f"warning: {mechanism}: {entry['where']}{': ' if entry['where'] else ''}{entry['text']}")
     count = f", {_counted(len(warnings), 'warning')}" if warnings else ""

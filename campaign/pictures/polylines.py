@@ -5,8 +5,11 @@ from typing import Any
 import numpy as np
 
 from engine.arrays import Array
+from engine.mechanism.surfaces.bezier import basis
 
 CORNERS = 49  # of a full circle
+EDGE_POINTS = 9  # of an edge of a patch
+MOST_LINES = 120  # between the patches of a surface
 ALONG = 1e-6  # sine of the angle between an axis and the line of sight; below, any side of the axis is as good
 
 
@@ -44,6 +47,8 @@ def primitive_polylines(kind: str, primitive: Any, facing: Array) -> list[Array]
         return _turned(primitive, facing)
     if kind == "extruded":
         return _extruded(primitive)
+    if kind == "surface":
+        return _surface(primitive)
     return [circle(primitive.centre, facing, primitive.radius)]  # sphere, socket, ring
 
 
@@ -67,6 +72,13 @@ def _extruded(primitive: Any) -> list[Array]:
     flat = outline.real[:, None] * along + outline.imag[:, None] * across
     starts = [piece.start.real * along + piece.start.imag * across for piece in primitive.curve]
     return [*(level + flat for level in levels), *(levels + start for start in starts if half)]
+
+
+def _surface(primitive: Any) -> list[Array]:
+    """Return the open edges of a surface, and lines between its patches, of many every second, third, ..."""
+    border, between = primitive.outline
+    edges = np.concatenate([border, between[:: 1 + len(between) // MOST_LINES]])
+    return list(np.einsum("ai,nij->naj", basis(np.linspace(0, 1, EDGE_POINTS))[0], edges))
 
 
 def _points(piece: Any) -> Array:

@@ -10,6 +10,7 @@ from engine.assembly.frames import BodyFrame
 from engine.assembly.primitives import rows
 from engine.assembly.profile_rows import NO_PIECES, profile_pieces
 from engine.assembly.remembered import remembered
+from engine.assembly.surface_trees import joined_surfaces, surface_tree
 from engine.kernels.model import (
     ARC_PLANE,
     CYLINDER_PLANE,
@@ -19,11 +20,13 @@ from engine.kernels.model import (
     ON_EXTRUDED,
     ON_RECTANGLE,
     ON_ROUND,
+    ON_SURFACE,
     ON_TURNED,
     POINT_PLANE,
     RING_BORE,
     Contacts,
     Laws,
+    Surfaces,
 )
 from engine.mechanism.contacts import PAIRS
 from engine.mechanism.models import Mechanism
@@ -37,6 +40,7 @@ _SOLIDS = {
     "socket": ON_BALL,
     "turned": ON_TURNED,
     "extruded": ON_EXTRUDED,
+    "surface": ON_SURFACE,
 }
 _PLANES = {"point": POINT_PLANE, "sphere": POINT_PLANE, "arc": ARC_PLANE, "cylinder": CYLINDER_PLANE}
 
@@ -70,6 +74,8 @@ class Pair:
         Those of the profile of side b; none if it has no profile.
     play : (str, str) or None
         The joint and the key of its clearance, which `engine.assembly.clearances` adds; None: there is none.
+    surface : Surfaces or None
+        The tree of side b's surface, if it is one.
     """
 
     name: str
@@ -82,6 +88,7 @@ class Pair:
     law: tuple[float, float]
     pieces: Array = field(default_factory=NO_PIECES.copy)
     play: tuple[str, str] | None = None
+    surface: Surfaces | None = None
 
 
 @remembered
@@ -97,9 +104,19 @@ def contact_profiles(mechanism: Mechanism) -> list[Array]:
     return [profile_pieces(contact.sides[1]) for contact in mechanism.contacts.values()]
 
 
+@remembered
+def surface_trees(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> dict[str, Surfaces]:
+    """Return the trees of the surfaces among the file's [contacts], by contact; equal ones of a body are the same."""
+    sides = {name: contact.sides[1] for name, contact in mechanism.contacts.items()}
+    found = {name: (side.body, side.primitive) for name, side in sides.items() if side.kind == "surface"}
+    trees = {key: surface_tree(key[1], frames[key[0]]) for key in dict.fromkeys(found.values())}
+    return {name: trees[key] for name, key in found.items()}
+
+
 def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterator[Pair]:
     """Yield the contacts of the file's [contacts]."""
     geometry, profiles = contact_geometry(mechanism, frames), contact_profiles(mechanism)
+    trees = surface_trees(mechanism, frames)
     for (name, contact), (geometry_a, geometry_b, clearance), pieces in zip(
         mechanism.contacts.items(), geometry, profiles, strict=True
     ):
@@ -114,6 +131,7 @@ def contact_pairs(mechanism: Mechanism, frames: dict[str, BodyFrame]) -> Iterato
             clearance=clearance,
             law=mechanism.contact_law(contact),
             pieces=pieces,
+            surface=trees.get(name),
         )
 
 
@@ -121,6 +139,7 @@ def contact_arrays(pairs: list[Pair], block: Integers) -> tuple[Contacts, Laws]:
     """Return the pairs as arrays; ``block``: where each pair of bodies is in the system of a step."""
     laws = np.array([pair.law for pair in pairs], float).reshape(-1, 2)
     counts = np.array([len(pair.pieces) for pair in pairs], np.int64)
+    root, surfaces = joined_surfaces([pair.surface for pair in pairs])
     contacts = Contacts(
         kind=np.array([pair.kind for pair in pairs], np.int64),
         a=np.array([pair.a for pair in pairs], np.int64),
@@ -132,6 +151,8 @@ def contact_arrays(pairs: list[Pair], block: Integers) -> tuple[Contacts, Laws]:
         pair=block,
         profile=np.stack([np.cumsum(counts) - counts, np.cumsum(counts)], axis=1),
         piece=np.concatenate([NO_PIECES, *(pair.pieces for pair in pairs)]),
+        surface=root,
+        surfaces=surfaces,
     )
     return contacts, Laws(np.ascontiguousarray(laws[:, 0]), np.ascontiguousarray(laws[:, 1]))
 

@@ -9,6 +9,7 @@ from engine.arrays import Array
 from engine.assembly.frames import BodyFrame, tangent
 from engine.kernels.model import GEOMETRY
 from engine.mechanism.contacts import Contact, Side
+from engine.mechanism.surfaces.bezier import mean_direction
 
 ENDLESS = math.inf
 
@@ -46,6 +47,10 @@ def _row_a(side: Side, frame: BodyFrame) -> tuple[Array, float]:
 def row_b(side: Side, frame: BodyFrame) -> Array:
     """Return the row of side b: place, axis, tangent and bounds."""
     shape = side.primitive
+    if side.kind == "surface":
+        middle, pole = mean_direction(shape.top)
+        n = frame.direction(pole)
+        return _row(frame.point(middle), n, tangent(n))
     if side.kind in ("sphere", "socket"):
         pole = np.array([0.0, 0.0, 1.0])
         bounds = _walls(shape.radius, side.kind == "socket")

@@ -11,7 +11,7 @@ import numpy as np
 from engine.compiler.tuples_by_address import by_address
 
 RING_BORE, POINT_PLANE, ARC_PLANE, CYLINDER_PLANE, ON_ROUND, ON_DISC, ON_RECTANGLE, ON_BALL = range(8)
-ON_TURNED, ON_EXTRUDED = range(8, 10)
+ON_TURNED, ON_EXTRUDED, ON_SURFACE = range(8, 11)
 POSITION, VELOCITY, ANGLE, ANGULAR_VELOCITY, GAP, SPRING_FORCE, SPRING_TORQUE, TIME = range(8)
 CONTACT_FORCE, FRICTION_FORCE, JOINT_FORCE = range(8, 11)  # the impulses of a whole step, divided by its length
 DERIVED = 11  # computed from other responses, after the run
@@ -33,6 +33,17 @@ class Bodies(NamedTuple):
 
 
 @by_address
+class Surfaces(NamedTuple):
+    """Surfaces of bicubic patches: trees of their pieces, from the centre of mass; see patched_surfaces.py."""
+
+    sphere: np.ndarray  # (nn, 4) centre and radius of a sphere around what is below each node
+    after: np.ndarray  # (nn,) int64, the node that follows all below; of a fork's two the first is the next node
+    piece: np.ndarray  # (nn,) int64, number of a leaf's piece; -1: a fork
+    coefficient: np.ndarray  # (np, 3, 4, 4) of x^i y^j in each coordinate, |x| and |y| <= 1
+    bound: np.ndarray  # (np, 9) of derivatives, see `engine.assembly.surface_trees`
+
+
+@by_address
 class Contacts(NamedTuple):
     """``nc`` potential contacts."""
 
@@ -46,6 +57,8 @@ class Contacts(NamedTuple):
     pair: np.ndarray  # (nc,) int64, first piece of the two bodies in the system of a step, see `engine.friction.blocks`
     profile: np.ndarray  # (nc, 2) int64, first piece of side b's profile, and the piece after its last
     piece: np.ndarray  # (np, PIECE) see profiles.py
+    surface: np.ndarray  # (nc,) int64, first node of side b's surface; -1: it has none
+    surfaces: Surfaces
 
 
 @by_address

@@ -44,3 +44,14 @@ def world_point(x, R, body, row):
         o[1] + M[1, 0] * a + M[1, 1] * b + M[1, 2] * c,
         o[2] + M[2, 0] * a + M[2, 1] * b + M[2, 2] * c,
     )
+
+
+@inner
+def body_components(R, body, v):
+    """Return the components in body axes of a vector of the world: R' v."""
+    M = R[body]
+    return (
+        M[0, 0] * v[0] + M[1, 0] * v[1] + M[2, 0] * v[2],
+        M[0, 1] * v[0] + M[1, 1] * v[1] + M[2, 1] * v[2],
+        M[0, 2] * v[0] + M[1, 2] * v[1] + M[2, 2] * v[2],
+    )

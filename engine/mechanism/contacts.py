@@ -9,13 +9,14 @@ from engine.mechanism.base import Length, Name, PairLaw, Point, TableModel, refu
 from engine.mechanism.closed_profiles.profile_solids import Extruded, Turned
 from engine.mechanism.primitives import Arc, Bore, Cylinder, Disc, Plane, Rectangle, Ring, Socket, Sphere
 from engine.mechanism.quantities import Quantity
+from engine.mechanism.surfaces.surface import FreeFormSurface
 
 PRIMITIVES = (
     *("point", "sphere", "arc", "ring", "cylinder", "bore", "socket", "plane", "disc", "rectangle"),
-    *("turned", "extruded"),
+    *("turned", "extruded", "surface"),
 )
 
-SOLIDS = ("cylinder", "bore", "sphere", "socket", "turned", "extruded")
+SOLIDS = ("cylinder", "bore", "sphere", "socket", "turned", "extruded", "surface")
 FLATS = ("plane", "disc", "rectangle")
 _PARTNERS = {
     "point": (*FLATS, *SOLIDS),
@@ -47,6 +48,9 @@ class Side(TableModel):
     turned: Turned | None = Field(default=None, description="a turned solid: { point, axis, start, profile }")
     extruded: Extruded | None = Field(
         default=None, description="an extruded solid: { point, axis, along, start, profile, ... }"
+    )
+    surface: FreeFormSurface | None = Field(
+        default=None, description="faces of any shape: { patches } or a B-spline surface"
     )
 
     @cached_property

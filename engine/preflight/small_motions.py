@@ -18,7 +18,7 @@ from engine.assembly import Assembly
 from engine.kernels.bilateral import row_violations
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.loads import apply_loads
-from engine.kernels.model import ON_BALL, ON_EXTRUDED, ON_ROUND, ON_TURNED, RING_BORE, State
+from engine.kernels.model import ON_BALL, ON_EXTRUDED, ON_ROUND, ON_SURFACE, ON_TURNED, RING_BORE, State
 
 ROUND = 0.3  # sine of an angle: a contact whose normals differ by less than this is flat
 NOTHING = 1e-9  # relative size of what rounding leaves of zero
@@ -195,7 +195,7 @@ def _rounds(assembly: Assembly, root: Array) -> tuple[Array, Integers]:
     of a face hardly turns.
     """
     contacts, state, nb = assembly.model.contacts, assembly.state, len(assembly.model.bodies.mass)
-    curved = np.isin(contacts.kind, (RING_BORE, ON_ROUND, ON_BALL, ON_TURNED, ON_EXTRUDED))
+    curved = np.isin(contacts.kind, (RING_BORE, ON_ROUND, ON_BALL, ON_TURNED, ON_EXTRUDED, ON_SURFACE))
     rows: list[list[Array]] = [[] for _ in contacts.kind]
     normals: list[list[Array]] = [[] for _ in contacts.kind]
     for body, shift in _closing_shifts(assembly, np.flatnonzero(curved)):

@@ -27,7 +27,7 @@ def on_profile(contacts, x, R, i, kind, point, frame):
     a, b = contacts.a[i], contacts.b[i]
     ga, gb = contacts.geometry_a[i], contacts.geometry_b[i]
     first, after = contacts.profile[i]
-    solid = (kind, gb, contacts.piece[first:after])
+    solid = (kind, gb, contacts.piece[first:after], (contacts.surfaces, contacts.surface[i]))
     z, t = world_direction(R, b, gb, 3), world_direction(R, b, gb, 6)
     y = vector_product(z, t)
     centre, foot, r = world_point(x, R, a, ga), world_point(x, R, b, gb), ga[9]

@@ -15,10 +15,11 @@ ON_RECTANGLE    plate: the same; half sides along tangent and normal x tangent (
 ON_BALL         sphere or socket: centre (0:3), two directions that fix T1 (3:6, 6:9), section (9:13)
 ON_TURNED       a profile turned about an axis: axis point (0:3), axis (3:6), tangent (6:9)
 ON_EXTRUDED     a profile extruded along an axis: its origin (0:3), axis (3:6), u (6:9), half length (9)
+ON_SURFACE      bicubic patches, in ``surfaces``: a place (0:3), two directions that fix T1 (3:6, 6:9)
 ==============  ===================================================================================
 
 Side a: point, centre of an arc, or axis point of a cylinder (0:3); then normal or axis (3:6), middle or tangent
-(6:9), radius (9), half angle (10). Against the solids (the last six) a point is an arc of radius 0.
+(6:9), radius (9), half angle (10). Against the solids (the last seven) a point is an arc of radius 0.
 
 The gap g_N is the signed distance plus ``clearance`` (for a ring: the radial clearance minus its eccentricity; the
 radii of spheres and rounded edges are skins, subtracted there). It changes by no more than the features move against
@@ -32,6 +33,7 @@ import numpy as np
 from engine.jit import inner, kernel
 from engine.kernels.contact_geometry.arcs import nearest_on_arc
 from engine.kernels.contact_geometry.arcs_on_profiles import on_profile
+from engine.kernels.contact_geometry.arcs_on_surfaces import on_surface
 from engine.kernels.contact_geometry.solids import box, section
 from engine.kernels.contact_geometry.tangents import cross, transport
 from engine.kernels.model import (
@@ -41,6 +43,7 @@ from engine.kernels.model import (
     ON_EXTRUDED,
     ON_RECTANGLE,
     ON_ROUND,
+    ON_SURFACE,
     ON_TURNED,
     RING_BORE,
 )
@@ -80,6 +83,8 @@ def find_contact(contacts, x, R, i, point, frame):
         return on_plane(contacts, x, R, i, kind, point[i], frame[i])
     if kind in (ON_TURNED, ON_EXTRUDED):
         return on_profile(contacts, x, R, i, kind, point[i], frame[i])
+    if kind == ON_SURFACE:
+        return on_surface(contacts, x, R, i, point[i], frame[i])
     return on_solid(contacts, x, R, i, kind, point[i], frame[i])
 
 
@@ -176,7 +181,8 @@ def on_solid(contacts, x, R, i, kind, point, frame):
     y = vector_product(z, t)
     c, s, searched, normal = 0.0, 0.0, False, z
     if r > 0.0:
-        angle, searched, normal = nearest_on_arc((kind, gb, contacts.piece), r, ga[10], (W, E, F), (ew, ee, fe), (t, y))
+        solid = (kind, gb, contacts.piece, (contacts.surfaces, contacts.surface[i]))
+        angle, searched, normal = nearest_on_arc(solid, r, ga[10], (W, E, F), (ew, ee, fe), (t, y))
         c, s = r * np.cos(angle), r * np.sin(angle)
     D = (W[0] + c * E[0] + s * F[0], W[1] + c * E[1] + s * F[1], W[2] + c * E[2] + s * F[2])
     height, outward = ew + c * ee + s * fe, -1.0 if gb[9] > 0.0 else 1.0

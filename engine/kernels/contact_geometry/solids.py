@@ -10,8 +10,9 @@ faster than the features move, and a point that leaves a face goes round its edg
 import math
 
 from engine.jit import inner
+from engine.kernels.contact_geometry.patched_surfaces import surface_distance
 from engine.kernels.contact_geometry.profiles import extruded, turned
-from engine.kernels.model import ON_EXTRUDED, ON_RECTANGLE, ON_TURNED
+from engine.kernels.model import ON_EXTRUDED, ON_RECTANGLE, ON_SURFACE, ON_TURNED
 
 
 @inner
@@ -56,18 +57,21 @@ def signed_distance(solid, x, y, z):
 
     Parameters
     ----------
-    solid : (kind, row, pieces)
-        Kind of the pair, geometry row of side b, and the pieces of its profile, if it has one.
+    solid : (kind, row, pieces, surface)
+        Kind of the pair, geometry row of side b, the pieces of its profile, if it has one, and its surface, see
+        `patched_surfaces.surface_distance`.
     x, y, z : float
         In the solid's own axes.
     """
-    kind, b, pieces = solid
+    kind, b, pieces, surface = solid
     if kind == ON_RECTANGLE:
         return box(b, x, y, z)
     if kind == ON_TURNED:
         return turned(pieces, x, y, z)
     if kind == ON_EXTRUDED:
         return extruded(b, pieces, x, y, z)
+    if kind == ON_SURFACE:
+        return surface_distance(surface, x, y, z)
     rho = math.hypot(x, y)
     d, d_rho, d_z = section(b, rho, z)
     if rho == 0.0:

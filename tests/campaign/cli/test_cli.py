@@ -7,12 +7,14 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from datetime import datetime
 from functools import partial
 from importlib import resources
 from pathlib import Path
 
 import pytest
+import tomli_w
 from typer.testing import CliRunner
 
 import campaign.coordinator.coordinate
@@ -23,6 +25,7 @@ from campaign.row_build import short_build
 from engine import read_trajectory
 from tests.campaign import fake_engine
 from tests.campaign.commands import ROOT, clearcap, clearcap_here
+from tests.engine.kernels.surface_shapes import sphere_octant
 
 BAD_INPUT = {
     "unknown campaign": (["run", "c61"], "did you mean 'c60'?"),
@@ -319,6 +322,25 @@ def test_check_warns_of_what_looks_wrong(tmp_path):
     assert done.stdout.endswith("no errors, 1 warning\n")
     document = json.loads(CliRunner().invoke(app, ["mechanism", "check", str(path), "--json"]).stdout)
     assert [(entry["key"], entry["value"]) for entry in document["warnings"]] == [("gravity", 9.81)]
+
+
+def test_check_states_the_error_of_surfaces_that_were_converted(tmp_path):
+    """A ball over an eighth of a sphere: how many patches stand for it and how far they are from it, as data too."""
+    text = resources.files("engine.mechanism").joinpath("library", "sphere_roll.toml").read_text("utf-8")
+    side = {"body": "table", "surface": sphere_octant(0.5, conversion=1e-4)}
+    document = {**tomllib.loads(text), "name": "own"}
+    document["contacts"]["table"]["b"] = side
+    document["bodies"]["ball"]["origin"] = [1.0, 1.0, 1.0]
+    path = tmp_path / "own.toml"
+    path.write_text(tomli_w.dumps(document))
+    done = CliRunner().invoke(app, ["mechanism", "check", str(path)])
+    assert done.exit_code == 0, done.output
+    stated = re.search(r"contacts.table: (\d+) bicubic patches, no farther than (\S+) m from the B-spline", done.stdout)
+    assert stated is not None
+    assert 0 < float(stated[2]) <= 1e-4
+    data = json.loads(CliRunner().invoke(app, ["mechanism", "check", str(path), "--json"]).stdout)["surfaces"]["table"]
+    assert (data["patches"], data["unit"]) == (int(stated[1]), "m")
+    assert data["error"] == pytest.approx(float(stated[2]), rel=0.05)
 
 
 def test_simulate_gives_what_was_measured(tmp_path):

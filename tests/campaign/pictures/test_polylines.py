@@ -5,6 +5,8 @@ import pytest
 
 from campaign.pictures.polylines import circle, patch, primitive_polylines, square
 from engine.mechanism.closed_profiles.profile_solids import Extruded, Turned
+from engine.mechanism.surfaces.surface import FreeFormSurface
+from tests.engine.kernels.surface_shapes import graded_rectangle, wavy
 
 X, Y, Z = np.eye(3)
 
@@ -60,3 +62,13 @@ def test_an_extruded_solid_is_two_profiles_and_its_edges():
     ]
     (only,) = primitive_polylines("extruded", Extruded.model_validate(half_disc), Y)
     np.testing.assert_allclose(only[:, 2], 5)
+
+
+def test_a_surface_is_its_border_and_lines_between_its_patches():
+    """A grid of 2 by 3 flat patches: ten edges around it and seven inside, all in its plane."""
+    lines = primitive_polylines("surface", FreeFormSurface(patches=graded_rectangle(2.0, 1.0).tolist()), Y)
+    assert len(lines) == 10 + 7
+    around, inside = np.concatenate(lines[:10]), lines[10:]
+    assert np.all(np.maximum(np.abs(around[:, 0]) / 2, np.abs(around[:, 1])) == pytest.approx(1))
+    assert all(np.abs(line).min(axis=0)[2] == 0 and np.ptp(line[:, :2], axis=0).min() < 1e-12 for line in inside)
+    assert len(primitive_polylines("surface", FreeFormSurface.model_validate(wavy()), Y)) < 200

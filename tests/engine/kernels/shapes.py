@@ -14,10 +14,12 @@ from engine.assembly.contacts import KINDS, Pair, contact_arrays
 from engine.assembly.frames import BodyFrame
 from engine.assembly.primitives import rows
 from engine.assembly.profile_rows import profile_pieces
+from engine.assembly.surface_trees import surface_tree
 from engine.kernels.contact_geometry.gaps import find_contacts
 from engine.kernels.model import Contacts
 from engine.mechanism.contacts import Contact
 from tests.engine.kernels.profile_shapes import drawn_profile, solid_gap
+from tests.engine.kernels.surface_shapes import graded_rectangle
 
 Array = np.ndarray
 GRID = 241
@@ -69,6 +71,10 @@ def drawn_second(kind: str, rng: np.random.Generator) -> dict[str, Any]:
         return {
             kind: {"point": p, "axis": n.tolist(), "along": across(n, rng).tolist(), **ends} | drawn_profile(kind, rng)
         }
+    if kind == "surface":
+        e, sides = across(n, rng), rng.uniform(0.3, 1.6, 2)
+        patches = graded_rectangle(*sides) @ np.array([e, np.cross(n, e), n]) + p
+        return {kind: {"patches": patches.tolist(), "depth": float(rng.uniform(0.2, 1.0))}}
     depth = {"depth": float(rng.uniform(0.2, 1.0))} if rng.random() < 0.5 else {}
     face = {"centre": p, "normal": n.tolist(), **depth}
     if kind == "disc":
@@ -115,12 +121,25 @@ def box_distance(p: Array, low: Array, high: Array) -> Array:
     return np.where(inside, -1, 1) * np.min(faces, axis=0)
 
 
+def flat_plate_distance(patches: Array, depth: float, p: Array) -> Array:
+    """Signed distance to a plate whose top are flat patches that fill a rectangle along the first one's edges."""
+    corner = patches[0, 0, 0]
+    e, f = unit(patches[0, 3, 0] - corner), unit(patches[0, 0, 3] - corner)
+    axes = np.stack([e, f, np.cross(e, f)], axis=-1)
+    top = (patches.reshape(-1, 3) - corner) @ axes
+    return box_distance(
+        (p - corner) @ axes, np.append(top.min(axis=0)[:2], -depth), np.append(top.max(axis=0)[:2], 0.0)
+    )
+
+
 def distance(contact: Contact, p: Array) -> Array:
     """Signed distance of points of b's frame, shape (..., 3), from side b."""
     side = contact.sides[1]
     shape, inf = side.primitive, np.inf
     if side.kind in ("turned", "extruded"):
         return solid_gap(side, p)
+    if side.kind == "surface":
+        return flat_plate_distance(shape.patches.numbers, shape.depth, p)
     if side.kind == "plane":
         return (p - shape.point) @ np.array(shape.normal)
     if side.kind in ("sphere", "socket"):
@@ -236,8 +255,9 @@ def twists(n: int, rng: np.random.Generator) -> tuple[Array, Array]:
 def compiled(contact: Contact, n: int) -> Contacts:
     """Return a contact as the engine's arrays, n times: between bodies i and n + i."""
     geometry_a, geometry_b, clearance = rows(contact, OWN, OWN)
-    pieces = profile_pieces(contact.sides[1])
-    pair = Pair("C", KINDS[contact.kind], 0, 0, geometry_a, geometry_b, clearance, (0.0, 0.0), pieces)
+    b = contact.sides[1]
+    pieces, tree = profile_pieces(b), surface_tree(b.surface, OWN) if b.kind == "surface" else None
+    pair = Pair("C", KINDS[contact.kind], 0, 0, geometry_a, geometry_b, clearance, (0.0, 0.0), pieces, surface=tree)
     contacts, _ = contact_arrays([pair] * n, np.zeros(n, np.int64))
     return contacts._replace(a=np.arange(n), b=np.arange(n, 2 * n))
 

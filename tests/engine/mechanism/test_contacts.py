@@ -29,6 +29,7 @@ SHAPES: dict[str, Any] = {
         **{"point": [0, 0, 0], "axis": [0, 0, 1], "along": [1, 0, 0]},
         **{"start": [1, 0], "profile": [{"to": [1, 0], "centre": [0, 0], "turn": "left"}]},
     },
+    "surface": {"patches": [[[[x, y, 0] for y in range(4)] for x in range(4)]]},
 }
 
 

@@ -5,10 +5,12 @@ import re
 import tomllib
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from engine.mechanism import get_value, load_mechanism, mechanism_from, mechanism_schema, set_values
 from engine.mechanism.contacts import Contact
+from engine.mechanism.surfaces.bezier import mean_direction, points
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGE = (DOCS / "mechanism.md").read_text(encoding="utf-8")
@@ -33,6 +35,16 @@ def test_the_profiles_are_contacts():
     angle = math.acos(3 / 5)
     sectors = 6**2 * (math.pi - angle) + 3**2 * angle
     assert sum(piece.area for piece in cam) == pytest.approx(sectors + (6 + 3) * 4)
+
+
+def test_the_surface_is_a_contact():
+    """The dish of the page is z = (x^2 + y^2) / 25 exactly, with its normal up."""
+    text = PAGE.split("**Surfaces.**")[1].split("```toml\n")[1].split("```")[0]
+    dish = Contact.model_validate({**tomllib.loads(text)["contacts"]["dish"], "friction": 0.1}).b.surface
+    x, y, z = points(dish.top, np.linspace(0, 1, 5), np.linspace(0, 1, 5)).reshape(-1, 3).T
+    np.testing.assert_allclose(z, 0.04 * (x**2 + y**2), atol=1e-14)
+    assert mean_direction(dish.top)[1] == pytest.approx([0, 0, 1])
+    assert dish.conversion_error < 1e-14
 
 
 def test_every_key_of_the_format_is_described():

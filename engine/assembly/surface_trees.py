@@ -1,0 +1,154 @@
+"""The surfaces of contacts as trees of pieces of patches (`kernels.model.Surfaces`)."""
+
+from collections.abc import Sequence
+from functools import cache
+from math import comb
+
+import numpy as np
+
+from engine.arrays import Array, Integers
+from engine.assembly.frames import BodyFrame
+from engine.kernels.model import Surfaces
+from engine.mechanism.surfaces.surface import FreeFormSurface
+
+SPARE = 0.5  # how often the third derivatives may be as large until a patch is cut: then few pieces are quartered
+ELONGATED = 1.5  # ratio of the sides of a piece beyond which only the longer one is halved
+MOST_HALVINGS = 8  # of a patch
+
+# powers of x, -1 to 1, in the cubic Bernstein polynomials of (1 + x) / 2
+_POWERS = np.array([[1, -3, 3, -1], [3, -3, -3, 3], [3, 3, -3, -3], [1, 3, 3, 1]], float).T / 8
+_LEFT = np.array([[8, 0, 0, 0], [4, 4, 0, 0], [2, 4, 2, 0], [1, 3, 3, 1]], float) / 8
+_HALVES = np.array([_LEFT, _LEFT[::-1, ::-1]])
+
+NO_SURFACES = Surfaces(
+    np.zeros((0, 4)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3, 4, 4)), np.zeros((0, 9))
+)
+
+
+def surface_tree(surface: FreeFormSurface, frame: BodyFrame) -> Surfaces:
+    """Return the tree of one surface, from its body's centre of mass in body axes; its root is node 0."""
+    control = frame.origin + surface.boundary @ frame.rotation.T
+    pieces = _pieces(control)
+    coefficient = np.einsum("ai,bj,nijk->nkab", _POWERS, _POWERS, pieces)
+    centre = 0.5 * (pieces.min(axis=(1, 2)) + pieces.max(axis=(1, 2)))
+    spheres: list[Array] = []
+    after: list[int] = []
+    piece: list[int] = []
+    points = pieces.reshape(-1, 16, 3)
+
+    def grow(which: Integers) -> None:
+        """Add the node of some pieces and all nodes below."""
+        node, inside = len(spheres), points[which].reshape(-1, 3)
+        middle = 0.5 * (inside.min(axis=0) + inside.max(axis=0))
+        radius = np.linalg.norm(inside - middle, axis=1).max() * (1 + 1e-12)
+        spheres.append(np.append(middle, radius))
+        after.append(0)
+        piece.append(int(which[0]) if len(which) == 1 else -1)
+        if len(which) > 1:
+            widest = np.ptp(centre[which], axis=0).argmax()
+            order = which[np.argsort(centre[which, widest], kind="stable")]
+            grow(order[: len(order) // 2])
+            grow(order[len(order) // 2 :])
+        after[node] = len(spheres)
+
+    grow(np.arange(len(pieces)))
+    return Surfaces(
+        np.array(spheres), np.array(after, np.int64), np.array(piece, np.int64), coefficient, _bounds(coefficient)
+    )
+
+
+def joined_surfaces(trees: Sequence[Surfaces | None]) -> tuple[Array, Surfaces]:
+    """Return all trees in one, and the root of each, -1 for none; a tree that is given twice is there once."""
+    own = list({id(tree): tree for tree in trees if tree is not None}.values())
+    nodes = np.cumsum([0, *(len(tree.after) for tree in own)])
+    pieces = np.cumsum([0, *(len(tree.bound) for tree in own)])
+    after = [tree.after + first for tree, first in zip(own, nodes[:-1], strict=True)]
+    piece = [np.where(t.piece < 0, -1, t.piece + first) for t, first in zip(own, pieces[:-1], strict=True)]
+    joined = Surfaces(
+        np.concatenate([NO_SURFACES.sphere, *(tree.sphere for tree in own)]),
+        np.concatenate([NO_SURFACES.after, *after]),
+        np.concatenate([NO_SURFACES.piece, *piece]),
+        np.concatenate([NO_SURFACES.coefficient, *(tree.coefficient for tree in own)]),
+        np.concatenate([NO_SURFACES.bound, *(tree.bound for tree in own)]),
+    )
+    root = {id(tree): int(first) for tree, first in zip(own, nodes[:-1], strict=True)}
+    return np.array([root.get(id(tree), -1) for tree in trees], np.int64), joined
+
+
+def _pieces(patches: Array) -> Array:
+    """Return the patches cut into pieces over which the slopes change little."""
+    done, rest = [], patches
+    for _ in range(MOST_HALVINGS):
+        coefficient = np.einsum("ai,bj,nijk->nkab", _POWERS, _POWERS, rest)
+        S_x, S_y = coefficient[:, :, 1, 0], coefficient[:, :, 0, 1]
+        E, F, G = np.sum(S_x * S_x, 1), np.sum(S_x * S_y, 1), np.sum(S_y * S_y, 1)
+        bounds = _bounds(coefficient)
+        t = SPARE * (bounds[:, :4] + bounds[:, 4:8] * bounds[:, 8:])
+        xx, yy, xy = E - t[:, 0] - t[:, 1], G - t[:, 2] - t[:, 3], np.abs(F) + t[:, 1] + t[:, 2]
+        wild = ~((xx > 0.0) & (yy > 0.0) & (xx * yy > xy * xy))
+        done.append(rest[~wild])
+        along_x, along_y = wild & (E * ELONGATED**2 >= G), wild & (G * ELONGATED**2 >= E)
+        both = along_x & along_y
+        x, y = rest[along_x & ~both], rest[along_y & ~both]
+        xy = _halved(_halved(rest[both], 0), 1)
+        rest = np.concatenate([_halved(x, 0), _halved(y, 1), xy])
+        if not len(rest):
+            break
+    return np.concatenate([*done, rest])
+
+
+def _halved(patches: Array, axis: int) -> Array:
+    """Return both halves of each patch, along u (axis 0) or along v (axis 1)."""
+    form = "hai,nijk->hnajk" if axis == 0 else "haj,nijk->hniak"
+    return np.asarray(np.einsum(form, _HALVES, patches).reshape(-1, 4, 4, 3))
+
+
+def _bounds(coefficient: Array) -> Array:
+    """Return the bounds of pieces' derivatives, shape (n, 9).
+
+    The third derivatives of |S - q|^2 / 2 by xxx, xxy, xyy, yyy are products of those of S with S - q, and a part
+    without q, of derivatives of the first fundamental form E, F, G. First come bounds of these parts (0:4), then of the
+    lengths of S's third derivatives (4:8), last the sum of those of S_x and S_y (8).
+    """
+    S_x, S_y = _derived(coefficient, 1, 0), _derived(coefficient, 0, 1)
+    E, F, G = _product(S_x, S_x), _product(S_x, S_y), _product(S_y, S_y)
+    E_x, E_y, F_x, F_y, G_x, G_y = (_derived(form, *by) for form in (E, F, G) for by in ((1, 0), (0, 1)))
+    own = [1.5 * _most(E_x), 0.5 * _most(E_y) + _most(F_x), 0.5 * _most(G_x) + _most(F_y), 1.5 * _most(G_y)]
+    third = [_most(_derived(coefficient, *by)) for by in ((3, 0), (2, 1), (1, 2), (0, 3))]
+    return np.stack([*own, *third, _most(S_x) + _most(S_y)], axis=1)
+
+
+def _derived(a: Array, by_x: int, by_y: int) -> Array:
+    """Return the coefficients of a derivative of polynomials; powers of x and of y are the last two axes."""
+    for axis, times in ((-2, by_x), (-1, by_y)):
+        for _ in range(times):
+            powers = np.arange(1, a.shape[axis])
+            shape = [1] * a.ndim
+            shape[axis] = len(powers)
+            a = np.take(a, powers, axis) * powers.reshape(shape)
+    return a
+
+
+def _product(a: Array, b: Array) -> Array:
+    """Return the scalar products of vector polynomials, (n, 3, i, j) each, as polynomials (n, 1, i, j)."""
+    size = [a.shape[k] + b.shape[k] - 1 for k in (2, 3)]
+    product = np.zeros((len(a), 1, *size))
+    for i in range(a.shape[2]):
+        for j in range(a.shape[3]):
+            part = np.sum(a[:, :, i, j][:, :, None, None] * b, axis=1, keepdims=True)
+            product[:, :, i : i + b.shape[2], j : j + b.shape[3]] += part
+    return product
+
+
+def _most(a: Array) -> Array:
+    """Return a bound of the length of polynomials, (n, components, i, j): the longest Bernstein coefficient."""
+    coefficients = np.einsum("ai,bj,ncij->ncab", _to_bernstein(a.shape[2]), _to_bernstein(a.shape[3]), a)
+    return np.asarray(np.linalg.norm(coefficients, axis=1).max(axis=(1, 2)))
+
+
+@cache
+def _to_bernstein(count: int) -> Array:
+    """Return the matrix from coefficients of powers of x, -1 to 1, to Bernstein coefficients."""
+    half, rest, degree = np.poly1d([0.5, 0.5]), np.poly1d([-0.5, 0.5]), count - 1
+    columns = [(comb(degree, k) * half**k * rest ** (degree - k)).coeffs[::-1] for k in range(count)]
+    return np.linalg.inv(np.array([np.pad(c, (0, count - len(c))) for c in columns]).T)

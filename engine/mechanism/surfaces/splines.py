@@ -1,0 +1,161 @@
+"""B-spline surfaces as bicubic patches: exactly, or within an error that is proved.
+
+On each interval of the knots a rational B-spline is a quotient A / w of polynomials. The bicubic patch that has the
+same corners, first derivatives and mixed second derivatives there is the surface itself where that is a polynomial of
+no more than the third degree. Otherwise it differs from it by |A - w B| / w, whose Bernstein coefficients bound it; and
+intervals are halved until that is small enough. Patches next to each other have the edge between them in common, with
+its tangent planes, for it follows from their corners alone.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import comb
+
+import numpy as np
+
+from engine.arrays import Array
+
+MOST_PATCHES = 10000
+
+
+@dataclass(frozen=True)
+class BSplineSurface:
+    """A B-spline surface.
+
+    Attributes
+    ----------
+    degree : (int, int)
+        Along u and along v.
+    knots : (array, array)
+        Increasing; one for each control point, and degree + 1 more.
+    control : (nu, nv, 3) array
+    weights : (nu, nv) array
+        Positive.
+    """
+
+    degree: tuple[int, int]
+    knots: tuple[Array, Array]
+    control: Array
+    weights: Array
+
+
+@dataclass(frozen=True)
+class ConvertedSpline:
+    """Bicubic patches, shape (n, 4, 4, 3), the bound of their distance from the surface, and whether it is kept."""
+
+    patches: Array
+    error: float
+    complete: bool
+
+
+def bicubic_patches(surface: BSplineSurface, tolerance: float) -> ConvertedSpline:
+    """Return a B-spline surface as bicubic patches within a tolerance.
+
+    Parameters
+    ----------
+    surface : BSplineSurface
+    tolerance : float
+        Largest distance of points with the same parameters [length].
+
+    Returns
+    -------
+    ConvertedSpline
+        Not complete if the tolerance would take more than MOST_PATCHES.
+    """
+    cuts = [np.unique(_domain(k, p)) for k, p in zip(surface.knots, surface.degree, strict=True)]
+    patches, error = _converted(surface, cuts)
+    while error.max() > tolerance:
+        choices = [_halved(cuts, axis, error.max(axis=1 - axis) > tolerance) for axis in (0, 1)]
+        choices = [cut for cut in choices if (len(cut[0]) - 1) * (len(cut[1]) - 1) <= MOST_PATCHES]
+        if not choices:
+            return ConvertedSpline(patches.reshape(-1, 4, 4, 3), float(error.max()), False)
+        tried = [(cut, *_converted(surface, cut)) for cut in choices]
+        cuts, patches, error = min(tried, key=lambda one: float(one[2].mean()))
+    return ConvertedSpline(patches.reshape(-1, 4, 4, 3), float(error.max()), True)
+
+
+def _domain(knots: Array, degree: int) -> Array:
+    """Return the knots between which the surface is."""
+    return knots[degree : len(knots) - degree]
+
+
+def _halved(cuts: list[Array], axis: int, which: Array) -> list[Array]:
+    """Return cuts with those intervals of an axis halved."""
+    own = cuts[axis]
+    middles = 0.5 * (own[:-1] + own[1:])[which]
+    return [np.sort(np.concatenate([own, middles])) if k == axis else cut for k, cut in enumerate(cuts)]
+
+
+def _converted(surface: BSplineSurface, cuts: list[Array]) -> tuple[Array, Array]:
+    """Return the bicubic patches between cuts, shape (nu, nv, 4, 4, 3), and the bound of each one's error."""
+    w = surface.weights[..., None]
+    homogeneous = np.concatenate([surface.control * w, w], axis=-1)
+    to_u, to_v = (_to_bezier(k, p, c) for k, p, c in zip(surface.knots, surface.degree, cuts, strict=True))
+    pieces = np.einsum("iak,jbl,kld->ijabd", to_u, to_v, homogeneous)
+    patches = _hermite(pieces)
+    return patches, _error_bound(pieces, patches)
+
+
+def _to_bezier(knots: Array, degree: int, cuts: Array) -> Array:
+    """Return the matrices from control points to Bezier points between cuts: (intervals, degree + 1, count)."""
+    return np.array(
+        [
+            [_blossom(knots, degree, [low] * (degree - k) + [high] * k, 0.5 * (low + high)) for k in range(degree + 1)]
+            for low, high in pairwise(cuts.tolist())
+        ]
+    )
+
+
+def _blossom(knots: Array, degree: int, arguments: list[float], inside: float) -> Array:
+    """Return the weights of the control points in the polar form, of the polynomial that holds at ``inside``."""
+    count = len(knots) - degree - 1
+    span = int(np.clip(np.searchsorted(knots, inside, side="right") - 1, degree, count - 1))
+    rows = np.eye(count)[span - degree : span + 1]
+    for r, t in enumerate(arguments, 1):
+        for j in range(degree, r - 1, -1):
+            low, high = knots[span - degree + j], knots[span + 1 + j - r]
+            share = (t - low) / (high - low)
+            rows[j] = (1 - share) * rows[j - 1] + share * rows[j]
+    return np.asarray(rows[degree])
+
+
+def _hermite(pieces: Array) -> Array:
+    """Return the bicubic patches with the corners, slopes and twists of rational pieces (nu, nv, p + 1, q + 1, 4)."""
+    patches = np.empty((*pieces.shape[:2], 4, 4, 3))
+    p, q = pieces.shape[2] - 1, pieces.shape[3] - 1
+    for end_u in (0, 1):
+        for end_v in (0, 1):
+            i, j = (p if end_u else 0), (q if end_v else 0)
+            k, m = (p - 1 if end_u else 1), (q - 1 if end_v else 1)
+            c, by_u, by_v = pieces[:, :, i, j], pieces[:, :, k, j], pieces[:, :, i, m]
+            A, A_u, A_v = c, p * (by_u - c), q * (by_v - c)  # slopes towards the inside
+            A_uv = p * q * (pieces[:, :, k, m] - by_u - by_v + c)
+            w = A[..., 3:]
+            S = A[..., :3] / w
+            S_u = (A_u[..., :3] - S * A_u[..., 3:]) / w
+            S_v = (A_v[..., :3] - S * A_v[..., 3:]) / w
+            S_uv = (A_uv[..., :3] - S_u * A_v[..., 3:] - S_v * A_u[..., 3:] - S * A_uv[..., 3:]) / w
+            a, b = (3 if end_u else 0), (3 if end_v else 0)
+            e, f = (2 if end_u else 1), (2 if end_v else 1)
+            patches[:, :, a, b] = S
+            patches[:, :, e, b] = S + S_u / 3
+            patches[:, :, a, f] = S + S_v / 3
+            patches[:, :, e, f] = S + S_u / 3 + S_v / 3 + S_uv / 9
+    return patches
+
+
+def _error_bound(pieces: Array, patches: Array) -> Array:
+    """Return a bound of |A / w - B| over each piece: the longest Bernstein coefficient of A - w B by the least of w."""
+    p, q = pieces.shape[2] - 1, pieces.shape[3] - 1
+    scaled = pieces * np.multiply.outer(_binomials(p), _binomials(q))[..., None]
+    rest = np.zeros((*pieces.shape[:2], p + 4, q + 4, 3))
+    for i, ci in enumerate(_binomials(3)):
+        for j, cj in enumerate(_binomials(3)):
+            difference = scaled[..., :3] - scaled[..., 3:] * patches[:, :, i, j][:, :, None, None]
+            rest[:, :, i : i + p + 1, j : j + q + 1] += ci * cj * difference
+    rest /= np.multiply.outer(_binomials(p + 3), _binomials(q + 3))[..., None]
+    return np.asarray(np.linalg.norm(rest, axis=-1).max(axis=(2, 3)) / pieces[..., 3].min(axis=(2, 3)))
+
+
+def _binomials(n: int) -> Array:
+    return np.array([comb(n, k) for k in range(n + 1)], float)
