@@ -14,7 +14,10 @@ if TYPE_CHECKING:
 
 def import_step(
     step_file: Annotated[str, typer.Argument(metavar="STEP", help="A STEP file: .step or .stp.")],
-    output: Annotated[Path, typer.Option("--output", "-o", help="The mechanism file to write: .toml.")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="The mechanism file to write: .toml.")] = None,
+    update: Annotated[
+        Path | None, typer.Option(help="A mechanism file of an earlier revision: say what moved, keep what you wrote.")
+    ] = None,
     recognition: Annotated[
         float, typer.Option(help="How far a spline may be from the plane or cylinder it is taken for [mm].")
     ] = 1e-4,
@@ -22,6 +25,7 @@ def import_step(
 ) -> None:
     """Propose a mechanism file from a STEP file: parts, joints, play, and what only you know as marked questions."""
     from campaign.cli.output_files import check_output, replacing
+    from campaign.errors import SpecError
     from campaign.spec.proposed_campaign import proposed_campaign
     from engine.cad import read_step
     from engine.cad_import.found_geometry import find_geometry
@@ -29,6 +33,12 @@ def import_step(
     from engine.cad_import.proposed_joints import diameters_of
     from engine.cad_import.proposed_mechanism import proposed_mechanism
 
+    if (output is None) == (update is None):
+        raise SpecError("one of --output and --update is needed; name the mechanism file that is to be written")
+    if update is not None:
+        _update(step_file, update, recognition, json)
+        return
+    assert output is not None
     campaign = output.with_name(f"{output.stem}-campaign.toml")
     check_output("--output", output, (".toml",))
     _refuse_existing(output)
@@ -53,6 +63,41 @@ def import_step(
     for question in questions:
         print_text(f"question, line {question.line}: {question.text}")
     print_text(f"written: {', '.join(written)}; {len(questions)} questions are open")
+
+
+def _update(step_file: str, path: Path, recognition: float, json: bool) -> None:
+    """Bring a mechanism file to a new revision of its STEP file, and print what changed."""
+    from difflib import unified_diff
+
+    from campaign.cli.output_files import check_output, replacing
+    from engine.cad import read_step
+    from engine.cad_import.earlier_revision import earlier_revision
+    from engine.cad_import.found_geometry import find_geometry
+    from engine.cad_import.proposed_mechanism import proposed_mechanism
+    from engine.cad_import.updated_mechanism import updated_mechanism
+
+    check_output("--update", path, (".toml",))
+    earlier = earlier_revision(path)
+    found = find_geometry(read_step(step_file, recognition))
+    _refuse_empty(found, step_file)
+    before = proposed_mechanism(find_geometry(earlier.assembly), earlier.file, earlier.name)
+    after = proposed_mechanism(found, os.path.relpath(step_file, path.parent), earlier.name)
+    updated = updated_mechanism(earlier.text, before, after)
+    with replacing(path) as temporary:
+        temporary.write_text(updated.text, "utf-8")
+    old, new = earlier.text.splitlines(), updated.text.splitlines()
+    changes = list(unified_diff(old, new, str(path), str(path), lineterm="", n=1))
+    if json:
+        lists = {"kept": updated.kept, "gone": updated.gone, "added": updated.added}
+        print_json({"changes": changes, **lists, "written": [str(path)]})
+        return
+    for line in changes:
+        print_text(line)
+    for text in updated.kept:
+        print_text(f"kept as you wrote it: {text}")
+    for table in updated.gone:
+        print_text(f"no longer in the STEP file: {table}; remove it, or name other faces")
+    print_text(f"written: {path}" if changes else f"{path}: nothing has changed")
 
 
 def _refuse_existing(path: Path) -> None:

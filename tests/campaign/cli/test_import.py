@@ -115,3 +115,25 @@ def test_without_the_extra(folder):
     refused = run("mechanism", "import", "latch.step", "-o", "y.toml")
     assert (refused.returncode, "pip install 'clearcap[cad]'" in refused.stderr) == (2, True)
     assert run("mechanism", "check", "lever").returncode == 0
+
+
+def test_update(folder):
+    """A revision whose faces are the same: only the SHA-256 and the file follow, as a diff; answers stay."""
+    clearcap("import", "latch.step", "-o", "kept.toml")
+    path = folder / "kept.toml"
+    path.write_text(path.read_text().replace("friction = 0.0", "friction = 0.3"))
+    (folder / "latch_B.step").write_bytes((folder / "latch.step").read_bytes().replace(b"DATA;", b"DATA;\n/* B */", 1))
+    printed = clearcap("import", "latch_B.step", "--update", "kept.toml")
+    assert '-file = "latch.step"' in printed
+    assert '+file = "latch_B.step"' in printed
+    assert "friction" not in printed
+    assert "friction = 0.3" in path.read_text()
+    load_mechanism(path)
+    assert clearcap("import", "latch_B.step", "--update", "kept.toml") == "kept.toml: nothing has changed\n"
+    assert json.loads(clearcap("import", "latch_B.step", "--update", "kept.toml", "--json"))["changes"] == []
+
+
+def test_one_of_two_options(folder):
+    """Either a new file or an earlier one."""
+    done = CliRunner().invoke(app, ["mechanism", "import", "latch.step"])
+    assert "one of --output and --update" in str(done.exception)

@@ -1,0 +1,67 @@
+"""A mechanism file and the CAD file that it was written for, before a new revision replaces that."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from engine.cad import RECOGNITION, CadAssembly, read_step
+from engine.cad.assembly_cache import cached
+from engine.errors import CadError, MechanismError
+from engine.mechanism.tables import sub_table
+from engine.regular_file import read_regular_file
+from engine.toml_file import LARGEST, UnfitToml, parse_toml
+
+
+@dataclass(frozen=True, eq=False)
+class EarlierRevision:
+    """A mechanism file, and the assembly that its ``[cad]`` names.
+
+    Attributes
+    ----------
+    text : str
+        Content of the mechanism file.
+    name : str
+        Of the mechanism.
+    file : str
+        The CAD file, as the mechanism file names it.
+    assembly : CadAssembly
+        In mm.
+    """
+
+    text: str
+    name: str
+    file: str
+    assembly: CadAssembly
+
+
+def earlier_revision(path: Path) -> EarlierRevision:
+    """Read a mechanism file and what its CAD file held, even where another file has taken that one's place.
+
+    Raises
+    ------
+    MechanismError
+        If the mechanism file cannot be read, or names no CAD file.
+    CadError
+        If the CAD file has another content by now, and what was read of it is not kept.
+    """
+    try:
+        content = read_regular_file(path, LARGEST)
+        tables: dict[str, Any] = parse_toml(content)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise MechanismError(f"{path}: cannot be read ({reason}); give the mechanism file") from None
+    except UnfitToml as error:
+        raise MechanismError(f"{path}: {error}") from None
+    cad, name = sub_table(tables, "cad"), tables.get("name")
+    file, sha256, recognition = cad.get("file"), cad.get("sha256"), cad.get("recognition", RECOGNITION)
+    if not (isinstance(file, str) and isinstance(sha256, str) and isinstance(name, str)):
+        raise MechanismError(f"{path}: names no CAD file with its sha256; give a file of mechanism import")
+    assembly = cached(sha256, float(recognition))
+    if assembly is None:
+        assembly = read_step(path.parent / file, float(recognition))
+        if assembly.sha256 != sha256:
+            raise CadError(
+                f"{path}: {file} has another content by now, and what it held is not kept here; put the earlier file"
+                " back, and give the new one another name"
+            )
+    return EarlierRevision(content.decode("utf-8-sig"), name, file, assembly)

@@ -1,0 +1,111 @@
+"""A new revision of the CAD file: what moved follows, what a person wrote stays."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from engine import CadError, MechanismError
+from engine.cad_import.earlier_revision import earlier_revision
+from engine.cad_import.found_geometry import find_geometry
+from engine.cad_import.proposed_mechanism import proposed_mechanism
+from engine.cad_import.updated_mechanism import updated_mechanism
+from tests.engine.mechanism.geometry.latch_file import LATCH
+
+
+def proposed(assembly):
+    return proposed_mechanism(find_geometry(assembly), "latch.step", "latch")
+
+
+def revised(assembly):
+    """Return the latch with a larger bore in the rocker, and with the block of the stop 0.1 mm nearer."""
+    move = np.array([-0.1, 0.0, 0.0])
+    changed = []
+    for face in assembly.faces:
+        if face.part == "rocker" and face.hollow and face.kind == "cylinder":
+            face = replace(face, radius=3.07)
+        if face.part == "base" and face.kind == "plane" and abs(face.point[0] - 7.8) < 1e-6 and face.axis[0] < -0.5:
+            face = replace(face, point=face.point + move, on=face.on + move)
+        changed.append(face)
+    moved = [f.number for f, old in zip(changed, assembly.faces, strict=True) if f.kind == "plane" and f is not old]
+    meshes = tuple(_moved(mesh, moved, move) for mesh in assembly.meshes)
+    return replace(assembly, sha256="f" * 64, faces=tuple(changed), meshes=meshes)
+
+
+def _moved(mesh, numbers, move):
+    rows = np.unique(mesh.triangles[np.isin(mesh.faces, numbers)])
+    vertices = mesh.vertices.copy()
+    vertices[rows] += move
+    return replace(mesh, vertices=vertices)
+
+
+def test_what_moved_follows(latch):
+    """Radius, place and SHA-256 follow, with and without a mark; answers stay."""
+    before, after = proposed(latch.assembly), proposed(revised(latch.assembly))
+    text = before.replace("# fixed = true", "fixed = true").replace("friction = 0.0", "friction = 0.17")
+    updated = updated_mechanism(text, before, after)
+    assert (updated.kept, updated.gone, updated.added) == ([], [], [])
+    assert "radius = 3.07, near" in updated.text
+    assert "near = [7.7, " in updated.text
+    assert f'sha256 = "{"f" * 64}"' in updated.text
+    assert "friction = 0.17" in updated.text
+    assert "\nfixed = true\n" in updated.text
+    assert len(updated.text.splitlines()) == len(text.splitlines())
+
+
+def test_without_its_mark(latch):
+    """A stop that the person has taken over follows too, and keeps having no mark."""
+    before, after = proposed(latch.assembly), proposed(revised(latch.assembly))
+    text = before.replace("# [contacts", "[contacts").replace("# a = ", "a = ").replace("# b = ", "b = ")
+    updated = updated_mechanism(text, before, after).text
+    assert 'b = { body = "base", plane = { near = [7.7, ' in updated
+    assert "\n# b = " not in updated
+
+
+def test_own_values_stay(latch):
+    """Where a person wrote something else, it stays and is named."""
+    before, after = proposed(latch.assembly), proposed(revised(latch.assembly))
+    line = next(line for line in before.splitlines() if "radius = 3.06" in line)
+    own = line.replace("near = ", "within = 0.2, near = ")
+    updated = updated_mechanism(before.replace(line, own), before, after)
+    assert own in updated.text
+    assert [text.partition(":")[0] for text in updated.kept] == ["joints.base-rocker.bearing"]
+
+
+def test_parts_come_and_go(latch):
+    """A joint that is new is added, one that is gone is named and stays."""
+    less = proposed(replace(latch.assembly, faces=tuple(f for f in latch.assembly.faces if f.part != "coupler")))
+    more = proposed(latch.assembly)
+    added = updated_mechanism(less, less, more)
+    assert {"[joints.crank-coupler]", "[joints.rocker-coupler]"} <= set(added.added)
+    assert "[joints.rocker-coupler]\ntype" in added.text
+    gone = updated_mechanism(more, more, less)
+    assert "[joints.crank-coupler]" in gone.gone
+    assert "[joints.crank-coupler]" in gone.text
+
+
+def test_the_same_revision(latch):
+    """Nothing changes."""
+    text = proposed(latch.assembly)
+    assert updated_mechanism(text, text, text).text == text
+
+
+def test_the_earlier_revision(latch, tmp_path):
+    """It comes from the cache where another file has taken its place; otherwise one message says what to do."""
+    path = tmp_path / "latch.toml"
+    path.write_text(proposed(latch.assembly))
+    (tmp_path / "latch.step").write_text("ISO-10303-21;\nanother\nEND-ISO-10303-21;")
+    assert earlier_revision(path).assembly.sha256 == latch.assembly.sha256
+    other = tmp_path / "other.toml"
+    other.write_text(path.read_text().replace(latch.assembly.sha256, "0" * 64))
+    (tmp_path / "latch.step").write_bytes(LATCH.read_bytes())
+    with pytest.raises(CadError, match="has another content by now"):
+        earlier_revision(other)
+    other.write_text("format = 1\n")
+    with pytest.raises(MechanismError, match="names no CAD file"):
+        earlier_revision(other)
+    other.write_text("[")
+    with pytest.raises(MechanismError, match=r"other\.toml"):
+        earlier_revision(other)
+    with pytest.raises(MechanismError, match="cannot be read"):
+        earlier_revision(tmp_path / "none.toml")
