@@ -32,7 +32,6 @@ AT_MOST = 300.0  # s, for a command; a compilation may be part of it
 def test_session(page, tmp_path, monkeypatch, capsys):
     """Every block of a page works in the order of the page."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     for example in (ROOT / "docs" / "examples").glob("*.step"):
         shutil.copy(example, tmp_path)
     names = {}
