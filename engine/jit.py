@@ -174,7 +174,7 @@ class _CalleeCompiler(_KernelCompiler):
         return result
 
 
-class _ApartCompiler(_CalleeCompiler):
+class _NotInlinedCompiler(_CalleeCompiler):
     """The same, for a function of which callers get no copies."""
 
     def _compile_core(self) -> Any:
@@ -188,7 +188,7 @@ class _ApartCompiler(_CalleeCompiler):
 inner: Any = numba.njit(**_OPTIONS, no_cpython_wrapper=True, pipeline_class=_CalleeCompiler)  # type: ignore[call-overload]
 
 # The same, for large ones that few mechanisms need: compiling them costs less where each remains one function.
-apart: Any = numba.njit(**_OPTIONS, no_cpython_wrapper=True, pipeline_class=_ApartCompiler)  # type: ignore[call-overload]
+not_inlined: Any = numba.njit(**_OPTIONS, no_cpython_wrapper=True, pipeline_class=_NotInlinedCompiler)  # type: ignore[call-overload]
 
 # For the copy of the time loop that is measured: its clocks have addresses, which cannot be kept on disk.
 uncached: Any = numba.njit(**_OPTIONS, pipeline_class=_KernelCompiler)  # type: ignore[call-overload]

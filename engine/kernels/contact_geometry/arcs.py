@@ -10,7 +10,7 @@ normal there is the one combination of the faces' normals that is across the arc
 
 import numpy as np
 
-from engine.jit import apart, inner
+from engine.jit import inner, not_inlined
 from engine.kernels.contact_geometry.solids import signed_distance
 from engine.kernels.model import ON_BALL, ON_DISC, ON_RECTANGLE
 from engine.kernels.vectors import dot
@@ -76,7 +76,7 @@ def nearest_on_arc(solid, r, half, across, along, axes):
     return angle, True, normal_at(solid, half, curve, angle)
 
 
-@apart
+@not_inlined
 def normal_at(solid, half, curve, angle):
     """Return the normal at the angle of the arc's nearest point, in the solid's axes.
 
@@ -155,7 +155,7 @@ def search(solid, r, half, curve):
     return angle
 
 
-@apart
+@not_inlined
 def stationary(solid, curve, lower, upper):
     """Return an angle where the slope changes its sign, between two angles with their slopes: < 0 and >= 0.
 

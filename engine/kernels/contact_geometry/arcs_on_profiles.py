@@ -8,7 +8,7 @@ has lies where the slope changes its sign.
 
 import numpy as np
 
-from engine.jit import apart, inner
+from engine.jit import inner, not_inlined
 from engine.kernels.contact_geometry.arcs import FLAT, distance_along, normal_at, stationary
 from engine.kernels.contact_geometry.profiles import is_alone
 from engine.kernels.contact_geometry.tangents import cross, transport
@@ -65,7 +65,7 @@ def seen(v, t, y, z, size):
     return (size * dot(v, t), size * dot(v, y), size * dot(v, z))
 
 
-@apart
+@not_inlined
 def nearest_angle(solid, r, half, curve):
     """Return the angle [rad] of the arc's point nearest to a solid, from the middle of the arc.
 
@@ -137,7 +137,7 @@ def least_sample(solid, half, curve, width):
     return best, angle
 
 
-@apart
+@not_inlined
 def is_even(solid, r, curve, slope_limit, lower, middle, upper):
     """Return whether the distance over a cell is one smooth curve; of three points angle, distance and slope."""
     width = upper[0] - lower[0]
@@ -151,7 +151,7 @@ def is_even(solid, r, curve, slope_limit, lower, middle, upper):
     return is_alone(solid[2], u, v, slope_limit * width)
 
 
-@apart
+@not_inlined
 def lower_of(solid, r, curve, least, lower, upper):
     """Return the least distance and its angle, of what was found and what an interval holds: angle, distance, slope."""
     if upper[1] < least[0]:

@@ -7,7 +7,7 @@ distances and slopes do not fit each other, and finds the minimum in each cell w
 
 import numpy as np
 
-from engine.jit import apart, inner
+from engine.jit import inner, not_inlined
 from engine.kernels.contact_geometry.arcs import CELL, FLAT, SMALLEST, UNEVEN, distance_along, normal_at, stationary
 from engine.kernels.contact_geometry.patched_surfaces import surface_distance
 from engine.kernels.contact_geometry.tangents import cross, transport
@@ -45,7 +45,7 @@ def on_surface(contacts, x, R, i, point, frame):
     return gap + contacts.clearance[i]
 
 
-@apart
+@not_inlined
 def nearest_angle_over_surface(solid, r, half, curve):
     """Return the angle [rad], from the middle of the arc, of its point nearest to a surface.
 

@@ -7,7 +7,7 @@ lies in a sphere farther away than what has been found. The nearest of all point
 
 import numpy as np
 
-from engine.jit import apart, inner
+from engine.jit import inner, not_inlined
 from engine.kernels.contact_geometry.patches import TIE, search_piece
 from engine.kernels.vectors import dot
 
@@ -15,7 +15,7 @@ SMOOTH = 1e-9  # sine of the angle to the surface's normal up to which a point i
 ROUNDED = 1e-12  # share of a surface's size that rounding may move a point along it
 
 
-@apart
+@not_inlined
 def surface_distance(solid, x, y, z):
     """Return the signed distance of a point from the surface of a solid, and its gradient.
 

@@ -9,7 +9,7 @@ Other squares are quartered.
 
 import numpy as np
 
-from engine.jit import apart, inner
+from engine.jit import inner, not_inlined
 from engine.kernels.vectors import dot, vector_product
 
 DEEPEST = 5  # times that a piece is quartered; reached at poles, and by points as far from a whole region
@@ -45,7 +45,7 @@ def component(a, x, y):
     return v, v_x, v_y, v_xx, v_xy, c0 + x * (c1 + x * (c2 + x * c3))
 
 
-@apart
+@not_inlined
 def expand(piece, q, x, y):
     """Return S - q, the derivatives of S, and gradient and second derivative of phi.
 
@@ -73,7 +73,7 @@ def expand(piece, q, x, y):
     return r, (S_x, S_y, S_xx, S_xy, S_yy), (dot(r, S_x), dot(r, S_y)), hessian
 
 
-@apart
+@not_inlined
 def search_piece(piece, bounds, q, squares, best):
     """Search a piece of a patch for a point nearer than what has been found.
 
@@ -114,7 +114,7 @@ def search_piece(piece, bounds, q, squares, best):
             i += 1
 
 
-@apart
+@not_inlined
 def lower_bound(piece, bounds, q, x, y, half):
     """Return a lower bound of phi over a square about (x, y), and whether phi has no more than one minimum there."""
     r, _, (g_x, g_y), (h_xx, h_xy, h_yy) = expand(piece, q, x, y)
@@ -152,7 +152,7 @@ def fall(g_x, g_y, h_xx, h_xy, h_yy):
     return -lowest
 
 
-@apart
+@not_inlined
 def descend(piece, bounds, q, x, y, half, best):
     """Go down from the middle (x, y) of a square to the minimum of phi in it; return the nearer of it and ``best``."""
     low_x, high_x, low_y, high_y = x - half, x + half, y - half, y + half
@@ -194,7 +194,7 @@ def newton_step(slopes, gradient, hessian, along_x, along_y):
     return (h_xy * g_y - h_yy * g_x) / determinant, (h_xy * g_x - h_xx * g_y) / determinant
 
 
-@apart
+@not_inlined
 def normal_of(slopes, size, x, y):
     """Return the unit normal; at an edge that is one point, its limit."""
     S_x, S_y, S_xx, S_xy, S_yy = slopes

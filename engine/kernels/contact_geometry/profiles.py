@@ -26,7 +26,7 @@ import math
 
 import numpy as np
 
-from engine.jit import apart, inner
+from engine.jit import inner, not_inlined
 from engine.kernels.vectors import NOWHERE
 
 
@@ -51,7 +51,7 @@ def piece_distance(piece, u, v):
     return math.hypot(u - piece[2], v - piece[3]), end
 
 
-@apart
+@not_inlined
 def nearest_piece(pieces, u, v):
     """Return the number of the piece nearest to (u, v), its distance, and the end that is nearest."""
     nearest, best, end = 0, np.inf, 0.0
@@ -65,7 +65,7 @@ def nearest_piece(pieces, u, v):
     return nearest, best, end
 
 
-@apart
+@not_inlined
 def profile_distance(pieces, u, v):
     """Return the signed distance of (u, v) from a profile, and its derivatives by u and by v."""
     nearest, distance, end = nearest_piece(pieces, u, v)
@@ -88,7 +88,7 @@ def profile_distance(pieces, u, v):
     return outward * (rho - abs(piece[7])), outward * u0 / rho, outward * v0 / rho
 
 
-@apart
+@not_inlined
 def is_alone(pieces, u, v, margin):
     """Return whether no other piece comes into play within half the margin of (u, v).
 
@@ -110,7 +110,7 @@ def is_alone(pieces, u, v, margin):
     return True
 
 
-@apart
+@not_inlined
 def turned(pieces, x, y, z):
     """Return the signed distance of a point from a turned solid, in its axes, and the gradient."""
     rho = math.hypot(x, y)
@@ -120,7 +120,7 @@ def turned(pieces, x, y, z):
     return d, (n_rho * x / rho, n_rho * y / rho, n_z)
 
 
-@apart
+@not_inlined
 def extruded(b, pieces, x, y, z):
     """Return the signed distance of a point from an extruded solid of half length ``b[9]``, and the gradient."""
     d, n_x, n_y = profile_distance(pieces, x, y)

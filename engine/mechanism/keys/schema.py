@@ -46,7 +46,8 @@ def _add_geometry(schema: dict[str, Any]) -> None:
         for name in GEOMETRY_OF[kind]:
             side = tables[name]
             own = side["properties"].get(kind)
-            side["properties"][kind] = {"anyOf": [own, selector]} if own else selector
+            words = f"{own['description']}; or {selector['description']}" if own else ""
+            side["properties"][kind] = {"description": words, "anyOf": [own, selector]} if own else selector
             own_keys = [key for key in side.get("required", ()) if key != "body"]
             if own_keys and "anyOf" not in side:
                 side["required"] = ["body"]
