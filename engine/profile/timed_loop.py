@@ -39,6 +39,7 @@ STAGES_OF_STEP = {
     "gather_problem": CONTACTS,
     "apply_impulses": CONTACTS,
     "grow_active_set": CONTACTS,
+    "fastest_body": CONTACTS,
     "worst_contact": CONTACTS,
     "solve_friction": SOLVER,
     "project_positions": PROJECTION,

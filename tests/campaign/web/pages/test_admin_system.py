@@ -43,7 +43,7 @@ def test_campaign_at_work_and_one_that_waits(show, service, reported, settings):
         write_state(store, reported, "running")
         beat = Heartbeat(reported, "running", 25, 10, 10, 0, 15, {"ok": 10}, 5.0, 3.0, 4)
         store.write_json(reported, HEARTBEAT, beat.to_json())
-        service.watcher.listed_at = None
+        service.watcher.hurry()
         text = show()
         running = text.partition("Campaigns that run")[2].partition("Campaigns that wait")[0]
         assert f'href="/campaigns/{reported}"' in running
@@ -51,7 +51,7 @@ def test_campaign_at_work_and_one_that_waits(show, service, reported, settings):
             assert cell in running
         assert '<span class="good">alive</span>' in text
         assert "<dt>Workers that compute</dt><dd>4</dd>" in text
-    service.watcher.listed_at = None
+    service.watcher.hurry()
     text = show()
     waiting = text.partition("Campaigns that wait")[2]
     assert f'href="/campaigns/{reported}"' in waiting
@@ -70,7 +70,7 @@ def test_a_store_that_is_away(show, settings, service):
     """The page comes all the same, and says why nothing is known."""
     shutil.rmtree(settings.store)
     Path(settings.store).symlink_to(settings.store)  # a loop
-    service.watcher.listed_at = None
+    service.watcher.hurry()
     text = show()
     assert "The store cannot be read" in text
     assert '<dt>It can be read</dt><dd><span class="fault">no: ' in text
@@ -79,5 +79,5 @@ def test_a_store_that_is_away(show, settings, service):
 def test_campaigns_that_cannot_be_read_are_named(show, settings, service):
     store = open_store(settings.store)
     store.write_json("x-0123456789", "plan.json", {})
-    service.watcher.listed_at = None
+    service.watcher.hurry()
     assert '<a href="/campaigns/x-0123456789">x-0123456789</a>' in show().partition("Campaigns that cannot be read")[2]
