@@ -5,7 +5,8 @@ BIN    := $(VENV)/bin
 TOOLS  := build/tools/bin
 LOCK   := deploy/requirements.lock
 EXTRAS := cad client excel jobqueue kubernetes pdf s3 tls web
-PARALLEL := --numprocesses auto --dist loadfile --no-loadscope-reorder
+# A process that crashes ends the run: pytest-xdist 3.8 waits for ever for the tests that it was given.
+PARALLEL := --numprocesses auto --max-worker-restart 0 --dist loadfile --no-loadscope-reorder
 export MPLBACKEND := Agg
 
 .DEFAULT_GOAL := help
@@ -48,7 +49,7 @@ prove: $(VENV)/.dev ## the slow proofs: what fails while a campaign runs, scale,
 	$(BIN)/python -m pytest -m alone
 
 storms: $(VENV)/.dev ## a hundred campaigns that are killed, paused and robbed of their disk (about an hour on two cores)
-	$(BIN)/python -m pytest tests/campaign/storms/test_storms.py -m storm --numprocesses auto
+	$(BIN)/python -m pytest tests/campaign/storms/test_storms.py -m storm --numprocesses auto --max-worker-restart 0
 
 lint: $(VENV)/.dev ## style, types, import contracts
 	$(BIN)/ruff check .

@@ -30,7 +30,7 @@ class CampaignIndex:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path, self._lock = path, threading.Lock()
+        self._lock, self._is_closed = threading.Lock(), False
         self._entries: dict[str, tuple[str, CampaignEntry, bytes]] = {}  # change token, entry, and the entry as JSON
         self._connection = _opened(path)
         for campaign, token, text in self._connection.execute("SELECT campaign, token, entry FROM entries").fetchall():
@@ -94,7 +94,9 @@ class CampaignIndex:
             self._keep("INSERT OR REPLACE INTO entries VALUES (?, ?, ?)", rows)
 
     def _keep(self, statement: str, rows: Sequence[tuple[str, ...]]) -> None:
-        """Change the file; what a full disk refuses the next server reads from the store again."""
+        """Change the file; what a full disk refuses, or comes late, the next server reads again."""
+        if self._is_closed:
+            return
         try:
             self._connection.executemany(statement, rows)
             self._connection.commit()
@@ -115,8 +117,10 @@ class CampaignIndex:
         return known[1] if known else None
 
     def close(self) -> None:
-        """Close the file."""
-        self._connection.close()
+        """Close the file, when no thread is writing to it: SQLite would read memory that is freed."""
+        with self._lock:
+            self._is_closed = True
+            self._connection.close()
 
 
 def _opened(path: Path) -> sqlite3.Connection:

@@ -2,6 +2,8 @@
 
 import asyncio
 import json
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from itertools import groupby
 
 import pytest
@@ -101,6 +103,37 @@ def test_full_disk_does_not_stop_the_index(store, plan, index, exact, tmp_path):
     again.refresh(store, change_tokens(store))
     assert again.entry(plan.campaign_id) == index.entry(plan.campaign_id)
     again.close()
+
+
+def test_index_is_closed_when_no_thread_writes(store, plan, index):
+    """SQLite reads freed memory, and ends the process, where its file is closed while another thread writes."""
+    writing, order = threading.Event(), []
+
+    def slow(statement):
+        writing.set()
+        if closing.running():
+            order.append(statement)
+
+    with ThreadPoolExecutor(2) as threads:
+        closing = threads.submit(lambda: (writing.wait(10), index.close(), order.append("closed")))
+        index._connection.set_trace_callback(slow)
+        threads.submit(index.refresh, store, change_tokens(store)).result(10)
+        closing.result(10)
+    assert order[-1] == "closed"
+    assert any("COMMIT" in statement for statement in order)
+
+
+def test_reader_that_ends_after_the_index_was_closed(store, plan, index, monkeypatch):
+    reading, go_on = threading.Event(), threading.Event()
+    monkeypatch.setattr(
+        "campaign.web.watch.index.entry_of", lambda s, c: (reading.set(), go_on.wait(10), entry_of(s, c))[2]
+    )
+    with ThreadPoolExecutor(1) as thread:
+        late = thread.submit(index.refresh, store, change_tokens(store))
+        assert reading.wait(10)
+        index.close()
+        go_on.set()
+        assert late.result(10) == {plan.campaign_id}
 
 
 def test_index_forgets_what_is_gone(store, plan, index):
