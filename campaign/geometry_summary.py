@@ -1,7 +1,13 @@
 """The certificate of geometry in words: how well a mechanism agrees with the CAD file that it takes numbers from."""
 
 from engine.mechanism import Mechanism
-from engine.mechanism.geometry.geometry_certificate import DrawnBody, DrawnFace, DrawnJoint, GeometryCertificate
+from engine.mechanism.geometry.geometry_certificate import (
+    DrawnBody,
+    DrawnFace,
+    DrawnGap,
+    DrawnJoint,
+    GeometryCertificate,
+)
 
 
 def geometry_lines(mechanism: Mechanism) -> list[str]:
@@ -21,6 +27,7 @@ def geometry_lines(mechanism: Mechanism) -> list[str]:
         *(f"  {key}: {_body(body, length, mass)}" for key, body in certificate.bodies.items()),
         *(f"  joints.{name}: {_joint(joint, length)}" for name, joint in certificate.joints.items()),
         *(f"  {key}: {_face(face, length)}" for key, face in certificate.faces.items()),
+        *(f"  {key}: {_gap(gap, length)}" for key, gap in certificate.gaps.items()),
     ]
 
 
@@ -37,6 +44,7 @@ def geometry_provenance(certificate: GeometryCertificate | None) -> dict[str, st
         "sha256 of the CAD file": certificate.sha256,
         "geometry from it": f"{len(certificate.bodies)} bodies, {len(faces)} faces; largest recognition gap {gap:.3g}, "
         f"axes up to {offset:.3g} apart and {tilt:.3g} rad tilted as drawn",
+        "gaps at the start": _gaps(certificate),
     }
 
 
@@ -61,3 +69,23 @@ def _joint(joint: DrawnJoint, length: str) -> str:
 def _face(face: DrawnFace, length: str) -> str:
     radius = "" if face.radius is None else f" of radius {face.radius:.9g} {length}"
     return f"{face.kind}{radius}, recognition gap {face.recognition_gap:.3g} {length}"
+
+
+def _gap(gap: DrawnGap, length: str) -> str:
+    """Return both values of a gap."""
+    added = f", {gap.added:+.6g} {length} by this file" if gap.added else ""
+    start = (
+        ""
+        if gap.gap is None
+        else f", gap at the start {gap.gap:.6g} {length}, difference {gap.difference:.2g} {length}"
+    )
+    return f"{gap.drawn:.6g} {length} apart as OCCT measures{added}{start}"
+
+
+def _gaps(certificate: GeometryCertificate) -> str:
+    """Return how well the gaps at the start agree with OCCT's distances."""
+    found = {key: abs(gap.difference) for key, gap in certificate.gaps.items() if gap.difference is not None}
+    if not found:
+        return f"none compared with the CAD file ({certificate.not_measured or 'no two faces that face each other'})"
+    worst = max(found, key=found.__getitem__)
+    return f"{len(found)} compared with OCCT's distances, largest difference {found[worst]:.3g} ({worst})"

@@ -97,11 +97,12 @@ def check(mechanism: MechanismName, json: Json = False) -> None:
     from campaign.mechanism_summary import converted_surfaces, mechanism_warnings
     from engine import load_mechanism
     from engine.cad_import.open_questions import questions_of_file
+    from engine.preflight.start_gaps import with_start_gaps
 
     questions = questions_of_file(mechanism)
     for question in () if json else questions:
         print_text(f"question: {mechanism}, line {question.line}: {question.text}")
-    loaded = load_mechanism(mechanism)
+    loaded = with_start_gaps(load_mechanism(mechanism))
     warnings, surfaces = mechanism_warnings(loaded), converted_surfaces(loaded)
     if json:
         document = {"mechanism": loaded.name, "ok": True, "digest": loaded.digest(), "warnings": warnings}

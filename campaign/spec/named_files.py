@@ -10,6 +10,7 @@ from campaign.errors import SpecError
 from engine import load_mechanism, load_mechanism_text
 from engine.mechanism import Mechanism, library_names
 from engine.mechanism.faults import did_you_mean
+from engine.preflight.start_gaps import with_start_gaps
 from engine.regular_file import UnfitFile, read_regular_file
 
 MOST_FILES = 100  # that come with a campaign's text
@@ -45,7 +46,7 @@ class FolderFiles:
     def mechanism(self, name: str) -> Mechanism:
         """Return a shipped mechanism, or that of a file; MechanismError if there is none, or it has faults."""
         is_path = Path(name).suffix == ".toml" or len(Path(name).parts) > 1
-        return load_mechanism(self.folder / name if is_path else name)
+        return with_start_gaps(load_mechanism(self.folder / name if is_path else name))
 
     def content(self, name: str, at_most: int) -> bytes:
         """Return the content of a regular file; SpecError if there is none, or it cannot be read."""

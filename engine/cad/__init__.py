@@ -1,7 +1,8 @@
 """CAD files: STEP in, plain numbers out. OCCT, the extra ``clearcap[cad]``, runs only in the process that reads."""
 
 from engine.cad.cad_model import CadAssembly, CadEdge, CadFace, CadPart
-from engine.cad.step_reader import RECOGNITION, ReadingLimits, read_step
+from engine.cad.occt_process import ReadingLimits
+from engine.cad.step_reader import RECOGNITION, read_step
 from engine.cad.unit_of_length import in_unit
 
 __all__ = [

@@ -28,11 +28,19 @@ def cached(sha256: str, recognition: float) -> CadAssembly | None:
     recognition : float
         The recognition gap [mm] it was read with.
     """
-    with suppress(FolderError, OSError, ValueError, RuntimeError):  # RuntimeError: this user has no home
-        file = _folder() / _name(sha256, recognition)
-        assembly = unpacked(CadAssembly, file.read_bytes())
+    answer = cached_answer(sha256, repr(recognition))
+    with suppress(ValueError):  # it was damaged
+        return unpacked(CadAssembly, answer) if answer is not None else None
+    return None
+
+
+def cached_answer(sha256: str, question: str) -> bytes | None:
+    """Return what the reader answered to a question about a file of this content before; None if it is not kept."""
+    with suppress(FolderError, OSError, RuntimeError):  # RuntimeError: this user has no home
+        file = _folder() / _name(sha256, question)
+        answer = file.read_bytes()
         os.utime(file)
-        return assembly
+        return answer
     return None
 
 
@@ -46,11 +54,16 @@ def keep(sha256: str, recognition: float, content: bytes) -> None:
     content : bytes
         As `engine.cad.archive.packed` returned it.
     """
+    keep_answer(sha256, repr(recognition), content)
+
+
+def keep_answer(sha256: str, question: str, answer: bytes) -> None:
+    """Keep the reader's answer to a question about a file."""
     with suppress(FolderError, OSError, RuntimeError):
         folder = _folder()
         with tempfile.NamedTemporaryFile(dir=folder, delete=False) as file:
-            file.write(content)
-        os.replace(file.name, folder / _name(sha256, recognition))
+            file.write(answer)
+        os.replace(file.name, folder / _name(sha256, question))
         _make_room(folder)
 
 
@@ -60,10 +73,10 @@ def _folder() -> Path:
     return private_folder(base, "clearcap", "cad")
 
 
-def _name(sha256: str, recognition: float) -> str:
+def _name(sha256: str, question: str) -> str:
     """Return the name of a file: what was read, by which reader, how."""
-    how = hashlib.sha256(f"{_reader()} {recognition!r}".encode()).hexdigest()[:16]
-    return f"{sha256}-{how}.npz"
+    how = hashlib.sha256(f"{_reader()} {question}".encode()).hexdigest()[:16]
+    return f"{sha256}-{how}"
 
 
 @cache

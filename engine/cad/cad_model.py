@@ -157,8 +157,8 @@ class CadFace:
     """The outward normal at `on`."""
     recognition_gap: Millimetres = 0.0
     """Largest distance [mm] between a spline of the file and what it was taken for; 0 where it was none."""
-    pieces: int = 1
-    """Number of the file's faces that it is made of."""
+    places: tuple[int, ...] = ()
+    """Places of the file's faces that it is made of, among all faces of its part's product."""
     spline: SplineSurface | None = None
     """Of a face of kind surface."""
 
@@ -177,6 +177,10 @@ class CadEdge:
     """[rad]; 2 pi for a circle."""
     middle: Array = field(default_factory=_no_direction)
     """Unit vector from the centre to the middle of the arc; zeros for a circle."""
+    recognition_gap: Millimetres = 0.0
+    """Largest distance [mm] between a spline of the file and the circle it was taken for; 0 where it was none."""
+    places: tuple[int, ...] = ()
+    """Places of the file's edges that it is made of, among all edges of its part's product."""
 
 
 @dataclass(frozen=True, kw_only=True)

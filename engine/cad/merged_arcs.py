@@ -18,6 +18,8 @@ _SAME = 1e-6  # mm between two circles that are one, besides what recognising th
 class ArcPiece:
     """An edge as the file has it, in the frame of its product; lengths in mm, angles in rad."""
 
+    place: int
+    """Among all edges of the product."""
     faces: tuple[int, ...]
     centre: Array
     axis: Array
@@ -62,4 +64,6 @@ def _edge(pieces: list[ArcPiece], part: str) -> CadEdge:
         radius=first.radius,
         span=span,
         middle=towards,
+        recognition_gap=max(piece.recognition_gap for piece in pieces),
+        places=tuple(piece.place for piece in pieces),
     )

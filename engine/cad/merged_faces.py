@@ -130,7 +130,6 @@ def _face(pieces: list[FacePiece], part: str, number: int) -> CadFace:
         on=first.on,
         normal=first.normal,
         recognition_gap=max(piece.recognition_gap for piece in pieces),
-        pieces=len(pieces),
         spline=first.spline,
     )
     if first.kind in ("plane", "surface"):

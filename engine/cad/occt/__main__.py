@@ -1,10 +1,12 @@
-"""Read one STEP file in a process of its own: a broken file can crash OCCT, or keep it busy for ever.
+"""Answer one question about a STEP file in a process of its own: a broken file can crash OCCT, or keep it busy.
 
-Arguments: a folder with ``input.step``, where ``assembly.npz`` or ``refusal.txt`` is written; the file's SHA-256; the
-recognition gap [mm]; bytes of memory; seconds of processor time.
+Arguments: a folder with ``input.step`` and ``question.json``, where ``answer`` or ``refusal.txt`` is written; bytes of
+memory; seconds of processor time. The question has one of two keys: ``assembly``, a table with the file's ``sha256``
+and the largest ``recognition`` gap [mm], or ``distances``, a list of pairs of shapes.
 """
 
 import ctypes
+import json
 import os
 import resource
 import signal
@@ -16,12 +18,12 @@ _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG of Linux
 
 
 def main() -> None:
-    """Read the file that the arguments name."""
+    """Answer the question that lies in the folder."""
     parent = os.getppid()
-    folder, sha256, recognition, memory, seconds = sys.argv[1:]
+    folder, memory, seconds = sys.argv[1:]
     _limit(int(memory), int(seconds), parent)
     try:
-        refusal = _read(Path(folder), sha256, float(recognition))
+        refusal = _answer(Path(folder))
     except MemoryError:
         refusal = (
             f"takes more than {int(memory) / 2**30:g} GiB of memory to read; export only the parts of the mechanism"
@@ -30,17 +32,22 @@ def main() -> None:
         Path(folder, "refusal.txt").write_text(refusal, "utf-8")
 
 
-def _read(folder: Path, sha256: str, recognition: float) -> str:
-    """Write what is in the file; return why it cannot be read, else an empty text."""
+def _answer(folder: Path) -> str:
+    """Write the answer; return why there is none, else an empty text."""
     from engine.cad.archive import packed
+    from engine.cad.occt.shape_distances import measure_distances
     from engine.cad.occt.step_assembly import read_assembly
     from engine.cad.occt.step_document import UnreadableStep
 
+    path, question = folder / "input.step", json.loads((folder / "question.json").read_text("utf-8"))
     try:
-        assembly = read_assembly(folder / "input.step", sha256, recognition)
+        if "distances" in question:
+            answer = json.dumps(measure_distances(path, question["distances"])).encode()
+        else:
+            answer = packed(read_assembly(path, **question["assembly"]))
     except UnreadableStep as error:
         return str(error)
-    (folder / "assembly.npz").write_bytes(packed(assembly))
+    (folder / "answer").write_bytes(answer)
     return ""
 
 

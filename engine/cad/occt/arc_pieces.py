@@ -42,7 +42,7 @@ def arc_pieces(shape: Any, faces: Sequence[Any], numbers: Sequence[int], recogni
     found = []
     for place, edge in enumerate(map(TopoDS.Edge, edges.shapes())):
         if not BRep_Tool.Degenerated_s(edge) and (arc := _arc(edge, recognition)):
-            found.append(ArcPiece(faces=tuple(sorted(bounded[place])), **arc))
+            found.append(ArcPiece(place=place, faces=tuple(sorted(bounded[place])), **arc))
     return found
 
 

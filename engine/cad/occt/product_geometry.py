@@ -1,5 +1,7 @@
 """A product's shape becomes numbers, once for all its instances."""
 
+from collections import defaultdict
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -42,9 +44,12 @@ def product_geometry(
     merged, number_of_piece = merge_pieces(pieces, "")
     numbers = np.full(len(tried), -1)
     numbers[[piece is not None for piece in tried]] = number_of_piece
+    places: dict[int, list[int]] = defaultdict(list)
+    for place, number in enumerate(numbers.tolist()):
+        places[number].append(place)
     geometry = ProductGeometry(
         solids=tuple(solid_properties(body, *each) for body, each in zip(bodies, solids, strict=True)),
-        faces=tuple(merged),
+        faces=tuple(replace(face, places=tuple(places[face.number])) for face in merged),
         edges=tuple(merge_arcs(arc_pieces(shape, faces.shapes(), numbers.tolist(), recognition), "")),
         mesh=_mesh(pieces, number_of_piece),
     )

@@ -72,7 +72,12 @@ class DrawnPin:
         """Return clearance, and distance and angle of the axes."""
         tilt = float(np.arctan2(np.linalg.norm(np.cross(self.axis, self.pin_axis)), self.axis @ self.pin_axis))
         offset = float(np.linalg.norm(self.pin_middle - self.middle))
-        return DrawnJoint(clearance=round(self.hole.radius - self.pin.radius, 15), axis_offset=offset, tilt=tilt)
+        return DrawnJoint(
+            clearance=round(self.hole.radius - self.pin.radius, 15),
+            axis_offset=offset,
+            tilt=tilt,
+            length=self.common[1] - self.common[0],
+        )
 
 
 def joint_of_pin(drawn: DrawnPin, joint: Mapping[str, Any], searches: tuple[PartSearch, PartSearch]) -> dict[str, Any]:

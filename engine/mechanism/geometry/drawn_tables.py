@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from engine.arrays import Array
 from engine.cad import CadAssembly, CadEdge, CadFace
+from engine.cad.drawn_distances import ShapePair
 from engine.faults.fault import Fault
 from engine.mechanism.faults import did_you_mean, faults_of
 from engine.mechanism.geometry.cad_table import AS_DRAWN, SELECTORS, FeatureKind, selector_of
@@ -16,7 +17,8 @@ from engine.mechanism.geometry.drawn_joint import DrawnPin, NotAsDrawn, joint_of
 from engine.mechanism.geometry.drawn_outline import drawn_outline, viewing_direction
 from engine.mechanism.geometry.face_search import NotOneFace, PartSearch
 from engine.mechanism.geometry.geometry_certificate import DrawnBody, DrawnFace, DrawnJoint
-from engine.mechanism.geometry.part_bodies import NoDensity, body_of_part, mass_properties
+from engine.mechanism.geometry.measured_pairs import measured_feature, measured_point
+from engine.mechanism.geometry.part_bodies import POSE, NoDensity, body_of_part, mass_properties
 from engine.mechanism.geometry.sides import axis_of, contact_side, feature_of, line_side
 from engine.mechanism.quantities import UnitSystem
 from engine.mechanism.tables import as_table
@@ -38,16 +40,22 @@ class DrawnTables:
         The mechanism's unit system.
     parts : dict
         The part of each body that is one.
+    moved : set
+        Bodies that the file poses otherwise than the CAD file.
+    pairs : dict
+        Sides whose distance the CAD file draws, too, by the key of their joint or contact.
     """
 
     assembly: CadAssembly
     units: UnitSystem
     parts: dict[str, str] = field(default_factory=dict)
+    moved: set[str] = field(default_factory=set)
     faults: list[Fault] = field(default_factory=list)
     bodies: dict[str, DrawnBody] = field(default_factory=dict)
     faces: dict[str, DrawnFace] = field(default_factory=dict)
     features: dict[str, CadFace | CadEdge] = field(default_factory=dict)
     joints: dict[str, DrawnJoint] = field(default_factory=dict)
+    pairs: dict[str, ShapePair] = field(default_factory=dict)
 
     @cached_property
     def direction(self) -> Array:
@@ -71,6 +79,8 @@ class DrawnTables:
             return {}
         part = self.assembly.part(name)
         self.parts[keys[-1]] = name
+        if body.keys() & POSE:
+            self.moved.add(keys[-1])
         masses = None
         if body.get("fixed") is not True and not body.keys() >= WEIGHS:
             try:
@@ -135,6 +145,8 @@ class DrawnTables:
             self.faults.append(Fault((*keys, *error.key.split(".")), str(error), value))
             return {}
         self.joints[keys[-1]] = drawn.certificate()
+        if "radial_clearance" in joint:
+            self._measure(keys, joint, ("bearing", "journal"))
         return plain
 
     def _without_words(self, keys: Keys, joint: Mapping[str, Any]) -> dict[str, Any]:
@@ -161,7 +173,22 @@ class DrawnTables:
                 return {}
             primitive = contact_side(self._search(table["body"]), kind, feature, _primitive(contact.get(other)))
             plain[side] = _without_selector(table) | primitive
+        self._measure(keys, contact, ("a", "b"))
         return plain
+
+    def _measure(self, keys: Keys, entry: Mapping[str, Any], sides: tuple[str, str]) -> None:
+        """Note two sides whose distance OCCT can measure, too: faces, edges and points of bodies posed as drawn."""
+        ends = []
+        for side in sides:
+            table, feature = as_table(entry.get(side)), self.features.get(".".join((*keys, side)))
+            body = table.get("body")
+            if body not in self.parts or body in self.moved:
+                return
+            search = self._search(body)
+            ends.append(measured_feature(search, feature) if feature else measured_point(search, table))
+        first, second = ends
+        if first is not None and second is not None and not (first.point and second.point):
+            self.pairs[".".join(keys)] = first, second
 
     def _feature(self, keys: Keys, side: Mapping[str, Any]) -> CadFace | CadEdge | None:
         """Return the face or edge that a side names; None after noting why there is none."""

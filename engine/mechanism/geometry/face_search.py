@@ -87,6 +87,13 @@ class PartSearch:
                 pieces.append((distance, face))
         return self._only(wanted, pieces, pieces, "flat face")
 
+    def pieces(self, face: CadFace) -> list[CadFace]:
+        """Return the faces of the part that lie on the plane of a flat one, itself among them; of any other, itself."""
+        if face.kind != "plane":
+            return [face]
+        flat = (each for each in self.assembly.faces_of(self.part) if each.kind == "plane")
+        return [each for each in flat if self._is_same_plane(each, face)]
+
     def edge(self, wanted: NearPlace) -> CadEdge:
         """Return the circular edge near a point; NotOneFace if there is not exactly one."""
         near = self.to_assembly(wanted.near)

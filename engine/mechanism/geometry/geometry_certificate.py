@@ -31,13 +31,25 @@ class DrawnJoint(TableModel):
     clearance: Number = Field(description="radius of the hole minus that of the pin")
     axis_offset: Number = Field(description="the distance of the two axes at the middle of the joint")
     tilt: Number = Field(description="the angle between the two axes, in rad")
+    length: Number | None = Field(default=None, description="the piece of the axis along which both go")
 
 
 class DrawnGap(TableModel):
     """A gap at the start, computed twice."""
 
-    gap: Number = Field(description="by the functions that a run uses")
-    drawn: Number = Field(description="the distance of the faces in the CAD file, computed by OCCT")
+    drawn: Number = Field(description="the distance of the two in the CAD file, computed by OCCT; greater than 0")
+    gap: Number | None = Field(
+        default=None, description="by the functions that a run uses; none of a mechanism that has not been assembled"
+    )
+    added: Number = Field(
+        default=0.0,
+        description="what the mechanism file adds to the drawing: clearance minus that as drawn, or minus the offset",
+    )
+
+    @property
+    def difference(self) -> float | None:
+        """How much larger the gap is than what the CAD file and the mechanism file say; None if it is not known."""
+        return None if self.gap is None else self.gap - self.added - self.drawn
 
 
 class GeometryCertificate(TableModel):
@@ -49,4 +61,8 @@ class GeometryCertificate(TableModel):
     bodies: dict[str, DrawnBody] = Field(default={}, description="the bodies that are parts")
     faces: dict[str, DrawnFace] = Field(default={}, description="the sides that are faces or edges, by their keys")
     joints: dict[str, DrawnJoint] = Field(default={}, description="the joints whose two sides are faces")
-    gaps: dict[str, DrawnGap] = Field(default={}, description="the contacts both of whose sides are faces or edges")
+    gaps: dict[str, DrawnGap] = Field(
+        default={},
+        description="joints and contacts both of whose sides are drawn, apart from each other, by their keys",
+    )
+    not_measured: str = Field(default="", description="why OCCT has measured no gaps; empty if it has")

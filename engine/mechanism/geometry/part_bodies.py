@@ -11,6 +11,9 @@ from engine.cad import CadPart
 from engine.mechanism.base import is_number
 from engine.mechanism.geometry.plain_numbers import direction, lengths, significant
 
+POSE = {"origin", "axis", "angle"}
+"""The keys of a body's pose: it is given whole, or comes whole from the part."""
+
 
 class NoDensity(Exception):
     """A part's mass cannot be known; the message says why."""
@@ -139,6 +142,6 @@ def body_of_part(
             "inertia": significant((inertia + inertia.T) / 2).tolist(),
         }
     written = {key: value for key, value in body.items() if key not in ("part", "density")}
-    if written.keys() & {"origin", "axis", "angle"}:  # a pose is given whole, or comes whole from the part
-        numbers = {key: value for key, value in numbers.items() if key not in ("origin", "axis", "angle")}
+    if written.keys() & POSE:
+        numbers = {key: value for key, value in numbers.items() if key not in POSE}
     return numbers | written

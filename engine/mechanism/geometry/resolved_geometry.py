@@ -13,6 +13,7 @@ from engine.mechanism.faults import faults_of
 from engine.mechanism.geometry.cad_table import CadTable
 from engine.mechanism.geometry.drawn_tables import DrawnTables
 from engine.mechanism.geometry.geometry_certificate import GeometryCertificate
+from engine.mechanism.geometry.measured_pairs import drawn_gaps
 from engine.mechanism.quantities import UnitSystem
 from engine.mechanism.tables import as_table, named_tables, sub_table
 
@@ -70,6 +71,7 @@ def with_geometry(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         plain["benches"] = {name: _plain(bench, ("benches", name), tables) for name, bench in benches.items()}
     if tables.faults:
         raise UnresolvedGeometry(tables.faults)
+    gaps, not_measured = drawn_gaps(folder / table.file, assembly.sha256, tables.pairs, tables.millimetre)
     certificate = GeometryCertificate(
         file=table.file,
         sha256=table.sha256,
@@ -77,6 +79,8 @@ def with_geometry(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         bodies=tables.bodies,
         faces=tables.faces,
         joints=tables.joints,
+        gaps=gaps,
+        not_measured=not_measured,
     )
     return {**plain, "geometry": certificate.model_dump(exclude_none=True)}
 

@@ -48,6 +48,7 @@ def test_import_and_check(folder):
     assert "question: latch.toml, line 8: gravity: which way is down?" in checked
     assert "joints.base-rocker: clearance 0.06 mm as drawn, axes 0 mm apart and 0 rad tilted" in checked
     assert "bodies.crank: part crank, 2497.53 mm3, 19.6056 g by the density of the CAD file (steel)" in checked
+    assert "joints.base-rocker: 0.06 mm apart as OCCT measures, gap at the start 0.06 mm, difference " in checked
     assert checked.endswith("6 open questions\n")
     document = json.loads(clearcap("check", "latch.toml", "--json"))
     assert document["geometry"]["joints"]["base-rocker"]["clearance"] == pytest.approx(0.06, abs=1e-9)
@@ -73,12 +74,16 @@ def test_the_campaign_of_limits(folder):
     assert (hole.nominal, hole.tolerance) == (pytest.approx(6.105, abs=1e-9), pytest.approx(0.015, abs=1e-9))
     plan = make_plan(campaign)
     again = Plan.from_json(plan.to_json())
-    assert again.mechanism.geometry == load_mechanism("limits.toml").geometry
+    assert again.mechanism.geometry == campaign.mechanism.geometry
+    assert {key: gap.gap for key, gap in again.mechanism.geometry.gaps.items()} == pytest.approx(
+        {f"joints.{name}": joint.radial_clearance for name, joint in campaign.mechanism.joints.items()}, abs=1e-9
+    )
     assert again.campaign_id == plan.campaign_id
     listed = provenance(again)
     assert listed["CAD file"] == "latch.step"
     assert listed["sha256 of the CAD file"] == again.mechanism.geometry.sha256
     assert "4 bodies, 8 faces" in listed["geometry from it"]
+    assert listed["gaps at the start"].startswith("4 compared with OCCT's distances, largest difference ")
     assert geometry_provenance(None) == {}
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import engine.cad.step_reader
+import engine.cad.occt_process
 from engine import CadError
 from engine.cad import ReadingLimits, read_step
 from engine.cad.archive import packed
@@ -45,7 +45,7 @@ def test_a_file_is_read_once(own_cache, monkeypatch):
     """The second time comes from the cache, with the same bits, and from no other file or recognition."""
     first = read_step(LATCH)
     [kept] = own_cache.iterdir()
-    monkeypatch.setattr(engine.cad.step_reader.subprocess, "run", no_process)
+    monkeypatch.setattr(engine.cad.occt_process.subprocess, "run", no_process)
     assert differences(read_step(LATCH), first) == []
     with pytest.raises(AssertionError, match="was started"):
         read_step(LATCH, recognition=1e-3)
@@ -78,7 +78,7 @@ def test_a_full_cache(own_cache, monkeypatch):
 )
 def test_what_is_no_whole_step_is_refused_unread(tmp_path, monkeypatch, content, said):
     """No process is started for it."""
-    monkeypatch.setattr(engine.cad.step_reader.subprocess, "run", no_process)
+    monkeypatch.setattr(engine.cad.occt_process.subprocess, "run", no_process)
     path = tmp_path / "file.step"
     path.write_bytes(content)
     assert said in refusal(path)
@@ -160,7 +160,7 @@ def test_without_occt(monkeypatch):
     """The message says what to install; what was read before is still known."""
     content = packed(full_assembly(np.random.default_rng(1)))
     keep(hashlib.sha256(LATCH.read_bytes()).hexdigest(), 1e-4, content)
-    monkeypatch.setattr("engine.cad.step_reader.find_spec", lambda name: None)
+    monkeypatch.setattr("engine.cad.occt_process.find_spec", lambda name: None)
     assert read_step(LATCH).parts
     with pytest.raises(CadError, match=r"needs OCCT, which is not installed; pip install 'clearcap\[cad\]'"):
         read_step(LATCH, recognition=0.0)

@@ -126,7 +126,7 @@ def test_two_bosses_of_one_plane_are_two_faces(read):
         box((-5.0, -5.0, 0.0), (10.0, 10.0, 2.0)), cylinder((0, 0, -1), 3.0, 4.0), box((-4, -1, -1), (8, 2, 4))
     )
     hole = only(read(alone(slotted)), "cylinder")
-    assert hole.pieces == 2
+    assert len(hole.places) == 2
     assert hole.span == pytest.approx(tau - 4 * np.arcsin(1 / 3), abs=1e-9)
 
 

@@ -1,0 +1,93 @@
+"""Ask OCCT about a STEP file in a process of its own, with limits: a broken file can crash it, or keep it busy."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from engine.errors import CadError
+
+_TOO_SLOW = "OCCT needs more than {} s to read it; export only the parts of the mechanism"
+
+
+@dataclass(frozen=True)
+class ReadingLimits:
+    """What reading one CAD file may take."""
+
+    file_bytes: int = 100 * 2**20
+    memory_bytes: int = 4 * 2**30
+    seconds: int = 600
+
+
+USUAL_LIMITS = ReadingLimits()
+
+
+def ask_occt(path: str | Path, content: bytes, question: Mapping[str, Any], limits: ReadingLimits) -> bytes:
+    """Return what `engine.cad.occt` answers to a question about a STEP file.
+
+    Parameters
+    ----------
+    path : str or Path
+        What a message calls the file.
+    content : bytes
+        Of the file.
+    question : mapping
+        Plain data, see `engine.cad.occt.__main__`.
+    limits : ReadingLimits
+        What the answer may take.
+
+    Raises
+    ------
+    CadError
+        If OCCT is not installed, refuses the file, crashes, or takes too much time or memory.
+    """
+    if find_spec("OCP") is None:
+        raise CadError(f"{path}: reading CAD files needs OCCT, which is not installed; pip install 'clearcap[cad]'")
+    with tempfile.TemporaryDirectory(prefix="clearcap-cad-") as name:
+        folder = Path(name)
+        (folder / "input.step").write_bytes(content)
+        (folder / "question.json").write_text(json.dumps(question), "utf-8")
+        return _answer(path, folder, limits)
+
+
+def _answer(path: str | Path, folder: Path, limits: ReadingLimits) -> bytes:
+    """Return what the process has written into its folder."""
+    # Modules come from where this process has its own, and never from the current folder.
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(os.path.isabs, sys.path))}
+    words = [folder, limits.memory_bytes, limits.seconds]
+    try:
+        ended = subprocess.run(
+            [sys.executable, "-P", "-m", "engine.cad.occt", *map(str, words)],
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            timeout=limits.seconds,
+        )
+    except subprocess.TimeoutExpired:
+        raise CadError(f"{path}: {_TOO_SLOW.format(limits.seconds)}") from None
+    if (answer := folder / "answer").exists() and ended.returncode == 0:
+        return answer.read_bytes()
+    if (refusal := folder / "refusal.txt").exists():
+        raise CadError(f"{path}: {refusal.read_text('utf-8')}")
+    raise CadError(f"{path}: {_crash(ended, limits)}")
+
+
+def _crash(ended: "subprocess.CompletedProcess[bytes]", limits: ReadingLimits) -> str:
+    """Return what became of a process that ended without an answer."""
+    if ended.returncode == -signal.SIGXCPU:
+        return _TOO_SLOW.format(limits.seconds)
+    if ended.returncode < 0:
+        name = signal.Signals(-ended.returncode).name
+        return f"OCCT crashed while it read it ({name}); export it again, with other settings or fewer parts"
+    *_, last = ["it said nothing", *ended.stderr.decode(errors="replace").strip().splitlines()]
+    if last.startswith(("ImportError", "ModuleNotFoundError")):
+        return f"the OCCT that is installed is not the one that is needed ({last}); pip install 'clearcap[cad]'"
+    return f"OCCT failed to read it ({last}); export it again, as AP242 or AP214"

@@ -1,0 +1,60 @@
+"""Pairs of sides whose distance the CAD file draws, too: what OCCT is asked, and what it says."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from engine.cad import CadEdge, CadFace
+from engine.cad.drawn_distances import MeasuredShape, ShapePair, drawn_distances
+from engine.errors import CadError
+from engine.mechanism.base import is_number
+from engine.mechanism.geometry.face_search import PartSearch
+from engine.mechanism.geometry.geometry_certificate import DrawnGap
+from engine.mechanism.geometry.plain_numbers import length
+
+TOUCHING = 1e-7
+"""Distance [mm] below which OCCT takes shapes for touching."""
+
+
+def measured_feature(search: PartSearch, feature: CadFace | CadEdge) -> MeasuredShape:
+    """Return a face or an edge of a part as one end of a distance; a flat face with all others on its plane."""
+    part = [each.name for each in search.assembly.parts].index(search.part)
+    if isinstance(feature, CadEdge):
+        return MeasuredShape(part, edges=feature.places)
+    return MeasuredShape(part, faces=tuple(place for face in search.pieces(feature) for place in face.places))
+
+
+def measured_point(search: PartSearch, side: Mapping[str, Any]) -> MeasuredShape | None:
+    """Return a side that is a point as one end of a distance; None if it is none, or not given in plain numbers."""
+    point = side.get("point")
+    if not isinstance(point, list | tuple) or len(point) != 3 or not all(is_number(x) for x in point):
+        return None
+    return MeasuredShape(point=tuple(float(x) / search.millimetre for x in search.to_assembly(point)))
+
+
+def drawn_gaps(
+    path: Path, sha256: str, pairs: Mapping[str, ShapePair], millimetre: float
+) -> tuple[dict[str, DrawnGap], str]:
+    """Return the distance of each pair where there is one, and otherwise why none was measured.
+
+    A file that OCCT could read may still be one that it cannot measure: that refuses no mechanism.
+
+    Parameters
+    ----------
+    path : Path
+        The CAD file.
+    sha256 : str
+        Of its content.
+    pairs : mapping of str to ShapePair
+        By the key of the joint or contact.
+    millimetre : float
+        A millimetre in the mechanism's unit of length.
+    """
+    if not pairs:
+        return {}, ""
+    try:
+        distances = drawn_distances(path, sha256, list(pairs.values()))
+    except CadError as error:
+        return {}, str(error)
+    found = zip(pairs, distances, strict=True)
+    return {key: DrawnGap(drawn=length(far * millimetre, millimetre)) for key, far in found if far > TOUCHING}, ""

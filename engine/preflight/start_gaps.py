@@ -1,0 +1,127 @@
+"""Gaps at the start, computed twice: by the functions that a run uses, and by OCCT between the faces as drawn."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from engine.errors import EngineError
+from engine.mechanism import Mechanism
+from engine.mechanism.geometry.geometry_certificate import DrawnGap, DrawnJoint, GeometryCertificate
+from engine.mechanism.geometry.plain_numbers import length
+from engine.preflight.caution import Caution
+
+AGREE = 1e-5
+"""Largest difference [mm] of the two, besides what recognising the faces has cost."""
+
+_ENDS = 1e-6  # of a joint's length, by which a ring at its end may be beyond it
+
+
+def with_start_gaps(mechanism: Mechanism) -> Mechanism:
+    """Return a mechanism whose certificate of geometry has the gaps at its start beside the distances as drawn.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        As `engine.load_mechanism` returns it. One that takes nothing from a CAD file, or cannot start, stays as it is.
+    """
+    certificate = mechanism.geometry
+    if certificate is None or not certificate.gaps:
+        return mechanism
+    variants = {"": mechanism}
+    for name in mechanism.benches:
+        if any(key.startswith(f"benches.{name}.") for key in certificate.gaps):
+            variants[f"benches.{name}."] = mechanism.on_bench(name)
+    gaps = dict(certificate.gaps)
+    for prefix, variant in variants.items():
+        tables = f"{prefix}joints", f"{prefix}contacts"
+        own = {key: gap for key, gap in gaps.items() if key.rpartition(".")[0] in tables}
+        gaps |= _compared(variant, certificate, own)
+    completed = certificate.model_copy(update={"gaps": gaps})
+    return mechanism.with_tables({"geometry": completed}, mechanism.formulas)
+
+
+def _compared(
+    mechanism: Mechanism, certificate: GeometryCertificate, gaps: Mapping[str, DrawnGap]
+) -> dict[str, DrawnGap]:
+    """Return the gaps with what a run would start from; as they are if it cannot start."""
+    from engine.assembly import assemble
+
+    try:
+        assembly = assemble(mechanism)
+    except EngineError:
+        return dict(gaps)
+    millimetre = _millimetre(mechanism)
+    at_start = dict(zip(assembly.contact_names, assembly.state.gap.tolist(), strict=True))
+    compared = {}
+    for key, gap in gaps.items():
+        name = key.rpartition(".")[2]
+        if key.endswith(f"contacts.{name}"):
+            start, added = at_start[name], -mechanism.contacts[name].offset
+        else:
+            start, added = _of_joint(mechanism.joints[name], certificate.joints[name], name, at_start)
+        numbers = {"gap": length(start, millimetre), "added": length(added, millimetre)}
+        compared[key] = gap.model_copy(update=numbers) if np.isfinite(start) else gap
+    return compared
+
+
+def _of_joint(joint: Any, drawn: DrawnJoint, name: str, at_start: Mapping[str, float]) -> tuple[float, float]:
+    """Return the smallest gap of the rings where pin and hole both are, and what the file adds to their clearance.
+
+    The gap is infinite if there is no such ring.
+    """
+    reach = (0.5 + _ENDS) * (drawn.length or 0.0)
+    within = [i for i, station in enumerate(joint.rings or (), 1) if abs(station) <= reach]
+    smallest = min((at_start[f"{name}.ring{i}"] for i in within), default=np.inf)
+    return smallest, joint.radial_clearance - drawn.clearance
+
+
+def start_gap_cautions(mechanism: Mechanism) -> Iterator[Caution]:
+    """Yield the gaps at the start that are not what OCCT measures between the faces.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        As `with_start_gaps` returns it.
+    """
+    certificate, unit = mechanism.geometry, mechanism.unit("length")
+    if certificate is None:
+        return
+    if certificate.not_measured:
+        yield Caution(
+            "geometry",
+            None,
+            "1",
+            f"no gap was compared with the CAD file ({certificate.not_measured})",
+            "",
+            "see there",
+        )
+    for key, gap in certificate.gaps.items():
+        sides = [face for where, face in certificate.faces.items() if where.rpartition(".")[0] == key]
+        allowed = AGREE * _millimetre(mechanism) + sum(side.recognition_gap for side in sides)
+        if gap.difference is None or abs(gap.difference) <= allowed:
+            continue
+        added = f", to which this file adds {gap.added:.6g} {unit}" if gap.added else ""
+        yield Caution(
+            key,
+            gap.gap,
+            unit,
+            f"a run starts from this gap, and the CAD file draws the faces {gap.drawn:.9g} {unit} apart{added}",
+            f"a difference of up to {allowed:.2g} {unit}",
+            _remedy(key),
+        )
+
+
+def _millimetre(mechanism: Mechanism) -> float:
+    """Return a millimetre in a mechanism's unit of length."""
+    return 1.0 if mechanism.units == "mm-g-ms" else 1e-3
+
+
+def _remedy(key: str) -> str:
+    """Return what to look at."""
+    if ".joints." in f".{key}":
+        return "look whether points, axes and rings that this file gives lie where hole and pin do"
+    return (
+        "look whether the place where they are nearest lies on both faces: for a run a plane is endless and an edge"
+        " ends only where its arc does"
+    )
