@@ -19,6 +19,7 @@ from engine.kernels.velocity import (
     free_relative_velocities,
     gather_problem,
     grow_active_set,
+    look_at_active_contacts,
     worst_contact,
 )
 
@@ -42,7 +43,8 @@ def step(context):
     before, after, plain = (1 - theta) * h, theta * h, control.plain  # the impulses act between these two parts
     save_start(state, work.start)
 
-    # free motion to within the step, and the twists at its end without contact impulses
+    # free motion to within the step, and the twists at its end without contact impulses; the plain scheme takes joints
+    # and normals at the end of the step, where the twists of its start would lead
     move(state, before)
     consume_budget(contacts, state.v, before, work.broad_phase)
     apply_loads(bodies, model.loads, model.time_laws, state, phase, t + before, work.wrench, work.vectors)
@@ -51,16 +53,25 @@ def step(context):
         if not again or work.bilateral.violation.shape[0] > 0:
             free_twist(bodies, state.R, state.v, work.wrench, h, theta, again, work.free)
             damp(state.v, work.free, model.phases.damping[phase], h)
+            if plain:
+                move(state, after)
             hold_joints(bodies, bilateral, state, work.bilateral, problem, work.free, h, 1.0 if plain else theta)
+            if plain:
+                move(state, -after)
 
     # impulses at the contacts of that pose; the active set grows until no contact is driven into penetration
     body_speeds(work.free, work.broad_phase.speed)
     find_near_contacts(contacts, state, work.broad_phase, work.sites, after, 0.0, work.gap)
     free_relative_velocities(contacts, laws, state, work, after, plain)
     first_active_set(laws, state, work, after, plain)
+    if plain:
+        move(state, after)
+        look_at_active_contacts(contacts, state, work)
     status, residual, iterations, fastest = CONVERGED, 0.0, 0, 0.0
     for _ in range(GROWTH_ROUNDS):
         nc = gather_problem(bodies, contacts, laws, state, work, problem)
+        if plain:
+            move(state, -after)
         if nc > 0:
             status, spent, residual = solve_friction(nc, problem, control.tolerance)
             iterations += spent
@@ -68,8 +79,7 @@ def step(context):
         if status != CONVERGED:
             contact = worst_contact(problem, work.chosen, nc)
             return StepResult(status, residual, 0.0, contact, 0.0, fastest, iterations)
-        added = grow_active_set(contacts, laws, state, work, after)
-        if added == 0 or plain:
+        if plain or grow_active_set(contacts, laws, state, work, after) == 0:
             break
     fastest = fastest_body(bodies, state.v)
 

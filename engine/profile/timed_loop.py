@@ -36,6 +36,7 @@ STAGES_OF_STEP = {
     "find_near_contacts": CONTACTS,
     "free_relative_velocities": CONTACTS,
     "first_active_set": CONTACTS,
+    "look_at_active_contacts": CONTACTS,
     "gather_problem": CONTACTS,
     "apply_impulses": CONTACTS,
     "grow_active_set": CONTACTS,
