@@ -32,7 +32,8 @@ def contact_forces(trajectory: Trajectory, instants: Sequence[int]) -> tuple[Arr
     mechanism = trajectory.mechanism()
     assembly, order = assemble(mechanism), order_bodies(mechanism)
     work, step = assembly.work, trajectory.step
-    within = trajectory.settings["theta"] * step
+    # the plain scheme's frames are those of the end of a step
+    within = (0.0 if trajectory.settings["scheme"] == "moreau_jean" else trajectory.settings["theta"]) * step
     sign = np.where(assembly.model.contacts.a < len(order), 1.0, -1.0)
     histories = [trajectory.contacts[name] for name in assembly.contact_names]
     points, forces = np.zeros((2, len(instants), len(sign), 3))
