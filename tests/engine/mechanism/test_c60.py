@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from engine.mechanism import load_mechanism
+from engine.mechanism import load_mechanism, set_values
 from engine.mechanism.contacts import Contact, Side
 
 C60 = load_mechanism("c60")
@@ -135,6 +135,30 @@ def test_all_points_of_a_stop_start_at_one_gap():
         assert np.linalg.norm(np.cross(first, second)) > 1, "three points that carry tilt"
         if stop != "S6":
             np.testing.assert_allclose(points[:, :2].sum(axis=0), 0, atol=1e-5)
+
+
+def axial_gaps(mechanism):
+    """Return the first gap of each stop along z: all parts turn about z, so heights add up."""
+
+    def height(side):
+        return mechanism.bodies[side.body].origin[2] + (side.point or side.plane.point)[2]
+
+    found = {}
+    for name, contact in mechanism.contacts.items():
+        if name[0] == "S" and name.endswith("_1") and name != "S9_1":
+            a, b = contact.sides
+            found[name[:-2]] = (height(a) - height(b)) * b.plane.normal[2]
+    return found
+
+
+def test_preset_centred_divides_the_drawn_play():
+    """Equal gaps on both sides of each part, and between the same two faces as much play as before."""
+    drawn, centred = axial_gaps(C60), axial_gaps(set_values(C60, C60.preset("centred")))
+    assert [centred[name] for name in ("S7", "S8", "S11")] == pytest.approx([0.1 / 3] * 3)
+    for below, above in (("S4", "Sx"), ("S5", "S12"), ("S1", "S2")):
+        assert centred[below] == pytest.approx(centred[above])
+    for stops in (("S7", "S8", "S11"), ("S7", "S8", "S4", "Sx"), ("S7", "S8", "S5", "S12"), ("S1", "S2")):
+        assert sum(centred[name] for name in stops) == pytest.approx(sum(drawn[name] for name in stops))
 
 
 def test_needle_ends_have_their_play():

@@ -1,0 +1,54 @@
+"""Where along their axes the parts of the C-60 start, and how much play they have there."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+SHIPPED = "on the lower shoulders: as shipped"
+CENTRED = "in the middle: preset centred"
+COVER = 0.1, 0.24, 0.3  # mm: free way of plate, hook and tripping bar to the cover when all lie on their shoulders
+FLANGES = ("S4", "S5", "S7", "S8")  # those with a gap of 0 in the published pose
+WAYS = 0.05, 0.1, 0.2  # mm
+WIDEST = 0.3  # mm
+
+Drawn = Literal["random"] | tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Play:
+    """A start along the axes.
+
+    Attributes
+    ----------
+    name : str
+        The row of the table.
+    lifts : tuple of four floats, or "random"
+        How far moving contact, plate, hook and tripping bar start above the published pose, mm; "random": anywhere
+        that the drawn stops leave them, another place in each sample.
+    opened : dict
+        Flange to the play that it has beyond the drawn one, mm; "random": between 0 and 0.3 mm, in each sample anew.
+    preset : str, optional
+        Preset of the mechanism that says where parts start.
+    free_fall : bool
+        Simulated with preset paper too, whose free fall takes longer than the shipped drag.
+    """
+
+    name: str
+    lifts: Drawn = (0.0, 0.0, 0.0, 0.0)
+    opened: dict[str, float] | Literal["random"] | None = None
+    preset: str | None = None
+    free_fall: bool = False
+
+
+def plays() -> list[Play]:
+    """Return what is compared, the shipped start first."""
+    top, hook, bar = COVER
+    return [
+        Play(SHIPPED, free_fall=True),
+        Play(CENTRED, preset="centred", free_fall=True),
+        Play("under the cover", (top, top, hook, bar), free_fall=True),
+        Play("anywhere in the drawn play", "random", free_fall=True),
+        *(Play(f"{flange} opened by 0.1 mm", opened={flange: 0.1}) for flange in FLANGES),
+        *(Play(f"S7 and S8 opened by {x:g} mm", opened={"S7": x, "S8": x}, free_fall=x == 0.1) for x in WAYS),
+        *(Play(f"all four opened by {x:g} mm", opened=dict.fromkeys(FLANGES, x)) for x in WAYS),
+        Play("all four opened by 0 to 0.3 mm", opened="random"),
+    ]
