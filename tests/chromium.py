@@ -12,6 +12,7 @@ AXE = Path(__file__).parents[1] / "node_modules" / "axe-core" / "axe.min.js"
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 OPTIONS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--window-size=1280,1000",
            "--disable-background-networking", "--disable-component-update", "--disable-sync")  # fmt: skip
+IN_3D = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # WebGL by the processor alone
 
 needs_chromium = pytest.mark.skipif(
     CHROMIUM is None or DRIVER is None, reason="no chromium with its driver on this machine"
@@ -20,7 +21,9 @@ needs_axe = pytest.mark.skipif(not AXE.exists(), reason="no axe-core: npm instal
 
 
 @contextmanager
-def chromium(profile: Path, *, host: str = "", preferences: dict[str, Any] | None = None) -> Iterator[Any]:
+def chromium(
+    profile: Path, *, host: str = "", preferences: dict[str, Any] | None = None, options: tuple[str, ...] = ()
+) -> Iterator[Any]:
     """Open a browser in the block.
 
     Parameters
@@ -31,18 +34,20 @@ def chromium(profile: Path, *, host: str = "", preferences: dict[str, Any] | Non
         The only host that it can reach; empty: none.
     preferences : dict, optional
         Settings of the profile.
+    options : tuple of str
+        More words of its command line, as `IN_3D`.
     """
     webdriver = pytest.importorskip("selenium.webdriver")
-    options = webdriver.ChromeOptions()
-    options.binary_location = CHROMIUM
+    chosen = webdriver.ChromeOptions()
+    chosen.binary_location = CHROMIUM
     reached = f", EXCLUDE {host}" if host else ""
     rules = f"--host-resolver-rules=MAP * ~NOTFOUND{reached}"
-    for option in (*OPTIONS, rules, f"--user-data-dir={profile}"):
-        options.add_argument(option)
+    for option in (*OPTIONS, *options, rules, f"--user-data-dir={profile}"):
+        chosen.add_argument(option)
     if preferences:
-        options.add_experimental_option("prefs", preferences)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+        chosen.add_experimental_option("prefs", preferences)
+    chosen.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    driver = webdriver.Chrome(options=chosen, service=webdriver.ChromeService(DRIVER))
     try:
         yield driver
     finally:

@@ -21,6 +21,14 @@ def import_step(
     recognition: Annotated[
         float, typer.Option(help="How far a spline may be from the plane or cylinder it is taken for [mm].")
     ] = 1e-4,
+    pictures: Annotated[
+        bool | None,
+        typer.Option(
+            help="Draw what was found beside the mechanism file, as .svg and in 3D as .html: with --output unless you"
+            " say no, with --update only if you say so, over earlier ones.",
+            show_default=False,
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Propose a mechanism file from a STEP file: parts, joints, play, and what only you know as marked questions."""
@@ -36,12 +44,15 @@ def import_step(
     if (output is None) == (update is None):
         raise SpecError("one of --output and --update is needed; name the mechanism file that is to be written")
     if update is not None:
-        _update(step_file, update, recognition, json)
+        _update(step_file, update, recognition, pictures is True, json)
         return
     assert output is not None
     campaign = output.with_name(f"{output.stem}-campaign.toml")
     check_output("--output", output, (".toml",))
-    _refuse_existing(output)
+    _refuse_existing(output, "may hold answers")
+    drawn = [] if pictures is False else _picture_files(output)
+    for each in drawn:
+        _refuse_existing(each, "import draws into it; leave the pictures out with --no-pictures")
     found = find_geometry(read_step(step_file, recognition))
     _refuse_empty(found, step_file)
     name = _name(output.stem)
@@ -49,12 +60,14 @@ def import_step(
     text = proposed_mechanism(found, file, name)
     diameters = [each for joint in found.joints for each in diameters_of(found, joint).values()]
     if diameters:
-        _refuse_existing(campaign)
+        _refuse_existing(campaign, "may hold answers")
         with replacing(campaign) as temporary:
             temporary.write_text(proposed_campaign(diameters, output.name, f"{name}-limits"), "utf-8")
     with replacing(output) as temporary:
         temporary.write_text(text, "utf-8")
-    written = [str(output), *([str(campaign)] if diameters else [])]
+    if drawn:
+        _draw(found, text, step_file, output)
+    written = [str(each) for each in (output, *([campaign] if diameters else []), *drawn)]
     questions = open_questions(text)
     if json:
         print_json({**_document(found), "questions": [each.text for each in questions], "written": written})
@@ -65,7 +78,7 @@ def import_step(
     print_text(f"written: {', '.join(written)}; {len(questions)} questions are open")
 
 
-def _update(step_file: str, path: Path, recognition: float, json: bool) -> None:
+def _update(step_file: str, path: Path, recognition: float, pictures: bool, json: bool) -> None:
     """Bring a mechanism file to a new revision of its STEP file, and print what changed."""
     from difflib import unified_diff
 
@@ -85,11 +98,15 @@ def _update(step_file: str, path: Path, recognition: float, json: bool) -> None:
     updated = updated_mechanism(earlier.text, before, after)
     with replacing(path) as temporary:
         temporary.write_text(updated.text, "utf-8")
+    drawn = _picture_files(path) if pictures else []
+    if drawn:
+        _draw(found, updated.text, step_file, path)
+    written = [str(each) for each in (path, *drawn)]
     old, new = earlier.text.splitlines(), updated.text.splitlines()
     changes = list(unified_diff(old, new, str(path), str(path), lineterm="", n=1))
     if json:
         lists = {"kept": updated.kept, "gone": updated.gone, "added": updated.added}
-        print_json({"changes": changes, **lists, "written": [str(path)]})
+        print_json({"changes": changes, **lists, "written": written})
         return
     for line in changes:
         print_text(line)
@@ -97,15 +114,42 @@ def _update(step_file: str, path: Path, recognition: float, json: bool) -> None:
         print_text(f"kept as you wrote it: {text}")
     for table in updated.gone:
         print_text(f"no longer in the STEP file: {table}; remove it, or name other faces")
-    print_text(f"written: {path}" if changes else f"{path}: nothing has changed")
+    if not changes:
+        print_text(f"{path}: nothing has changed")
+    if changes or drawn:
+        print_text(f"written: {', '.join(written if changes else written[1:])}")
 
 
-def _refuse_existing(path: Path) -> None:
-    """Refuse to write over a file that may hold a person's answers."""
+def _picture_files(mechanism: Path) -> list[Path]:
+    """Return the files of the drawing and of the page beside a mechanism file."""
+    return [mechanism.with_suffix(".svg"), mechanism.with_suffix(".html")]
+
+
+def _draw(found: "FoundGeometry", text: str, step_file: str, mechanism: Path) -> None:
+    """Write the pictures of what was found, with the questions of a mechanism file."""
+    from campaign.cli.output_files import replacing
+    from campaign.import_page.import_page import ImportFiles, import_page
+    from campaign.pictures.sketches.found_sketch import sketch_found
+    from campaign.pictures.sketches.sketch_figure import plot_sketch
+    from engine.cad_import.found_places import found_places
+    from engine.cad_import.open_questions import open_questions
+
+    drawing, page = _picture_files(mechanism)
+    places, title = found_places(found), Path(step_file).name
+    said = "; ".join(place.text for place in places)
+    with replacing(drawing) as temporary:
+        plot_sketch(sketch_found(found, places), f"{title}: what was found", said, temporary)
+    files = ImportFiles(title, mechanism.name, drawing.read_bytes())
+    with replacing(page) as temporary:
+        temporary.write_text(import_page(found, places, open_questions(text), files), "utf-8")
+
+
+def _refuse_existing(path: Path, why: str) -> None:
+    """Refuse to write over a file."""
     from campaign.errors import SpecError
 
     if path.exists():
-        raise SpecError(f"{path}: exists already, and may hold answers; name another file with --output, or move it")
+        raise SpecError(f"{path}: exists already, and {why}; name another file with --output, or move it")
 
 
 def _refuse_empty(found: "FoundGeometry", step_file: str) -> None:
@@ -164,20 +208,11 @@ def _document(found: "FoundGeometry") -> dict[str, Any]:
 
 def _print(found: "FoundGeometry") -> None:
     """Print what was found."""
-    document = _document(found)
-    for part in document["parts"]:
-        print_text(f"part {part['name']}: {part['volume']:.6g} mm3, {part['material'] or 'no material'}")
-    for joint in document["joints"]:
-        plays = ", ".join(f"{play:.4g}" for play in joint["axial_plays"].values())
-        radii = f"radii {joint['hole_radius']:.6g} and {joint['pin_radius']:.6g}"
-        axial = f"axial play {plays}" if plays else "free along its axis"
-        print_text(
-            f"joint {joint['name']}: {joint['journal']} in {joint['bearing']}, {radii}, "
-            f"clearance {joint['radial_clearance']:.4g}, {axial} mm"
-        )
-    for miss in document["refused"]:
-        print_text(f"no joint: pin of {miss['pin_of']} in {miss['hole_of']}: {miss['reason']}")
-    for number, pair in enumerate(document["stops"], 1):
-        print_text(f"facing stop-{number}: {' and '.join(pair['parts'])}, {pair['gap']:.4g} mm apart")
-    for text in document["left_out"]:
+    from engine.cad_import.found_places import found_places, part_text
+
+    for part in found.assembly.parts:
+        print_text(part_text(part))
+    for place in found_places(found):
+        print_text(place.text)
+    for text in found.assembly.cautions:
         print_text(f"left out: {text}")

@@ -31,16 +31,21 @@ class View:
 
 
 def choose_view(mechanism: Mechanism) -> View:
-    """Return the plane normal to most joint axes; without axes, the plane of gravity and the normals of contact planes.
+    """Return the plane on which a mechanism is drawn, see `best_view`."""
+    joints = mechanism.joints.values()
+    axes = [start_rotation(mechanism, joint.sides[0].body) @ joint.axes[0] for joint in joints if joint.axes]
+    return best_view(axes, _plane_normals(mechanism), np.array(mechanism.gravity))
+
+
+def best_view(axes: list[Array], normals: list[Array], gravity: Array) -> View:
+    """Return the plane normal to most axes of joints; without axes, the plane of gravity and of normals of planes.
 
     Up is against gravity; without gravity in the plane it is z, or y for a view along z.
     """
-    joints, gravity = mechanism.joints.values(), np.array(mechanism.gravity)
-    axes = [start_rotation(mechanism, joint.sides[0].body) @ joint.axes[0] for joint in joints if joint.axes]
     if axes:
         normal = _clean(np.linalg.eigh(_spread(axes) - 1e-3 * _TIE_BREAK).eigenvectors[:, -1])
     else:
-        normal = _clean(np.linalg.eigh(_spread([*_plane_normals(mechanism), gravity]) + _TIE_BREAK).eigenvectors[:, 0])
+        normal = _clean(np.linalg.eigh(_spread([*normals, gravity]) + _TIE_BREAK).eigenvectors[:, 0])
     up = _upwards(normal, gravity)
     right = np.cross(up, normal)
     if right[np.argmax(np.abs(right))] < 0:  # look from the other side: the larger coordinates are to the right

@@ -2,7 +2,7 @@
 
 import logging
 
-from campaign.pictures.sketch import sketch_mechanism
+from campaign.pictures.sketches.sketch import sketch_mechanism
 from campaign.plan import Plan
 from reporting.drawing import DrawnLine, DrawnWords, LegendEntry, MechanismDrawing
 

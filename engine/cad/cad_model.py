@@ -209,6 +209,8 @@ class TriangleMesh:
     """Rows of `vertices`, shape (m, 3)."""
     faces: Integers = field(default_factory=lambda: np.zeros(0, np.int64))
     """Number of the face of each triangle, shape (m,)."""
+    deflection: Millimetres = 0.0
+    """How far a triangle may be from its face [mm], as OCCT was asked; on balls it takes up to twice as much."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

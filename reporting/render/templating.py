@@ -1,7 +1,5 @@
 """What the templates of the report share: how numbers are written, and figures that are safe to insert."""
 
-import base64
-import hashlib
 from collections.abc import Iterable
 from itertools import groupby
 from operator import attrgetter
@@ -28,7 +26,6 @@ def environment() -> Environment:
         p=format_numbers.probability,
         unit=axes.unit_suffix,
         places=format_numbers.decimals_for,
-        source_hash=_source_hash,
         assumed=_assumed_text,
         grouped_by=_grouped_by,
         histogram=lambda r: as_markup(histograms.response_figure(r)),
@@ -53,11 +50,6 @@ def _assumed_text(value: float | tuple[float, ...] | str) -> str:
     if isinstance(value, tuple):
         return f"({', '.join(map(format_numbers.plain, value))})"
     return value if isinstance(value, str) else format_numbers.plain(value)
-
-
-def _source_hash(text: str) -> str:
-    """Return the hash by which a content security policy names an element."""
-    return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 
 
 def as_markup(svg: str | None) -> Markup | None:

@@ -32,7 +32,7 @@ def product_geometry(
     recognition : float
         Largest distance [mm] between a spline and what it is taken for.
     """
-    triangulate(shape)
+    deflection = triangulate(shape)
     bodies = ShapeMap(shape, SOLID).shapes()
     faces = ShapeMap(shape, FACE)
     owners = np.full(len(faces), -1)
@@ -51,12 +51,12 @@ def product_geometry(
         solids=tuple(solid_properties(body, *each) for body, each in zip(bodies, solids, strict=True)),
         faces=tuple(replace(face, places=tuple(places[face.number])) for face in merged),
         edges=tuple(merge_arcs(arc_pieces(shape, faces.shapes(), numbers.tolist(), recognition), "")),
-        mesh=_mesh(pieces, number_of_piece),
+        mesh=_mesh(pieces, number_of_piece, deflection),
     )
     return geometry, numbers
 
 
-def _mesh(pieces: list[FacePiece], numbers: Integers) -> TriangleMesh:
+def _mesh(pieces: list[FacePiece], numbers: Integers, deflection: float) -> TriangleMesh:
     """Return the triangles of all pieces, each with the number of its face."""
     firsts = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])[:-1]
     return TriangleMesh(
@@ -66,4 +66,5 @@ def _mesh(pieces: list[FacePiece], numbers: Integers) -> TriangleMesh:
             [np.zeros((0, 3), np.int64), *(p.triangles + first for p, first in zip(pieces, firsts, strict=True))]
         ),
         faces=np.repeat(numbers, [len(piece.triangles) for piece in pieces]),
+        deflection=deflection,
     )

@@ -18,12 +18,14 @@ _SAG_LIMITS = 1e-3, 0.05  # mm
 _TURN = 0.3  # rad between neighbouring triangles
 
 
-def triangulate(shape: Any) -> None:
-    """Give all faces of a shape triangles."""
+def triangulate(shape: Any) -> float:
+    """Give all faces of a shape triangles; return the deflection asked for [mm]."""
     box = Bnd_Box()
     BRepBndLib.Add_s(shape, box, False)
     size = 1.0 if box.IsVoid() else float(box.CornerMin().Distance(box.CornerMax()))
-    BRepMesh_IncrementalMesh(shape, float(np.clip(_SAG * size, *_SAG_LIMITS)), False, _TURN, False)
+    deflection = float(np.clip(_SAG * size, *_SAG_LIMITS))
+    BRepMesh_IncrementalMesh(shape, deflection, False, _TURN, False)
+    return deflection
 
 
 def triangles_of(face: Any) -> tuple[Array, Integers, Array] | None:

@@ -43,7 +43,7 @@ def test_import_and_check(folder):
     printed = clearcap("import", "latch.step", "-o", "latch.toml")
     assert "joint base-crank: base in crank, radii 3.05 and 3, clearance 0.05, axial play 0.05, 0.05 mm" in printed
     assert "facing stop-1: base and crank, 0.8 mm apart" in printed
-    assert printed.endswith("written: latch.toml, latch-campaign.toml; 6 questions are open\n")
+    assert printed.endswith("written: latch.toml, latch-campaign.toml, latch.svg, latch.html; 6 questions are open\n")
     checked = clearcap("check", "latch.toml")
     assert "question: latch.toml, line 8: gravity: which way is down?" in checked
     assert "joints.base-rocker: clearance 0.06 mm as drawn, axes 0 mm apart and 0 rad tilted" in checked
@@ -62,13 +62,14 @@ def test_json(folder):
     document = json.loads(clearcap("import", "latch.step", "-o", "other.toml", "--json"))
     assert [part["name"] for part in document["parts"]] == ["base", "crank", "rocker", "coupler"]
     assert [joint["pin_radius"] for joint in document["joints"]] == pytest.approx([3.0, 3.0, 2.5, 2.5], abs=1e-9)
-    assert document["written"] == ["other.toml", "other-campaign.toml"]
+    assert document["written"] == ["other.toml", "other-campaign.toml", "other.svg", "other.html"]
     assert len(document["questions"]) == 6
 
 
 def test_the_campaign_of_limits(folder):
     """The limits in the STEP file vary the clearance; plan and provenance hold the certificate."""
-    clearcap("import", "latch.step", "-o", "limits.toml")
+    clearcap("import", "latch.step", "-o", "limits.toml", "--no-pictures")
+    assert not (folder / "limits.html").exists()
     campaign = load_campaign("limits-campaign.toml")
     hole = campaign.spec.variables["base_crank_hole"]
     assert (hole.nominal, hole.tolerance) == (pytest.approx(6.105, abs=1e-9), pytest.approx(0.015, abs=1e-9))
@@ -124,7 +125,7 @@ def test_without_the_extra(folder):
 
 def test_update(folder):
     """A revision whose faces are the same: only the SHA-256 and the file follow, as a diff; answers stay."""
-    clearcap("import", "latch.step", "-o", "kept.toml")
+    clearcap("import", "latch.step", "-o", "kept.toml", "--no-pictures")
     path = folder / "kept.toml"
     path.write_text(path.read_text().replace("friction = 0.0", "friction = 0.3"))
     (folder / "latch_B.step").write_bytes((folder / "latch.step").read_bytes().replace(b"DATA;", b"DATA;\n/* B */", 1))
@@ -136,6 +137,29 @@ def test_update(folder):
     load_mechanism(path)
     assert clearcap("import", "latch_B.step", "--update", "kept.toml") == "kept.toml: nothing has changed\n"
     assert json.loads(clearcap("import", "latch_B.step", "--update", "kept.toml", "--json"))["changes"] == []
+
+
+def test_pictures_are_not_written_over(folder):
+    """A file of a picture's name is kept and named, and nothing is written; with `--update` it must be said."""
+    for name in ("drawn.svg", "drawn.html"):
+        (folder / name).write_text("mine")
+        refused = CliRunner().invoke(app, ["mechanism", "import", "latch.step", "-o", "drawn.toml"])
+        assert f"{name}: exists already" in str(refused.exception)
+        assert "--no-pictures" in str(refused.exception)
+        assert (folder / name).read_text() == "mine"
+        assert not (folder / "drawn.toml").exists()
+        (folder / name).unlink()
+    clearcap("import", "latch.step", "-o", "drawn.toml")
+    (folder / "drawn.html").write_text("mine")
+    clearcap("import", "latch.step", "--update", "drawn.toml")
+    assert (folder / "drawn.html").read_text() == "mine"
+    printed = clearcap("import", "latch.step", "--update", "drawn.toml", "--pictures")
+    assert printed == "drawn.toml: nothing has changed\nwritten: drawn.svg, drawn.html\n"
+    text, drawing = (folder / "drawn.html").read_text(), (folder / "drawn.svg").read_text()
+    assert "latch.step: what was found" in text
+    assert "base-crank" in drawing
+    assert "radii 3.05 and 3" in drawing
+    assert "stop-1" in drawing
 
 
 def test_one_of_two_options(folder):

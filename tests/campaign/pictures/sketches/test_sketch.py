@@ -4,7 +4,8 @@ from itertools import combinations
 
 import pytest
 
-from campaign.pictures.sketch import LETTER, LINE, sketch_mechanism
+from campaign.pictures.sketches.sketch import sketch_mechanism
+from campaign.pictures.sketches.sketch_canvas import LETTER, LINE
 from engine import load_mechanism
 from tests.engine.small import block_on_floor, made
 

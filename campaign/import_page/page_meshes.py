@@ -1,0 +1,114 @@
+"""Triangles of parts for a page: no more than a browser turns with ease, each face's in one piece."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from engine.arrays import Array, Integers
+from engine.cad.cad_model import TriangleMesh
+
+MOST_TRIANGLES = 250_000
+"""Of all parts together; more are drawn coarser. A page of so many has about 8 MB."""
+
+_FINEST, _COARSER = 4000, 1.5  # cells along the longest side at first, where there are too many; how much wider then
+
+
+@dataclass(frozen=True, eq=False)
+class PageMesh:
+    """Triangles of a part.
+
+    Attributes
+    ----------
+    vertices : ndarray of float32, shape (n, 3)
+        From the page's centre.
+    triangles : ndarray of uint32, shape (m, 3)
+        Rows of `vertices`, counter-clockwise seen from outside; in the order of their faces.
+    stretches : dict
+        First triangle and number of triangles of each face, by its number.
+    """
+
+    vertices: NDArray[np.float32]
+    triangles: NDArray[np.uint32]
+    stretches: dict[int, tuple[int, int]]
+
+
+def page_meshes(meshes: Iterable[TriangleMesh], centre: Array, most: int) -> tuple[list[PageMesh], float]:
+    """Return the triangles of parts for a page, and how far from the faces they may be.
+
+    Where there are too many, vertices in one cell of a grid become one, in their middle; its cells are made wider
+    until the triangles that are left are few enough.
+
+    Parameters
+    ----------
+    meshes : iterable of TriangleMesh
+    centre : ndarray, shape (3,)
+        Origin of the page, near the parts: single precision is precise near it.
+    most : int
+        Largest number of triangles.
+    """
+    meshes = list(meshes)
+    drawn, moved, cell = meshes, 0.0, 0.0
+    size = max((float(np.ptp(mesh.vertices, axis=0).max()) for mesh in meshes if len(mesh.vertices)), default=0.0)
+    while sum(len(mesh.triangles) for mesh in drawn) > most:
+        cell = _COARSER * cell or size / _FINEST
+        tried = [coarser(mesh, cell) for mesh in meshes]
+        drawn, moved = [mesh for mesh, _ in tried], max(each for _, each in tried)
+    deflection = max((mesh.deflection for mesh in meshes), default=0.0)
+    return [_of_page(mesh, centre) for mesh in drawn], deflection + moved
+
+
+def coarser(mesh: TriangleMesh, cell: float) -> tuple[TriangleMesh, float]:
+    """Return the triangles that are left where all vertices in one cell of a grid are in one place.
+
+    Parameters
+    ----------
+    mesh : TriangleMesh
+    cell : float
+        Side of a cell, > 0.
+
+    Returns
+    -------
+    mesh : TriangleMesh
+    moved : float
+        How far the vertex that moved farthest did.
+    """
+    if not len(mesh.triangles):
+        return mesh, 0.0
+    grid = np.floor((mesh.vertices - mesh.vertices.min(axis=0)) / cell).astype(np.int64)
+    place = _numbered(np.ravel_multi_index(tuple(grid.T), tuple(grid.max(axis=0) + 1)))
+    sums = [np.bincount(place, coordinate) for coordinate in mesh.vertices.T]
+    middles = np.stack(sums, axis=1) / np.bincount(place)[:, None]
+    faces = np.zeros(len(mesh.vertices), np.int64)
+    faces[mesh.triangles] = mesh.faces[:, None]
+    # A vertex belongs to one face, so that edges between faces stay sharp, and lies where those of its neighbours do.
+    vertex = _numbered(place * (faces.max() + 1) + faces)
+    vertices = np.zeros((vertex.max() + 1, 3))
+    vertices[vertex] = middles[place]
+    places = place[mesh.triangles]
+    kept = (places != np.roll(places, 1, axis=1)).all(axis=1)
+    less = replace(mesh, vertices=vertices, triangles=vertex[mesh.triangles[kept]], faces=mesh.faces[kept])
+    return less, float(np.linalg.norm(middles[place] - mesh.vertices, axis=1).max())
+
+
+def _numbered(keys: Integers) -> Integers:
+    """Return the place of each key among all different ones."""
+    return np.asarray(np.unique(keys, return_inverse=True)[1].ravel(), np.int64)
+
+
+def _of_page(mesh: TriangleMesh, centre: Array) -> PageMesh:
+    """Return a mesh in single precision, sorted by faces, without vertices that no triangle has."""
+    order = np.argsort(mesh.faces, kind="stable")
+    used, triangles = np.unique(mesh.triangles[order], return_inverse=True)
+    numbers, firsts, counts = np.unique(mesh.faces[order], return_index=True, return_counts=True)
+    return PageMesh(
+        vertices=(mesh.vertices[used] - centre).astype(np.float32),
+        triangles=triangles.reshape(-1, 3).astype(np.uint32),
+        stretches=_stretches(numbers, firsts, counts),
+    )
+
+
+def _stretches(numbers: Integers, firsts: Integers, counts: Integers) -> dict[int, tuple[int, int]]:
+    rows = zip(numbers.tolist(), firsts.tolist(), counts.tolist(), strict=True)
+    return {number: (first, count) for number, first, count in rows}

@@ -1,0 +1,93 @@
+"""What was found in a CAD file, seen along most of its axes: silhouettes of parts, joints and candidates of stops."""
+
+import numpy as np
+
+from campaign.pictures.polylines import circle
+from campaign.pictures.sketches.sketch_canvas import Legend, Sketch, SketchCanvas, canvas_around
+from campaign.pictures.style import FORCE, INK, PALETTE
+from campaign.pictures.view import View, best_view
+from engine.arrays import Array
+from engine.cad.silhouette import silhouette
+from engine.cad_import.found_geometry import FoundGeometry
+from engine.cad_import.found_places import FoundPlace
+
+MOST_NAMED = 40  # of joints and candidates; more names cover the parts
+
+
+def view_of(found: FoundGeometry) -> View:
+    """Return the plane on which what was found is drawn."""
+    axes = [joint.pin.axis for joint in found.joints]
+    return best_view(axes, [pair.normal for pair in found.stops], np.zeros(3))
+
+
+def sketch_found(found: FoundGeometry, places: list[FoundPlace]) -> Sketch:
+    """Return the sketch of an assembly with its joints and candidates of stops, by the names of the mechanism file.
+
+    Parameters
+    ----------
+    found : FoundGeometry
+        What to draw.
+    places : list of FoundPlace
+        As `found_places` returns them; what is no joint is left out.
+    """
+    view = view_of(found)
+    meshes = sorted(found.assembly.meshes, key=lambda mesh: _height(mesh.vertices, view.normal))
+    outlines = [(mesh.part, silhouette(mesh, view.normal)) for mesh in meshes]
+    canvas = canvas_around(view, [view.project(each) for _, pieces in outlines for each in pieces], [])
+    for part, pieces in outlines:
+        colour = part_colour(found, part)
+        drawn = [canvas.area(piece, colour) for piece in pieces]
+        if drawn:
+            canvas.body_name(drawn[0], found.bodies[part], colour)
+    shown = [place for place in places if place.kind != "no joint"]
+    for place in shown[:MOST_NAMED]:
+        _mark(canvas, place)
+    return canvas.sketch(_legend(shown))
+
+
+def part_colour(found: FoundGeometry, part: str) -> str:
+    """Return the colour in which a part is drawn."""
+    return PALETTE[list(found.bodies).index(part) % len(PALETTE)]
+
+
+def place_colour(place: FoundPlace) -> str:
+    """Return the colour in which a joint or a candidate is marked."""
+    return FORCE if place.kind == "facing" else INK
+
+
+def place_lines(place: FoundPlace) -> list[Array]:
+    """Return what marks a place, polylines in the frame of the assembly, each of shape (k, 3).
+
+    Of a joint it is the hole at both ends and the axis, which reaches beyond by a radius; of a stop, the way between
+    its faces.
+    """
+    if not place.radius:
+        return [place.ends]
+    along = place.ends[1] - place.ends[0]
+    axis = along / np.linalg.norm(along)
+    beyond = place.ends + place.radius * np.array([-axis, axis])
+    return [*(circle(end, axis, place.radius) for end in place.ends), beyond]
+
+
+def _height(vertices: Array, normal: Array) -> float:
+    """Return how near to the viewer a part is; its place in the order does not matter where it has no triangles."""
+    return float((vertices @ normal).max(initial=-np.inf))
+
+
+def _mark(canvas: SketchCanvas, place: FoundPlace) -> None:
+    """Draw a place with its name, and of a joint the radii of hole and pin."""
+    colour, at = place_colour(place), canvas.on_canvas(place.middle)
+    lines = [canvas.on_canvas(line) for line in place_lines(place)]
+    for line in lines:
+        canvas.stroke(line, colour)
+    canvas.dot(at, colour)
+    above = np.array([at[0], np.vstack(lines)[:, 1].min()])
+    for text in filter(None, (place.name, place.radii)):
+        canvas.name(above, np.array([0.0, -1.0]), text, colour)
+
+
+def _legend(shown: list[FoundPlace]) -> Legend:
+    """Return what is said beside the drawing of each place."""
+    rows = [(place.name, place.between, place.sizes, place_colour(place)) for place in shown[:MOST_NAMED]]
+    more = len(shown) - MOST_NAMED
+    return (*rows, (f"and {more} more", "in the mechanism file", "", "")) if more > 0 else tuple(rows)

@@ -1,0 +1,203 @@
+"""Lines, areas and words on a canvas: where the world lies on it, what is there so far, and where words have room.
+
+Positions are in points of the canvas, from its upper left corner; whoever draws a sketch needs nothing else.
+"""
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from campaign.pictures.label_places import Label, place_labels
+from campaign.pictures.view import View
+from engine.arrays import Array
+
+WIDTH, LOWEST, HIGHEST, TEXT = 480.0, 220.0, 460.0, 13.0
+MARGIN = 38.0  # around the bodies, for arrows and names
+LETTER, LINE = 0.64, 1.2  # width of a letter and height of a line, in sizes of the text
+NAME, NAMES = 24, 4  # letters of a name, and names at one place, that are shown
+FAR = 0.5  # of the bodies' size beyond them: what is measured from further away is cut there
+
+Points = tuple[tuple[float, float], ...]
+Legend = tuple[tuple[str, str, str, str], ...]
+
+
+class Stroke(NamedTuple):
+    """A line through points; ``style`` is "thin", "thick", "dashed" or "arrow", with its head at the last point."""
+
+    points: Points
+    colour: str
+    style: str
+
+
+class Word(NamedTuple):
+    """Words with their middle at (x, y), one line below the other; ``bold`` for what is no body's name."""
+
+    x: float
+    y: float
+    lines: tuple[str, ...]
+    colour: str
+    bold: bool
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """What is drawn.
+
+    Attributes
+    ----------
+    width, height, text : float
+        Size of the canvas and of its text.
+    areas : tuple of (points, colour)
+        Bodies.
+    strokes : tuple of Stroke
+    dots : tuple of (x, y, colour)
+    words : tuple of Word
+    legend : tuple of (name, title, value, colour)
+        Of all that is named; the colour is empty where it has no place in the picture.
+    """
+
+    width: float
+    height: float
+    text: float
+    areas: tuple[tuple[Points, str], ...]
+    strokes: tuple[Stroke, ...]
+    dots: tuple[tuple[float, float, str], ...]
+    words: tuple[Word, ...]
+    legend: Legend
+
+
+@dataclass
+class SketchCanvas:
+    """A sketch in the making: how the world lies on the canvas, and what is there so far."""
+
+    view: View
+    corner: Array
+    scale: float
+    height: float
+    reach: tuple[Array, Array]
+    areas: list[tuple[Points, str]] = field(default_factory=list)
+    strokes: list[Stroke] = field(default_factory=list)
+    dots: list[tuple[float, float, str]] = field(default_factory=list)
+    labels: dict[tuple[float, float, float, float], list[tuple[str, str]]] = field(
+        default_factory=lambda: defaultdict(list)
+    )
+    bodies: list[tuple[Array, str, str]] = field(default_factory=list)
+    levels: dict[tuple[float, ...], list[tuple[float, ...]]] = field(default_factory=dict)
+
+    def on_canvas(self, points: Array) -> Array:
+        """Return points of the world on the canvas, those far away at its edge."""
+        flat = np.clip(self.view.project(points), *self.reach)
+        return np.asarray((flat - self.corner) * [self.scale, -self.scale] + [MARGIN, self.height - MARGIN])
+
+    def area(self, outline: Array, colour: str) -> Array:
+        """Add a body by its outline in the world; return the outline's corners on the canvas."""
+        corners = self.on_canvas(outline)
+        self.areas.append((_rounded(corners), colour))
+        return corners
+
+    def body_name(self, corners: Array, name: str, colour: str) -> None:
+        """Add the name of a body with such corners."""
+        self.bodies.append((corners.mean(axis=0), name, colour))
+
+    def stroke(self, points: Array, colour: str, style: str = "thin") -> None:
+        """Add a line; what leaves the canvas is at its edge."""
+        inside = np.clip(points, 2.0, [WIDTH - 2.0, self.height - 2.0])
+        self.strokes.append(Stroke(_rounded(inside), colour, style))
+
+    def dot(self, at: Array, colour: str) -> None:
+        """Add a dot."""
+        self.dots.append((round(float(at[0]), 1), round(float(at[1]), 1), colour))
+
+    def name(self, at: Array, away: Array, name: str, colour: str) -> None:
+        """Add a name at a place; names at one place stand below each other."""
+        at = np.clip(at, 2.0, [WIDTH - 2.0, self.height - 2.0])
+        key = (round(float(at[0]), 1), round(float(at[1]), 1), round(float(away[0]), 3), round(float(away[1]), 3))
+        self.labels[key].append((name, colour))
+
+    def sketch(self, legend: Legend) -> Sketch:
+        """Return the finished sketch, its words where there is room."""
+        words, lowest = self._words()
+        return Sketch(
+            WIDTH,
+            max(self.height, lowest),
+            TEXT,
+            tuple(self.areas),
+            tuple(self.strokes),
+            tuple(self.dots),
+            words,
+            legend,
+        )
+
+    def _words(self) -> tuple[tuple[Word, ...], float]:
+        """Return all names, first those of places and then those of bodies, and their lowest end."""
+        texts, labels = [], []
+        for (x, y, *away), named in self.labels.items():
+            names = [_short(name) for name, _ in named]
+            lines = (*names[:NAMES], *([f"and {len(names) - NAMES} more"] if len(names) > NAMES else []))
+            texts.append((lines, named[0][1], True))
+            labels.append(Label(np.array([x, y]), _size(lines), np.array(away)))
+        for middle, name, colour in self.bodies:
+            texts.append(((_short(name),), colour, False))
+            labels.append(Label(middle, _size((_short(name),)), np.zeros(2)))
+        marked = [_along(stroke.points) for stroke in self.strokes if stroke.style != "thin"]
+        marked += [np.array([dot[:2] for dot in self.dots]).reshape(-1, 2)]
+        centres = place_labels(labels, np.vstack(marked), np.array([WIDTH, self.height]))
+        words = []
+        for label, centre, (lines, colour, bold) in zip(labels, centres, texts, strict=True):
+            words.append(Word(round(float(centre[0]), 1), round(float(centre[1]), 1), lines, colour, bold))
+            outside = np.abs(label.anchor - centre) - 0.5 * np.array(label.size)
+            if bold and float(outside.max()) > 1.2 * TEXT:  # a leader, so that a name far away is not another's
+                half = 0.5 * np.array(label.size)
+                self.stroke(np.array([np.clip(label.anchor, centre - half, centre + half), label.anchor]), colour)
+        ends = [float(c[1]) + 0.5 * label.size[1] + 4 for c, label in zip(centres, labels, strict=True)]
+        return tuple(words), max(ends, default=0.0)
+
+
+def canvas_around(view: View, bodies: list[Array], ends: list[Array]) -> SketchCanvas:
+    """Return an empty canvas that holds the bodies, and the ends of what is measured unless far away.
+
+    Parameters
+    ----------
+    view : View
+        The plane that is seen.
+    bodies, ends : list of ndarray, each of shape (k, 2)
+        Points on that plane.
+    """
+    corners = np.vstack(bodies or ends or [np.zeros((1, 2))])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    beyond = FAR * (float((high - low).max()) or 1.0)
+    reach = (low - beyond, high + beyond)
+    corners = np.vstack([corners, *(np.clip(each, *reach) for each in ends)])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    size = np.maximum(high - low, 1e-9 * (np.abs(corners).max() or 1.0) + 1e-300)
+    scale = min((WIDTH - 2 * MARGIN) / size[0], (HIGHEST - 2 * MARGIN) / size[1])
+    height = max(scale * size[1] + 2 * MARGIN, LOWEST)
+    room = np.array([WIDTH, height]) - 2 * MARGIN - scale * size
+    return SketchCanvas(view, low - 0.5 * room / scale, scale, height, reach)
+
+
+def _size(lines: tuple[str, ...]) -> tuple[float, float]:
+    """Return the width and height of words."""
+    return LETTER * TEXT * max(map(len, lines)) + 4, LINE * TEXT * len(lines) + 2
+
+
+def _short(name: str) -> str:
+    """Return a name, a long one without its middle."""
+    return name if len(name) <= NAME else f"{name[: NAME - 9]}…{name[-8:]}"
+
+
+def _along(points: Points) -> Array:
+    """Return points on a line, a few lengths of the canvas from each other."""
+    corners = np.array(points)
+    parts = [np.linspace(a, b, max(int(np.linalg.norm(b - a) / 4), 2)) for a, b in pairwise(corners)]
+    return np.vstack(parts or [corners])
+
+
+def _rounded(points: Array) -> Points:
+    """Return points to a tenth, without those that then repeat the one before."""
+    found = np.round(points, 1) + 0.0
+    kept = np.concatenate([[True], np.any(np.diff(found, axis=0) != 0, axis=1)])
+    return tuple((x, y) for x, y in found[kept].tolist())

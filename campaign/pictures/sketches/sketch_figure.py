@@ -1,0 +1,73 @@
+"""A sketch as a file: the canvas, and beside it what the names on it mean."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from campaign.pictures.curves import file_metadata
+from campaign.pictures.sketches.sketch_canvas import Sketch
+from campaign.pictures.style import INK, MUTED, hide_axes, styled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+WIDE, DPI = 9.0, 100  # inches
+SHARE = 0.66  # of the width for the mechanism; the rest explains its names
+ROW = 0.5  # inches that a name takes beside it
+WIDTHS = {"thin": 0.7, "dashed": 0.7, "thick": 2.5, "arrow": 1.3}
+
+
+def plot_sketch(sketch: Sketch, heading: str, description: str, path: Path) -> None:
+    """Write a sketch.
+
+    Parameters
+    ----------
+    sketch : Sketch
+        What to draw.
+    heading, description : str
+        Above it, and in the file for who cannot see it.
+    path : Path
+        File to write: ``.png``, ``.svg`` or ``.pdf``.
+    """
+    from matplotlib.figure import Figure
+
+    inch = SHARE * WIDE / sketch.width  # per point of the canvas
+    tall = max(inch * sketch.height, ROW * len(sketch.legend)) + 0.5
+    with styled():
+        figure = Figure(figsize=(WIDE, tall))
+        figure.text(0.02, 1 - 0.25 / tall, heading, fontsize=10, va="center")
+        part = inch * sketch.height / tall
+        axes = figure.add_axes((0.01, 1 - 0.45 / tall - part, SHARE, part))
+        hide_axes(axes)
+        axes.set(xlim=(0, sketch.width), ylim=(sketch.height, 0))
+        _draw_sketch(axes, sketch, 72 * inch * sketch.text)
+        for i, (name, meaning, value, colour) in enumerate(sketch.legend):
+            y = 1 - (0.6 + ROW * i) / tall
+            figure.text(SHARE + 0.03, y, name, color=colour or INK, fontsize=9, fontweight="bold")
+            figure.text(SHARE + 0.03, y - 0.16 / tall, meaning, color=INK, fontsize=8)
+            figure.text(SHARE + 0.03, y - 0.31 / tall, value, color=MUTED, fontsize=8)
+        figure.savefig(path, dpi=DPI, metadata=file_metadata(path.suffix, description))
+
+
+def _draw_sketch(axes: "Axes", sketch: Sketch, size: float) -> None:
+    """Draw a sketch on axes whose units are the points of its canvas, with text of a size [pt]."""
+    for corners, colour in sketch.areas:
+        axes.fill(*zip(*corners, strict=True), facecolor=colour + "18", edgecolor=colour + "90", linewidth=0.9)
+    for stroke in sketch.strokes:
+        across, down = zip(*stroke.points, strict=True)
+        dash = (0, (3, 2)) if stroke.style == "dashed" else "-"
+        axes.plot(across, down, color=stroke.colour, linewidth=WIDTHS[stroke.style], linestyle=dash)
+        if stroke.style == "arrow" and len(stroke.points) > 1:
+            head = {
+                "arrowstyle": "-|>,head_width=0.22,head_length=0.5",
+                "color": stroke.colour,
+                "shrinkA": 0,
+                "shrinkB": 0,
+            }
+            axes.annotate("", xy=stroke.points[-1], xytext=stroke.points[-2], arrowprops=head)
+    for x, y, colour in sketch.dots:
+        axes.plot(x, y, "o", color=colour, markersize=3)
+    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.75, "pad": 0.8}
+    for word in sketch.words:
+        font: Any = {"fontsize": (0.85 if word.bold else 0.7) * size, "fontweight": "bold" if word.bold else "normal"}
+        place: Any = {"ha": "center", "va": "center", "bbox": box, "zorder": 6, "linespacing": 1.1}
+        axes.text(word.x, word.y, "\n".join(word.lines), color=word.colour, **font, **place)

@@ -1,0 +1,119 @@
+"""What was found in a CAD file, each with its place: parts, joints, candidates of stops, pins that are no joint."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from engine.arrays import Array
+from engine.cad.cad_model import CadFace, CadPart
+from engine.cad.findings import FacingPlanes, NearMiss
+from engine.cad_import.found_geometry import FoundGeometry, FoundJoint
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FoundPlace:
+    """Something that was found between two parts; lengths in mm, in the frame of the assembly.
+
+    Attributes
+    ----------
+    kind : str
+        What it is.
+    name : str
+        As the proposed mechanism file calls it: ``base-crank``, ``stop-1``; of what is no joint, its number.
+    parts : (str, str)
+        Names of the two parts.
+    faces : tuple of int
+        Numbers of their faces; of a joint holes and pins, no flanges.
+    between, sizes : str
+        In words: the parts; how large what is between them is, or why it is no joint.
+    radii : str
+        Of hole and pin of a joint, in words; else empty.
+    ends : array, shape (2, 3)
+        Of a joint, where it begins and ends on its axis; of a stop, a point of each face.
+    radius : float
+        Of the hole; 0 of a stop.
+    """
+
+    kind: Literal["joint", "no joint", "facing"]
+    name: str
+    parts: tuple[str, str]
+    faces: tuple[int, ...]
+    between: str
+    sizes: str
+    ends: Array
+    radii: str = ""
+    radius: float = 0.0
+
+    @property
+    def said(self) -> str:
+        """All that is said of it besides its name."""
+        return ", ".join(filter(None, (self.between, self.radii, self.sizes)))
+
+    @property
+    def text(self) -> str:
+        """All that is said of it."""
+        return f"{self.kind} {self.name}: {self.said}"
+
+    @property
+    def middle(self) -> Array:
+        """The point in its middle, shape (3,)."""
+        return np.asarray(self.ends.mean(axis=0))
+
+
+def part_text(part: CadPart) -> str:
+    """Return all that is said of a part."""
+    volume = sum(solid.volume for solid in part.solids)
+    return f"part {part.name}: {volume:.6g} mm3, {part.material.name if part.material else 'no material'}"
+
+
+def found_places(found: FoundGeometry) -> list[FoundPlace]:
+    """Return all that was found: joints, then what is no joint, then candidates of stops, each in its order."""
+    faces = {face.number: face for face in found.assembly.faces}
+    joints = [_joint(joint) for joint in found.joints]
+    refused = [_no_joint(miss, number, faces) for number, miss in enumerate(found.refused, 1)]
+    return [*joints, *refused, *(_stop(pair, number) for number, pair in enumerate(found.stops, 1))]
+
+
+def _joint(joint: FoundJoint) -> FoundPlace:
+    pin, first = joint.pin, joint.pin.seats[0]
+    plays = ", ".join(f"{flange.play:.4g}" for flange in joint.flanges)
+    axial = f"axial play {plays}" if plays else "free along its axis"
+    return FoundPlace(
+        kind="joint",
+        name=joint.name,
+        parts=(pin.journal, pin.bearing),
+        faces=tuple(dict.fromkeys(number for seat in pin.seats for number in (seat.hole, seat.pin))),
+        between=f"{pin.journal} in {pin.bearing}",
+        radii=f"radii {first.hole_radius:.6g} and {first.pin_radius:.6g}",
+        sizes=f"clearance {pin.radial_clearance:.4g}, {axial} mm",
+        ends=pin.point + np.outer((first.start, pin.seats[-1].end), pin.axis),
+        radius=first.hole_radius,
+    )
+
+
+def _no_joint(miss: NearMiss, number: int, faces: dict[int, CadFace]) -> FoundPlace:
+    hole, pin = faces[miss.hole], faces[miss.pin]
+    return FoundPlace(
+        kind="no joint",
+        name=str(number),
+        parts=(pin.part, hole.part),
+        faces=(miss.hole, miss.pin),
+        between=f"pin of {pin.part} in {hole.part}",
+        sizes=miss.reason,
+        ends=hole.point + np.outer(hole.extent, hole.axis),
+        radius=hole.radius,
+    )
+
+
+def _stop(pair: FacingPlanes, number: int) -> FoundPlace:
+    apart = f"{pair.gap:.4g} mm apart" if pair.gap >= 0 else f"overlapping by {-pair.gap:.4g} mm"
+    return FoundPlace(
+        kind="facing",
+        name=f"stop-{number}",
+        parts=pair.parts,
+        faces=pair.faces,
+        between=" and ".join(pair.parts),
+        sizes=f"{apart}, {pair.area:.4g} mm2 face each other",
+        ends=np.array([pair.middle, pair.middle + pair.gap * pair.normal]),
+    )
