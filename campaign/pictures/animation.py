@@ -50,10 +50,21 @@ def animate(trajectory: Trajectory, path: Path, frames: int | None = None) -> No
             for frame in range(len(scene.time)):
                 drawing.show(frame)
                 writer.grab_frame()
-            for _ in range(0 if path.suffix == ".html" else HOLD):  # a page has a button to stop it
-                writer.grab_frame()
+            if path.suffix != ".html":  # a page has a button to stop it
+                _hold(writer, HOLD)
     if path.suffix == ".html":
         path.write_text(_page(path.read_text("utf-8"), f"{len(scene.time)} frames of {heading(trajectory)}"), "utf-8")
+
+
+def _hold(writer: Any, frames: int) -> None:
+    """Show the figure as it is for so many more frames."""
+    from campaign.pictures.gif import GifWriter
+
+    if isinstance(writer, GifWriter):
+        writer.hold(frames)
+        return
+    for _ in range(frames):
+        writer.grab_frame()
 
 
 def can_write(suffix: str) -> bool:

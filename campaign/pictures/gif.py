@@ -22,6 +22,7 @@ class GifWriter(AbstractMovieWriter):
         """Begin without frames."""
         super().setup(fig, outfile, dpi)  # type: ignore[no-untyped-call]
         self._frames: list[Image.Image] = []
+        self._held = 0
 
     def grab_frame(self, **_: Any) -> None:
         """Add the figure as it is now."""
@@ -29,12 +30,17 @@ class GifWriter(AbstractMovieWriter):
         canvas.draw()
         self._frames.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[:, :, :3]))
 
+    def hold(self, frames: int) -> None:
+        """Show the last frame for as long as so many more of it; it is not drawn again."""
+        self._held = frames
+
     def finish(self) -> None:
         """Write the frames in the colours of the middle one; equal frames become one that is shown longer."""
-        palette = palette_of(self._frames[len(self._frames) // 2])
+        palette = palette_of(self._frames[min((len(self._frames) + self._held) // 2, len(self._frames) - 1)])
         frames = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in self._frames]
-        duration = round(1000 / self.fps)
-        frames[0].save(self.outfile, save_all=True, append_images=frames[1:], duration=duration, loop=0)
+        each = round(1000 / self.fps)
+        durations = [each] * (len(frames) - 1) + [each * (1 + self._held)]
+        frames[0].save(self.outfile, save_all=True, append_images=frames[1:], duration=durations, loop=0)
 
 
 def palette_of(frame: Image.Image) -> Image.Image:
@@ -42,7 +48,9 @@ def palette_of(frame: Image.Image) -> Image.Image:
 
     The palette holds exactly the colours of large areas, and other colours that are far from these.
     """
-    colours, count = np.unique(np.asarray(frame).reshape(-1, 3), axis=0, return_counts=True)
+    red, green, blue = np.moveaxis(np.asarray(frame, np.uint32), -1, 0)
+    packed, count = np.unique(red << 16 | green << 8 | blue, return_counts=True)  # as numbers they are sorted sooner
+    colours = np.stack([packed >> 16, packed >> 8 & 255, packed & 255], axis=1)
     covering = frame.quantize(OTHERS, method=Image.Quantize.MAXCOVERAGE)  # keeps the hue of a thin arrow
     others = np.reshape(covering.getpalette() or [], (-1, 3))
     chosen = np.empty((0, 3), int)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from campaign.pictures.animation import animate
+from campaign.pictures.animation import HOLD, PER_SECOND, animate
 from campaign.pictures.curves import plot
 from engine import read_trajectory, simulate
 from tests.engine.small import block_on_floor, made
@@ -23,6 +23,16 @@ def test_gif_has_its_frames(pendulum, tmp_path):
         first = np.asarray(image.convert("RGB"), int)
         image.seek(3)
         assert (np.abs(np.asarray(image.convert("RGB"), int) - first) > 50).any()
+
+
+def test_gif_holds_its_end(pendulum, tmp_path):
+    """The last frame is shown longer than the others, as if it were drawn so many more times."""
+    path = tmp_path / "pendulum.gif"
+    animate(pendulum, path, frames=3)
+    with Image.open(path) as image:
+        shown = [image.seek(frame) or image.info["duration"] for frame in range(image.n_frames)]
+    each = round(1000 / PER_SECOND)
+    assert shown == [time // 10 * 10 for time in (each, each, each * (1 + HOLD))]  # ms; a GIF counts hundredths
 
 
 def test_page_needs_no_network(slide, tmp_path):
