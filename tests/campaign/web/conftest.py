@@ -1,44 +1,73 @@
 """A service over a store with one finished campaign, and browsers and programs that ask it.
 
-The store is in a folder. The tests of some folders also run with a store on S3; those are slow.
+The store is in a folder. Tests of what depends on where it is also run with a store on S3; those are slow.
 """
 
 import shutil
 from contextlib import contextmanager
 from itertools import count
-from pathlib import Path
 
 import pytest
 from starlette.testclient import TestClient
 
 from campaign.coordinator.state import write_state
+from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
-from campaign.web.access import Role
+from campaign.web.access import Role, secret_words
 from campaign.web.app import make_app
 from campaign.web.http.asking import COOKIE, CSRF_HEADER
 from campaign.web.settings import Limits, Settings
 from campaign.web.web_service import open_service
 from engine import simulate
+from tests.bounded import pytest_runtest_call as pytest_runtest_call
+from tests.bounded import pytest_runtest_setup as pytest_runtest_setup
+from tests.bounded import pytest_runtest_teardown as pytest_runtest_teardown
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
 
 URL = "https://localhost"  # so that the client sends a secure cookie back
 PASSWORD = "correct horse battery"
-ALSO_ON_S3 = ("answers", "api", "jobs", "watch")  # folders below this one
-in_a_folder = pytest.mark.parametrize("storage", ["folder"], indirect=True)  # for tests to which the store is all one
+_routes = []  # of the first application
+
+
+def also_on_s3(test):
+    """Have a test run with a store on S3 too."""
+    test.is_also_on_s3 = True
+    return test
 
 
 def pytest_generate_tests(metafunc):
-    """Choose where the store of a test is, unless the test does."""
-    chosen = [mark.args[0] for mark in metafunc.definition.iter_markers("parametrize")]
-    if "storage" not in metafunc.fixturenames or "storage" in chosen:
-        return
-    kinds = [pytest.param("folder", id=pytest.HIDDEN_PARAM)]
-    if Path(metafunc.module.__file__).parent.name in ALSO_ON_S3:
-        kinds.append(pytest.param("s3", marks=pytest.mark.slow))
-    metafunc.parametrize("storage", kinds, indirect=True, scope="session")
+    """Choose where the store of a test is."""
+    if "storage" in metafunc.fixturenames:
+        kinds = [pytest.param("folder", id=pytest.HIDDEN_PARAM)]
+        if getattr(metafunc.function, "is_also_on_s3", False):
+            kinds.append(pytest.param("s3", marks=pytest.mark.slow))
+        metafunc.parametrize("storage", kinds, indirect=True, scope="session")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def cheap_passwords():
+    """Have passwords hashed with little work; return how much it is otherwise."""
+    usual = secret_words._COST
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(secret_words, "_COST", 2)
+        yield usual
+
+
+@pytest.fixture(scope="session")
+def campaign(tmp_path_factory):
+    """Return the campaign of the file, which takes a while to load; nothing can change it."""
+    file = tmp_path_factory.mktemp("campaign") / "demo.toml"
+    file.write_text(SPEC)
+    return load_campaign(str(file))
+
+
+@pytest.fixture(scope="session")
+def plan(campaign):
+    """Return its plan in batches of 10, 10 and 5."""
+    return make_plan(campaign, 10)
 
 
 @pytest.fixture(scope="session")
@@ -64,6 +93,18 @@ def copy_store(address, new):
         target.write(name, source.read(name))
 
 
+def app_of(service):
+    """Return the application of a service, with the routes of the first one.
+
+    FastAPI looks at the parameters of all routes when an application is asked for the first time: 0.2 s.
+    """
+    app = make_app(service)
+    if not _routes:
+        _routes.extend(app.router.routes)
+    app.router.routes[:] = _routes
+    return app
+
+
 @contextmanager
 def serving(settings):
     """Serve in the block, with users of all roles; yield the service and a client that asks as nobody."""
@@ -71,7 +112,7 @@ def serving(settings):
     for role in Role:
         if service.users.get(role.word) is None:
             service.users.add(role.word, role)
-    with TestClient(make_app(service), base_url=URL, follow_redirects=False) as client:
+    with TestClient(app_of(service), base_url=URL, follow_redirects=False) as client:
         yield service, client
 
 

@@ -33,7 +33,7 @@ CHECKS = [
 SEED = 17
 EXAMPLES = {"admin": 4, "viewer": 2}  # of a call, of each kind
 HEADERS = "authorization", "cookie", "host", "content-length", "transfer-encoding"  # the test's own
-KNOWN = {"name": "clearance_pendulum", "token": 1, "share": 1}
+KNOWN = {"name": "clearance_pendulum", "token": 1, "share": 1, "sample": 3}
 
 
 @pytest.fixture(scope="module")
@@ -62,12 +62,19 @@ def test_call(call, role, described):
             if mode is GenerationMode.NEGATIVE and not _can_be_wrong(operation):
                 continue
             cases = operation.as_strategy(generation_mode=mode, path_parameters=paths)
-            _ask_often(cases, EXAMPLES[role], client, tokens[role])
+            count = EXAMPLES[role] if _varies(operation, paths or {}) else 1
+            _ask_often(cases, count, client, tokens[role])
 
 
 def _can_be_wrong(operation):
     """Return whether a call has anything that can be wrong."""
     return any([*operation.path_parameters, *operation.query, *operation.headers, *operation.body])
+
+
+def _varies(operation, paths):
+    """Return whether a call with some parameters of its path has any other, so that its examples differ."""
+    others = [each for each in operation.path_parameters if each.name not in paths]
+    return any([*others, *operation.query, *operation.headers, *operation.body])
 
 
 def _ask_often(cases, count, client, token):

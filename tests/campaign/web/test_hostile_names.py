@@ -105,10 +105,10 @@ def test_in_forms(name, open_to_all):
     ask, _, _ = open_to_all
     way = WAYS[name]
     fields = _flat(way.route, "body_params")
-    for hostile in NAMES.values():
+    for hostile in NAMES.values() if fields else [""]:
         if not hostile.startswith("\ud800"):
             _check(ask(way, form=dict.fromkeys(fields, hostile)))
-            for field in fields:
+            for field in fields if len(fields) > 1 else []:
                 _check(ask(way, form={field: hostile}))
 
 

@@ -104,18 +104,19 @@ def test_ten_thousand_wrong_tokens(tmp_path):
     """They are refused, soon without a look; others are served meanwhile, and nothing is kept of them."""
     with Served(tmp_path, "--no-drive").wait() as server, httpx.Client(base_url=server.url, timeout=30.0) as client:
         connection = HTTPConnection("127.0.0.1", server.port, timeout=30.0)
-        headers, statuses, sizes = server.token(), set(), []
+        headers, statuses, sizes = server.token(), [], []
         for number in range(GUESSES):
             guess = {"Authorization": f"Bearer clearcap_token_{number:043d}"}
             connection.request("GET", "/api/v1/campaigns", headers=guess)
             answer = connection.getresponse()
             answer.read()
-            statuses.add(answer.status)
+            statuses.append(answer.status)
             if number % 500 == 0:
                 assert client.get("/api/v1/campaigns", headers=headers).status_code == 200
             if number in (FIRST, GUESSES - 1):
                 sizes.append(server.memory())
         connection.close()
-        assert statuses == {401, 429}
+        assert set(statuses) == {401, 429}
+        assert statuses.count(401) < 100
         assert sizes[1] - sizes[0] < GROWTH, sizes
         assert len(client.get("/api/v1/audit", headers=headers).json()["entries"]) < 100

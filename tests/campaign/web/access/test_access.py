@@ -1,12 +1,13 @@
 """Users, sessions, tokens and shared links: whom a secret stands for, and when it no longer does."""
 
+import hashlib
 import sqlite3
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
 from campaign.errors import CampaignError, SpecError, StoreError
-from campaign.web.access import Role, sessions, tokens
+from campaign.web.access import Role, secret_words, sessions, tokens
 from campaign.web.access.database import Database
 from campaign.web.access.sessions import Sessions
 from campaign.web.access.tokens import Tokens
@@ -111,6 +112,14 @@ def test_reading_does_not_wait_for_writing(users, database):
     assert users.get("eva").role is Role.VIEWER
     with pytest.raises(StoreError, match="readonly"):
         database.rows("DELETE FROM users")
+
+
+def test_password_is_hashed_with_much_work(cheap_passwords, monkeypatch):
+    """By scrypt, with 32 MiB."""
+    monkeypatch.setattr(secret_words, "_COST", cheap_passwords)
+    name, salt, kept = secret_words.hash_password(PASSWORD).split("$")
+    expected = hashlib.scrypt(PASSWORD.encode(), salt=bytes.fromhex(salt), n=2**15, r=8, p=1, maxmem=64 << 20, dklen=32)
+    assert (name, kept) == ("scrypt", expected.hex())
 
 
 def test_password(users):

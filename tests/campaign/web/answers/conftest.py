@@ -10,6 +10,7 @@ from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from engine.private_folder import private_folder
 from tests.campaign import fake_engine
+from tests.campaign.web.conftest import copy_store
 
 
 def fails_where_wide(mechanism, values, **settings):
@@ -17,27 +18,47 @@ def fails_where_wide(mechanism, values, **settings):
     return fake_engine.simulate(mechanism, values, status="ok" if values["J1"] < 0.1 else "not_converged")
 
 
-@pytest.fixture
-def growing(campaign, storage, tmp_path):
-    """Return a store, a plan of 400 samples in 8 batches without rows, and what computes batches of it."""
-    plan = make_plan(replace(campaign, spec=campaign.spec.model_copy(update={"samples": 400})), 50)
-    store = open_store(storage(tmp_path))
+@pytest.fixture(scope="session")
+def long_plan(campaign):
+    """Return a plan of 400 samples in 8 batches."""
+    return make_plan(replace(campaign, spec=campaign.spec.model_copy(update={"samples": 400})), 50)
+
+
+def _begun(address, plan):
+    """Return a new store with a plan and no rows, and what computes batches of it."""
+    store = open_store(address)
     store.create_plan(plan)
-    address = CampaignAddress.of(store, plan, fails_where_wide)
+    campaign = CampaignAddress.of(store, plan, fails_where_wide)
 
     def compute(*batches):
         for batch in batches:
-            run_batch(address, BatchRequest(batch))
+            run_batch(campaign, BatchRequest(batch))
 
-    return store, plan, compute
+    return store, compute
 
 
 @pytest.fixture
-def filled(growing):
-    """Return the store and the plan with all rows, some of them failed."""
-    store, plan, compute = growing
+def growing(long_plan, storage, tmp_path):
+    """Return a store, a plan of 400 samples in 8 batches without rows, and what computes batches of it."""
+    store, compute = _begun(storage(tmp_path), long_plan)
+    return store, long_plan, compute
+
+
+@pytest.fixture(scope="session")
+def filled(long_plan, storage, tmp_path_factory):
+    """Return a store and the plan with all rows, some of them failed; only to be read."""
+    store, compute = _begun(storage(tmp_path_factory.mktemp("filled")), long_plan)
     compute(*range(8))
-    return store, plan
+    return store, long_plan
+
+
+@pytest.fixture
+def own_filled(filled, storage, tmp_path):
+    """Return a copy of the store with all rows, to be changed, and the plan."""
+    store, plan = filled
+    address = storage(tmp_path)
+    copy_store(store.url, address)
+    return open_store(address), plan
 
 
 @pytest.fixture

@@ -23,6 +23,7 @@ from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from reporting.tolerance.reweighting import weights
 from tests.campaign import fake_engine
+from tests.campaign.web.conftest import also_on_s3
 
 NARROWER = ["J1.std=0.016"]
 COSTS = "[variables.J1]\ncost = 1.0\n[variables.preload]\ncost = 2.0\n"
@@ -50,8 +51,18 @@ def said(*words):
     return json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
 
 
-def test_the_numbers_are_those_of_the_command(filled, asked, tmp_path):
-    """What-if, its refusal, advice and costs are the command's documents, to the last bit of each number."""
+@also_on_s3
+def test_the_numbers_are_those_of_the_command(filled, asked):
+    """The answer is the command's document, to the last bit of each number."""
+    store, plan = filled
+    narrower = json.loads(asked(store, lambda answers: answers.what_if("u", plan.campaign_id, NARROWER)).content)
+    assert narrower == said("whatif", plan.campaign_id, "--set", NARROWER[0], "--store", store.url)
+    assert narrower["responses"]["FC-1"]["cpk"]["value"] > 0
+    assert "preview" not in narrower
+
+
+def test_refusals_and_advice_are_those_of_the_command(filled, asked, tmp_path):
+    """And what smaller tolerances cost."""
     store, plan = filled
     place, name = ["--store", store.url], plan.campaign_id
     costs = tmp_path / "costs.toml"
@@ -59,16 +70,12 @@ def test_the_numbers_are_those_of_the_command(filled, asked, tmp_path):
 
     async def ask(answers):
         return [
-            await answers.what_if("u", name, NARROWER),
             await answers.what_if("u", name, ["J1.std=0.0001"]),
             await answers.advise("u", name),
             await answers.allocate("u", name, COSTS),
         ]
 
-    narrower, refused, advised, allocated = (json.loads(each.content) for each in asked(store, ask))
-    assert narrower == said("whatif", name, "--set", NARROWER[0], *place)
-    assert narrower["responses"]["FC-1"]["cpk"]["value"] > 0
-    assert "preview" not in narrower
+    refused, advised, allocated = (json.loads(each.content) for each in asked(store, ask))
     assert refused == said("whatif", name, "--set", "J1.std=0.0001", *place)
     assert refused["refused"][0]["runs"] > 100
     assert set(refused["refused"][0]["responses"]) == set(plan.mechanism.responses)
@@ -76,6 +83,7 @@ def test_the_numbers_are_those_of_the_command(filled, asked, tmp_path):
     assert allocated == said("advise", name, "--cost", str(costs), *place)
 
 
+@also_on_s3
 def test_an_answer_is_kept_until_the_rows_change(growing, asked, monkeypatch):
     """Its bytes and its name stay; with new rows it is another."""
     store, plan, compute = growing
@@ -162,6 +170,7 @@ def test_a_wrong_question_is_the_commands_error(filled, asked):
     assert asked(store, ask).content
 
 
+@also_on_s3
 def test_a_campaign_that_is_not_there_or_empty_is_one_error(growing, asked):
     """And remembered for nobody."""
     store, plan, compute = growing
@@ -178,9 +187,9 @@ def test_a_campaign_that_is_not_there_or_empty_is_one_error(growing, asked):
     assert asked(store, ask).content
 
 
-def test_two_campaigns_are_compared(filled, asked, campaign_file):
+def test_two_campaigns_are_compared(own_filled, asked, campaign_file):
     """A campaign with another, and not with itself."""
-    store, plan = filled
+    store, plan = own_filled
     campaign_file.write_text(campaign_file.read_text().replace("mean = 0.07", "mean = 0.08"))
     other = make_plan(load_campaign(str(campaign_file)), 25)
     store.create_plan(other)

@@ -19,7 +19,7 @@ from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from engine.private_folder import private_folder
 from tests.campaign.web.answers.conftest import fails_where_wide
-from tests.campaign.web.conftest import in_a_folder
+from tests.campaign.web.conftest import also_on_s3
 
 
 @pytest.fixture
@@ -57,6 +57,7 @@ def replace_rows(store, plan, batch):
     store.record(plan, store.survey(plan, verify=True).parts.values())
 
 
+@also_on_s3
 def test_only_rows_that_came_are_read(growing, folder, tmp_path, exact, read):
     """Whatever their order; what was replaced is read again, and a version without new rows reads none."""
     store, plan, compute = growing
@@ -77,7 +78,6 @@ def test_only_rows_that_came_are_read(growing, folder, tmp_path, exact, read):
         assert grown == content(ColumnCache(other), other, store, plan)
 
 
-@in_a_folder  # behind a URL a file's stamp says what is in it
 def test_rows_that_changed_just_now_are_read_again(growing, folder, read):
     """A second change in the same tick of the clock would not be seen."""
     store, plan, compute = growing

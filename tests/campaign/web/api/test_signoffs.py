@@ -13,7 +13,7 @@ from campaign.reports.signing.signed_archive import open_archive
 from campaign.reports.signing.verification import verify_export
 from campaign.web.signatory import KEY_FILE
 from campaign.web.web_service import open_service
-from tests.campaign.web.conftest import in_a_folder
+from tests.campaign.web.conftest import also_on_s3
 
 
 @pytest.fixture
@@ -52,6 +52,7 @@ def test_only_approvers_sign(client, as_user, url):
             assert client.request(method, path, json=body, headers=as_user(role)).status_code == 403
 
 
+@also_on_s3
 def test_signed(client, service, campaign, as_user, url, sign):
     """The document names signer, comment and submitter; it is listed, audited, and exported for verification."""
     viewer = as_user("viewer")
@@ -84,13 +85,16 @@ def test_four_eyes(client, service, campaign, as_user, url):
     assert (signed["submitted_by"], signed["is_submitter"]) == ("approver", True)
 
 
-@pytest.mark.parametrize("name", ["plan.json", "campaign.toml", "parts/part-000001.parquet", "report/report.html"])
+def change_a_byte(service, path):
+    """Change a byte of a file of the store, which keeps its size."""
+    content = service.store.files.read(path)
+    service.store.files.write(path, content[:9] + bytes([content[9] ^ 1]) + content[10:])
+
+
+@pytest.mark.parametrize("name", ["plan.json", "campaign.toml", "report/report.html"])
 def test_changed_byte_shows(client, service, campaign, as_user, url, sign, name):
-    """Also if the file keeps its size."""
     assert sign().status_code == 201
-    files, path = service.store.files, f"{campaign}/{name}"
-    content = files.read(path)
-    files.write(path, content[:9] + bytes([content[9] ^ 1]) + content[10:])
+    change_a_byte(service, f"{campaign}/{name}")
     answer = client.get(url, headers=as_user("viewer"))
     if name == "plan.json":  # nothing of the campaign can be read then
         assert answer.status_code == 503
@@ -99,7 +103,15 @@ def test_changed_byte_shows(client, service, campaign, as_user, url, sign, name)
     assert any(name in words for words in answer.json()["signoffs"][0]["differences"])
 
 
-@in_a_folder  # behind a URL every file is read each time
+@also_on_s3
+def test_changed_byte_of_the_rows_shows(client, service, campaign, as_user, url, sign):
+    assert sign().status_code == 201
+    change_a_byte(service, f"{campaign}/parts/part-000001.parquet")
+    found = client.get(url, headers=as_user("viewer")).json()
+    assert found["status"] == "signed version differs"
+    assert any("part-000001.parquet" in words for words in found["signoffs"][0]["differences"])
+
+
 def test_check_reads_again(client, service, campaign, as_user, url, sign):
     """Files that seem to be as they were are not read, unless that is asked for."""
     path = file_at(service, campaign, "report/report.html")
@@ -125,6 +137,7 @@ def test_check_reads_again(client, service, campaign, as_user, url, sign):
         assert [name for name in read if "report.html" in name]
 
 
+@also_on_s3
 def test_what_changed_since_he_looked_is_not_signed(client, service, campaign, as_user, url):
     approver = as_user("approver")
     content = client.get(f"{url}/content", headers=approver).json()["content"]
@@ -133,6 +146,7 @@ def test_what_changed_since_he_looked_is_not_signed(client, service, campaign, a
     assert (answer.status_code, "has changed since" in answer.json()["detail"]) == (409, True)
 
 
+@also_on_s3
 def test_only_completed_campaigns_are_signed(client, service, campaign, sign):
     write_state(service.store, campaign, "cancelled")
     answer = sign()

@@ -1,28 +1,32 @@
 """Campaigns are made over the API: checked, submitted once, extended and computed again."""
 
 import base64
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import pytest
 
 from campaign.coordinator.state import state_of, write_state
 from campaign.store.rerun_request import rerun_request
+from campaign.web import web_service
 from campaign.web.access import Role
 from campaign.web.access.request_keys import RequestKeys
 from campaign.web.api.mechanisms import shipped_text
 from campaign.web.http.asking import COOKIE, CSRF_FIELD
 from campaign.web.settings import Limits, Settings
 from tests.campaign.conftest import SPEC
-from tests.campaign.web.conftest import URL, in_a_folder, serving
+from tests.campaign.web.conftest import URL, also_on_s3, serving
 
 LATCH = shipped_text("c60")
 
 
 @contextmanager
 def computing_with(address, data, **limits):
-    """Serve with one computing process; yield the service, the client, and headers by role."""
+    """Serve with one process, which needs no engine here; yield the service, the client, and headers by role."""
     settings = Settings(address, data, processes=1, limits=Limits(**limits))
-    with serving(settings) as (service, client):
+    with ExitStack() as stack:
+        patch = stack.enter_context(pytest.MonkeyPatch.context())
+        patch.setattr(web_service, "warm_up_trial", None)
+        service, client = stack.enter_context(serving(settings))
         secrets = {role: service.tokens.add(role.word, "test", role, 3600.0)[1] for role in Role}
         yield service, client, {role.word: {"Authorization": f"Bearer {secrets[role]}"} for role in Role}
 
@@ -79,6 +83,7 @@ def test_faults_of_a_file_that_the_text_names(computing):
     assert any(fault["line"] for fault in inner)
 
 
+@also_on_s3
 def test_submitted_once(computing):
     """A campaign is planned, queued, and its submitter's; the same again changes nothing."""
     service, client, headers = computing
@@ -95,6 +100,7 @@ def test_submitted_once(computing):
     assert service.store.table(made["campaign"]).num_rows == 0  # nothing was simulated
 
 
+@also_on_s3
 def test_planned_and_not_queued_is_queued_by_the_same_again(computing):
     """Whoever planned it was killed before he queued it."""
     service, _, _ = computing
@@ -151,6 +157,7 @@ def test_keys_are_kept_for_a_day(served):
     assert keys.claim("engineer", "k", "b", now=87000.0) is None
 
 
+@also_on_s3
 def test_more_samples(computing):
     """A new campaign of the same spec, with the tags of the first."""
     _, client, headers = computing
@@ -167,6 +174,7 @@ def test_more_samples(computing):
         assert (refused.status_code, f"samples = {samples}" in refused.json()["detail"]) == (422, True)
 
 
+@also_on_s3
 def test_failed_rows_again(computing):
     """A request in the store, which the coordinator that serves it fulfils; refused while it is computed."""
     service, client, headers = computing
@@ -214,7 +222,6 @@ HOSTILE = [
 ]
 
 
-@in_a_folder
 @pytest.mark.parametrize("content", HOSTILE, ids=range(len(HOSTILE)))
 def test_hostile_content_is_refused(computing, content):
     _, client, headers = computing
@@ -228,7 +235,6 @@ def test_hostile_content_is_refused(computing, content):
     assert "root:" not in answer.text
 
 
-@in_a_folder
 def test_other_bodies_are_refused(computing):
     _, client, headers = computing
     for kind, body, status in (
@@ -249,7 +255,6 @@ WRITES = [
 ]
 
 
-@in_a_folder
 @pytest.mark.parametrize(("path", "content"), WRITES)
 def test_writes_need_a_role_and_an_own_page(reported, served, as_user, path, content):
     """401 for nobody, 403 for a viewer and for another site; each is an entry of the audit trail."""

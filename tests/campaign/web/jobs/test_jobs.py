@@ -8,12 +8,14 @@ from typer.testing import CliRunner
 from campaign.cli import app
 from campaign.errors import SpecError
 from campaign.spec.load import load_campaign
+from campaign.web.jobs import mechanisms
 from campaign.web.jobs.mechanisms import MechanismSource, animate_once, check_text, simulate_once
 from campaign.web.jobs.samples import replay_document
 from campaign.web.jobs.written_reports import written_report
 from engine import MechanismError, simulate
 from engine.mechanism import library_names
 from tests.campaign.driving import computed
+from tests.campaign.web.conftest import also_on_s3
 
 PENDULUM = "clearance_pendulum"
 
@@ -39,8 +41,9 @@ def test_a_single_run_is_the_commands():
         assert {**found["certificate"], "wall_s": 0} == {**said["certificate"], "wall_s": 0}
 
 
-def test_the_motion_is_a_gif():
+def test_the_motion_is_a_gif(monkeypatch):
     """It has more than one picture."""
+    monkeypatch.setattr(mechanisms, "ANIMATION_FRAMES", 8)
     motion = animate_once(MechanismSource(PENDULUM))
     assert motion.startswith(b"GIF89a")
     assert motion.count(b"\x21\xf9\x04") > 3  # a graphic control extension for each
@@ -60,6 +63,7 @@ def test_a_posted_text_is_checked():
         check_text(MechanismSource("m", shipped(PENDULUM).replace("[bodies.", "[bodied.", 1)))
 
 
+@also_on_s3
 def test_a_sample_is_repeated_and_reported(campaign_file, storage, tmp_path):
     """The document is the command's; a report is written into the store."""
     store, plan = computed(storage(tmp_path), load_campaign(str(campaign_file), samples=4), 2, simulate)
