@@ -13,7 +13,7 @@ from campaign.repeat_plan import usual_share
 from campaign.row_build import UNKNOWN, row_build
 from campaign.spec.campaign_file import CampaignSpec
 from campaign.spec.load import Campaign
-from campaign.spec.result_columns import results_schema
+from campaign.spec.result_columns import ENERGY_COLUMNS, results_schema
 from engine import MechanismError, build_id
 from engine.mechanism import Mechanism, mechanism_from
 
@@ -92,7 +92,8 @@ class Plan(PlanHeader):
             raise unreadable_plan(error) from error
         if document["format"] != FORMAT:  # it has no digest
             campaign_id = _identity(spec, mechanism, {"engine": engine})
-            if campaign_id != header.campaign_id or _columns(spec, mechanism, campaign_id) != header.columns:
+            columns = [c for c in _columns(spec, mechanism, campaign_id) if c["name"] not in ENERGY_COLUMNS]
+            if campaign_id != header.campaign_id or columns != header.columns:
                 raise changed_plan()
         content = (header.campaign_id, header.title, header.batches, header.columns, spec, mechanism, build, engine)
         return cls(*content, repeats=header.repeats)

@@ -66,6 +66,8 @@ def execute(
         max_residual=float(reals[time_loop.MAX_RESIDUAL]),
         max_penetration=float(reals[time_loop.MAX_PENETRATION]),
         max_violation=float(reals[time_loop.MAX_VIOLATION]),
+        max_created_energy=float(reals[time_loop.MOST_CREATED]),
+        created_energy=float(reals[time_loop.ALL_CREATED]),
         settled=bool(counts[time_loop.SETTLED]),
         iterations=int(counts[time_loop.ITERATIONS]),
         repeated=int(counts[time_loop.REPEATED]),

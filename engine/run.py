@@ -24,6 +24,10 @@ class Certificate:
         Largest gap violation left after a step, in the mechanism's unit of length.
     max_violation : float
         Largest violation of an ideal joint or prescribed motion left after a step, in the same unit.
+    max_created_energy : float
+        Largest energy that contacts and projection created in a step, in the mechanism's unit of energy.
+    created_energy : float
+        The sum of what they created in all steps that did, in the same unit.
     settled : bool
         Whether the mechanism was at rest at the end.
     iterations : int
@@ -38,6 +42,8 @@ class Certificate:
     max_residual: float
     max_penetration: float
     max_violation: float
+    max_created_energy: float
+    created_energy: float
     settled: bool
     iterations: int
     repeated: int

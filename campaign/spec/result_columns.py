@@ -7,6 +7,7 @@ import pyarrow as pa
 from engine.mechanism import Mechanism, unit_of
 from engine.mechanism.quantities import Quantity
 
+ENERGY_COLUMNS = ("max_created_energy", "created_energy")  # earlier builds did not have them
 CERTIFICATE_COLUMNS = (
     "sample",
     "status",
@@ -15,6 +16,7 @@ CERTIFICATE_COLUMNS = (
     "wall_s",
     "max_residual",
     "max_penetration",
+    *ENERGY_COLUMNS,
     "settled",
     "attempts",
     "earlier_attempts",
@@ -40,7 +42,7 @@ def results_schema(
     of_sampler : tuple of str
         Columns that the sampler adds.
     """
-    length = Quantity("length").unit(mechanism.units)
+    length, energy = (Quantity(name).unit(mechanism.units) for name in ("length", "energy"))
     fields = [
         pa.field("sample", pa.int64(), nullable=False),
         *(_number(name, unit_of(mechanism, target), nullable=False) for name, target in targets.items()),
@@ -51,6 +53,7 @@ def results_schema(
         _number("wall_s", "s"),
         _number("max_residual", "1"),
         _number("max_penetration", length),
+        *(_number(name, energy) for name in ENERGY_COLUMNS),
         pa.field("settled", pa.bool_(), nullable=False),
         pa.field("attempts", pa.int64(), nullable=False),
         pa.field("earlier_attempts", pa.string(), nullable=False),

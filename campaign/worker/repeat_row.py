@@ -8,6 +8,7 @@ from typing import Any
 
 from campaign.plan import Plan
 from campaign.plan_header import PlanHeader
+from campaign.spec.result_columns import ENERGY_COLUMNS
 from campaign.store import BadPart, Store
 from campaign.store.repeat_sets import repeat_plans
 from campaign.worker.compiling import announced_compilation
@@ -92,6 +93,7 @@ def stored_row(store: Store, table: PlanHeader, sample: int) -> dict[str, Any] |
 def _same(row: dict[str, Any], stored: dict[str, Any], responses: list[str]) -> bool:
     """Return whether two rows agree in all that the sample determines."""
     names = ["status", "message", "steps", "max_residual", "max_penetration", "settled", *responses]
+    names += [name for name in ENERGY_COLUMNS if name in stored]
     return all(_equal(row[name], stored[name]) for name in names)
 
 

@@ -12,6 +12,7 @@ from campaign.inputs.sampling import draw, sampler_named
 from campaign.plan import Plan
 from campaign.repeat_plan import SETTINGS, RepeatPlan
 from campaign.spec.policy import RETRIED, SimulationSettings
+from campaign.spec.result_columns import ENERGY_COLUMNS
 from campaign.worker.halved_step import what_differs
 from campaign.worker.limits import time_limit
 from campaign.worker.messages import Simulate
@@ -95,7 +96,7 @@ def crashed_row(
     attempts : int
         Number of attempts so far.
     """
-    empty = dict.fromkeys((*plan.mechanism.responses, "steps", "max_residual", "max_penetration"))
+    empty = dict.fromkeys((*plan.mechanism.responses, "steps", "max_residual", "max_penetration", *ENERGY_COLUMNS))
     ending = {"status": status, "message": message, "wall_s": wall_s, "settled": False}
     return {"sample": sample, **values, **empty, **ending, "attempts": attempts, "earlier_attempts": ""}
 
@@ -157,6 +158,7 @@ def _attempt(
         "wall_s": run.certificate.wall_s,
         "max_residual": run.certificate.max_residual,
         "max_penetration": run.certificate.max_penetration,
+        **{name: getattr(run.certificate, name) for name in ENERGY_COLUMNS},
         "settled": run.certificate.settled,
     }
 

@@ -57,5 +57,6 @@ class StepResult(NamedTuple):
     penetration: float  # largest penetration left
     contact: int  # number of the contact with that penetration, or with the largest residual if not converged; -1: none
     violation: float  # largest joint violation left
+    created: float  # energy that contacts and projection created; negative: they took some
     speed: float  # relative speed of the fastest contact point
     iterations: int  # of the friction solver

@@ -79,19 +79,6 @@ def free_twist(bodies, R, twist, wrench, h, theta, again, free):
 
 
 @inner
-def kinetic_energy(bodies, v):
-    """Return the kinetic energy of the bodies, the sum of m |v|^2 / 2 + O . I O / 2."""
-    energy = 0.0
-    for body in range(bodies.mass.shape[0]):
-        J, t = bodies.inertia[body], v[body]
-        for k in range(3):
-            energy += 0.5 * bodies.mass[body] * t[k] * t[k]
-            for j in range(3):
-                energy += 0.5 * t[3 + k] * J[k, j] * t[3 + j]
-    return energy
-
-
-@inner
 def impulse_time(rate, h):
     """Return the momentum that a force of 1 leaves at the end of a step ``h``: ``h`` less the share lost to drag."""
     return -np.expm1(-rate * h) / rate if rate > 0.0 else h

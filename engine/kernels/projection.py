@@ -13,6 +13,7 @@ from engine.jit import inner
 from engine.kernels.bilateral import row_violations, whitened_bilateral_rows
 from engine.kernels.broad_phase import consume_budget, find_near_contacts
 from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
+from engine.kernels.energy import work_of_displacement
 from engine.kernels.rotations import rotation_matrix, turn
 from engine.lanes import fused, read, spread, total
 
@@ -32,7 +33,7 @@ def project_positions(bodies, contacts, rows, state, work, problem, control):
     rows : BilateralRows
     state : State
     work : Scratch
-        ``free`` holds the displacement.
+        ``free`` holds the displacement; ``wrench``: the loads of the step.
     problem : FrictionArrays
     control : Control
         ``penetration`` and ``violation`` are the limits.
@@ -45,9 +46,11 @@ def project_positions(bodies, contacts, rows, state, work, problem, control):
         Its contact; -1: none.
     violation : float
         Largest joint violation left.
+    lifted : float
+        The work of the displacement against the loads of the step.
     """
     at_pose = work.bilateral
-    worst, contact, off, displacement = 0.0, -1, 0.0, work.free
+    worst, contact, off, lifted, displacement = 0.0, -1, 0.0, 0.0, work.free
     for _ in range(ROUNDS):
         find_near_contacts(contacts, state, work.broad_phase, work.sites, 0.0, 0.0, state.gap)
         worst, contact = largest_penetration(state.gap)
@@ -74,8 +77,9 @@ def project_positions(bodies, contacts, rows, state, work, problem, control):
                 break
             add_whitened(bodies, problem.w, displacement)
         consume_budget(contacts, displacement, 1.0, work.broad_phase)
+        lifted -= work_of_displacement(state.R, work.wrench, displacement)
         displace(displacement, state)
-    return worst, contact, off
+    return worst, contact, off, lifted
 
 
 @inner

@@ -7,8 +7,8 @@ whether it is in the index set; every response. ``rows[0, 0]`` counts the rows w
 
 from engine.jit import kernel
 from engine.kernels.contact_geometry.gaps import find_contact
+from engine.kernels.energy import kinetic_energy
 from engine.kernels.loads import potential_energy
-from engine.kernels.motion import kinetic_energy
 
 HEAD, BODY, CONTACT = 4, 13, 5
 

@@ -9,6 +9,7 @@ from engine.jit import inner
 from engine.kernels.bilateral import row_targets
 from engine.kernels.broad_phase import body_speeds, consume_budget, find_near_contacts
 from engine.kernels.context import StepResult
+from engine.kernels.energy import work_of_contacts
 from engine.kernels.joints import hold_joints
 from engine.kernels.loads import apply_loads
 from engine.kernels.motion import damp, fastest_body, free_twist, move, save_start
@@ -78,15 +79,17 @@ def step(context):
         apply_impulses(bodies, state, work, problem, nc)
         if status != CONVERGED:
             contact = worst_contact(problem, work.chosen, nc)
-            return StepResult(status, residual, 0.0, contact, 0.0, fastest, iterations)
+            return StepResult(status, residual, 0.0, contact, 0.0, 0.0, fastest, iterations)
         if plain or grow_active_set(contacts, laws, state, work, after) == 0:
             break
     fastest = fastest_body(bodies, state.v)
+    created = work_of_contacts(bodies, contacts, state, work, problem, nc, theta, plain)
 
     # the rest of the displacement, the projection of the positions, and twists that fit the joints at the new pose
     move(state, after)
     consume_budget(contacts, state.v, after, work.broad_phase)
-    penetration, contact, violation = project_positions(bodies, contacts, bilateral, state, work, problem, control)
+    projected = project_positions(bodies, contacts, bilateral, state, work, problem, control)
+    penetration, contact, violation, lifted = projected
     if not plain:
         hold_joints(bodies, bilateral, state, work.bilateral, problem, state.v, 0.0, theta)
-    return StepResult(status, residual, penetration, contact, violation, fastest, iterations)
+    return StepResult(status, residual, penetration, contact, violation, created + lifted, fastest, iterations)

@@ -9,6 +9,7 @@ from engine.friction.arrays import CONVERGED
 from engine.jit import inner, kernel
 from engine.kernels.bilateral import begin_rows
 from engine.kernels.context import Control, StepContext
+from engine.kernels.energy import kinetic_energy
 from engine.kernels.motion import impulse_time, restore_start
 from engine.kernels.record import record
 from engine.kernels.responses import measure, update_reported
@@ -16,6 +17,7 @@ from engine.kernels.rest import moved, slow, start_pause
 from engine.kernels.step import step
 
 HALVINGS = 4
+CREATED = 1e-3  # share of the largest kinetic energy so far that a step may create
 
 OK, NOT_CONVERGED, PENETRATION, VIOLATION, DIVERGED, STOPPED, FULL = range(7)
 
@@ -25,6 +27,7 @@ SETTLED, COMPLETED, STOPPED_BY, ACCEPTED, SLOW, SHORTENED = range(6, 12)
 # indices of `Course.reals`
 TIME, STEP, MAX_RESIDUAL, MAX_PENETRATION, MAX_VIOLATION = range(5)
 PAUSE, PHASE_END, FASTEST, LONGEST, SLOW_TIME = range(5, 10)
+MOST_CREATED, ALL_CREATED, PEAK_KINETIC = range(10, 13)
 
 PATIENCE = 3  # windows of rest: a mechanism that is slow for so long and does not come to rest gets shorter steps
 
@@ -36,15 +39,16 @@ class Course(NamedTuple):
     # (12,) int64. STEPS: all that were tried; ACCEPTED: those that count; CONTACT: the worst one of the last step;
     # SLOW: whether all bodies were slow at the end of the last step; SHORTENED: whether it was repeated
     counts: np.ndarray
-    # (10,). FASTEST: speed of a contact point in the last step; LONGEST: the longest step allowed in the phase at
+    # (13,). FASTEST: speed of a contact point in the last step; LONGEST: the longest step allowed in the phase at
     # present; SLOW_TIME: simulated time spent slow with it; PAUSE: time for which nothing has moved, -1 before a
-    # phase's first step
+    # phase's first step; MOST_CREATED, ALL_CREATED: energy that a step created, that all steps created; PEAK_KINETIC:
+    # largest kinetic energy so far, at least that of all bodies as fast as what is called slow
     reals: np.ndarray
 
 
 def new_course(control: Control) -> Course:
     """Return the course of a run that has not begun."""
-    counts, reals = np.zeros(12, np.int64), np.zeros(10)
+    counts, reals = np.zeros(12, np.int64), np.zeros(13)
     counts[PHASE], reals[STEP], reals[FASTEST] = -1, control.step, np.inf
     return Course(counts, reals)
 
@@ -54,7 +58,8 @@ def run_to_end(arrays, control, course, rows, every, stop):
     """Simulate until rest in the last phase, or the horizon, or a failure.
 
     A step whose friction problem or projection is not solved is repeated with half its length, ``HALVINGS`` times and
-    down to that many halvings of the shortest step.
+    down to that many halvings of the shortest step. So is one that creates more than ``CREATED`` of the largest kinetic
+    energy so far, except in the plain scheme; but the shortest such step counts.
 
     Parameters
     ----------
@@ -74,6 +79,7 @@ def run_to_end(arrays, control, course, rows, every, stop):
     n, now, phases = course.counts, course.reals, model.phases.duration.shape[0]
     n[STATUS] = OK
     if n[PHASE] < 0:
+        now[PEAK_KINETIC] = 0.5 * np.sum(model.bodies.mass) * control.slow**2
         _next_phase(model, state, work, control, course)
         _measure(model, state, work, course)
     while n[PHASE] < phases:
@@ -158,23 +164,28 @@ def _next_step_length(control, course):
 
 @inner
 def _advance(arrays, control, course, theta):
-    """Make one step, repeated with half its length while it is not solved, and judge it."""
+    """Make one step, repeated with half its length while it is not solved or creates energy, and judge it."""
     model, state, work, problem = arrays
     n, now, attempt, shortest = course.counts, course.reals, 0, 0.5**HALVINGS * control.step
     endless = 0.5**HALVINGS * shortest
     n[SHORTENED] = 0
+    peak = max(now[PEAK_KINETIC], kinetic_energy(model.bodies, state.v))
     while True:
         done = step(StepContext(model, state, work, problem, control, n[PHASE], now[TIME], now[STEP], theta))
         n[STEPS] += 1
         n[ITERATIONS] += done.iterations
         now[FASTEST] = done.speed
-        if done.status == CONVERGED and done.penetration <= control.penetration and done.violation <= control.violation:
+        now[PEAK_KINETIC] = max(peak, kinetic_energy(model.bodies, state.v))
+        within = done.penetration <= control.penetration and done.violation <= control.violation
+        solved = done.status == CONVERGED and within
+        created_little = control.plain or done.created <= CREATED * now[PEAK_KINETIC]
+        if solved and (created_little or now[STEP] < 1.5 * shortest):
             break
         n[REPEATED] += 1
         n[SHORTENED] = 1
         attempt += 1
         # where a contact closes for good, ever shorter steps would stop just short of it, without end
-        if now[STEP] < 1.5 * (shortest if attempt > HALVINGS else endless):
+        if now[STEP] < 1.5 * (shortest if solved or attempt > HALVINGS else endless):
             break
         now[STEP] *= 0.5
         restore_start(state, work)
@@ -183,6 +194,8 @@ def _advance(arrays, control, course, theta):
     now[MAX_RESIDUAL] = max(done.residual, now[MAX_RESIDUAL])
     now[MAX_PENETRATION] = max(done.penetration, now[MAX_PENETRATION])
     now[MAX_VIOLATION] = max(done.violation, now[MAX_VIOLATION])
+    now[MOST_CREATED] = max(done.created, now[MOST_CREATED])
+    now[ALL_CREATED] += max(done.created, 0.0)
     n[CONTACT] = done.contact
     n[STATUS] = _status(done, control, state.v)
 

@@ -64,12 +64,13 @@ def first_active_set(laws, state, work, dt, plain):
 
 @inner
 def look_at_active_contacts(contacts, state, work):
-    """Take points, frames and velocities without impulses of the active contacts at a pose that will not be kept."""
+    """Take sites and velocities (without impulses; at the start) of the active contacts at a pose that is not kept."""
     for i in range(work.active.shape[0]):
         if work.active[i]:
             a, b, sites = contacts.a[i], contacts.b[i], work.sites
             update_contact(contacts, state, work.broad_phase, sites, i, work.gap)
             relative_velocity(state.x, state.R, a, b, sites.point, sites.frame, work.free, i, work.q)
+            relative_velocity(state.x, state.R, a, b, sites.point, sites.frame, work.start.v, i, work.u)
             work.broad_phase.budget[i] = 0.0
 
 

@@ -42,6 +42,7 @@ STAGES_OF_STEP = {
     "grow_active_set": CONTACTS,
     "fastest_body": CONTACTS,
     "worst_contact": CONTACTS,
+    "work_of_contacts": CONTACTS,
     "solve_friction": SOLVER,
     "project_positions": PROJECTION,
 }

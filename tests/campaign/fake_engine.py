@@ -30,6 +30,8 @@ def simulate(mechanism, values, *, step=None, horizon=None, cancel=None, status=
         max_residual=1e-9,
         max_penetration=1e-9,
         max_violation=0.0,
+        max_created_energy=2e-9,
+        created_energy=3e-9,
         settled=True,
         iterations=5000,
         repeated=0,

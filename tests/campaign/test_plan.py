@@ -83,6 +83,8 @@ def test_schema_has_units(plan):
         "FC-2": b"mm",
         "wall_s": b"s",
         "max_penetration": b"mm",
+        "max_created_energy": b"mJ",
+        "created_energy": b"mJ",
     }
     assert expected.items() <= units.items()
     assert plan.schema.metadata[b"campaign"].decode() == plan.campaign_id

@@ -27,6 +27,8 @@ def test_rows_hold_inputs_responses_and_certificate(store, plan):
         "wall_s": 0.0,
         "max_residual": 1e-9,
         "max_penetration": 1e-9,
+        "max_created_energy": 2e-9,
+        "created_energy": 3e-9,
         "settled": True,
     }
     ending = {"status": "ok", "message": "", "attempts": 1, "earlier_attempts": ""}

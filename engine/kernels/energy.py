@@ -1,0 +1,94 @@
+"""Energy: what the bodies have, and what a step creates (docs/method.md, Energy).
+
+The twists of a step fulfil M (v+ - v) = h F + G' r + J' l, and the bodies move by h v_theta, with
+v_theta = (1 - theta) v + theta v+. Times (v + v+)/2 = v_theta - (theta - 1/2) (v+ - v) that is
+
+    K+ - K = h F . v_theta + r . u_theta + l . J v_theta - (theta - 1/2) |v+ - v|^2_M
+
+First comes the work of the loads along the way of the bodies; the third term is none for a joint, and for a motion the
+work of its drive. What is left is the contacts', and what the projection adds is the work against the loads along its
+displacement. Friction and impacts take energy; where the sum is positive, the step created it.
+"""
+
+from engine.jit import inner
+from engine.kernels.contacts import relative_velocity
+
+
+@inner
+def kinetic_energy(bodies, v):
+    """Return the kinetic energy of the bodies, the sum of m |v|^2 / 2 + O . I O / 2."""
+    energy = 0.0
+    for body in range(bodies.mass.shape[0]):
+        J, t = bodies.inertia[body], v[body]
+        for k in range(3):
+            energy += 0.5 * bodies.mass[body] * t[k] * t[k]
+            for j in range(3):
+                energy += 0.5 * t[3 + k] * J[k, j] * t[3 + j]
+    return energy
+
+
+@inner
+def work_of_contacts(bodies, contacts, state, work, problem, n, theta, plain):
+    """Return r . u_theta - (theta - 1/2) |v+ - v|^2_M of a step with ``n`` contacts; negative: they dissipate.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    contacts : Contacts
+    state : State
+        The pose is that within the step, the twists are those at its end.
+    work : Scratch
+        ``u``: relative velocities at the start of the step; written, unless the scheme is plain.
+    problem : FrictionArrays
+        Solved.
+    n : int
+        0: nothing is created.
+    theta : float
+        See `StepContext`.
+    plain : bool
+        Moreau-Jean's scheme: the frames of its contacts are those of another pose.
+    """
+    gained = 0.0
+    for j in range(n):
+        i = work.chosen[j]
+        for k in range(3):
+            gained += theta * problem.r[j, k] * problem.u[j, k]
+        gained -= theta * problem.r[j, 0] * work.shift[i]
+        if not plain:
+            a, b, sites = contacts.a[i], contacts.b[i], work.sites
+            relative_velocity(state.x, state.R, a, b, sites.point, sites.frame, work.start.v, i, work.u)
+        for k in range(3):
+            gained += (1 - theta) * problem.r[j, k] * work.u[i, k]
+    return gained - (theta - 0.5) * _square_of_change(bodies, work.start.v, state.v) if n > 0 else 0.0
+
+
+@inner
+def _square_of_change(bodies, before, after):
+    """Return |v+ - v|^2 in the metric of the mass matrix, of twists of shape (nb + 1, 6)."""
+    total = 0.0
+    for body in range(bodies.mass.shape[0]):
+        J, v, w = bodies.inertia[body], before[body], after[body]
+        for k in range(3):
+            d, spin = w[k] - v[k], w[3 + k] - v[3 + k]
+            total += bodies.mass[body] * d * d
+            for j in range(3):
+                total += spin * J[k, j] * (w[3 + j] - v[3 + j])
+    return total
+
+
+@inner
+def work_of_displacement(R, wrench, displacement):
+    """Return the work of forces and torques along a displacement: of the centres of mass, and a rotation in body axes.
+
+    Parameters
+    ----------
+    R : (nb + 1, 3, 3) array
+    wrench, displacement : (nb + 1, 6) arrays
+        The wrench in world axes.
+    """
+    total = 0.0
+    for body in range(R.shape[0] - 1):
+        f, d = wrench[body], displacement[body]
+        for k in range(3):
+            total += f[k] * d[k] + f[3 + k] * (R[body, k, 0] * d[3] + R[body, k, 1] * d[4] + R[body, k, 2] * d[5])
+    return total
