@@ -40,6 +40,7 @@ def import_step(
     from engine.cad_import.open_questions import open_questions
     from engine.cad_import.proposed_joints import diameters_of
     from engine.cad_import.proposed_mechanism import proposed_mechanism
+    from engine.cad_import.unloaded_directions import unloaded_directions
 
     if (output is None) == (update is None):
         raise SpecError("one of --output and --update is needed; name the mechanism file that is to be written")
@@ -58,6 +59,7 @@ def import_step(
     name = _name(output.stem)
     file = os.path.relpath(step_file, output.parent)
     text = proposed_mechanism(found, file, name)
+    text = proposed_mechanism(found, file, name, unloaded_directions(found, text))
     diameters = [each for joint in found.joints for each in diameters_of(found, joint).values()]
     if diameters:
         _refuse_existing(campaign, "may hold answers")

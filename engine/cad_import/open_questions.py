@@ -36,7 +36,7 @@ def open_questions(text: str) -> list[OpenQuestion]:
 
 
 def questions_of_file(name_or_path: str | Path) -> list[OpenQuestion]:
-    """Return the open questions of a mechanism file; none of a shipped one, or where no file can be read."""
+    """Return the open questions of a mechanism or campaign file; none of a shipped one, or where none can be read."""
     if str(name_or_path) in library_names():
         return []
     try:

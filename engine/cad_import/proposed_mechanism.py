@@ -1,8 +1,10 @@
 """The text of a mechanism file, proposed from what was found in a CAD file."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from engine.cad.cad_model import CadPart, Solid
+from engine.cad.cad_model import CadAssembly, CadPart, Solid
 from engine.cad.findings import FacingPlanes
 from engine.cad_import.found_geometry import FoundGeometry
 from engine.cad_import.proposed_joints import LAW, diameters_of, joint_lines
@@ -15,7 +17,7 @@ _HEAD = """\
 """
 
 
-def proposed_mechanism(found: FoundGeometry, file: str, name: str) -> str:
+def proposed_mechanism(found: FoundGeometry, file: str, name: str, unloaded: Sequence[str] = ()) -> str:
     """Return the text of a mechanism file.
 
     Parameters
@@ -25,6 +27,8 @@ def proposed_mechanism(found: FoundGeometry, file: str, name: str) -> str:
         The CAD file, by its path from the mechanism file.
     name : str
         Of the mechanism.
+    unloaded : sequence of str
+        What `engine.cad_import.unloaded_directions.unloaded_directions` says of the text without them.
     """
     assembly = found.assembly
     lines = [
@@ -46,12 +50,17 @@ def proposed_mechanism(found: FoundGeometry, file: str, name: str) -> str:
         "friction = 0.0",
         "",
     ]
-    largest = max(assembly.parts, key=lambda part: sum(solid.volume for solid in part.solids)).name
+    largest = largest_part(assembly).name
     for part in assembly.parts:
         lines += _body(found, part, is_largest=part.name == largest)
     for joint in found.joints:
         lines += joint_lines(found, joint)
-    return "\n".join([*lines, *_stops(found), *_loads(), *_responses(found)]).rstrip("\n") + "\n"
+    return "\n".join([*lines, *_stops(found), *_loads(unloaded), *_responses(found)]).rstrip("\n") + "\n"
+
+
+def largest_part(assembly: CadAssembly) -> CadPart:
+    """Return the part with the largest volume: nobody has said yet which one is fixed, and it may be."""
+    return max(assembly.parts, key=lambda part: sum(solid.volume for solid in part.solids))
 
 
 def _gravity(found: FoundGeometry) -> list[str]:
@@ -137,8 +146,10 @@ def _stop(found: FoundGeometry, pair: FacingPlanes, number: int) -> list[str]:
     ]
 
 
-def _loads() -> list[str]:
+def _loads(unloaded: Sequence[str]) -> list[str]:
     text = "what drives the mechanism? Springs, forces and torques are in no CAD file"
+    if unloaded:
+        text += f". Nothing acts yet on {'; '.join(unloaded)}: what is neither loaded nor held along these never rests"
     example = [
         "[torques.drive]",
         'body = "NAME"',

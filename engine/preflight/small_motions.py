@@ -68,13 +68,13 @@ class SmallMotions:
     def derivative(self, measured: Callable[[State], Array]) -> Array:
         """Return the derivative of something at a pose, shape (m, n), in y; zero where rounding hides it."""
         size, columns = float(np.abs(measured(self.assembly.state)).max(initial=0.0)), []
-        for j, step in enumerate(self._steps()):
+        for j, step in enumerate(self.steps()):
             forth, back = (displaced(self.assembly.state, sign * step * self.root[:, j]) for sign in (1.0, -1.0))
             column = (measured(forth) - measured(back)) / (2.0 * step)
             columns.append(np.where(np.abs(column) * step > NOTHING * size, column, 0.0))
         return np.array(columns).T
 
-    def _steps(self) -> Array:
+    def steps(self) -> Array:
         """Return small steps of each y: a small share of the radius of gyration, or a small angle."""
         bodies = self.assembly.model.bodies
         arms = np.sqrt(np.trace(bodies.inertia, axis1=1, axis2=2) / (2.0 * bodies.mass))

@@ -1,6 +1,10 @@
-"""Motions that nothing loads: no force, spring or gravity decides where a body ends up that a response measures."""
+"""Motions that nothing loads: no force, spring or gravity decides where a body ends up.
+
+Where responses say what matters, those that one of them measures; of a mechanism without any, all of them.
+"""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,15 +15,27 @@ from engine.kernels.model import State
 from engine.kernels.responses import measure
 from engine.mechanism import Mechanism
 from engine.preflight.caution import Caution
-from engine.preflight.small_motions import NOTHING, SmallMotions, accelerations, null_space
+from engine.preflight.small_motions import (
+    NOTHING,
+    SmallMotions,
+    accelerations,
+    displaced,
+    null_space,
+    small_motions,
+)
 from engine.unrest.direction_words import motion_words
 
 SEEN = 0.05  # share of a response's gradient that is worth a word
+BEGUN = 100.0  # small steps: a motion that has begun
+ACTS = 1e-6  # share of a load along a motion that is one
+SAME = 1e-6  # relative difference of two sizes that are one
 PURE = 0.05  # share of a motion's energy that is worth a word
 
 
 def unloaded_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
     """Yield the bodies that a response at the end of the run measures along a motion that nothing loads.
+
+    Without any response, all bodies along all such motions, if one of them is fixed: else all could move together.
 
     Prescribed motions push bodies in ways that a look at the start does not show: with one there is no caution.
 
@@ -30,6 +46,10 @@ def unloaded_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
         About its start pose.
     """
     if mechanism.motions:
+        return
+    if not mechanism.responses:
+        for body_name, motion in unloaded_motions(mechanism, small):
+            yield _caution(body_name, motion, "")
         return
     unloaded = _unloaded(mechanism, small)
     names = list(mechanism.responses)
@@ -43,15 +63,66 @@ def unloaded_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution]:
                 continue
             found.setdefault(_words(mechanism, small, body, seen), []).append(names[i])
     for (body_name, motion), responses in found.items():
-        yield Caution(
-            f"bodies.{body_name}",
-            None,
-            "1",
-            f"no force, spring or gravity acts on it {motion}, and {', '.join(responses)} "
-            f"{'measures' if len(responses) == 1 else 'measure'} that",
-            "",
-            "load or hold it there: otherwise it stays where the start or a push leaves it, or floats on for ever",
-        )
+        measure = "measures" if len(responses) == 1 else "measure"
+        yield _caution(body_name, motion, f", and {', '.join(responses)} {measure} that")
+
+
+def unloaded_motions(mechanism: Mechanism, small: SmallMotions) -> list[tuple[str, str]]:
+    """Return the motions that nothing loads, each by the body that has most of it and in words.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        None is returned where no body is fixed, so that all could move together.
+    small : SmallMotions
+        About its start pose.
+    """
+    if not any(body.fixed for body in mechanism.bodies.values()):
+        return []
+    motions = _pure_motions(_unloaded(mechanism, small))
+    return [_words(mechanism, small, *each) for each in motions if not _is_brought_back(mechanism, small, each[1])]
+
+
+def _pure_motions(basis: Array) -> Iterator[tuple[int, Array]]:
+    """Yield as many motions as a basis, shape (n, k), has columns, with the body of each.
+
+    Each is the one with the largest share of its energy in the translation, or in the rotation, of one body; of several
+    bodies that are alike the first, of several directions the one nearest to a world axis.
+    """
+    while basis.shape[1]:
+        blocks = basis.reshape(-1, 3, basis.shape[1])
+        ways, sizes, parts = np.linalg.svd(blocks)
+        block = int(np.flatnonzero(sizes[:, 0] > (1.0 - SAME) * sizes[:, 0].max())[0])
+        alike = int(np.count_nonzero(sizes[block] > (1.0 - SAME) * sizes[block, 0]))
+        across = ways[block, :, :alike]
+        axis = int((across**2).sum(axis=1).argmax())
+        chosen = parts[block, :alike].T @ across[axis]
+        chosen /= np.linalg.norm(chosen)
+        yield block // 2, basis @ chosen
+        basis = basis @ null_space(chosen[None], len(chosen))
+
+
+def _is_brought_back(mechanism: Mechanism, small: SmallMotions, y: Array) -> bool:
+    """Return whether loads act on a motion once it has begun, as gravity does on a pendulum that hangs straight."""
+    moving = y != 0.0
+    begun = BEGUN * float((small.steps()[moving] / np.abs(y[moving])).min()) * (small.root @ y)
+    there = small_motions(replace(small.assembly, state=displaced(small.assembly.state, begun)))
+    free = null_space(np.vstack([there.joints, there.rounds]), len(y))
+    along = free @ (free.T @ np.linalg.solve(there.root, small.root @ y))
+    loads = [there.loads(phase, 0.0) for phase in range(len(mechanism.phases))]
+    return any(abs(float(along @ load)) > ACTS * float(np.linalg.norm(load)) for load in loads)
+
+
+def _caution(body: str, motion: str, measured: str) -> Caution:
+    """Return what is said of a body that nothing loads along a motion."""
+    return Caution(
+        f"bodies.{body}",
+        None,
+        "1",
+        f"no force, spring or gravity acts on it {motion}{measured}",
+        "",
+        "load or hold it there: otherwise it stays where the start or a push leaves it, or floats on for ever",
+    )
 
 
 def values_at(small: SmallMotions, pose: State) -> Array:

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from engine.cad import in_unit, read_step
+from engine.cad import CadAssembly, in_unit, read_step
 from engine.errors import CadError
 from engine.faults.fault import Fault
 from engine.mechanism.faults import faults_of
@@ -63,14 +63,7 @@ def with_geometry(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
             f" was written for; see what changed with clearcap mechanism import {table.file} --update, then name it"
         )
         raise UnresolvedGeometry([Fault(("cad", "sha256"), text, table.sha256)])
-    tables = DrawnTables(assembly if units == "mm-g-ms" else in_unit(assembly, 1000.0), units)
-    plain = {key: value for key, value in data.items() if key != "cad"}
-    plain = _plain(plain, (), tables)
-    if "benches" in plain:
-        benches = named_tables(data, "benches")
-        plain["benches"] = {name: _plain(bench, ("benches", name), tables) for name, bench in benches.items()}
-    if tables.faults:
-        raise UnresolvedGeometry(tables.faults)
+    plain, tables = without_selectors(data, assembly)
     gaps, not_measured = drawn_gaps(folder / table.file, assembly.sha256, tables.pairs, tables.millimetre)
     certificate = GeometryCertificate(
         file=table.file,
@@ -83,6 +76,32 @@ def with_geometry(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         not_measured=not_measured,
     )
     return {**plain, "geometry": certificate.model_dump(exclude_none=True)}
+
+
+def without_selectors(data: Mapping[str, Any], assembly: CadAssembly) -> tuple[dict[str, Any], DrawnTables]:
+    """Return a mechanism file without ``cad``, all that it names in an assembly as numbers; and what was found for it.
+
+    Parameters
+    ----------
+    data : mapping
+        The file as read.
+    assembly : CadAssembly
+        In mm.
+
+    Raises
+    ------
+    UnresolvedGeometry
+        With one fault for each thing that the assembly does not have, or has in several places.
+    """
+    units: UnitSystem = "SI" if data.get("units") == "SI" else "mm-g-ms"
+    tables = DrawnTables(assembly if units == "mm-g-ms" else in_unit(assembly, 1000.0), units)
+    plain = _plain({key: value for key, value in data.items() if key != "cad"}, (), tables)
+    if "benches" in plain:
+        benches = named_tables(data, "benches")
+        plain["benches"] = {name: _plain(bench, ("benches", name), tables) for name, bench in benches.items()}
+    if tables.faults:
+        raise UnresolvedGeometry(tables.faults)
+    return plain, tables
 
 
 def _plain(data: Mapping[str, Any], keys: tuple[str, ...], tables: DrawnTables) -> dict[str, Any]:

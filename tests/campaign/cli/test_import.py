@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from campaign.cli import app
+from campaign.coordinator.plan_campaign import plan_campaign
 from campaign.geometry_summary import geometry_provenance
 from campaign.plan import Plan, make_plan
 from campaign.reports.report import provenance
@@ -44,6 +45,7 @@ def test_import_and_check(folder):
     assert "joint base-crank: base in crank, radii 3.05 and 3, clearance 0.05, axial play 0.05, 0.05 mm" in printed
     assert "facing stop-1: base and crank, 0.8 mm apart" in printed
     assert printed.endswith("written: latch.toml, latch-campaign.toml, latch.svg, latch.html; 6 questions are open\n")
+    assert "Nothing acts yet on rocker along z" in printed
     checked = clearcap("check", "latch.toml")
     assert "question: latch.toml, line 8: gravity: which way is down?" in checked
     assert "joints.base-rocker: clearance 0.06 mm as drawn, axes 0 mm apart and 0 rad tilted" in checked
@@ -86,6 +88,18 @@ def test_the_campaign_of_limits(folder):
     assert "4 bodies, 8 faces" in listed["geometry from it"]
     assert listed["gaps at the start"].startswith("4 compared with OCCT's distances, largest difference ")
     assert geometry_provenance(None) == {}
+
+
+def test_open_questions_of_a_campaign(folder, caplog):
+    """Whoever submits or runs a campaign whose questions are open is told so, with their lines."""
+    clearcap("import", "latch.step", "-o", "asked.toml")
+    plan_campaign("asked-campaign.toml", "store", batch_size=10)
+    said = [record.getMessage() for record in caplog.records]
+    assert "question: asked-campaign.toml, line 3: variables: with which Cpk, or which distribution" in said[0]
+    assert "question: asked-campaign.toml, line 4: responses: what are the limits" in said[1]
+    caplog.clear()
+    plan_campaign("asked-campaign.toml", "store", batch_size=10)
+    assert not caplog.records
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from engine import MechanismError, check, load_mechanism
 from engine.cad_import.found_geometry import find_geometry
 from engine.cad_import.open_questions import open_questions, questions_of_file
 from engine.cad_import.proposed_mechanism import proposed_mechanism
+from engine.cad_import.unloaded_directions import unloaded_directions
 from tests.engine.mechanism.geometry.latch_file import LATCH
 
 
@@ -64,12 +65,32 @@ def test_all_answered(latch, tmp_path):
     assert mechanism.gravity[2] < 0
 
 
+def test_what_nothing_acts_on(latch):
+    """A four-bar with play has as many free motions as bars that float along their pins, and its swing."""
+    motions = unloaded_directions(latch, proposed_mechanism(latch, "latch.step", "latch"))
+    assert sorted(motion.partition(", ")[0] for motion in motions) == [
+        "coupler along x",
+        "coupler along z",
+        "crank along z",
+        "rocker along z",
+    ]
+    question = proposed_mechanism(latch, "latch.step", "latch", motions).partition("#? loads: ")[2].splitlines()[0]
+    assert "; crank along z, the axis of base-crank and crank-coupler;" in question
+
+
+def test_what_cannot_start_as_drawn(latch):
+    """Parts of which nobody knows how they move: no motion is named."""
+    text = proposed_mechanism(latch, "latch.step", "latch").replace("radius = 3.05", "radius = 3.5")
+    assert unloaded_directions(latch, text) == []
+
+
 def test_missing_densities(latch, tmp_path):
     """A part without a density is asked for; without an answer nothing loads."""
     parts = tuple(replace(part, material=None) for part in latch.assembly.parts)
     path = written(tmp_path, all_but(latch, parts=parts))
     asked = [question.text for question in questions_of_file(path) if ".density" in question.text]
     assert len(asked) == 4
+    assert len(unloaded_directions(all_but(latch, parts=parts), path.read_text())) == 4
     assert "bodies.crank.density: the CAD file has none" in asked[1]
 
 
@@ -84,6 +105,7 @@ def test_equal_radii(latch, tmp_path):
     path = written(tmp_path, found)
     asked = [question.text for question in questions_of_file(path) if "radial_clearance" in question.text]
     assert len(asked) == 2
+    assert len(unloaded_directions(found, path.read_text())) == 4
     assert "both drawn with radius 3.05 mm" in asked[0]
     assert "# radial_clearance" in path.read_text()
     with pytest.raises(MechanismError, match=r"joints\.base-crank\.radial_clearance: missing"):

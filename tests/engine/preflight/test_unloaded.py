@@ -81,3 +81,29 @@ def test_a_measured_body_without_anything():
     assert GROUND in data["bodies"].values()
     assert data["contacts"]["corner_0"]["b"]["plane"] == FLOOR
     assert len(warned(data)) >= 3
+
+
+def unmeasured(data):
+    """Return what is said of a mechanism whose responses nobody has thought of yet, without the remedy."""
+    return [text.split("; ")[0] for text in warned(data | {"responses": {}})]
+
+
+def test_without_responses_every_motion_counts():
+    """The pin floats in its play, which a spring along the axis ends; in all other ways it hangs by gravity."""
+    spring = SPRING | {"a": {"body": "ground", "point": [0, 0, -1]}, "b": {"body": "pin", "point": [0, 0, 0]}}
+    assert unmeasured(pin()) == ["bodies.pin: no force, spring or gravity acts on it along z, the axis of J"]
+    assert unmeasured(pin(springs={"s": spring})) == []
+
+
+def test_each_free_motion_is_named_once():
+    """A free body without gravity has six: three along the world's axes, three about them."""
+    data = block_on_floor(origin=[0, 0, 0.1]) | {"gravity": [0, 0, 0]}
+    motions = {text.removeprefix("bodies.block: no force, spring or gravity acts on it ") for text in unmeasured(data)}
+    assert motions == {f"{way} {axis}" for way in ("along", "about") for axis in "xyz"}
+
+
+def test_where_no_body_is_fixed_all_may_move_together():
+    """That a part is to be fixed is said elsewhere."""
+    data = block_on_floor(origin=[0, 0, 0.1]) | {"gravity": [0, 0, 0], "contacts": {}, "responses": {}}
+    data["bodies"] = {"block": data["bodies"]["block"]}
+    assert warned(data) == []

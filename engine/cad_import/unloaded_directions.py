@@ -1,0 +1,60 @@
+"""Motions of a proposed mechanism on which nothing acts yet: what gravity and loads will have to act on."""
+
+import tomllib
+from typing import Any
+
+from engine.cad_import.found_geometry import FoundGeometry
+from engine.cad_import.proposed_mechanism import largest_part
+from engine.errors import EngineError
+from engine.mechanism import mechanism_from
+from engine.mechanism.geometry.resolved_geometry import UnresolvedGeometry, without_selectors
+from engine.preflight.cautions import MOST_BODIES
+
+_SOME_DENSITY, _SOME_PLAY = 7.85e-3, 0.05  # g/mm3, mm: which motions are free depends on neither
+_SOME_BODY = {"mass": 1.0, "center_of_mass": [0.0, 0.0, 0.0], "inertia": [1.0, 1.0, 1.0]}
+
+
+def unloaded_directions(found: FoundGeometry, text: str) -> list[str]:
+    """Return the motions on which nothing acts, with the largest part fixed, each with the body that has most of it.
+
+    Parameters
+    ----------
+    found : FoundGeometry
+    text : str
+        The mechanism file proposed for it. What it asks is answered for the look with some number: which motions joints
+        leave free does not depend on densities and plays.
+
+    Returns
+    -------
+    list of str
+        Such as ``"crank along z, the axis of J"``; empty also where the parts cannot start as they are drawn.
+    """
+    if not 1 < len(found.assembly.parts) <= MOST_BODIES:
+        return []
+    from engine.assembly import assemble
+    from engine.preflight.small_motions import small_motions
+    from engine.preflight.unloaded import unloaded_motions
+
+    try:
+        plain, _ = without_selectors(_answered(found, tomllib.loads(text)), found.assembly)
+        mechanism = mechanism_from(plain, "proposal")
+        return [" ".join(each) for each in unloaded_motions(mechanism, small_motions(assemble(mechanism)))]
+    except (UnresolvedGeometry, EngineError):
+        return []
+
+
+def _answered(found: FoundGeometry, tables: dict[str, Any]) -> dict[str, Any]:
+    """Return the tables of a proposed file with some answer to what it asks of bodies and joints."""
+    fixed = found.bodies[largest_part(found.assembly).name]
+    for name, body in tables["bodies"].items():
+        body.update({"fixed": True} if name == fixed else {"density": _SOME_DENSITY})
+    for part in found.assembly.parts:
+        if not part.solids:
+            tables["bodies"][found.bodies[part.name]] |= _SOME_BODY
+    for joint in found.joints:
+        table = tables["joints"][joint.name]
+        if "radial_clearance" not in table or joint.pin.overlap > 0:
+            table["radial_clearance"] = joint.pin.offset + _SOME_PLAY
+        if "flanges" in table:
+            table.setdefault("axial_clearance", _SOME_PLAY)
+    return tables
