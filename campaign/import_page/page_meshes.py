@@ -1,5 +1,6 @@
 """Triangles of parts for a page: no more than a browser turns with ease, each face's in one piece."""
 
+from bisect import bisect_left
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -12,7 +13,8 @@ from engine.cad.cad_model import TriangleMesh
 MOST_TRIANGLES = 250_000
 """Of all parts together; more are drawn coarser. A page of so many has about 8 MB."""
 
-_FINEST, _COARSER = 4000, 1.5  # cells along the longest side at first, where there are too many; how much wider then
+_FINEST, _WIDER = 4000, 1.25  # cells along the longest side at first, where there are too many; and how much wider then
+_STEPS = 40  # after so many, a part is in one cell, and no triangle is left
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +39,8 @@ class PageMesh:
 def page_meshes(meshes: Iterable[TriangleMesh], centre: Array, most: int) -> tuple[list[PageMesh], float]:
     """Return the triangles of parts for a page, and how far from the faces they may be.
 
-    Where there are too many, vertices in one cell of a grid become one, in their middle; its cells are made wider
-    until the triangles that are left are few enough.
+    Where there are too many, vertices in one cell of a grid become one, in their middle; its cells are as small as the
+    number of triangles that are left allows.
 
     Parameters
     ----------
@@ -49,12 +51,13 @@ def page_meshes(meshes: Iterable[TriangleMesh], centre: Array, most: int) -> tup
         Largest number of triangles.
     """
     meshes = list(meshes)
-    drawn, moved, cell = meshes, 0.0, 0.0
-    size = max((float(np.ptp(mesh.vertices, axis=0).max()) for mesh in meshes if len(mesh.vertices)), default=0.0)
-    while sum(len(mesh.triangles) for mesh in drawn) > most:
-        cell = _COARSER * cell or size / _FINEST
-        tried = [coarser(mesh, cell) for mesh in meshes]
-        drawn, moved = [mesh for mesh, _ in tried], max(each for _, each in tried)
+    drawn, moved = meshes, 0.0
+    if _count(meshes) > most:
+        finest = max(float(np.ptp(mesh.vertices, axis=0).max()) for mesh in meshes if len(mesh.vertices)) / _FINEST
+        cells = finest * _WIDER ** np.arange(_STEPS)
+        enough = bisect_left(cells, True, key=lambda cell: _count(coarser(mesh, cell)[0] for mesh in meshes) <= most)
+        made = [coarser(mesh, cells[enough]) for mesh in meshes]
+        drawn, moved = [mesh for mesh, _ in made], max(each for _, each in made)
     deflection = max((mesh.deflection for mesh in meshes), default=0.0)
     return [_of_page(mesh, centre) for mesh in drawn], deflection + moved
 
@@ -90,6 +93,11 @@ def coarser(mesh: TriangleMesh, cell: float) -> tuple[TriangleMesh, float]:
     kept = (places != np.roll(places, 1, axis=1)).all(axis=1)
     less = replace(mesh, vertices=vertices, triangles=vertex[mesh.triangles[kept]], faces=mesh.faces[kept])
     return less, float(np.linalg.norm(middles[place] - mesh.vertices, axis=1).max())
+
+
+def _count(meshes: Iterable[TriangleMesh]) -> int:
+    """Return how many triangles there are."""
+    return sum(len(mesh.triangles) for mesh in meshes)
 
 
 def _numbered(keys: Integers) -> Integers:

@@ -12,6 +12,7 @@ from engine.cad_import.found_geometry import FoundGeometry
 from engine.cad_import.found_places import FoundPlace
 
 MOST_NAMED = 40  # of joints and candidates; more names cover the parts
+MOST_DRAWN = 100  # of the parts, the largest; a silhouette takes a tenth of a second
 
 
 def view_of(found: FoundGeometry) -> View:
@@ -31,7 +32,8 @@ def sketch_found(found: FoundGeometry, places: list[FoundPlace]) -> Sketch:
         As `found_places` returns them; what is no joint is left out.
     """
     view = view_of(found)
-    meshes = sorted(found.assembly.meshes, key=lambda mesh: _height(mesh.vertices, view.normal))
+    largest = sorted(found.assembly.meshes, key=lambda mesh: -_size(mesh.vertices))[:MOST_DRAWN]
+    meshes = sorted(largest, key=lambda mesh: _height(mesh.vertices, view.normal))
     outlines = [(mesh.part, silhouette(mesh, view.normal)) for mesh in meshes]
     canvas = canvas_around(view, [view.project(each) for _, pieces in outlines for each in pieces], [])
     for part, pieces in outlines:
@@ -42,7 +44,7 @@ def sketch_found(found: FoundGeometry, places: list[FoundPlace]) -> Sketch:
     shown = [place for place in places if place.kind != "no joint"]
     for place in shown[:MOST_NAMED]:
         _mark(canvas, place)
-    return canvas.sketch(_legend(shown))
+    return canvas.sketch(_legend(shown, len(found.assembly.meshes) - len(meshes)))
 
 
 def part_colour(found: FoundGeometry, part: str) -> str:
@@ -74,6 +76,11 @@ def _height(vertices: Array, normal: Array) -> float:
     return float((vertices @ normal).max(initial=-np.inf))
 
 
+def _size(vertices: Array) -> float:
+    """Return the diagonal of a part's box."""
+    return float(np.linalg.norm(np.ptp(vertices, axis=0))) if len(vertices) else 0.0
+
+
 def _mark(canvas: SketchCanvas, place: FoundPlace) -> None:
     """Draw a place with its name, and of a joint the radii of hole and pin."""
     colour, at = place_colour(place), canvas.on_canvas(place.middle)
@@ -86,8 +93,11 @@ def _mark(canvas: SketchCanvas, place: FoundPlace) -> None:
         canvas.name(above, np.array([0.0, -1.0]), text, colour)
 
 
-def _legend(shown: list[FoundPlace]) -> Legend:
-    """Return what is said beside the drawing of each place."""
+def _legend(shown: list[FoundPlace], small: int) -> Legend:
+    """Return what is said beside the drawing of each place, and how much is not in it."""
     rows = [(place.name, place.between, place.sizes, place_colour(place)) for place in shown[:MOST_NAMED]]
-    more = len(shown) - MOST_NAMED
-    return (*rows, (f"and {more} more", "in the mechanism file", "", "")) if more > 0 else tuple(rows)
+    if len(shown) > MOST_NAMED:
+        rows.append((f"and {len(shown) - MOST_NAMED} more", "in the mechanism file", "", ""))
+    if small:
+        rows.append(("not drawn", f"the smallest parts: {small}", "", ""))
+    return tuple(rows)

@@ -71,3 +71,12 @@ def test_a_hundred_candidates(latch, places):  # noqa: F811
     assert len(sketch.legend) == MOST_NAMED + 1
     assert sketch.legend[-1][0] == f"and {104 - MOST_NAMED} more"
     assert all(-1e-9 <= x <= sketch.width for word in sketch.words for x in (word.x,))
+
+
+def test_many_parts(latch, places, monkeypatch):  # noqa: F811
+    """The largest ones are drawn, and how many are left out is said."""
+    monkeypatch.setattr("campaign.pictures.sketches.found_sketch.MOST_DRAWN", 3)
+    sketch = sketch_found(latch, places)
+    assert len(sketch.areas) == 3
+    assert "crank" not in {word.lines[0] for word in sketch.words}
+    assert sketch.legend[-1][:2] == ("not drawn", "the smallest parts: 1")
