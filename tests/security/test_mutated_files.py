@@ -38,7 +38,12 @@ from campaign.store import BadPart, open_store
 from campaign.store.labels import Labels
 from campaign.store.layout import HEARTBEAT, LEASE, MANIFEST, STATE, STOPPED
 from engine import EngineError, load_mechanism, simulate, warm_up
+from engine.cad.archive import packed
+from engine.cad.occt.shape_distances import measure_distances
+from engine.cad.occt.step_assembly import read_assembly
 from engine.mechanism import mechanism_from
+from engine.preflight.start_gaps import start_gap_cautions, with_start_gaps
+from tests.engine.mechanism.geometry.latch_file import LATCH, latch_file
 from tests.house import ROOT
 from tests.security.mutations import mutate_bytes, mutate_tables, mutate_text
 
@@ -212,6 +217,38 @@ def mechanisms(folder, count):
     return attack("mechanism", count, lambda random: as_toml(random, random.choice(bases)), use)
 
 
+def drawn_mechanisms(folder, count):
+    """Mechanism files that name faces of a STEP file: what is sound has a certificate, and is the same in numbers."""
+    shutil.copy(LATCH, folder / "latch.step")
+    base = latch_file()
+    base["cad"]["file"] = "latch.step"
+    base["contacts"]["rim"] = {
+        "a": {"body": "crank", "arc": {"edge": {"near": [28.5, 0.0, 10.1]}}},
+        "b": {"body": "coupler", "hole": {"radius": 2.54, "near": [0.0, 0.0, 2.5]}},
+    }
+    path = folder / "drawn.toml"
+
+    def answer(path, content, question, limits):  # in this process: to start one takes longer than the answer
+        if "distances" in question:
+            return json.dumps(measure_distances(path, json.loads(json.dumps(question["distances"])))).encode()
+        return packed(read_assembly(path, **question["assembly"]))
+
+    def use(content, number):
+        path.write_bytes(content)
+        mechanism = with_start_gaps(load_mechanism(path))
+        assert all(map(str, start_gap_cautions(mechanism)))
+        plain = mechanism.model_dump(by_alias=True, exclude_unset=True)
+        assert mechanism_from(plain, "again").digest() == mechanism.digest()
+        if mechanism.geometry is not None:
+            assert all(gap.drawn > 0.0 for gap in mechanism.geometry.gaps.values())
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+        for module in ("step_reader", "drawn_distances"):
+            patch.setattr(f"engine.cad.{module}.ask_occt", answer)
+        return attack("drawn mechanism", count, lambda random: as_toml(random, tomli_w.dumps(base)), use)
+
+
 def plans(folder, count):
     """Plans of both formats: a changed one of today's is refused, or says the same in other bytes never."""
     earlier = (EARLIER / "plan.json").read_bytes()
@@ -340,7 +377,8 @@ def costs_and_settings(folder, count):
 
 KINDS = {
     campaigns: 2500,
-    mechanisms: 3000,
+    mechanisms: 2600,
+    drawn_mechanisms: 400,
     plans: 1000,
     documents: 1200,
     parts: 800,

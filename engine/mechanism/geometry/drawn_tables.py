@@ -182,7 +182,7 @@ class DrawnTables:
         for side in sides:
             table, feature = as_table(entry.get(side)), self.features.get(".".join((*keys, side)))
             body = table.get("body")
-            if body not in self.parts or body in self.moved:
+            if not isinstance(body, str) or body not in self.parts or body in self.moved:
                 return
             search = self._search(body)
             ends.append(measured_feature(search, feature) if feature else measured_point(search, table))
@@ -195,7 +195,7 @@ class DrawnTables:
         kind = selector_of(side)
         assert kind is not None
         body = side.get("body")
-        if body not in self.parts:
+        if not isinstance(body, str) or body not in self.parts:
             text = "no body that is a part of the CAD file; allowed: " + (
                 f"{', '.join(self.parts) or 'none is one'}; name one of them, or give that body a part"
             )

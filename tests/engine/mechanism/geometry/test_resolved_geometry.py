@@ -194,6 +194,7 @@ def test_what_a_worker_gets(load):
         (("joints", "foot", "bearing", "hole", "radius"), 3.0, "joints.foot.bearing.hole", "radius = 3.05, near = [0,"),
         (("joints", "foot", "journal", "pin", "radius"), None, "joints.foot.journal.pin.radius", "missing"),
         (("joints", "foot", "journal", "body"), "nobody", "joints.foot.journal.body", "base, crank, rocker"),
+        (("contacts", "stop", "b", "body"), {"J1": "base"}, "contacts.stop.b.body", "no body that is a part"),
         (("joints", "foot", "bearing", "hole", "far"), 1.0, "joints.foot.bearing.hole.far", "unknown key"),
         (
             ("contacts", "stop", "b", "plane", "near"),
