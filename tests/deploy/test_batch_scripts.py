@@ -1,0 +1,147 @@
+"""The scripts of batch systems are accepted by the tools that read them, and keep what is promised of them."""
+
+import os
+import re
+import shlex
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.deploy.descriptors import DEPLOY, check_dask, documents, needs, output
+
+SCRIPTS = [*sorted((DEPLOY / "batch").iterdir()), *sorted(DEPLOY.glob("*.sh")), *sorted(DEPLOY.glob("kubernetes/*.sh"))]
+OAR_OPTIONS = {
+    "-n": str,
+    "-l": str,
+    "-t": str,
+    "-O": str,
+    "-E": str,
+    "--checkpoint": int,
+    "--signal": int,
+    "--array": int,
+}
+PBS_OPTIONS = {"-N": str, "-l": str, "-j": str}
+
+
+@needs("shellcheck", "shellcheck")
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.name)
+def test_scripts(path):
+    """Shellcheck finds nothing, and the file can be run."""
+    assert not output("shellcheck", path)
+    assert path.stat().st_mode & 0o111
+
+
+@pytest.mark.parametrize(
+    ("name", "mark", "options"),
+    [
+        ("campaign.oar", "#OAR", OAR_OPTIONS),
+        ("workers.oar", "#OAR", OAR_OPTIONS),
+        ("campaign.pbs", "#PBS", PBS_OPTIONS),
+    ],
+)
+def test_directives(name, mark, options):
+    """Directives stand at line's start before the first command, and have options oarsub or qsub knows."""
+    lines = (DEPLOY / "batch" / name).read_text().splitlines()
+    first_command = next(number for number, line in enumerate(lines) if line and not line.startswith("#"))
+    found = [number for number, line in enumerate(lines) if mark in line and line.startswith(mark)]
+    assert len(found) >= 4
+    assert max(found) < first_command
+    for number in found:
+        option, value = lines[number].removeprefix(mark).split(maxsplit=1)
+        options[option](value)
+        if option == "-l" and "walltime" in value:
+            assert re.search(r"walltime=\d\d:\d\d:\d\d$", value)
+
+
+@pytest.mark.parametrize("name", ["workers.slurm", "workers.oar"])
+def test_worker_commands(name):
+    """The workers' commands are right for dask."""
+    text = (DEPLOY / "batch" / name).read_text()
+    command = re.search(r"^exec .*/on_node.sh\" \\\n +(dask worker (?:.*\\\n)*.*)", text, re.M)[1].replace("\\\n", " ")
+    for variable, value in {r"\$\{LIFETIME:-230m\}": "230m", r"\$\{SLURM_CPUS\w+:-1\}": "16"}.items():
+        command = re.sub(variable, value, command)
+    files = ("--tls-ca-file=", "--tls-cert=", "--tls-key=")
+    words = [word for word in shlex.split(command) if not word.startswith(files)]
+    check_dask(words)
+
+
+def node_folder(commands, temporary):
+    """Run what prepares a worker's folder on its node; return the folder of compiled code, and the other."""
+    show = 'echo "$NUMBA_CACHE_DIR"'
+    if commands == "on_node.sh":
+        words = [DEPLOY / "batch/on_node.sh", "sh", "-c", f'{show}; echo "$2"', "worker"]
+    else:
+        [settings] = documents(DEPLOY / "jobqueue.yaml")
+        prologue = "\n".join(settings["jobqueue"][commands]["job-script-prologue"])
+        words = ["bash", "-euc", f"{prologue}\n{show}; echo {settings['jobqueue'][commands]['local-directory']}"]
+    printed = output(*words, env={"PATH": "/usr/bin:/bin", "TMPDIR": str(temporary)})
+    return [Path(line) for line in printed.splitlines()]
+
+
+@pytest.mark.parametrize("commands", ["on_node.sh", "slurm", "oar", "pbs"])
+def test_node_folder(tmp_path, commands):
+    """Workers' folder on a node is their user's alone, has no name that can be foreseen, and is found again."""
+    open_to_all, link = tmp_path / "clearcap.open", tmp_path / "clearcap.link"
+    open_to_all.mkdir()
+    open_to_all.chmod(0o777)
+    link.symlink_to(tmp_path)
+    if os.getuid() == 0:
+        theirs = tmp_path / "clearcap.theirs"
+        theirs.mkdir(mode=0o700)
+        os.chown(theirs, 20002, 20002)
+    compiled, folder = node_folder(commands, tmp_path)
+    assert compiled.parent == folder
+    assert folder.parent == tmp_path
+    assert re.fullmatch(r"clearcap\.\w{6}", folder.name)
+    assert (folder.stat().st_uid, folder.stat().st_mode & 0o7777) == (os.getuid(), 0o700)
+    assert node_folder(commands, tmp_path) == [compiled, folder]
+    shutil.rmtree(folder)
+    assert node_folder(commands, tmp_path)[1].name != folder.name
+
+
+@pytest.mark.parametrize("path", sorted(DEPLOY.rglob("*.*")), ids=lambda path: path.name)
+def test_no_name_can_be_foreseen(path):
+    """No descriptor names a file in a folder that users of a machine share, unless mktemp makes the name."""
+    for line in path.read_text().splitlines():
+        for name in re.findall(r"(?:TMPDIR|/tmp|local)\}?\"?/([^\s\"']+)", line):
+            assert name.endswith(".XXXXXX"), line
+
+
+def allocation(tmp_path, system, **environment):
+    """Run allocation.sh with recorders in place of all commands; return what each was called with."""
+    binaries = tmp_path / "bin"
+    binaries.mkdir()
+    for name in ("dask", "clearcap", "srun", "oarsh", "pbs_tmrsh"):
+        recorder = binaries / name
+        record = f"printf '%s\\n' \"{name} $*\" >> '{tmp_path}/calls'"
+        recorder.write_text(f"#!/bin/sh\n{record}\n" + ("sleep 1\n" if name == "clearcap" else ""))
+        recorder.chmod(0o755)
+    nodes = tmp_path / "nodes"
+    nodes.write_text("b\na\nb\na\n")
+    files = {"OAR_NODEFILE": str(nodes), "PBS_NODEFILE": str(nodes), "HOME": str(tmp_path), "USER": "me"}
+    given = {"PATH": f"{binaries}:/usr/bin:/bin", "CAMPAIGN": "c60", "STORE": "/runs", **files, **environment}
+    output("bash", DEPLOY / "batch/allocation.sh", system, env=given)
+    assert not list(tmp_path.glob(".clearcap-job*"))
+    return sorted((tmp_path / "calls").read_text().splitlines())
+
+
+@pytest.mark.parametrize(
+    ("system", "launchers"), [("slurm", ["srun"]), ("oar", ["oarsh"] * 2), ("pbs", ["pbs_tmrsh"] * 2)]
+)
+def test_allocation(tmp_path, system, launchers):
+    """One scheduler, one campaign, and workers launched once on each node, all with certificates."""
+    calls = allocation(tmp_path, system, CLEARCAP_INTERFACE="ib0")
+    assert sorted(call.split()[0] for call in calls) == sorted(["clearcap", "dask", *launchers])
+    for call in calls:
+        if call.startswith("clearcap"):
+            assert call.startswith("clearcap run c60 --store /runs --scheduler ")
+            assert f"--tls-key {tmp_path}/.clearcap/tls/client.key" in call
+            continue
+        role = "scheduler" if call.startswith("dask") else "worker"
+        assert f"--tls-key={tmp_path}/.clearcap/tls/{role}.key" in call
+        assert (f" {DEPLOY}/batch/on_node.sh dask worker " in call) == (role == "worker")
+        assert "--protocol tls --interface ib0" in call
+        assert "--no-dashboard --dashboard-address 127.0.0.1:0 --preload campaign.cluster.closed_http" in call
+    if system != "slurm":
+        assert [call.split()[1] for call in calls if call.split()[0] in launchers] == ["a", "b"]
