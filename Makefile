@@ -8,6 +8,8 @@ EXTRAS := cad client excel jobqueue kubernetes pdf s3 tls web
 # A process that crashes ends the run: pytest-xdist 3.8 waits for ever for the tests that it was given.
 PARALLEL := --numprocesses auto --max-worker-restart 0 --dist loadfile --no-loadscope-reorder
 export MPLBACKEND := Agg
+# The tests start some hundred processes: each would compile all modules again where nobody keeps bytecode.
+unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .PHONY: help run serve test prove storms lint audit lock bench clean

@@ -1,6 +1,7 @@
 """A small campaign on the C-60's description, for tests that need no physics."""
 
 import os
+import pickle
 from contextlib import contextmanager
 from functools import partial
 from multiprocessing import forkserver, get_context
@@ -54,10 +55,18 @@ def campaign_file(tmp_path):
     return path
 
 
+@pytest.fixture(scope="session")
+def pickled_campaign(tmp_path_factory):
+    """Return the campaign of the sound file as bytes: to load it once more takes far longer than to copy it."""
+    path = tmp_path_factory.mktemp("demo") / "demo.toml"
+    path.write_text(SPEC)
+    return pickle.dumps(load_campaign(str(path)))
+
+
 @pytest.fixture
-def campaign(campaign_file):
-    """Return the campaign of the file."""
-    return load_campaign(str(campaign_file))
+def campaign(pickled_campaign):
+    """Return the campaign of the sound file; each test has one of its own."""
+    return pickle.loads(pickled_campaign)
 
 
 @pytest.fixture

@@ -22,7 +22,7 @@ from campaign.plan import make_plan
 from campaign.store import open_store
 from tests.campaign import fake_engine
 from tests.campaign.commands import ROOT, clearcap_here
-from tests.campaign.conftest import SPEC, campaign, campaign_file, kept_workers, workers  # noqa: F401  # fixtures
+from tests.campaign.conftest import SPEC
 
 PASSWORD = "S3cretPassw0rd"
 
@@ -48,7 +48,7 @@ def contents(folder):
                 yield from ((f"{path}/{name}", archive.read(name)) for name in archive.namelist())
 
 
-def test_whole_campaign_leaves_no_password(tmp_path, campaign_file, workers, monkeypatch, capsys):  # noqa: F811
+def test_whole_campaign_leaves_no_password(tmp_path, campaign_file, workers, monkeypatch, capsys):
     """Plan, rows, report, status, list, messages: the URL is shown in all of them, the password in none."""
     monkeypatch.chdir(tmp_path)
     for module, verb in ((coordinating, "coordinate"), (submission, "submit")):
@@ -99,7 +99,7 @@ def test_without_the_command_line_there_is_no_warning(tmp_path, monkeypatch, cap
     assert (code, "warning" in err, PASSWORD in out + err) == (0, False, False)
 
 
-def test_detached_coordinator_is_not_told_on_its_command_line(tmp_path, campaign, monkeypatch):  # noqa: F811
+def test_detached_coordinator_is_not_told_on_its_command_line(tmp_path, campaign, monkeypatch):
     """Its environment, which only its owner reads, has the URL."""
     started = []
 

@@ -32,8 +32,17 @@ def formulas_in(place: Place, data: Any, prefix: str = "") -> Iterator[tuple[str
         read = _read(place, data, token)
         if isinstance(read, str) and isinstance(child.value, float):
             yield prefix + token, read
-        elif isinstance(read, Mapping | list | tuple):
+        elif _holds_text(read):  # most tables of a file are numbers alone, and long ones
             yield from formulas_in(child, read, f"{prefix}{token}.")
+
+
+def _holds_text(data: Any) -> bool:
+    """Return whether a table or a list that was read from a file has a text anywhere in it."""
+    if isinstance(data, Mapping):
+        data = data.values()
+    elif not isinstance(data, list | tuple):
+        return False
+    return any(isinstance(entry, str) or _holds_text(entry) for entry in data)
 
 
 def _read(place: Place, data: Any, token: str) -> Any:

@@ -15,6 +15,7 @@ from campaign.plan import Plan, make_plan
 from campaign.reports.report import provenance
 from campaign.spec.load import load_campaign
 from engine import load_mechanism
+from engine.jit import CACHE_FOLDER
 from tests.engine.mechanism.geometry.latch_file import LATCH
 
 
@@ -119,7 +120,7 @@ def test_refused(folder, words, said):
 
 
 def test_without_the_extra(folder):
-    """Where OCCT is not installed, `import` says what to install, and others work."""
+    """Where OCCT is not installed, `import` says what to install, and others work, with the kernels of this process."""
     hide = "import sys; sys.modules['OCP'] = None; sys.argv = ['clearcap', *{words!r}]"
     code = hide + "; from campaign.cli import main; main()"
 
@@ -129,7 +130,12 @@ def test_without_the_extra(folder):
             capture_output=True,
             text=True,
             timeout=120,
-            env={"XDG_CACHE_HOME": str(folder / "none"), "PATH": "", "HOME": str(folder)},
+            env={
+                "XDG_CACHE_HOME": str(folder / "none"),
+                "NUMBA_CACHE_DIR": str(CACHE_FOLDER.parent),
+                "PATH": "",
+                "HOME": str(folder),
+            },
         )
 
     refused = run("mechanism", "import", "latch.step", "-o", "y.toml")
