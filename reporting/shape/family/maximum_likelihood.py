@@ -9,8 +9,10 @@ evaluated at once.
 
 import math
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reporting.arrays import Array
 
@@ -103,7 +105,7 @@ def _derivatives(loglik: Likelihood, centre: Array, middle: float) -> tuple[Arra
     k = centre.size
     step = _STEP * (1 + np.abs(centre))
     ahead = np.diag(step)
-    first, second = np.tril_indices(k, -1)
+    first, second = _pairs(k)
     mixed = [centre + a * ahead[first] + b * ahead[second] for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
     values = loglik(np.concatenate((centre + ahead, centre - ahead, *mixed)))
     up, down = values[:k], values[k : 2 * k]
@@ -112,3 +114,9 @@ def _derivatives(loglik: Likelihood, centre: Array, middle: float) -> tuple[Arra
     hessian[first, second] = (corners[0] - corners[1] - corners[2] + corners[3]) / (4 * step[first] * step[second])
     hessian[second, first] = hessian[first, second]
     return (up - down) / (2 * step), hessian
+
+
+@cache
+def _pairs(k: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return each pair of two of k parameters, the later one first: finding them takes longer than a likelihood."""
+    return np.tril_indices(k, -1)
