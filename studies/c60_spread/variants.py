@@ -9,6 +9,7 @@ AXIAL = ("S1", "S2", "S4", "Sx", "S5", "S12", "S6", "S11", "S8", "S7")
 SHIPPED = "preset paper"
 UNIFORM = {"distribution": "uniform", "lower": 0.01, "upper": 0.13}
 ENDS = {"distribution": "empirical", "values": [0.01, 0.13]}
+PROBE = ("force_forward", "force_back")
 SPEEDS = (0.5, 0.05)
 
 
@@ -34,8 +35,8 @@ class Variant:
         Rank correlation of every two clearances; with 1 the joints share the clearance of J1.
     bench : str, optional
         Test bench of the mechanism.
-    response : str
-        What stands in the place of FC-1.
+    responses : tuple of str
+        What stands in the place of FC-1; several take turns, sample by sample.
     step : float, optional
         Fixed step, ms.
     fewer : int
@@ -52,7 +53,7 @@ class Variant:
     clearances: dict[str, Any] = field(default_factory=dict)
     correlation: float = 0.0
     bench: str | None = None
-    response: str = "FC-1"
+    responses: tuple[str, ...] = ("FC-1",)
     step: float | None = None
     fewer: int = 1
     heading: str = ""
@@ -67,7 +68,9 @@ def _of_the_model() -> list[Variant]:
     """Return the variants with the campaign's own clearances."""
     c60, public = _tables("c60"), _tables("c60_public")
     axial = [f"contacts.{name}" for name in c60["contacts"] if name.split("_")[0] in AXIAL]
-    as_coded = c60["springs"]["A3"] | {"actions": public["springs"]["A3"]["actions"]}
+    as_coded = {
+        name: spring | {"actions": public["springs"][name]["actions"]} for name, spring in c60["springs"].items()
+    }
     short = [{"name": "hold", "duration": 1.0}, {"name": "free"}]
     damped = {"phases.0.damping": 1.0, "phases.1.damping": 1.0}
     return [
@@ -87,16 +90,21 @@ def _of_the_model() -> list[Variant]:
         Variant("preload of A3 0.6547 rad", values={"springs.A3.preload": 0.6547}),
         Variant("preload of A3 1.0418 rad", values={"springs.A3.preload": 1.0418}),
         Variant("handle spring 2.68 times (as coded)", values={"springs.handle_spring.stiffness": 2.68 * 3.82}),
-        Variant("A3 by unbalanced forces (as coded)", {"springs": {"A3": as_coded}}),
+        Variant("A3 by unbalanced forces (as coded)", {"springs": {"A3": as_coded["A3"]}}),
+        Variant("all springs by unbalanced forces (as coded)", {"springs": as_coded}),
+        Variant("all springs as coded, friction 0.3 everywhere", {"springs": as_coded}, _friction(0.3)),
         Variant("bump of the latch of radius 0.45", values=_bump(0.45)),
         Variant("bump of the latch of radius 0.499", values=_bump(0.499)),
         Variant("needle seats with 0.1 mm of play", values={"S3": 0.1}),
         Variant("A3 varies, stiffness +- 1 %", varied={"springs.A3.stiffness": 0.01}),
         Variant("A3 varies, stiffness +- 4 %", varied={"springs.A3.stiffness": 0.04}),
         Variant("friction varies, +- 20 %", varied={f"materials.{name}.friction": 0.2 for name in c60["materials"]}),
-        Variant("the least that friction allows", response="FC-1_low"),
-        Variant("the largest that friction allows", response="FC-1_high"),
-        Variant("on the test bench: force on the probe", bench="contact_force", response="force", fewer=4),
+        Variant("the least that friction allows", responses=("FC-1_low",)),
+        Variant("the largest that friction allows", responses=("FC-1_high",)),
+        Variant("on the test bench: force on the probe", bench="contact_force", responses=("force",), fewer=4),
+        Variant("on the test bench, 1 mm before it: forward", bench="contact_force", responses=PROBE[:1], fewer=4),
+        Variant("on the test bench, 1 mm before it: back", bench="contact_force", responses=PROBE[1:], fewer=4),
+        Variant("on the test bench, 1 mm before it: forward or back by turns", bench="contact_force", responses=PROBE),
     ]
 
 
