@@ -79,5 +79,4 @@ def run(variant: Variant, sample: int, gaps: dict[str, float]) -> dict[str, floa
     for key, share in variant.varied.items():
         values[key] = get_value(mechanism, key) * (1 + share * float(np.clip(rng.standard_normal(), -4, 4)))
     found = simulate(mechanism, values, step=variant.step)
-    response = variant.responses[sample % len(variant.responses)]
-    return found.responses | {"FC-1": found.responses[response]} if found.status == "ok" else {}
+    return found.responses | {"FC-1": found.responses[variant.response]} if found.status == "ok" else {}

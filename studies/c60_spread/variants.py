@@ -9,7 +9,6 @@ AXIAL = ("S1", "S2", "S4", "Sx", "S5", "S12", "S6", "S11", "S8", "S7")
 SHIPPED = "preset paper"
 UNIFORM = {"distribution": "uniform", "lower": 0.01, "upper": 0.13}
 ENDS = {"distribution": "empirical", "values": [0.01, 0.13]}
-PROBE = ("force_forward", "force_back")
 SPEEDS = (0.5, 0.05)
 
 
@@ -35,8 +34,8 @@ class Variant:
         Rank correlation of every two clearances; with 1 the joints share the clearance of J1.
     bench : str, optional
         Test bench of the mechanism.
-    responses : tuple of str
-        What stands in the place of FC-1; several take turns, sample by sample.
+    response : str
+        What stands in the place of FC-1.
     step : float, optional
         Fixed step, ms.
     fewer : int
@@ -53,7 +52,7 @@ class Variant:
     clearances: dict[str, Any] = field(default_factory=dict)
     correlation: float = 0.0
     bench: str | None = None
-    responses: tuple[str, ...] = ("FC-1",)
+    response: str = "FC-1"
     step: float | None = None
     fewer: int = 1
     heading: str = ""
@@ -99,12 +98,13 @@ def _of_the_model() -> list[Variant]:
         Variant("A3 varies, stiffness +- 1 %", varied={"springs.A3.stiffness": 0.01}),
         Variant("A3 varies, stiffness +- 4 %", varied={"springs.A3.stiffness": 0.04}),
         Variant("friction varies, +- 20 %", varied={f"materials.{name}.friction": 0.2 for name in c60["materials"]}),
-        Variant("the least that friction allows", responses=("FC-1_low",)),
-        Variant("the largest that friction allows", responses=("FC-1_high",)),
-        Variant("on the test bench: force on the probe", bench="contact_force", responses=("force",), fewer=4),
-        Variant("on the test bench, 1 mm before it: forward", bench="contact_force", responses=PROBE[:1], fewer=4),
-        Variant("on the test bench, 1 mm before it: back", bench="contact_force", responses=PROBE[1:], fewer=4),
-        Variant("on the test bench, 1 mm before it: forward or back by turns", bench="contact_force", responses=PROBE),
+        Variant("the least that friction allows", response="FC-1_low"),
+        Variant("the largest that friction allows", response="FC-1_high"),
+        Variant("on the test bench: force on the probe", bench="contact_force", response="force", fewer=4),
+        Variant(
+            "on the test bench, 1 mm before that: forward", bench="contact_force", response="force_forward", fewer=4
+        ),
+        Variant("on the test bench, 1 mm before that: back", bench="contact_force", response="force_back", fewer=4),
     ]
 
 

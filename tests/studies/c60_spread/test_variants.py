@@ -8,19 +8,7 @@ ALL = variants()
 def test_variants_differ():
     """No two change the same, and none but the first changes nothing."""
     changes = [
-        repr(
-            (
-                v.tables,
-                v.values,
-                v.varied,
-                v.speeds,
-                v.clearances,
-                v.correlation,
-                v.bench,
-                v.responses,
-                v.step,
-            )
-        )
+        repr((v.tables, v.values, v.varied, v.speeds, v.clearances, v.correlation, v.bench, v.response, v.step))
         for v in ALL
     ]
     assert len(set(changes)) == len(ALL) == len({v.name for v in ALL})
