@@ -16,7 +16,7 @@ from tests.engine.histories import History, history
 from tests.engine.linkages import LOOSE
 from tests.engine.small import GRAVITY, block_on_floor, coordinates, made, shipped, small
 
-SOME = settings(max_examples=15, deadline=None, derandomize=True)
+SOME = settings(max_examples=10, deadline=None, derandomize=True)
 seeds = st.integers(0, 100_000)
 LONG = {"adaptive": {"longest": 0.05, "travel": 0.2}}  # steps in which a pin slides far round its bore
 CLEARANCES = {"radial_clearance", "axial_clearance", "clearance", "width_clearance"}
