@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 AXE = Path(__file__).parents[1] / "node_modules" / "axe-core" / "axe.min.js"
+LOADS_WITHIN = 120.0  # s, for a page; whatever else the driver is told has two minutes, which is Selenium's own bound
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
 OPTIONS = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--window-size=1280,1000",
            "--disable-background-networking", "--disable-component-update", "--disable-sync")  # fmt: skip
@@ -48,6 +49,7 @@ def chromium(
         chosen.add_experimental_option("prefs", preferences)
     chosen.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     driver = webdriver.Chrome(options=chosen, service=webdriver.ChromeService(DRIVER))
+    driver.set_page_load_timeout(LOADS_WITHIN)
     try:
         yield driver
     finally:

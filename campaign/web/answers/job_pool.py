@@ -158,10 +158,18 @@ class JobPool:
         return process
 
     def _take(self) -> "asyncio.Task[JobProcess]":
-        """Take an idle process, if possible one that is warm; one that has ended meanwhile is replaced."""
+        """Take an idle process, if possible one that is warm; one that has ended meanwhile is replaced.
+
+        Raises
+        ------
+        JobPostponed
+            If there is none, because the pool has ended.
+        """
         for task in [task for task in self._idle if task.done() and not _is_alive(task)]:
             self._idle.remove(task)
             self._replace(task)
+        if not self._idle:
+            raise JobPostponed("the server ends, and has no process for it; try again when the next one serves")
         warm = next((task for task in reversed(self._idle) if task.done()), self._idle[-1])
         self._idle.remove(warm)
         return warm

@@ -84,7 +84,7 @@ class Watcher:
         self._is_ending = False
 
     async def run(self) -> None:
-        """Look at the store again and again, until cancelled."""
+        """Look at the store again and again, until cancelled; then no thread reads it any more."""
         self._loop = asyncio.get_running_loop()
         try:
             while True:
@@ -96,7 +96,8 @@ class Watcher:
                     pass
                 self._wake.clear()
         finally:
-            self._reader.shutdown(wait=False, cancel_futures=True)
+            # the look that is under way is waited for, as at the end of the process: what it reads into is closed next
+            await asyncio.to_thread(self._reader.shutdown, cancel_futures=True)
 
     async def _look(self) -> None:
         """Look once; a store that is away is looked at again later."""
@@ -160,7 +161,8 @@ class Watcher:
             self._changed.add(campaign)
         self._hurries += 1
         self.listed_at = None
-        self._loop.call_soon_threadsafe(self._wake.set)
+        with suppress(RuntimeError):  # the loop is closed: nobody looks any more
+            self._loop.call_soon_threadsafe(self._wake.set)
 
     def end_streams(self) -> None:
         """End the streams of all followers, because the server ends; they come back to the next one."""

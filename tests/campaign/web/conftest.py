@@ -49,7 +49,7 @@ def pytest_generate_tests(metafunc):
 
 @pytest.fixture(scope="session", autouse=True)
 def cheap_passwords():
-    """Have passwords hashed with little work; return how much it is otherwise."""
+    """Have passwords hashed with little work; return how much it is otherwise, and for passwords that others check."""
     usual = secret_words._COST
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(secret_words, "_COST", 2)

@@ -208,6 +208,22 @@ def test_processes_warm_up_before_they_serve(tmp_path):
     in_pool(ask_cold, warm_up=strange_jobs.store_away)
 
 
+def test_jobs_end_with_the_pool():
+    """The one that runs and the one that waits each say why; neither hangs."""
+
+    async def leave():
+        async with JobPool(1, quota=Quota(at_once=1), limits=LIMITS) as pool:
+            jobs = [asyncio.create_task(pool.run("u", strange_jobs.sleep, 600)) for _ in range(2)]
+            await until(lambda: (pool.running, pool.waiting) == (1, 1))
+        async with asyncio.timeout(30):
+            return await asyncio.gather(*jobs, return_exceptions=True)
+
+    running, waiting = asyncio.run(leave())
+    assert isinstance(running, JobFailed)
+    assert isinstance(waiting, JobPostponed)
+    assert "the server ends" in str(waiting)
+
+
 def test_nothing_is_left_of_a_pool():
     """Processes end with it, amid a job too."""
     pids = []

@@ -1,5 +1,6 @@
 """Servers as their users have them, one with an empty store and one with finished campaigns, and browsers."""
 
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib import resources
 
@@ -9,7 +10,7 @@ from campaign.coordinator.state import write_state
 from campaign.spec.load import load_campaign
 from campaign.store.label_versions import change_labels
 from campaign.store.labels import LabelChange
-from campaign.web.access import Role
+from campaign.web.access import Role, secret_words
 from campaign.web.settings import Settings
 from campaign.web.web_service import open_service
 from engine import simulate
@@ -44,7 +45,7 @@ WIDER = (
     .replace("seven joint clearances", "J1 of another supplier")
     .replace("std = 0.0175", "std = 0.025", 1)
 )
-SAMPLES = 400
+SAMPLES, FEWER = 400, 100  # of the first, and of the other
 REPORTED_WITHIN = 300.0  # s, on a machine that has other things to do
 
 
@@ -56,7 +57,7 @@ class FinishedCampaigns:
     ----------
     server : LiveServer
     first, wider : str
-        Their ids; in the second J1 scatters more.
+        Their ids; in the second J1 scatters more, and the samples are fewer.
     user : str
     """
 
@@ -67,20 +68,22 @@ class FinishedCampaigns:
 
 
 @pytest.fixture(scope="session")
-def finished(tmp_path_factory):
+def finished(tmp_path_factory, cheap_passwords):
     """Return a server with finished campaigns: their rows are computed here, their reports by the server."""
     folder = tmp_path_factory.mktemp("c60")
     ids = []
-    for name, text in (("c60", C60), ("wider", WIDER)):
+    for name, text, samples in (("c60", C60, SAMPLES), ("wider", WIDER, FEWER)):
         (folder / f"{name}.toml").write_text(text)
-        campaign = load_campaign(str(folder / f"{name}.toml"), samples=SAMPLES)
+        campaign = load_campaign(str(folder / f"{name}.toml"), samples=samples)
         store, plan = computed(folder / "runs", campaign, 100, simulate)
         change_labels(store, plan.campaign_id, LabelChange(owner="ada", add=("release-3",)), by="ada")
         write_state(store, plan.campaign_id, "queued")
         ids.append(plan.campaign_id)
     service = open_service(Settings(str(folder / "runs"), folder / "data", processes=0))
     service.users.add("admin", Role.ADMIN)
-    service.users.add("ada", Role.APPROVER, PASSWORD)
+    with pytest.MonkeyPatch.context() as patch:  # a process of its own checks it
+        patch.setattr(secret_words, "_COST", cheap_passwords)
+        service.users.add("ada", Role.APPROVER, PASSWORD)
     service.close()
     with live_server(folder) as server:
         until(
@@ -91,24 +94,44 @@ def finished(tmp_path_factory):
         yield FinishedCampaigns(server, *ids)
 
 
+@contextmanager
+def browsers(tmp_path_factory):
+    """Yield what opens a browser with a profile of its own, by address and width; all end with the block."""
+    with ExitStack() as opened:
+
+        def open_browser(url, width, preferences=None, with_axe=True):
+            profile = tmp_path_factory.mktemp("profile")
+            browser = opened.enter_context(chromium(profile, host=HOST, preferences=preferences))
+            return Keyboard(browser, url, width, with_axe=with_axe)
+
+        yield open_browser
+
+
 @pytest.fixture
 def keyboard(tmp_path_factory):
     """Return what opens a browser with a profile of its own, by address and width."""
-    opened = []
+    with browsers(tmp_path_factory) as open_browser:
+        yield open_browser
 
-    def open_browser(url, width, preferences=None, with_axe=True):
-        context = chromium(tmp_path_factory.mktemp("profile"), host=HOST, preferences=preferences)
-        opened.append(context)
-        return Keyboard(context.__enter__(), url, width, with_axe=with_axe)
 
-    yield open_browser
-    for context in reversed(opened):
-        context.__exit__(None, None, None)
+@pytest.fixture(scope="session")
+def kept_users(tmp_path_factory, finished):
+    """Return what gives the approver at the browser of a width; he logs in once for all tests, which takes seconds."""
+    known = {}
+    with browsers(tmp_path_factory) as open_browser:
+
+        def user_at(width):
+            if width not in known:
+                known[width] = open_browser(finished.server.url, width)
+                known[width].log_in(finished.user, PASSWORD)
+            known[width].begin_anew()
+            known[width].open("/campaigns")
+            return known[width]
+
+        yield user_at
 
 
 @pytest.fixture(params=[1400, 400])
-def user(request, keyboard, finished):
+def user(request, kept_users):
     """Return an approver at a browser, in a wide window and on a telephone, on the list of the finished campaigns."""
-    someone = keyboard(finished.server.url, request.param)
-    someone.log_in(finished.user, PASSWORD)
-    return someone
+    return kept_users(request.param)

@@ -56,6 +56,18 @@ class Keyboard:
         self._asked: list[str] = []
         set_width(browser, width)
 
+    def begin_anew(self) -> None:
+        """Be as in a new browser, but logged in: scripts run, things move, and nothing was looked at or asked."""
+        self.browser.switch_to.default_content()
+        self.browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": False})
+        self.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+        set_width(self.browser, self.width)
+        self.browser.get("about:blank")
+        self.browser.get_log("browser")
+        self.browser.get_log("performance")
+        self.titles.clear()
+        self._asked.clear()
+
     @property
     def path(self) -> str:
         """Path of the page, with its query."""

@@ -4,6 +4,7 @@ import pytest
 from selenium.webdriver.common.keys import Keys
 
 from engine.mechanism import mechanism_schema
+from tests.campaign.web.journeys.conftest import browsers
 from tests.campaign.web.journeys.live_server import live_server
 from tests.chromium import needs_axe, needs_chromium
 
@@ -78,13 +79,20 @@ class Editor:
         return self.field.get_property("value")
 
 
-@pytest.fixture
-def user(keyboard, tmp_path):
+@pytest.fixture(scope="module")
+def somebody(tmp_path_factory):
     """Return somebody who is logged in at a server of his own."""
-    with live_server(tmp_path, "--no-drive") as server:
-        somebody = keyboard(server.url, 1400)
+    with live_server(tmp_path_factory.mktemp("editor"), "--no-drive") as server, browsers(tmp_path_factory) as browser:
+        somebody = browser(server.url, 1400)
         somebody.open(server.login)
         yield somebody
+
+
+@pytest.fixture
+def user(somebody):
+    """Return him as if he had just come."""
+    somebody.begin_anew()
+    return somebody
 
 
 def test_keys_and_values(user):

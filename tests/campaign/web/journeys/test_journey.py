@@ -62,7 +62,7 @@ def _submit(user, server):
         f"{server.url}/api/v1/campaigns",
         json={"text": TEXT},
         headers={"Authorization": f"Bearer {secret}"},
-        timeout=300,
+        timeout=200,
     )
     assert answer.status_code == 201, answer.text
     return answer.json()["campaign"]

@@ -7,7 +7,6 @@ import pytest
 
 from campaign.pictures.moving_drawing import path_data
 from engine import load_mechanism, simulate
-from tests.campaign.web.journeys.live_server import live_server
 from tests.chromium import needs_axe, needs_chromium
 
 pytestmark = [pytest.mark.slow, needs_chromium, needs_axe]
@@ -21,40 +20,36 @@ CLOCK = "return document.querySelector('[data-clock]').textContent"
 SLIDER = "return Number(document.querySelector('.player input').value)"
 
 
-@pytest.mark.parametrize("width", [1400, 400])
-def test_drawing_moves_and_is_moved(keyboard, tmp_path, width):
+def test_drawing_moves_and_is_moved(user):
     """It plays by itself, and by keyboard; each frame is the outlines at the frame's places."""
-    with live_server(tmp_path) as server:
-        user = keyboard(server.url, width)
-        user.open(server.login)
-        user.open(ADDRESS)
-        first = user.browser.execute_script(SLIDER)
-        user.until(lambda: user.browser.execute_script(SLIDER) != first, "it moves")
-        user.look()
-        user.press("Pause", "button")
-        slider = user.tab_to("Time", "input")
-        slider.send_keys("\ue011")  # Home
-        assert user.browser.execute_script(SLIDER) == 0
-        assert user.browser.execute_script(CLOCK) == "t = 0.000 ms"
-        slider.send_keys("\ue014" * 7)  # right
-        assert user.browser.execute_script(SLIDER) == 7
-        motion = json.loads(user.browser.find_element("css selector", "[data-motion]").get_attribute("data-motion"))
-        _check_drawn(user.browser.execute_script(DRAWN), motion, 7)
-        assert slider.get_attribute("aria-valuetext") == f"t = {motion['time'][7]:#.4g} ms"
-        user.browser.execute_cdp_cmd(
-            "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]}
-        )
-        user.open(ADDRESS)
-        last = len(motion["time"]) - 1
-        assert user.browser.execute_script(SLIDER) == last
-        _check_drawn(user.browser.execute_script(DRAWN), motion, last)
-        assert user.tab_to("Play", "button").is_displayed()
-        user.browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
-        user.open(ADDRESS)
-        drawings = user.browser.find_elements("css selector", "figure.motion > svg")
-        assert [drawing.is_displayed() for drawing in drawings] == [True]
-        assert not user.browser.find_element("css selector", ".player").is_displayed()
-        assert f"{simulate(load_mechanism('c60'), {'J1': 0.05}).responses['FC-1']:.6g}" in user.text
+    user.open(ADDRESS)
+    first = user.browser.execute_script(SLIDER)
+    user.until(lambda: user.browser.execute_script(SLIDER) != first, "it moves")
+    user.look()
+    user.press("Pause", "button")
+    slider = user.tab_to("Time", "input")
+    slider.send_keys("\ue011")  # Home
+    assert user.browser.execute_script(SLIDER) == 0
+    assert user.browser.execute_script(CLOCK) == "t = 0.000 ms"
+    slider.send_keys("\ue014" * 7)  # right
+    assert user.browser.execute_script(SLIDER) == 7
+    motion = json.loads(user.browser.find_element("css selector", "[data-motion]").get_attribute("data-motion"))
+    _check_drawn(user.browser.execute_script(DRAWN), motion, 7)
+    assert slider.get_attribute("aria-valuetext") == f"t = {motion['time'][7]:#.4g} ms"
+    user.browser.execute_cdp_cmd(
+        "Emulation.setEmulatedMedia", {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]}
+    )
+    user.open(ADDRESS)
+    last = len(motion["time"]) - 1
+    assert user.browser.execute_script(SLIDER) == last
+    _check_drawn(user.browser.execute_script(DRAWN), motion, last)
+    assert user.tab_to("Play", "button").is_displayed()
+    user.browser.execute_cdp_cmd("Emulation.setScriptExecutionDisabled", {"value": True})
+    user.open(ADDRESS)
+    drawings = user.browser.find_elements("css selector", "figure.motion > svg")
+    assert [drawing.is_displayed() for drawing in drawings] == [True]
+    assert not user.browser.find_element("css selector", ".player").is_displayed()
+    assert f"{simulate(load_mechanism('c60'), {'J1': 0.05}).responses['FC-1']:.6g}" in user.text
 
 
 def _check_drawn(drawn, motion, frame):

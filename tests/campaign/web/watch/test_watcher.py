@@ -140,6 +140,28 @@ def test_reader_that_ends_after_the_index_was_closed(store, plan, index, monkeyp
         assert late.result(10) == {plan.campaign_id}
 
 
+def test_no_thread_reads_the_store_after_the_end(store, index, monkeypatch):
+    """Who ends the watcher waits for the look that is under way; a change that comes later is no error."""
+    reading, go_on = threading.Event(), threading.Event()
+    monkeypatch.setattr(
+        "campaign.web.watch.index.entry_of", lambda s, c: (reading.set(), go_on.wait(10), entry_of(s, c))[2]
+    )
+
+    async def begin_and_end():
+        watcher = Watcher(store, index)
+        looking = asyncio.create_task(watcher.run())
+        assert await asyncio.to_thread(reading.wait, 10)
+        looking.cancel()
+        asyncio.get_running_loop().call_later(0.1, go_on.set)
+        with pytest.raises(asyncio.CancelledError):
+            await looking
+        return watcher, [each.name for each in threading.enumerate() if each.name.startswith("store-reader")]
+
+    watcher, threads = asyncio.run(begin_and_end())
+    assert threads == []
+    watcher.hurry()
+
+
 @also_on_s3
 def test_index_forgets_what_is_gone(store, plan, index):
     index.refresh(store, change_tokens(store))
