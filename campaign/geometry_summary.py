@@ -39,10 +39,13 @@ def geometry_provenance(certificate: GeometryCertificate | None) -> dict[str, st
     gap = max((face.recognition_gap for face in faces), default=0.0)
     offset = max((joint.axis_offset for joint in joints), default=0.0)
     tilt = max((joint.tilt for joint in joints), default=0.0)
+    errors = [face.conversion_error for face in faces if face.conversion_error is not None]
+    converted = f", conversion error {max(errors):.3g}" if errors else ""
     return {
         "CAD file": certificate.file,
         "sha256 of the CAD file": certificate.sha256,
-        "geometry from it": f"{len(certificate.bodies)} bodies, {len(faces)} faces; largest recognition gap {gap:.3g}, "
+        "geometry from it": f"{len(certificate.bodies)} bodies, {len(faces)} faces; largest recognition gap {gap:.3g}"
+        f"{converted}, "
         f"axes up to {offset:.3g} apart and {tilt:.3g} rad tilted as drawn",
         "gaps at the start": _gaps(certificate),
     }
@@ -68,7 +71,8 @@ def _joint(joint: DrawnJoint, length: str) -> str:
 
 def _face(face: DrawnFace, length: str) -> str:
     radius = "" if face.radius is None else f" of radius {face.radius:.9g} {length}"
-    return f"{face.kind}{radius}, recognition gap {face.recognition_gap:.3g} {length}"
+    error = "" if face.conversion_error is None else f", conversion error {face.conversion_error:.3g} {length}"
+    return f"{face.kind}{radius}, recognition gap {face.recognition_gap:.3g} {length}{error}"
 
 
 def _gap(gap: DrawnGap, length: str) -> str:

@@ -52,9 +52,9 @@ def mechanism_summary(mechanism: Mechanism) -> dict[str, Any]:
 
 
 def converted_surfaces(mechanism: Mechanism) -> dict[str, dict[str, Any]]:
-    """Return the contacts whose surface is a B-spline: how many patches take its place, their error and its unit."""
+    """Return the contacts whose surface is of B-splines: how many patches take their place, the error and its unit."""
     found = {name: contact.sides[1].primitive for name, contact in mechanism.contacts.items()}
-    splines = {name: shape for name, shape in found.items() if isinstance(shape, FreeFormSurface) and shape.degree}
+    splines = {name: shape for name, shape in found.items() if isinstance(shape, FreeFormSurface) and not shape.patches}
     unit = Quantity("length").unit(mechanism.units)
     return {
         name: {"patches": len(shape.top), "error": shape.conversion_error, "unit": unit}

@@ -1,6 +1,6 @@
 """CAD files: STEP in, plain numbers out. OCCT, the extra ``clearcap[cad]``, runs only in the process that reads."""
 
-from engine.cad.cad_model import CadAssembly, CadEdge, CadFace, CadPart
+from engine.cad.cad_model import CadAssembly, CadEdge, CadFace, CadPart, SplineSurface
 from engine.cad.occt_process import ReadingLimits
 from engine.cad.step_reader import RECOGNITION, read_step
 from engine.cad.unit_of_length import in_unit
@@ -12,6 +12,7 @@ __all__ = [
     "CadFace",
     "CadPart",
     "ReadingLimits",
+    "SplineSurface",
     "in_unit",
     "read_step",
 ]

@@ -4,7 +4,7 @@ All places and directions are in the frame of the assembly, as it is posed in th
 The type of a field says by which power of the unit of length its numbers grow, see `engine.cad.unit_of_length`.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -110,7 +110,7 @@ class CadPart:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SplineSurface:
-    """A B-spline surface; neither direction is periodic. It may reach over the edges of its face."""
+    """A B-spline surface; neither direction is periodic. The product S_u x S_v points out of the material."""
 
     degrees: tuple[int, int]
     knots: tuple[Array, Array]
@@ -119,6 +119,11 @@ class SplineSurface:
     """Control points, shape (n, m, 3) [mm]."""
     weights: Array
     """Shape (n, m); all 1 unless the surface is rational."""
+
+    def turned_over(self) -> "SplineSurface":
+        """Return the same surface with its normal on the other side: u and v exchanged."""
+        points, weights = np.swapaxes(self.points, 0, 1), self.weights.T
+        return replace(self, degrees=self.degrees[::-1], knots=self.knots[::-1], points=points, weights=weights)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -159,8 +164,9 @@ class CadFace:
     """Largest distance [mm] between a spline of the file and what it was taken for; 0 where it was none."""
     places: tuple[int, ...] = ()
     """Places of the file's faces that it is made of, among all faces of its part's product."""
-    spline: SplineSurface | None = None
-    """Of a face of kind surface."""
+    splines: tuple[SplineSurface, ...] = ()
+    """Of its surface as the file has it, together covering the face and nothing else; none where its edges do not
+    run along parameter lines, or its surface is no B-spline, as the offset of one."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -34,7 +34,7 @@ class FacePiece:
     normal: Array
     """Outward, at `on`."""
     recognition_gap: float = 0.0
-    spline: SplineSurface | None = None
+    splines: tuple[SplineSurface, ...] = ()
     vertices: Array = field(repr=False)
     """Of its triangles, shape (n, 3)."""
     triangles: Integers = field(repr=False)
@@ -130,11 +130,18 @@ def _face(pieces: list[FacePiece], part: str, number: int) -> CadFace:
         on=first.on,
         normal=first.normal,
         recognition_gap=max(piece.recognition_gap for piece in pieces),
-        spline=first.spline,
+        splines=_splines(pieces),
     )
     if first.kind in ("plane", "surface"):
         return face
     return _with_extent(face, pieces)
+
+
+def _splines(pieces: list[FacePiece]) -> tuple[SplineSurface, ...]:
+    """Return the B-splines of all pieces; none if one of them has none."""
+    if not all(piece.splines for piece in pieces):
+        return ()
+    return tuple(spline for piece in pieces for spline in piece.splines)
 
 
 def _with_extent(face: CadFace, pieces: list[FacePiece]) -> CadFace:

@@ -53,12 +53,13 @@ def _face(face: CadFace, placement: Placement) -> CadFace:
         middle=turn @ face.middle,
         on=placement.to_assembly(face.on),
         normal=turn @ face.normal,
-        spline=face.spline and _spline(face.spline, placement),
+        splines=tuple(_spline(spline, placement) for spline in face.splines),
     )
 
 
 def _spline(spline: SplineSurface, placement: Placement) -> SplineSurface:
-    return replace(spline, points=placement.to_assembly(spline.points))
+    placed = replace(spline, points=placement.to_assembly(spline.points))
+    return placed.turned_over() if placement.mirrored else placed
 
 
 def _edge(edge: CadEdge, part: str, placement: Placement, first_face: int) -> CadEdge:

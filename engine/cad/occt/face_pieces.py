@@ -14,8 +14,10 @@ from engine.arrays import Array, Integers
 from engine.cad.merged_faces import FacePiece
 from engine.cad.occt.mass_properties import area
 from engine.cad.occt.occt_arrays import array3, one_way
-from engine.cad.occt.spline_surfaces import spline_of
+from engine.cad.occt.spline_surfaces import splines_of
 from engine.cad.occt.triangulation import triangles_of
+
+_PRECISION = 1e-7  # mm that OCCT counts as nothing
 
 
 def face_piece(face: Any, solid: int, recognition: float) -> FacePiece | None:
@@ -39,11 +41,18 @@ def face_piece(face: Any, solid: int, recognition: float) -> FacePiece | None:
     on, normal = _inside(face, surface, vertices, triangles, parameters)
     lies_on = _analytic(surface) or _recognised(face, recognition)
     if lies_on is None:
-        lies_on = {"kind": "surface", "point": on, "axis": np.zeros(3), "spline": spline_of(face)}
+        lies_on = {"kind": "surface", "point": on, "axis": np.zeros(3)}
     elif lies_on["kind"] == "plane":
         lies_on |= {"point": on, "axis": lies_on["axis"] * np.sign(lies_on["axis"] @ normal)}
     return FacePiece(
-        solid=solid, area=area(face), on=on, normal=normal, vertices=vertices, triangles=triangles, **lies_on
+        solid=solid,
+        area=area(face),
+        on=on,
+        normal=normal,
+        splines=splines_of(face, surface, max(recognition, _PRECISION)),
+        vertices=vertices,
+        triangles=triangles,
+        **lies_on,
     )
 
 

@@ -1,23 +1,57 @@
-"""The B-spline surface of a free-form face."""
+"""The surface of a face as B-splines that cover the face and nothing else."""
 
 from typing import Any
 
 import numpy as np
-from OCP.BRep import BRep_Tool
-from OCP.BRepTools import BRepTools
 from OCP.Geom import Geom_RectangularTrimmedSurface
+from OCP.GeomAbs import GeomAbs_CurveType, GeomAbs_SurfaceType
 from OCP.GeomConvert import GeomConvert
+from OCP.TopAbs import TopAbs_Orientation
 
 from engine.arrays import Array
 from engine.cad.cad_model import SplineSurface
 from engine.cad.occt.occt_arrays import array3
+from engine.cad.occt.parameter_cells import Cell, parameter_cells
+
+_SWEPT = (GeomAbs_SurfaceType.GeomAbs_SurfaceOfExtrusion, GeomAbs_SurfaceType.GeomAbs_SurfaceOfRevolution)
+_INEXACT = (GeomAbs_SurfaceType.GeomAbs_OffsetSurface, GeomAbs_SurfaceType.GeomAbs_OtherSurface)
+_INEXACT_CURVES = (GeomAbs_CurveType.GeomAbs_OffsetCurve, GeomAbs_CurveType.GeomAbs_OtherCurve)
+"""What is no B-spline, nor a rational one: OCCT would approximate it, for minutes where it is wavy."""
 
 
-def spline_of(face: Any) -> SplineSurface:
-    """Return the surface of a face as a B-spline over the rectangle of parameters that the face needs."""
-    surface = BRep_Tool.Surface_s(face)
-    u0, u1, v0, v1 = _rectangle(surface, BRepTools.UVBounds_s(face))
-    spline = GeomConvert.SurfaceToBSplineSurface_s(Geom_RectangularTrimmedSurface(surface, u0, u1, v0, v1))
+def splines_of(face: Any, adaptor: Any, tolerance: float) -> tuple[SplineSurface, ...]:
+    """Return B-splines that cover a face.
+
+    There are none if its edges do not run along parameter lines of its surface, or that is no B-spline, as the offset
+    of one.
+
+    Parameters
+    ----------
+    face : TopoDS_Face
+    adaptor : BRepAdaptor_Surface
+        Its surface.
+    tolerance : float
+        Largest distance [mm] between an edge and the parameter line it is taken for.
+    """
+    if not _is_a_spline(adaptor):
+        return ()
+    surface, cells = parameter_cells(face, tolerance)
+    turned = face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED
+    found = [_spline(surface, cell) for cell in cells]
+    return tuple(spline.turned_over() if turned else spline for spline in found)
+
+
+def _is_a_spline(adaptor: Any) -> bool:
+    """Return whether a surface can be written as a B-spline, or a rational one, without an error."""
+    if adaptor.GetType() in _SWEPT:
+        return adaptor.BasisCurve().GetType() not in _INEXACT_CURVES
+    return adaptor.GetType() not in _INEXACT
+
+
+def _spline(surface: Any, cell: Cell) -> SplineSurface:
+    """Return a rectangle of parameters of a surface as a B-spline."""
+    piece = Geom_RectangularTrimmedSurface(surface, *cell[0], *cell[1])
+    spline = GeomConvert.SurfaceToBSplineSurface_s(piece)
     spline.SetUNotPeriodic()
     spline.SetVNotPeriodic()
     rows, columns = range(1, spline.NbUPoles() + 1), range(1, spline.NbVPoles() + 1)
@@ -30,17 +64,6 @@ def spline_of(face: Any) -> SplineSurface:
         points=np.array([[array3(spline.Pole(i, j)) for j in columns] for i in rows]),
         weights=np.array([[spline.Weight(i, j) for j in columns] for i in rows]),
     )
-
-
-def _rectangle(surface: Any, bounds: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
-    """Return the parameters that a face needs; where they reach over the edge of its surface, that edge."""
-    low_u, high_u, low_v, high_v = bounds
-    u0, u1, v0, v1 = surface.Bounds()
-    if not surface.IsUPeriodic():
-        low_u, high_u = max(u0, low_u), min(u1, high_u)
-    if not surface.IsVPeriodic():
-        low_v, high_v = max(v0, low_v), min(v1, high_v)
-    return low_u, high_u, low_v, high_v
 
 
 def _knots(count: int, knot: Any, multiplicity: Any) -> Array:

@@ -47,6 +47,20 @@ class NearEdge(TableModel):
     edge: NearPlace = Field(description="a point near the edge: { near, within }")
 
 
+class FacesNear(TableModel):
+    """Faces of any shape, which become one surface."""
+
+    faces: Annotated[tuple[NearPlace, ...], Field(json_schema_extra={"minItems": 1})] = Field(
+        description="faces of the CAD part, each { near, within }"
+    )
+    conversion: PositiveLength | None = Field(
+        default=None, description="largest error of the patches in their place, a number > 0; default: 1e-5 of its size"
+    )
+    depth: PositiveLength | None = Field(
+        default=None, description="the thickness of the plate behind a surface with open edges, a number > 0"
+    )
+
+
 class SideHole(TableModel):
     """A side that is the inside of a cylinder."""
 
@@ -71,13 +85,20 @@ class SideArc(TableModel):
     arc: NearEdge = Field(description="a circular edge of the CAD part: { edge = { near, within } }")
 
 
-FeatureKind = Literal["hole", "pin", "plane", "arc"]
+class SideSurface(TableModel):
+    """A side that is one or several faces of any shape."""
+
+    surface: FacesNear = Field(description="faces of the CAD part: { faces = [{ near, within }, ...] }")
+
+
+FeatureKind = Literal["hole", "pin", "plane", "arc", "surface"]
 
 SELECTORS: dict[FeatureKind, type[TableModel]] = {
     "hole": SideHole,
     "pin": SidePin,
     "plane": SidePlane,
     "arc": SideArc,
+    "surface": SideSurface,
 }
 """The table that holds a selector alone, by its key."""
 
@@ -86,6 +107,7 @@ GEOMETRY_OF: dict[FeatureKind, tuple[str, ...]] = {
     "pin": ("Journal", "Side"),
     "plane": ("Face", "Side"),
     "arc": ("Side",),
+    "surface": ("Side",),
 }
 """The tables of sides in which a selector may stand, by their models."""
 
@@ -99,5 +121,12 @@ def selector_of(side: object) -> FeatureKind | None:
         "pin": "pin" in side,
         "plane": isinstance(side.get("plane"), dict) and "near" in side["plane"],
         "arc": isinstance(side.get("arc"), dict) and "edge" in side["arc"],
+        "surface": _names_faces(side.get("surface")),
     }
     return next((kind for kind, is_given in given.items() if is_given), None)
+
+
+def _names_faces(surface: object) -> bool:
+    """Return whether a surface has faces by where they are, and not by control points."""
+    faces = surface.get("faces") if isinstance(surface, dict) else None
+    return isinstance(faces, list) and any(isinstance(face, dict) and "near" in face for face in faces)

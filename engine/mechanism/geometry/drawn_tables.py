@@ -15,6 +15,7 @@ from engine.mechanism.faults import did_you_mean, faults_of
 from engine.mechanism.geometry.cad_table import AS_DRAWN, SELECTORS, FeatureKind, selector_of
 from engine.mechanism.geometry.drawn_joint import DrawnPin, NotAsDrawn, joint_of_pin
 from engine.mechanism.geometry.drawn_outline import drawn_outline, viewing_direction
+from engine.mechanism.geometry.drawn_surface import NotASurface, drawn_faces, spline_faces, surface_table
 from engine.mechanism.geometry.face_search import NotOneFace, PartSearch
 from engine.mechanism.geometry.geometry_certificate import DrawnBody, DrawnFace, DrawnJoint
 from engine.mechanism.geometry.measured_pairs import measured_feature, measured_point
@@ -168,6 +169,12 @@ class DrawnTables:
             if kind is None:
                 continue
             table = as_table(contact[side])
+            if kind == "surface":
+                surface = self._surface((*keys, side), table)
+                if surface is None:
+                    return {}
+                plain[side] = _without_selector(table) | {"surface": surface}
+                continue
             feature = self._feature((*keys, side), table)
             if feature is None:
                 return {}
@@ -190,8 +197,31 @@ class DrawnTables:
         if first is not None and second is not None and not (first.point and second.point):
             self.pairs[".".join(keys)] = first, second
 
-    def _feature(self, keys: Keys, side: Mapping[str, Any]) -> CadFace | CadEdge | None:
-        """Return the face or edge that a side names; None after noting why there is none."""
+    def _surface(self, keys: Keys, side: Mapping[str, Any]) -> dict[str, Any] | None:
+        """Return the table of the surface whose faces a side names; None after noting why there is none."""
+        wanted = self._wanted(keys, side)
+        if wanted is None:
+            return None
+        search, faces, splines = self._search(side["body"]), [], []
+        for i, near in enumerate(wanted.faces):
+            try:
+                faces.append(search.face(near))
+                if faces[-1] in faces[:-1]:
+                    raise NotASurface("is a face that is named already; allowed: each face once; remove it")
+                splines.append(spline_faces(search, faces[-1]))
+            except (NotOneFace, NotASurface) as error:
+                self.faults.append(Fault((*keys, "surface", "faces", str(i)), str(error)))
+        if len(splines) < len(wanted.faces):
+            return None
+        table = surface_table(wanted, splines)
+        drawn = drawn_faces(table, faces)
+        names = [".".join((*keys, "surface", "faces", str(i))) for i in range(len(faces))]
+        self.features.update(zip(names, faces, strict=True))
+        self.faces.update(zip(names, drawn, strict=False))
+        return table
+
+    def _wanted(self, keys: Keys, side: Mapping[str, Any]) -> Any:
+        """Return by what a side names faces or an edge; None after noting what is wrong with it."""
         kind = selector_of(side)
         assert kind is not None
         body = side.get("body")
@@ -202,13 +232,19 @@ class DrawnTables:
             self.faults.append(Fault((*keys, "body"), text, body))
             return None
         try:
-            wanted = SELECTORS[kind].model_validate({kind: side[kind]})
+            return getattr(SELECTORS[kind].model_validate({kind: side[kind]}), kind)
         except ValidationError as error:
             found = faults_of(error, SELECTORS[kind], self.units)
             self.faults.extend(replace(fault, keys=(*keys, *fault.keys)) for fault in found)
             return None
+
+    def _feature(self, keys: Keys, side: Mapping[str, Any]) -> CadFace | CadEdge | None:
+        """Return the face or edge that a side names; None after noting why there is none."""
+        wanted, kind = self._wanted(keys, side), selector_of(side)
+        if wanted is None or kind is None:
+            return None
         try:
-            feature = feature_of(self._search(body), kind, getattr(wanted, kind))
+            feature = feature_of(self._search(side["body"]), kind, wanted)
         except NotOneFace as error:
             self.faults.append(Fault((*keys, kind), str(error)))
             return None

@@ -56,6 +56,11 @@ class PartSearch:
         placement = self.assembly.part(self.part).placement
         return lengths(placement.rotation.T @ (point - placement.translation), self.millimetre)
 
+    def placed_in_body(self, points: Array) -> Array:
+        """Return points of the assembly's frame in the body's, shape (..., 3)."""
+        placement = self.assembly.part(self.part).placement
+        return np.asarray((points - placement.translation) @ placement.rotation)
+
     def turned_to_body(self, vector: Array) -> list[float]:
         """Return a direction of the assembly's frame in the body's."""
         return direction(self.assembly.part(self.part).placement.rotation.T @ vector)
@@ -94,6 +99,12 @@ class PartSearch:
         flat = (each for each in self.assembly.faces_of(self.part) if each.kind == "plane")
         return [each for each in flat if self._is_same_plane(each, face)]
 
+    def face(self, wanted: NearPlace) -> CadFace:
+        """Return the face of any kind near a point; NotOneFace if there is not exactly one."""
+        near = self.to_assembly(wanted.near)
+        far = [(distance_to_triangles(near, self._triangles(face)), face) for face in self.assembly.faces_of(self.part)]
+        return self._only(wanted, far, far, "face")
+
     def edge(self, wanted: NearPlace) -> CadEdge:
         """Return the circular edge near a point; NotOneFace if there is not exactly one."""
         near = self.to_assembly(wanted.near)
@@ -109,7 +120,8 @@ class PartSearch:
         if len(fits) == 1:
             return fits[0]
         candidates = sorted(all_of_kind, key=lambda each: each[0])
-        listed = "; ".join(f"{self._described(found)}, {distance:.3g} away" for distance, found in candidates[:_LISTED])
+        described = self.described if what == "face" else self._described
+        listed = "; ".join(f"{described(found)}, {distance:.3g} away" for distance, found in candidates[:_LISTED])
         others = f"; and {len(candidates) - _LISTED} more" if len(candidates) > _LISTED else ""
         count = f"{len(fits)} fit" if fits else "none fits"
         found = f"these, nearest first: {listed}{others}" if candidates else f"no {what}"
@@ -118,6 +130,12 @@ class PartSearch:
             f"{count} within {within:g}; {self.part} has {found}; allowed: exactly one {what}; correct {keys}, or give"
             " within"
         )
+
+    def described(self, found: CadFace | CadEdge) -> str:
+        """Return a face by its kind and a point of it."""
+        kind = found.kind if isinstance(found, CadFace) and found.kind != "surface" else "free-form face"
+        at = found.on if isinstance(found, CadFace) else found.centre
+        return f"the {kind} at near = {_short(self.to_body(at))}"
 
     def _described(self, found: CadFace | CadEdge) -> str:
         """Return a face or edge as a file would name it."""

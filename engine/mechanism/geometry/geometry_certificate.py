@@ -18,10 +18,13 @@ class DrawnBody(TableModel):
 class DrawnFace(TableModel):
     """A face or edge that a side is."""
 
-    kind: str = Field(description="hole, pin, plane or arc")
-    radius: Number | None = Field(default=None, description="its radius; none of a plane")
+    kind: str = Field(description="hole, pin, plane, arc or surface")
+    radius: Number | None = Field(default=None, description="its radius; none of a plane or a surface")
     recognition_gap: Number = Field(
         default=0.0, description="the largest distance between the surface in the file and what it was taken for"
+    )
+    conversion_error: Number | None = Field(
+        default=None, description="of a surface: the largest distance between its patches and the surface in the file"
     )
 
 

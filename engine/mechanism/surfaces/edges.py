@@ -22,12 +22,15 @@ class MeetingEdges:
         Their control points.
     is_open : (n, 4) array of bool
         Edges at which no other patch begins. An edge that is one point is not open.
+    is_loose : (n, 4) array of bool
+        Edges that run along others without being the same.
     opposed : list of (int, int)
         Patches that share an edge and have their normals on different sides.
     """
 
     edges: Array
     is_open: NDArray[np.bool_]
+    is_loose: NDArray[np.bool_]
     opposed: list[tuple[int, int]]
 
 
@@ -44,9 +47,10 @@ def meeting_edges(patches: Array) -> MeetingEdges:
     turned = tree.query_ball_point(flat[:, ::-1].reshape(-1, 12), reach)
     same = tree.query_ball_point(flat.reshape(-1, 12), reach)
     opposed = sorted({(i // 4, j // 4) for i, found in enumerate(same) if long[i] for j in found if j // 4 > i // 4})
-    is_open = long & np.array([not set(found) - {i} for i, found in enumerate(turned)])
-    is_open[is_open] = ~_along_others(flat, np.flatnonzero(is_open), long)
-    return MeetingEdges(edges, is_open.reshape(-1, 4), opposed)
+    alone = long & np.array([not set(found) - {i} for i, found in enumerate(turned)])
+    is_open = alone.copy()
+    is_open[alone] = ~_along_others(flat, np.flatnonzero(alone), long)
+    return MeetingEdges(edges, is_open.reshape(-1, 4), (alone & ~is_open).reshape(-1, 4), opposed)
 
 
 def extent(patches: Array) -> float:

@@ -1,4 +1,4 @@
-"""The contact primitive `surface`: faces of any shape, as bicubic patches or as a B-spline."""
+"""The contact primitive `surface`: faces of any shape, as bicubic patches, as a B-spline, or as several."""
 
 from functools import cached_property
 from typing import Annotated, Any, Self
@@ -12,39 +12,41 @@ from engine.mechanism.quantities import Quantity
 from engine.mechanism.surfaces.bezier import THIRDS, normals
 from engine.mechanism.surfaces.edges import MeetingEdges, extent, meeting_edges
 from engine.mechanism.surfaces.fixed_array import ArrayOf, FixedArray
+from engine.mechanism.surfaces.joined_faces import joined_faces, sharp_gap
 from engine.mechanism.surfaces.plates import default_depth, largest_depth, plate
-from engine.mechanism.surfaces.splines import MOST_PATCHES, BSplineSurface, ConvertedSpline, bicubic_patches
+from engine.mechanism.surfaces.spline_face import MOST_WRITTEN, Knots, Net, SplineFace, Weights, check_spline, spline_of
+from engine.mechanism.surfaces.splines import MOST_PATCHES, BSplineSurface, bicubic_patches
 
-MOST_WRITTEN = 1000  # patches, or control points in a row, of a file
-MOST_DEGREE = 15
 CONVERSION = 1e-5  # share of the surface's size: default of the conversion error
 ROUNDING = 1e-13  # of it: less cannot be asked for
 
 _PATCH = "a list of patches, each 4 rows of 4 control points [x, y, z] of finite numbers, rows along u"
-_NET = "rows of control points [x, y, z] of finite numbers, one row for each step along u, all equally long"
-_WEIGHTS = "rows of positive weights, one for each control point"
-_KNOTS = "a list of increasing finite numbers"
 Points = Annotated[FixedArray, ArrayOf((0, 4, 4, 3), _PATCH, MOST_WRITTEN), Quantity("length")]
-Net = Annotated[FixedArray, ArrayOf((0, 0, 3), _NET, MOST_WRITTEN), Quantity("length")]
-Weights = Annotated[FixedArray, ArrayOf((0, 0), _WEIGHTS, MOST_WRITTEN), Quantity("number")]
-Knots = Annotated[FixedArray, ArrayOf((0,), _KNOTS, MOST_WRITTEN + MOST_DEGREE + 1), Quantity("number")]
 
 _OF_A_SPLINE = ("degree", "knots_u", "knots_v", "control")
+_FORMS = "patches, or degree, knots_u, knots_v and control, or faces; write one of them"
+
+
+def _is_none(value: Any) -> bool:
+    """Return whether an entry is not there; it is left out of digests, as before there was such an entry."""
+    return value is None
 
 
 class _Faces:
     """The faces of a surface, and how they meet: of two of them it is not asked whether they are equal."""
 
-    def __init__(self, converted: ConvertedSpline) -> None:
-        self.converted = converted
+    def __init__(self, patches: Array, errors: tuple[float, ...], complete: bool) -> None:
+        self.patches = patches
+        self.errors = errors
+        self.complete = len(patches) <= MOST_PATCHES and complete
 
     @cached_property
     def meeting(self) -> MeetingEdges:
-        return meeting_edges(self.converted.patches)
+        return meeting_edges(self.patches)
 
 
 class FreeFormSurface(TableModel):
-    """A solid with faces of any shape: bicubic Bezier patches, or one B-spline surface; S_u x S_v points outside."""
+    """A solid with faces of any shape: bicubic Bezier patches, or B-spline surfaces; S_u x S_v points outside."""
 
     patches: Points | None = Field(
         default=None, description="bicubic Bezier patches: of each 4 rows along u of 4 control points along v"
@@ -60,23 +62,37 @@ class FreeFormSurface(TableModel):
     weights: Weights | None = Field(default=None, description="the weights of its control points; default: all 1")
     conversion: Annotated[PositiveLength | None, Quantity("length")] = Field(
         default=None,
-        description="largest error of bicubic patches in place of a B-spline, a number > 0; default: 1e-5 of its size",
+        description="largest error of bicubic patches in place of B-splines, a number > 0; default: 1e-5 of their size",
     )
     depth: Annotated[PositiveLength | None, Quantity("length")] = Field(
         default=None,
         description="the thickness of the plate behind a surface with open edges, a number > 0; default: a quarter of "
         "its size, or half its least convex radius of curvature if that is less",
     )
+    faces: Annotated[tuple[SplineFace, ...], Field(json_schema_extra={"minItems": 1})] | None = Field(
+        default=None, exclude_if=_is_none, description="several B-spline surfaces, each with degree, knots and control"
+    )
 
     @property
     def conversion_error(self) -> float:
-        """The largest distance of the patches from the B-spline that they replace [length]; 0 for patches."""
-        return self._faces.converted.error
+        """The largest distance of the patches from the B-splines that they replace [length]; 0 for patches."""
+        return max(self.conversion_errors, default=0.0)
+
+    @property
+    def conversion_errors(self) -> tuple[float, ...]:
+        """The same of each B-spline; none for patches."""
+        return self._faces.errors
+
+    @property
+    def allowed_error(self) -> float:
+        """The largest conversion error that is allowed [length]."""
+        size = extent(np.concatenate([spline.control.reshape(-1, 3) for spline in self._splines]))
+        return max(CONVERSION * size if self.conversion is None else self.conversion, ROUNDING * size)
 
     @property
     def top(self) -> Array:
         """The bicubic patches of the faces themselves, shape (n, 4, 4, 3)."""
-        return self._faces.converted.patches
+        return self._faces.patches
 
     @property
     def boundary(self) -> Array:
@@ -97,56 +113,53 @@ class FreeFormSurface(TableModel):
     @cached_property
     def _faces(self) -> "_Faces":
         if self.patches is not None:
-            return _Faces(ConvertedSpline(self.patches.numbers, 0.0, True))
-        spline = self._spline
-        size = extent(spline.control)
-        asked = CONVERSION * size if self.conversion is None else self.conversion
-        return _Faces(bicubic_patches(spline, max(asked, ROUNDING * size)))
+            return _Faces(self.patches.numbers, (), True)
+        allowed = self.allowed_error
+        converted = [bicubic_patches(spline, allowed) for spline in self._splines]
+        complete = all(each.complete for each in converted)
+        if self.faces is None:
+            return _Faces(converted[0].patches, (converted[0].error,), complete)
+        patches, moved = joined_faces([each.patches for each in converted])
+        return _Faces(patches, tuple(each.error + far for each, far in zip(converted, moved, strict=True)), complete)
 
     @property
-    def _spline(self) -> BSplineSurface:
+    def _splines(self) -> list[BSplineSurface]:
+        if self.faces is not None:
+            return [face.spline for face in self.faces]
         given: dict[str, Any] = {key: getattr(self, key) for key in _OF_A_SPLINE}
-        control, knots = given["control"].numbers, (given["knots_u"].numbers, given["knots_v"].numbers)
-        weights = np.ones(control.shape[:2]) if self.weights is None else self.weights.numbers
-        return BSplineSurface(given["degree"], knots, control, weights)
+        return [spline_of(given["degree"], (given["knots_u"], given["knots_v"]), given["control"], self.weights)]
 
     @model_validator(mode="after")
     def _is_a_surface(self) -> Self:
         given = [key for key in _OF_A_SPLINE if getattr(self, key) is not None]
-        if (self.patches is None) == (not given):
-            raise refuse("which form? allowed: patches, or degree, knots_u, knots_v and control; write one of the two")
-        if self.patches is not None:
-            for key in ("weights", "conversion"):
-                if getattr(self, key) is not None:
-                    raise refuse("belongs to a B-spline surface; remove it, or write the surface as one", key=key)
-        else:
-            self._check_spline()
-            if not self._faces.converted.complete:
-                raise refuse(
-                    f"needs more than {MOST_PATCHES} bicubic patches; an error of {self.conversion_error:.2g} takes"
-                    " fewer; write a larger one, or a smaller part of the surface",
-                    key="conversion",
-                    value=self.conversion,
-                )
+        if (self.patches is not None) + bool(given) + (self.faces is not None) != 1:
+            raise refuse(f"which form? allowed: {_FORMS}")
+        if self.faces is not None and not 1 <= len(self.faces) <= MOST_WRITTEN:
+            text = f"{len(self.faces)} faces; allowed: 1 to {MOST_WRITTEN}; name the faces of the contact"
+            raise refuse(text, key="faces")
+        if not given and self.weights is not None:
+            raise refuse("belongs to a B-spline surface; remove it, or write the surface as one", key="weights")
+        if self.patches is not None and self.conversion is not None:
+            raise refuse("belongs to a B-spline surface; remove it, or write the surface as one", key="conversion")
+        missing = [key for key in _OF_A_SPLINE if key not in given]
+        if given and missing:
+            raise refuse("missing; a B-spline surface has degree, knots_u, knots_v and control; add it", key=missing[0])
+        if given:
+            check_spline(self._splines[0])
+        if self.patches is None and not self._faces.complete:
+            raise refuse(
+                f"needs more than {MOST_PATCHES} bicubic patches; an error of {self.conversion_error:.2g} takes"
+                " fewer; write a larger one, or a smaller part of the surface",
+                key="conversion",
+                value=self.conversion,
+            )
         self._check_shape()
         return self
 
-    def _check_spline(self) -> None:
-        """Refuse a B-spline whose degrees, knots, control points and weights do not fit each other."""
-        missing = [key for key in _OF_A_SPLINE if getattr(self, key) is None]
-        if missing:
-            raise refuse("missing; a B-spline surface has degree, knots_u, knots_v and control; add it", key=missing[0])
-        spline = self._spline
-        if not all(1 <= p <= MOST_DEGREE for p in spline.degree):
-            raise refuse(f"allowed: 1 to {MOST_DEGREE} each; correct it", key="degree", value=list(spline.degree))
-        for axis, (key, p, knots) in enumerate(zip(("knots_u", "knots_v"), spline.degree, spline.knots, strict=True)):
-            _check_knots(key, knots, p, spline.control.shape[axis])
-        if spline.weights.shape != spline.control.shape[:2] or not np.all(spline.weights > 0.0):
-            raise refuse("does not fit; allowed: a weight > 0 for each control point, in the same rows", key="weights")
-
     def _check_shape(self) -> None:
         """Refuse patches without extent or normal, with normals on different sides, and a depth that does not fit."""
-        key, top = ("control" if self.patches is None else "patches"), self.top
+        key = "patches" if self.patches is not None else "faces" if self.faces is not None else "control"
+        top = self.top
         if extent(top) == 0.0 or np.linalg.norm(normals(top, THIRDS), axis=-1).max(axis=(1, 2)).min() == 0.0:
             raise refuse("has a patch that is a line or a point; allowed: patches with an area; remove it", key=key)
         if self._faces.meeting.opposed:
@@ -154,6 +167,13 @@ class FreeFormSurface(TableModel):
             raise refuse(
                 f"patches {one} and {other} share an edge, with their normals on different sides; allowed: all normals "
                 "S_u x S_v outside; write the rows of one of them as columns",
+                key=key,
+            )
+        if self.faces is not None and (gap := sharp_gap(top, self._faces.meeting)):
+            raise refuse(
+                f"patches {gap[0]} and {gap[1]} meet at a sharp edge, and do not have it in common exactly; allowed: "
+                "faces that share an edge to the last digits, or whose normals there are less than 90 degrees apart; "
+                "write a contact of its own for each face",
                 key=key,
             )
         if self.depth is None:
@@ -168,21 +188,3 @@ class FreeFormSurface(TableModel):
                 key="depth",
                 value=self.depth,
             )
-
-
-def _check_knots(key: str, knots: Array, degree: int, count: int) -> None:
-    """Refuse a knot vector that does not fit the degree and the number of control points, or does not increase."""
-    where: dict[str, Any] = {"key": key}
-    if count <= degree:
-        raise refuse(f"{count} control points for degree {degree}; allowed: more than the degree", key="control")
-    if len(knots) != count + degree + 1:
-        raise refuse(
-            f"{len(knots)} knots; allowed: {count + degree + 1}, for {count} control points of degree {degree}; "
-            "write each knot as often as its multiplicity",
-            **where,
-        )
-    if np.any(np.diff(knots) < 0.0) or knots[degree] == knots[count]:
-        raise refuse("does not increase; allowed: knots in increasing order, not all equal; sort them", **where)
-    inner = knots[degree + 1 : count]
-    if any(np.count_nonzero(inner == knot) > degree for knot in np.unique(inner)):
-        raise refuse(f"has a knot more than {degree} times; the surface would be torn there; write it as two", **where)

@@ -38,7 +38,7 @@ def full_assembly(random):
     )
     where = {"point": random.normal(size=3), "area": 2.5, "on": random.normal(size=3)}
     bore = CadFace(number=0, part="crank-2", solid=0, kind="cylinder", radius=3.05, hollow=True, **where)
-    cam = CadFace(number=1, part="crank-2", solid=0, kind="surface", spline=spline, **where)
+    cam = CadFace(number=1, part="crank-2", solid=0, kind="surface", splines=(spline,), **where)
     edge = CadEdge(part="crank-2", faces=(0, 1), centre=random.normal(size=3), radius=3.05, span=1.5)
     limits = SizeLimits(kind="diameter", nominal=6.1, lower=6.09, upper=6.12, faces=(0,))
     mesh = TriangleMesh(

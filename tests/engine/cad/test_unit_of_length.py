@@ -24,7 +24,7 @@ def test_lengths_areas_and_angles():
     inches = in_unit(assembly, 25.4)
     bore, other = assembly.faces[0], inches.faces[0]
     assert (other.radius * 25.4, other.area * 25.4**2) == pytest.approx((bore.radius, bore.area), rel=1e-14)
-    spline, small = assembly.faces[1].spline, inches.faces[1].spline
+    [spline], [small] = assembly.faces[1].splines, inches.faces[1].splines
     np.testing.assert_allclose(small.points * 25.4, spline.points, rtol=1e-14)
     assert all(np.array_equal(a, b) for a, b in zip(small.knots, spline.knots, strict=True))
     assert inches.edges[0].span == assembly.edges[0].span

@@ -147,7 +147,7 @@ def test_a_free_form_face(read):
     face, heights = bowl(np.random.default_rng(3))
     assembly = read(alone(face))
     assert assembly.cautions == ("without a solid, so without volume: part; export these parts as solids",)
-    spline = only(assembly, "surface").spline
+    [spline] = only(assembly, "surface").splines
     starts = [spline.knots[k][spline.degrees[k]] for k in (0, 1)]
     ends = [spline.knots[k][-1 - spline.degrees[k]] for k in (0, 1)]
 

@@ -1,0 +1,74 @@
+"""Faces of a CAD part as the primitive `surface`: the B-splines that cover them, with their normals out of the part."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from engine.cad import CadFace, SplineSurface
+from engine.mechanism.geometry.cad_table import FacesNear
+from engine.mechanism.geometry.face_search import PartSearch
+from engine.mechanism.geometry.geometry_certificate import DrawnFace
+from engine.mechanism.geometry.plain_numbers import lengths, significant
+from engine.mechanism.surfaces.surface import FreeFormSurface
+
+_NO_PARAMETER_LINES = (
+    "cannot be a surface: its edges do not all run along parameter lines, or it is the offset of a spline; allowed: "
+    "lofted, swept, turned or flat faces that nothing has cut across; name {plane}another face, or divide this one in "
+    "the CAD system so that the piece where the contact is has such edges"
+)
+
+
+class NotASurface(Exception):
+    """A face cannot be a surface of a contact; the message says why."""
+
+
+def spline_faces(search: PartSearch, face: CadFace) -> list[dict[str, Any]]:
+    """Return the B-splines of a face in the frame of the body, as entries of the table of a surface.
+
+    Raises
+    ------
+    NotASurface
+        If it has none.
+    """
+    if not face.splines:
+        plane = "its plane, " if face.kind == "plane" else ""
+        raise NotASurface(f"{search.described(face)} {_NO_PARAMETER_LINES.format(plane=plane)}")
+    return [_table(search, spline) for spline in face.splines]
+
+
+def surface_table(wanted: FacesNear, splines: Sequence[Sequence[dict[str, Any]]]) -> dict[str, Any]:
+    """Return the table of a surface from what is wanted, and the B-splines of each of its faces."""
+    own = wanted.model_dump(exclude={"faces"}, exclude_none=True)
+    return {"faces": [table for each in splines for table in each], **own}
+
+
+def drawn_faces(surface: dict[str, Any], faces: Sequence[CadFace]) -> list[DrawnFace]:
+    """Return how exactly the patches of a surface are the faces of the CAD file; none if the surface is refused.
+
+    Parameters
+    ----------
+    surface : dict
+        Its table.
+    faces : sequence of CadFace
+        Whose B-splines it has, in their order.
+    """
+    try:
+        errors = iter(FreeFormSurface.model_validate(surface).conversion_errors)
+    except ValidationError:
+        return []  # what is wrong is said where all tables are checked
+    return [DrawnFace(kind="surface", conversion_error=max(next(errors) for _ in face.splines)) for face in faces]
+
+
+def _table(search: PartSearch, spline: SplineSurface) -> dict[str, Any]:
+    """Return a B-spline in the frame of the body."""
+    rational = not np.all(spline.weights == spline.weights[0, 0])
+    control = search.placed_in_body(spline.points)
+    table = {
+        "degree": list(spline.degrees),
+        "knots_u": significant(spline.knots[0]).tolist(),
+        "knots_v": significant(spline.knots[1]).tolist(),
+        "control": [[lengths(point, search.millimetre) for point in row] for row in control],
+    }
+    return table | ({"weights": significant(spline.weights).tolist()} if rational else {})
