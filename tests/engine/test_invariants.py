@@ -225,8 +225,9 @@ def drift(run: History) -> tuple[float, float]:
 def test_momentum_of_a_collision_is_kept(seed):
     """Ball and block with equal moments, no load: linear momentum to 1e-9, whatever the impact law.
 
-    Angular momentum too where velocities only are solved for. The projection moves masses that have a velocity, by as
-    much as they sank: of the order of a step's way at an impact that is found late.
+    The projection moves masses that have a velocity, by as much as they sank: angular momentum changes by the order of a
+    step's way at an impact that is found late. The plain scheme takes contacts where the velocities of the start would
+    lead; there its impulses are in balance.
     """
     data = colliding(seed)
     run = history(made(data))
@@ -235,7 +236,29 @@ def test_momentum_of_a_collision_is_kept(seed):
     assert linear < 1e-9
     assert angular < 0.2 * data["simulation"]["step"]
     data["simulation"]["scheme"] = "moreau_jean"
-    assert max(drift(history(made(data)))) < 1e-9
+    plain = history(made(data))
+    assert plain.r.any()
+    linear, angular = drift(plain)
+    assert linear < 1e-9
+    assert angular < 2 * data["simulation"]["step"]
+    assert imbalance_where_the_start_leads(plain) < 1e-9
+
+
+def imbalance_where_the_start_leads(run: History) -> float:
+    """Return the largest moment of a step's impulses about the origin, at the pose x + h v, relative to their size.
+
+    The angular velocity is in body axes, which have turned by h/2 times it more at that pose than at mid-step, where
+    its jump is seen in the world.
+    """
+    bodies, R = run.assembly.model.bodies, run.rotation()
+    h, v = run.step[1:, None, None], run.v[:-1]
+    spin = np.einsum("nbij,bjk,nbk->nbi", R, bodies.inertia, run.v[..., 3:])
+    omega = np.einsum("nbij,nbj->nbi", R, run.v[..., 3:])[:-1]
+    turn = Rotation.from_rotvec((0.5 * h * omega).reshape(-1, 3))
+    moments = turn.apply(np.diff(spin, axis=0).reshape(-1, 3)).reshape(omega.shape)
+    impulses = bodies.mass[:, None] * np.diff(run.v[..., :3], axis=0)
+    about = np.cross(run.x[:-1] + h * v[..., :3], impulses) + moments
+    return float(np.abs(about.sum(1)).max() / np.abs(about).max())
 
 
 @many
