@@ -225,9 +225,9 @@ def drift(run: History) -> tuple[float, float]:
 def test_momentum_of_a_collision_is_kept(seed):
     """Ball and block with equal moments, no load: linear momentum to 1e-9, whatever the impact law.
 
-    The projection moves masses that have a velocity, by as much as they sank: angular momentum changes by the order of a
-    step's way at an impact that is found late. The plain scheme takes contacts where the velocities of the start would
-    lead; there its impulses are in balance.
+    The projection moves masses that have a velocity, by as much as they sank: angular momentum changes by the order of
+    a step's way at an impact that is found late. The plain scheme takes contacts where the velocities of the start
+    would lead; there its impulses are in balance.
     """
     data = colliding(seed)
     run = history(made(data))
