@@ -12,7 +12,7 @@ from engine.mechanism.geometry.plain_numbers import length
 from engine.preflight.caution import Caution
 
 AGREE = 1e-5
-"""Largest difference [mm] of the two, besides what recognising the faces has cost."""
+"""Largest difference [mm] of the two, besides what recognising and converting the faces has cost."""
 
 _ENDS = 1e-6  # of a joint's length, by which a ring at its end may be beyond it
 
@@ -97,8 +97,9 @@ def start_gap_cautions(mechanism: Mechanism) -> Iterator[Caution]:
             "see there",
         )
     for key, gap in certificate.gaps.items():
-        sides = [face for where, face in certificate.faces.items() if where.rpartition(".")[0] == key]
-        allowed = AGREE * _millimetre(mechanism) + sum(side.recognition_gap for side in sides)
+        faces = [face for where, face in certificate.faces.items() if where.startswith(f"{key}.")]
+        allowed = AGREE * _millimetre(mechanism) + sum(face.recognition_gap for face in faces)
+        allowed += max((face.conversion_error or 0.0 for face in faces), default=0.0)
         if gap.difference is None or abs(gap.difference) <= allowed:
             continue
         added = f", to which this file adds {gap.added:.6g} {unit}" if gap.added else ""

@@ -101,10 +101,8 @@ def _of_the_model() -> list[Variant]:
         Variant("the least that friction allows", response="FC-1_low"),
         Variant("the largest that friction allows", response="FC-1_high"),
         Variant("on the test bench: force on the probe", bench="contact_force", response="force", fewer=4),
-        Variant(
-            "on the test bench, 1 mm before that: forward", bench="contact_force", response="force_forward", fewer=4
-        ),
-        Variant("on the test bench, 1 mm before that: back", bench="contact_force", response="force_back", fewer=4),
+        Variant("on the test bench, 1 mm before that: forward", bench="contact_force", response="force_forward"),
+        Variant("on the test bench, 1 mm before that: back", bench="contact_force", response="force_back"),
     ]
 
 

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from engine.arrays import Array
 from engine.cad import CadAssembly, CadEdge, CadFace
-from engine.cad.drawn_distances import ShapePair
+from engine.cad.drawn_distances import MeasuredShape, ShapePair
 from engine.faults.fault import Fault
 from engine.mechanism.faults import did_you_mean, faults_of
 from engine.mechanism.geometry.cad_table import AS_DRAWN, SELECTORS, FeatureKind, selector_of
@@ -18,7 +18,7 @@ from engine.mechanism.geometry.drawn_outline import drawn_outline, viewing_direc
 from engine.mechanism.geometry.drawn_surface import NotASurface, drawn_faces, spline_faces, surface_table
 from engine.mechanism.geometry.face_search import NotOneFace, PartSearch
 from engine.mechanism.geometry.geometry_certificate import DrawnBody, DrawnFace, DrawnJoint
-from engine.mechanism.geometry.measured_pairs import measured_feature, measured_point
+from engine.mechanism.geometry.measured_pairs import measured_feature, measured_point, measured_surface
 from engine.mechanism.geometry.part_bodies import POSE, NoDensity, body_of_part, mass_properties
 from engine.mechanism.geometry.sides import axis_of, contact_side, feature_of, line_side
 from engine.mechanism.quantities import UnitSystem
@@ -187,15 +187,24 @@ class DrawnTables:
         """Note two sides whose distance OCCT can measure, too: faces, edges and points of bodies posed as drawn."""
         ends = []
         for side in sides:
-            table, feature = as_table(entry.get(side)), self.features.get(".".join((*keys, side)))
+            table = as_table(entry.get(side))
             body = table.get("body")
             if not isinstance(body, str) or body not in self.parts or body in self.moved:
                 return
-            search = self._search(body)
-            ends.append(measured_feature(search, feature) if feature else measured_point(search, table))
+            ends.append(self._measured((*keys, side), table))
         first, second = ends
         if first is not None and second is not None and not (first.point and second.point):
             self.pairs[".".join(keys)] = first, second
+
+    def _measured(self, keys: Keys, side: Mapping[str, Any]) -> MeasuredShape | None:
+        """Return a side as one end of a distance; None if it is none that the CAD file draws."""
+        search, where = self._search(side["body"]), ".".join(keys)
+        if feature := self.features.get(where):
+            return measured_feature(search, feature)
+        named = [each for key, each in self.features.items() if key.startswith(f"{where}.surface.")]
+        if faces := [each for each in named if isinstance(each, CadFace)]:
+            return measured_surface(search, faces)
+        return measured_point(search, side)
 
     def _surface(self, keys: Keys, side: Mapping[str, Any]) -> dict[str, Any] | None:
         """Return the table of the surface whose faces a side names; None after noting why there is none."""

@@ -1,6 +1,6 @@
 """Pairs of sides whose distance the CAD file draws, too: what OCCT is asked, and what it says."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,14 @@ TOUCHING = 1e-7
 
 def measured_feature(search: PartSearch, feature: CadFace | CadEdge) -> MeasuredShape:
     """Return a face or an edge of a part as one end of a distance; a flat face with all others on its plane."""
-    part = [each.name for each in search.assembly.parts].index(search.part)
     if isinstance(feature, CadEdge):
-        return MeasuredShape(part, edges=feature.places)
-    return MeasuredShape(part, faces=tuple(place for face in search.pieces(feature) for place in face.places))
+        return MeasuredShape(_place(search), edges=feature.places)
+    return measured_surface(search, search.pieces(feature))
+
+
+def measured_surface(search: PartSearch, faces: Sequence[CadFace]) -> MeasuredShape:
+    """Return faces of a part, and nothing else on their planes, as one end of a distance."""
+    return MeasuredShape(_place(search), faces=tuple(place for face in faces for place in face.places))
 
 
 def measured_point(search: PartSearch, side: Mapping[str, Any]) -> MeasuredShape | None:
@@ -30,6 +34,11 @@ def measured_point(search: PartSearch, side: Mapping[str, Any]) -> MeasuredShape
     if not isinstance(point, list | tuple) or len(point) != 3 or not all(is_number(x) for x in point):
         return None
     return MeasuredShape(point=tuple(float(x) / search.millimetre for x in search.to_assembly(point)))
+
+
+def _place(search: PartSearch) -> int:
+    """Return the place of a part in the assembly."""
+    return [each.name for each in search.assembly.parts].index(search.part)
 
 
 def drawn_gaps(

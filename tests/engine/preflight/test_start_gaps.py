@@ -13,7 +13,8 @@ from engine.cad.occt.step_assembly import read_assembly
 from engine.preflight import cautions
 from engine.preflight.start_gaps import AGREE, start_gap_cautions, with_start_gaps
 from tests.engine.cad.hinges import BORE, PIN, PLAY, as_splines, cut_in_two, hinge, plate, stud
-from tests.engine.cad.step_files import Drawing, moved, place
+from tests.engine.cad.spline_shapes import elliptic_cam
+from tests.engine.cad.step_files import Drawing, box, moved, place
 
 OFF = 0.02  # of the axis of the hole from that of the pin
 
@@ -207,3 +208,28 @@ def test_a_reader_that_fails(loaded, monkeypatch):
     assert mechanism.geometry.gaps == {}
     [caution] = start_gap_cautions(mechanism)
     assert "OCCT crashed" in str(caution)
+
+
+def test_a_surface(loaded):
+    """A point before the vertex of an elliptic cam, whose patches are its B-spline within what they say."""
+
+    def cam_and_finger(tables):
+        tables["bodies"] = {"cam": {"part": "cam", "fixed": True}, "finger": {"part": "finger", "density": 1e-2}}
+        tables["joints"] = {}
+        cam = {"faces": [{"near": [8.0, 0.0, 3.0]}], "conversion": 1e-6}
+        tables["contacts"] = {
+            "lift": {
+                "a": {"body": "finger", "point": [8.5, 0.0, 3.0]},
+                "b": {"body": "cam", "surface": cam},
+                "friction": 0.1,
+            }
+        }
+
+    drawing = Drawing()
+    whole = drawing.assembly("whole")
+    drawing.add(whole, drawing.product("cam", elliptic_cam(8.0, 5.0, 6.0)))
+    drawing.add(whole, drawing.product("finger", box((8.5, -1.0, 2.0), (2.0, 2.0, 2.0))))
+    mechanism = loaded(drawing, cam_and_finger)
+    agrees(mechanism, "contacts.lift", 0.5, within=1e-6)
+    [face] = mechanism.geometry.faces.values()
+    assert abs(mechanism.geometry.gaps["contacts.lift"].difference) <= face.conversion_error

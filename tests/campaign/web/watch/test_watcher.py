@@ -147,6 +147,8 @@ def test_no_thread_reads_the_store_after_the_end(store, index, monkeypatch):
         "campaign.web.watch.index.entry_of", lambda s, c: (reading.set(), go_on.wait(10), entry_of(s, c))[2]
     )
 
+    others = set(threading.enumerate())  # of watchers of other tests, idle
+
     async def begin_and_end():
         watcher = Watcher(store, index)
         looking = asyncio.create_task(watcher.run())
@@ -155,7 +157,8 @@ def test_no_thread_reads_the_store_after_the_end(store, index, monkeypatch):
         asyncio.get_running_loop().call_later(0.1, go_on.set)
         with pytest.raises(asyncio.CancelledError):
             await looking
-        return watcher, [each.name for each in threading.enumerate() if each.name.startswith("store-reader")]
+        new = set(threading.enumerate()) - others
+        return watcher, [each.name for each in new if each.name.startswith("store-reader")]
 
     watcher, threads = asyncio.run(begin_and_end())
     assert threads == []
