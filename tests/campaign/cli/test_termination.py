@@ -18,6 +18,14 @@ from tests.campaign.commands import ROOT, clearcap
 WITHIN = 120.0  # s
 
 
+@pytest.fixture(autouse=True)
+def not_under_nohup():
+    """Have a hangup end processes here and below, also where the tests themselves are to outlive one."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_unwinds_with_the_status_of_the_signal(number, status):
     """What the block has to give back it gives back, and a second signal does not disturb it."""

@@ -2,7 +2,7 @@
 
 import pytest
 
-from engine import load_mechanism
+from engine import load_mechanism, simulate
 from engine.mechanism import set_values
 from engine.preflight.step_trial import step_caution
 from tests.engine.preflight.examples import SPRING, guided
@@ -27,11 +27,13 @@ def test_a_step_that_does_or_that_is_not_to_blame():
     assert step_caution(made(guided({"velocity": [0.3, 0, 0]}, springs={"s": SPRING})), 1e-3, 0.2) is None
 
 
-@pytest.mark.slow
-def test_the_c60_with_a_step_of_a_fiftieth():
-    """In free fall 0.02 ms loses the latch, and 0.01 ms holds it; under its drag the C-60 bears 0.02 ms."""
+@pytest.mark.parametrize("preset", ["paper", None])
+def test_the_c60_bears_a_step_of_a_fiftieth(preset):
+    """In free fall 0.02 ms lost the latch while the projection of a long step could create energy; it holds now."""
     mechanism = load_mechanism("c60")
+    if preset:
+        mechanism = set_values(mechanism, mechanism.preset(preset))
+    run = simulate(mechanism, step=0.02)
+    assert run.status == "ok", run.message
+    assert run.responses["latched"] == 1
     assert step_caution(mechanism, 0.02) is None
-    caution = step_caution(set_values(mechanism, mechanism.preset("paper")), 0.02)
-    assert caution is not None
-    assert caution.customary == "up to 0.01 ms"
