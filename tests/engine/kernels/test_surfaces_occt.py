@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace, BRepBuilderAPI_MakeVertex
 from OCP.BRepExtrema import BRepExtrema_DistShapeShape
-from OCP.collections import Array1_double, Array1_int, Array2_gp_Pnt
-from OCP.Geom import Geom_BSplineSurface
 from OCP.GeomAPI import GeomAPI_ProjectPointOnSurf
 from OCP.gp import gp_Pnt, gp_Vec
 from scipy.spatial.transform import Rotation
 
 from engine.mechanism.contacts import Contact
+from tests.engine.cad.spline_shapes import spline_surface
 from tests.engine.kernels.shapes import Poses, found
 from tests.engine.kernels.surface_shapes import wavy
 
@@ -23,21 +22,7 @@ SPLINE = wavy()
 
 def occt_surface() -> Any:
     """Return the B-spline as OCCT has it."""
-    control = np.array(SPLINE["control"])
-    poles = Array2_gp_Pnt(1, control.shape[0], 1, control.shape[1])
-    for i, row in enumerate(control, 1):
-        for j, p in enumerate(row, 1):
-            poles.SetValue(i, j, gp_Pnt(*p))
-    knots = [np.unique(SPLINE[key], return_counts=True) for key in ("knots_u", "knots_v")]
-    arrays = []
-    for values, counts in knots:
-        one, other = Array1_double(1, len(values)), Array1_int(1, len(values))
-        for k, (value, count) in enumerate(zip(values, counts, strict=True), 1):
-            one.SetValue(k, float(value))
-            other.SetValue(k, int(count))
-        arrays.append((one, other))
-    (u, mu), (v, mv) = arrays
-    return Geom_BSplineSurface(poles, u, v, mu, mv, *SPLINE["degree"], False, False)
+    return spline_surface(SPLINE["control"], SPLINE["degree"], (SPLINE["knots_u"], SPLINE["knots_v"]))
 
 
 def point_and_normal(surface: Any, u: float, v: float) -> tuple[Array, Array]:
