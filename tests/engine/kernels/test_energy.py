@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 from engine import load_mechanism, simulate
 from engine.arrays import Array
-from engine.kernels.time_loop import CREATED
 from tests.engine.assembly.pairs_of_bodies import body, joint
 from tests.engine.histories import History, history
 from tests.engine.linkages import LOOSE
@@ -18,6 +17,7 @@ from tests.engine.small import GRAVITY, block_on_floor, coordinates, made, shipp
 
 SOME = settings(max_examples=10, deadline=None, derandomize=True)
 seeds = st.integers(0, 100_000)
+SHARE = 1e-3  # of the largest kinetic energy so far, that a step may create, as docs/method.md promises
 LONG = {"adaptive": {"longest": 0.05, "travel": 0.2}}  # steps in which a pin slides far round its bore
 CLEARANCES = {"radial_clearance", "axial_clearance", "clearance", "width_clearance"}
 
@@ -73,7 +73,7 @@ def kinetic(run: History) -> Array:
 def test_no_step_creates_more_than_its_share(seed, theta, steps):
     """Energy rises in no step by more than a thousandth of the largest kinetic energy so far."""
     run = history(made(loose_chain(seed, theta=theta, **steps)))
-    allowed = CREATED * np.maximum.accumulate(kinetic(run))[1:]
+    allowed = SHARE * np.maximum.accumulate(kinetic(run))[1:]
     assert (np.diff(run.energy) <= allowed + 1e-10).all()
 
 
@@ -129,6 +129,6 @@ def test_tight_breaker_creates_little():
         values = {f"J{i}": 0.13 if bit == "1" else 0.01 for i, bit in enumerate(wide, 1)}
         run = simulate(load_mechanism("c60"), values)
         assert run.status == "ok", run.message
-        assert run.certificate.max_created_energy <= CREATED * 4.0  # mJ: the peak of kinetic energy is 1.6 to 3.9
+        assert run.certificate.max_created_energy <= SHARE * 4.0  # mJ: the peak of kinetic energy is 1.6 to 3.9
         most = max(most, run.certificate.max_created_energy)
     assert most > 1e-5
