@@ -12,7 +12,7 @@ export MPLBACKEND := Agg
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run serve test prove storms lint audit lock bench clean
+.PHONY: help run serve test prove storms attacks lint audit lock bench clean
 
 help: ## show these verbs
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1|\2/' | column -t -s '|'
@@ -52,6 +52,9 @@ prove: $(VENV)/.dev ## the slow proofs: what fails while a campaign runs, scale,
 
 storms: $(VENV)/.dev ## a hundred campaigns that are killed, paused and robbed of their disk (about an hour on two cores)
 	$(BIN)/python -m pytest tests/campaign/storms/test_storms.py -m storm --numprocesses auto --max-worker-restart 0
+
+attacks: $(VENV)/.dev ## thousands of odd files and arrays, others each time
+	$(BIN)/python -m pytest tests/security -m "not storm and not alone" $(PARALLEL)
 
 lint: $(VENV)/.dev ## style, types, import contracts
 	$(BIN)/ruff check .

@@ -53,4 +53,4 @@ def residual(c, scale):
     if r2 > LARGEST * LARGEST * speed2:
         return 1.0
     size = max(speed2, min(r2, GAIN * GAIN * speed2))
-    return 0.0 if size == 0.0 else np.sqrt(miss / size)
+    return 0.0 if size == 0.0 and miss == 0.0 else np.sqrt(miss / size)  # a NaN may have left the size at 0

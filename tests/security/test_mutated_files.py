@@ -225,6 +225,7 @@ def drawn_mechanisms(folder, count):
     base["contacts"]["rim"] = {
         "a": {"body": "crank", "arc": {"edge": {"near": [28.5, 0.0, 10.1]}}},
         "b": {"body": "coupler", "hole": {"radius": 2.54, "near": [0.0, 0.0, 2.5]}},
+        "friction": 0.1,
     }
     path = folder / "drawn.toml"
 
@@ -246,6 +247,7 @@ def drawn_mechanisms(folder, count):
         patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
         for module in ("step_reader", "drawn_distances"):
             patch.setattr(f"engine.cad.{module}.ask_occt", answer)
+        use(tomli_w.dumps(base).encode(), 0)  # sound before it is mutated: else all files are refused for one reason
         return attack("drawn mechanism", count, lambda random: as_toml(random, tomli_w.dumps(base)), use)
 
 

@@ -98,6 +98,16 @@ def test_hard_problems_are_solved_and_their_residual_is_the_true_one():
     assert solved >= 57
 
 
+def test_what_overflows_is_not_called_solved():
+    """Rows near the largest double at rest: u = H v is NaN; a residual of 0 would hide it."""
+    problem = random_problem(0, 4, bodies=2)
+    for large in (1.7e308, -1.7e308):
+        problem = FrictionProblem(problem.M, np.full(problem.H.shape, large), np.zeros(12), problem.mu)
+        solution = solve(problem)
+        assert not solution.converged
+        assert not solution.residual <= 1e-8
+
+
 def test_contacts_are_given_back_in_their_own_units():
     """A contact between light bodies among heavy ones: u = H v + q, M v = H' r, and rows as they were."""
     problem = random_problem(2, 20, mass_ratio=1e4)
