@@ -122,7 +122,7 @@ async def _serving(folder: Path, *options: str) -> AsyncIterator[ServerLoad]:
         served.wait()
         async with asking(served.url, served.process.pid, served.token("engineer")) as load:
             async with asyncio.timeout(PATIENCE):
-                while (await load.ask(LIST)).json()["total"] <= CAMPAIGNS:
+                while (await load.ask(LIST)).json()["unread"]:
                     await asyncio.sleep(1.0)
             yield load
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import quote
 
+from campaign.client.campaign_list import listed_campaigns
 from campaign.client.campaign_upload import campaign_upload
 from campaign.client.event_stream import progress_events
 from campaign.client.server_connection import ServerConnection
@@ -16,7 +17,6 @@ from campaign.errors import SpecError
 if TYPE_CHECKING:
     import pyarrow as pa
 
-ON_A_PAGE = 500  # campaigns
 MOST_NAMED = 10  # campaigns in a message
 _FILE = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
@@ -79,19 +79,14 @@ class RemoteServer:
     # -- campaigns --------------------------------------------------------------------------------------------------
 
     def campaigns(self, **question: Any) -> Iterator[dict[str, Any]]:
-        """Yield what the list says of each campaign; pages are asked for one by one.
+        """Yield what the list says of each campaign, once the server has read them all; pages are asked one by one.
 
         Parameters
         ----------
         **question
             ``search``, ``owner``, ``tag`` (a list), ``state``, ``archived`` and ``sort``, as of the API.
         """
-        cursor: int | str | None = 0
-        while cursor is not None:
-            params = {**question, "cursor": cursor, "limit": ON_A_PAGE}
-            listing = self.connection.get("/campaigns", params=params).json()
-            yield from listing["campaigns"]
-            cursor = listing["next"]
+        yield from listed_campaigns(self.connection, question)
 
     def campaign(self, campaign_id: str) -> dict[str, Any]:
         """Return what the list says of one campaign."""

@@ -167,6 +167,16 @@ class Files:
         """
         return self._do(self._backend.stamps, folder, "listed")
 
+    def listed(self, folder: str) -> "Files":
+        """Return these files for whoever reads a folder now: behind a URL it is listed here, once for all questions."""
+        if isinstance(self._backend, LocalFolder):
+            return self
+        from campaign.store.files.listed_objects import ListedObjects
+
+        sizes, listed = self._do(self._backend.sizes_below, folder, "listed"), copy(self)
+        listed._backend = ListedObjects(self._backend, self.path(folder), sizes)
+        return listed
+
     def write(self, name: str, content: bytes) -> None:
         """Write a file whole or not at all, replacing an earlier one; StoreError if it would hold the URL's secret."""
         self._refuse_secret(name, content)

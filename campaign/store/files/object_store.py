@@ -103,13 +103,22 @@ class ObjectStore:
 
     def stamps(self, path: str) -> dict[str, str]:
         """Return a stamp of each file below a folder, by its name relative to the folder; on S3 from one listing."""
+        found = self._found(path)
+        return {name: " ".join(str(entry.get(key, "")) for key in STAMPED) for name, entry in found.items()}
+
+    def sizes_below(self, path: str) -> dict[str, int]:
+        """Return the size of each file below a folder, by its name relative to the folder; on S3 from one listing."""
+        return {name: int(entry["size"]) for name, entry in self._found(path).items()}
+
+    def _found(self, path: str) -> dict[str, dict[str, Any]]:
+        """Return what the file system says of each file below a folder, by its name relative to the folder."""
         self._fs.invalidate_cache()
         try:
             found = self._fs.find(path, detail=True)
         except (FileNotFoundError, NotADirectoryError):
             return {}
         start = len(path.rstrip("/")) + 1
-        return {name[start:]: " ".join(str(entry.get(key, "")) for key in STAMPED) for name, entry in found.items()}
+        return {name[start:]: entry for name, entry in found.items()}
 
     def write(self, path: str, content: bytes) -> None:
         """Put a file."""
@@ -167,6 +176,8 @@ class ObjectStore:
         opened: tuple[Any, str] | None = self._shared or getattr(self._opened, "pair", None)
         if opened is None:
             fs, root = fsspec.url_to_fs(self._url, use_listings_cache=False)
+            if hasattr(fs, "max_concurrency"):
+                fs.max_concurrency = 1  # s3fs asks for the size before it reads, to read large files in pieces at once
             opened = fs, str(root).rstrip("/")
             if fs.async_impl:
                 self._shared = opened

@@ -32,6 +32,10 @@ class Listing(BaseModel):
     campaigns: list[CampaignEntry]
     total: int = Field(description="Campaigns that fit the question", examples=[1])
     next: str | None = Field(description="Cursor of the next page; null on the last one")
+    unread: int = Field(
+        description="Campaigns of the store that are still to be read and not listed yet; ask again until it is 0",
+        examples=[0],
+    )
 
 
 class ListQuestion(BaseModel):
@@ -93,8 +97,8 @@ async def list_campaigns(
     found = listed(service.watcher.index.entries(), question)
     page = found[cursor : cursor + limit]
     following = f'"{cursor + limit}"' if cursor + limit < len(found) else "null"
-    body = b'{"campaigns":[%b],"total":%d,"next":%b}' % (
-        b",".join(text for _, text in page), len(found), following.encode()
+    body = b'{"campaigns":[%b],"total":%d,"next":%b,"unread":%d}' % (
+        b",".join(text for _, text in page), len(found), following.encode(), service.watcher.index.unread
     )  # fmt: skip
     return tagged(request, body, "application/json")
 

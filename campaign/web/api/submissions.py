@@ -176,7 +176,7 @@ async def _made(service: Service, who: Principal, job: Any, *arguments: Any) -> 
 async def _check_unfinished(service: Service, who: Principal) -> None:
     """Refuse a user with as many queued and running campaigns as he may have, those that he submits now included."""
     most = service.settings.limits.running
-    await service.watcher.list_campaigns()
+    await service.watcher.list_all()
     entries = [entry for entry, _ in service.watcher.index.entries() if entry.submitted_by == who.name]
     unfinished = Counter(entry.state for entry in entries if entry.state in UNFINISHED)
     if unfinished.total() + service.submitting[who.name] > most:

@@ -45,6 +45,7 @@ async def campaigns_page(
     following = cursor + ON_A_PAGE if cursor + ON_A_PAGE < len(found) else None
     values: dict[str, Any] = {"question": question, "entries": entries, "total": len(found), "sorts": SORTS}
     values |= {"tags": tags, "owners": owners, "states": states, "cursor": cursor, "following": following}
+    values |= {"unread": service.watcher.index.unread}
     return page(request, "campaigns", asked=asked, fault=service.watcher.fault, on_a_page=ON_A_PAGE, **values)
 
 

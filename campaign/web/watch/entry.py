@@ -1,37 +1,22 @@
 """What the list says of one campaign."""
 
+import logging
 from datetime import UTC, datetime
 from typing import Any
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, ValidationError
 
 from campaign.coordinator.follow import observe
 from campaign.coordinator.state import STATES
 from campaign.errors import CampaignError
 from campaign.store import Store
-from campaign.store.files.files import LARGEST
 from campaign.store.label_versions import read_labels
 from campaign.store.layout import REPORT, SUBMISSION
+from campaign.web.watch.conclusions import BelowTarget, Conclusions, Weakest, weakest_of
 
+logger = logging.getLogger(__name__)
 REPORT_DOCUMENT = f"{REPORT}/capability.json"
 LISTED_STATES = (*STATES, "incomplete", "planned", "broken")
-
-
-class Weakest(BaseModel):
-    """The response with the smallest Cpk."""
-
-    response: str = Field(examples=["FC-1"])
-    cpk: float = Field(examples=[1.21])
-    interval: tuple[float, float] | None = Field(None, examples=[(1.18, 1.24)])
-
-
-class BelowTarget(BaseModel):
-    """A response whose Cpk is too small, by its whole interval."""
-
-    response: str = Field(examples=["FC-1"])
-    cpk: float = Field(examples=[1.21])
-    interval: tuple[float, float] = Field(examples=[(1.18, 1.24)])
-    target: float = Field(examples=[1.33])
 
 
 class CampaignEntry(BaseModel):
@@ -75,9 +60,13 @@ def entry_of(store: Store, campaign_id: str) -> CampaignEntry:
         Its whole id.
     """
     try:
-        return _entry(store, campaign_id)
+        return _entry(Store(store.files.listed(campaign_id)), campaign_id)
     except CampaignError as error:
         return CampaignEntry(campaign=campaign_id, state="broken", message=str(error))
+    except Exception as error:  # a fault in one campaign must not hide the others
+        logger.exception("campaign %s cannot be listed", campaign_id)
+        message = f"it cannot be listed, because of a bug in clearcap: {error!r:.200}"
+        return CampaignEntry(campaign=campaign_id, state="broken", message=message)
 
 
 def _entry(store: Store, campaign_id: str) -> CampaignEntry:
@@ -95,51 +84,37 @@ def _entry(store: Store, campaign_id: str) -> CampaignEntry:
         beat = seen.heartbeat
         entry.samples, entry.done, entry.ok = beat.samples, beat.done, beat.ok
         entry.failed, entry.left = beat.failed, beat.left
-        entry.weakest = _weakest_of({name: (r["cpk"], None) for name, r in beat.responses.items()})
+        entry.weakest = weakest_of({name: (r["cpk"], None) for name, r in beat.responses.items()})
         return entry
     survey, entry.samples = store.survey(header), store.end(header)
     entry.done, entry.ok = survey.rows, survey.statuses.get("ok", 0)
     entry.failed, entry.left = entry.done - entry.ok, entry.samples - entry.done
     if entry.state == "completed" and entry.left:
         entry.state, entry.message = "incomplete", f"{entry.left} rows were lost after the campaign was completed"
-    _add_report(entry, store.read_json(campaign_id, REPORT_DOCUMENT, LARGEST))
+    _add_report(entry, _report(store, campaign_id))
     return entry
 
 
-def _add_report(entry: CampaignEntry, report: dict[str, Any] | None) -> None:
-    """Add what a report concludes; one of another version says less."""
+def _report(store: Store, campaign_id: str) -> bytes | None:
+    """Return the document of a campaign's report; None if there is none."""
+    try:
+        return store.files.read(f"{campaign_id}/{REPORT_DOCUMENT}")
+    except FileNotFoundError:
+        return None
+
+
+def _add_report(entry: CampaignEntry, report: bytes | None) -> None:
+    """Add what a report concludes; one of another version says nothing."""
     if report is None:
         return
     entry.has_report = True
     try:
-        entry.headline = str(report["headline"])
-        capabilities = {r["spec"]["name"]: r["capability"] for r in report["responses"]}
-        entry.weakest = _weakest_of({name: (c["cpk"], c["cpk_interval"]) for name, c in capabilities.items()})
-        entry.below_target = _below_target(capabilities, report["thresholds"]["capable"])
-        product = report["product"]
-        entry.share_ok = None if product is None else (product["with_failures"] or product["counted"])["share"]
-    except (KeyError, TypeError):
-        entry.message = entry.message or "the report was written by another version; write it again"
-
-
-def _below_target(capabilities: dict[str, Any], target: float) -> list[BelowTarget]:
-    """Return the responses whose Cpk is below its target by its whole interval."""
-    known = {name: (c["cpk"], c["cpk_interval"]) for name, c in capabilities.items() if c["cpk_interval"]}
-    return [
-        BelowTarget(response=name, cpk=cpk, interval=(low, high), target=target)
-        for name, (cpk, (low, high)) in known.items()
-        if isinstance(high, int | float) and high < target
-    ]
-
-
-def _weakest_of(indices: dict[str, tuple[Any, Any]]) -> Weakest | None:
-    """Return the response with the smallest Cpk; None if there is none."""
-    known = {name: (cpk, interval) for name, (cpk, interval) in indices.items() if isinstance(cpk, int | float)}
-    if not known:
-        return None
-    name = min(known, key=lambda each: known[each][0])
-    cpk, interval = known[name]
-    return Weakest(response=name, cpk=cpk, interval=None if interval is None else (interval[0], interval[1]))
+        concluded = Conclusions.model_validate_json(report)
+    except ValidationError:
+        entry.message = entry.message or "the report was written by another version, or damaged; write it again"
+        return
+    entry.headline, entry.share_ok = concluded.headline, concluded.share_ok
+    entry.weakest, entry.below_target = concluded.weakest, concluded.below_target
 
 
 def _date(seconds: Any) -> datetime | None:

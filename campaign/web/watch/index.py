@@ -17,7 +17,7 @@ from campaign.web.watch.entry import CampaignEntry, entry_of
 FORMAT = 2
 READERS = 4  # campaigns that are read at a time
 MOVING = ("queued", "running")  # states in which a campaign is read each time
-AT_ONCE = 200  # campaigns between two writes
+AT_ONCE = 50  # campaigns between two writes
 
 
 class CampaignIndex:
@@ -32,6 +32,7 @@ class CampaignIndex:
     def __init__(self, path: Path) -> None:
         self._lock, self._is_closed = threading.Lock(), False
         self._entries: dict[str, tuple[str, CampaignEntry, bytes]] = {}  # change token, entry, and the entry as JSON
+        self._stale: dict[str, str] = {}  # change tokens of campaigns that are to be read
         self._connection = _opened(path)
         for campaign, token, text in self._connection.execute("SELECT campaign, token, entry FROM entries").fetchall():
             try:
@@ -39,31 +40,46 @@ class CampaignIndex:
             except ValidationError:  # of another version: read again from the store
                 continue
 
-    def refresh(self, store: Store, tokens: Mapping[str, str]) -> set[str]:
-        """Read the campaigns again that have changed; forget those that are gone.
+    def refresh(self, store: Store, tokens: Mapping[str, str]) -> None:
+        """Read all campaigns again that have changed, and forget those that are gone; see `look` and `read_some`."""
+        self.look(tokens)
+        while self.is_behind:
+            self.read_some(store)
+
+    def look(self, tokens: Mapping[str, str]) -> None:
+        """Forget the campaigns that are gone, and find those that are to be read again because they have changed.
 
         What is queued or runs is read each time: its progress is in no token, nor the death of its coordinator.
 
         Parameters
         ----------
-        store : Store
         tokens : dict of str to str
-            See `campaign.store.change_tokens`.
-
-        Returns
-        -------
-        set of str
-            The campaigns whose entries have changed.
+            Of all campaigns; see `campaign.store.change_tokens`.
         """
         gone = set(self._entries) - set(tokens)
         with self._lock:
             for campaign in gone:
                 self._entries.pop(campaign, None)
             self._keep("DELETE FROM entries WHERE campaign = ?", [(campaign,) for campaign in gone])
-        stale = [campaign for campaign, token in tokens.items() if not self._is_fresh(campaign, token)]
-        for begin in range(0, len(stale), AT_ONCE):
-            self._read(store, {campaign: tokens[campaign] for campaign in stale[begin : begin + AT_ONCE]})
-        return {*gone, *stale}
+            self._stale = {campaign: t for campaign, t in tokens.items() if not self._is_fresh(campaign, t)}
+
+    def read_some(self, store: Store) -> None:
+        """Read some of the campaigns that have changed; those first of which nothing is known."""
+        with self._lock:
+            order = sorted(self._stale, key=self._entries.__contains__)[:AT_ONCE]
+            some = {campaign: self._stale[campaign] for campaign in order}
+        self._read(store, some)
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether campaigns that have changed are still to be read."""
+        return bool(self._stale)
+
+    @property
+    def unread(self) -> int:
+        """Number of campaigns of which nothing is known yet."""
+        with self._lock:
+            return len(self._stale.keys() - self._entries.keys())
 
     def refresh_one(self, store: Store, campaign: str, token: str | None) -> None:
         """Read one campaign again if it has changed; without a token, which means that it is gone, forget it."""
@@ -76,6 +92,7 @@ class CampaignIndex:
         """Forget a campaign that was deleted here, before the next look at the store."""
         with self._lock:
             self._entries.pop(campaign, None)
+            self._stale.pop(campaign, None)
             self._keep("DELETE FROM entries WHERE campaign = ?", [(campaign,)])
 
     def _is_fresh(self, campaign: str, token: str) -> bool:
@@ -83,7 +100,10 @@ class CampaignIndex:
         return known is not None and known[0] == token and known[1].state not in MOVING
 
     def _read(self, store: Store, tokens: Mapping[str, str]) -> None:
-        """Read some campaigns, and keep what the list says of them."""
+        """Read some campaigns, and keep what the list says of them; one that cannot be read waits for the next look."""
+        with self._lock:
+            for campaign in tokens:
+                self._stale.pop(campaign, None)
         with ThreadPoolExecutor(READERS) as readers:
             entries = list(readers.map(lambda campaign: entry_of(store, campaign), tokens))
         texts = [entry.model_dump_json() for entry in entries]

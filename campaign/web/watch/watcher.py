@@ -89,8 +89,9 @@ class Watcher:
         try:
             while True:
                 await self._look()
+                pause = 0.0 if self.index.is_behind and not self.fault else LOOK_EVERY
                 try:
-                    async with asyncio.timeout(LOOK_EVERY):
+                    async with asyncio.timeout(pause):
                         await self._wake.wait()
                 except TimeoutError:
                     pass
@@ -102,8 +103,10 @@ class Watcher:
     async def _look(self) -> None:
         """Look once; a store that is away is looked at again later."""
         try:
-            if self.listed_at is None or self._is_whole_due():
+            if self.listed_at is None or (self._is_whole_due() and not self.index.is_behind):
                 await self.list_campaigns()
+            elif self.index.is_behind:
+                await self._in_reader(self.index.read_some, self._store)
             for campaign, feed in list(self._feeds.items()):
                 if feed.followers:
                     feed.publish(await self._in_reader(observe, self._store, campaign, feed.seen))
@@ -120,6 +123,9 @@ class Watcher:
     async def list_campaigns(self, changed: str | None = None) -> None:
         """Bring the index up to date now: with what was changed here, and every five seconds with the whole store.
 
+        Of many campaigns that have changed only the first are read: `run` goes on with the others, and
+        `CampaignIndex.unread` says of how many nothing is known yet.
+
         Parameters
         ----------
         changed : str, optional
@@ -127,7 +133,7 @@ class Watcher:
         """
         campaigns, hurries = {*self._changed, *([changed] if changed else [])}, self._hurries
         is_whole = not campaigns or self._is_whole_due()
-        await (self._in_reader(self._refresh) if is_whole else self._in_reader(self._refresh_some, campaigns))
+        await self._in_reader(self._refresh, campaigns, is_whole)
         if hurries != self._hurries:
             return  # the store has changed since its files were looked at: the next look is soon
         self._changed.clear()
@@ -135,19 +141,27 @@ class Watcher:
         if is_whole:
             self._listed_whole_at = self.listed_at
 
+    async def list_all(self) -> None:
+        """Bring the index up to date now, with all campaigns of the store."""
+        await self.list_campaigns()
+        while self.index.is_behind:
+            await self._in_reader(self.index.read_some, self._store)
+
     def _is_whole_due(self) -> bool:
         """Return whether it is time to look at all campaigns of the store."""
         return time.monotonic() - self._listed_whole_at >= LIST_EVERY
 
-    def _refresh(self) -> None:
-        for campaign in unfinished_deletions(self._store):
-            with suppress(LeaseHeld):  # whoever deletes it is still at it
-                finish_deletion(self._store, campaign)
-        self.index.refresh(self._store, change_tokens(self._store))
-
-    def _refresh_some(self, campaigns: set[str]) -> None:
-        for campaign in campaigns:
+    def _refresh(self, changed: set[str], is_whole: bool) -> None:
+        """Look at the whole store, if so wanted, and read campaigns: those that were changed here before all others."""
+        if is_whole:
+            for campaign in unfinished_deletions(self._store):
+                with suppress(LeaseHeld):  # whoever deletes it is still at it
+                    finish_deletion(self._store, campaign)
+            self.index.look(change_tokens(self._store))
+        for campaign in changed:
             self.index.refresh_one(self._store, campaign, change_token(self._store, campaign))
+        if is_whole:
+            self.index.read_some(self._store)
 
     async def _in_reader(self, function: Callable[..., T], *arguments: object) -> T:
         """Call a function in the one thread that reads the store."""

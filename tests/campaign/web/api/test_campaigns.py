@@ -7,7 +7,8 @@ import pytest
 from campaign.coordinator.state import state_of, write_state
 from campaign.plan import make_plan
 from campaign.web.api.campaigns import ListQuestion, listed
-from campaign.web.watch.entry import CampaignEntry, Weakest
+from campaign.web.watch.conclusions import Weakest
+from campaign.web.watch.entry import CampaignEntry
 from tests.campaign.web.conftest import also_on_s3, serving
 
 API = "/api/v1/campaigns"

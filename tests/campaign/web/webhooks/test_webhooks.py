@@ -17,7 +17,8 @@ from campaign.errors import SpecError
 from campaign.web.access import Role
 from campaign.web.access.database import Database
 from campaign.web.access.users import Users
-from campaign.web.watch.entry import BelowTarget, CampaignEntry
+from campaign.web.watch.conclusions import BelowTarget
+from campaign.web.watch.entry import CampaignEntry
 from campaign.web.webhooks import webhook_target as targets
 from campaign.web.webhooks.campaign_news import campaign_news
 from campaign.web.webhooks.webhook_book import MOST_ATTEMPTS, WebhookBook
