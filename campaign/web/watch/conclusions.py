@@ -48,7 +48,7 @@ class _Yield(BaseModel):
     share: float
 
 
-class _Product(BaseModel):
+class _ProductYield(BaseModel):
     with_failures: _Yield | None
     counted: _Yield
 
@@ -70,7 +70,7 @@ class Conclusions(BaseModel):
 
     headline: str
     responses: list[_Response]
-    product: _Product | None
+    product: _ProductYield | None
     thresholds: _Thresholds
 
     @property
