@@ -199,6 +199,18 @@ def _document(found: "FoundGeometry") -> dict[str, Any]:
             }
             for joint in found.joints
         ],
+        "balls": [
+            {
+                "name": each.name,
+                "socket": each.ball.socket_part,
+                "ball": each.ball.ball_part,
+                "socket_radius": each.ball.socket_radius,
+                "ball_radius": each.ball.ball_radius,
+                "radial_clearance": each.ball.radial_clearance,
+                "centre": each.ball.centre.tolist(),
+            }
+            for each in found.balls
+        ],
         "stops": [{"parts": list(pair.parts), "gap": pair.gap, "area": pair.area} for pair in found.stops],
         "refused": [
             {"hole_of": face[miss.hole].part, "pin_of": face[miss.pin].part, "reason": miss.reason}

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from campaign.cli.import_step import import_step
-from campaign.cli.output import Json, print_json, print_text
+from campaign.cli.output import Json, print_json, print_text, say
 
 mechanism_app = typer.Typer(help="List, show and check mechanisms.", no_args_is_help=True)
 mechanism_app.command("import")(import_step)
@@ -130,24 +130,24 @@ def plain(
     json: Json = False,
 ) -> None:
     """Write a mechanism with plain numbers in the place of the geometry that it takes from a CAD file."""
-    import tomli_w
-
     from campaign.cli.output_files import check_output, replacing
+    from campaign.spec.plain_mechanism import plain_tables, plain_text
     from engine import load_mechanism
+    from engine.cad_import.open_questions import questions_of_file
 
-    tables = load_mechanism(mechanism).model_dump(
-        mode="json", by_alias=True, exclude_unset=True, exclude_none=True, exclude={"geometry"}
-    )
+    loaded = load_mechanism(mechanism)
+    for question in questions_of_file(mechanism):  # the file that is written has none
+        say(f"question: {mechanism}, line {question.line}: {question.text}")
     if output is not None:
         check_output("--output", output, (".toml",))
         with replacing(output) as temporary:
-            temporary.write_text(tomli_w.dumps(tables), "utf-8")
+            temporary.write_text(plain_text(loaded), "utf-8")
         if not json:
             return
     if json:
-        print_json(tables)
+        print_json(plain_tables(loaded))
     else:
-        print_text(tomli_w.dumps(tables).rstrip("\n"), lines=True)
+        print_text(plain_text(loaded).rstrip("\n"), lines=True)
 
 
 def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:

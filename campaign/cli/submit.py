@@ -42,6 +42,10 @@ def submit(
             from campaign.errors import SpecError
 
             raise SpecError("--server: decides where and in which batches it computes; leave those options out")
+        from campaign.spec.open_campaign_questions import campaign_questions
+
+        for question in campaign_questions(campaign):
+            say(question)
         with remote:
             made = remote.submit(campaign, samples=samples, seed=seed, owner=owner, tags=tag)
         words = "; ".join(filter(None, (made["cost"]["text"], made["note"])))

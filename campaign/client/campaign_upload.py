@@ -85,8 +85,25 @@ def _named_files(tables: Mapping[str, Any], folder: Path) -> dict[str, bytes]:
                 f"{key} = {name!r:.120}: lies outside the campaign file's folder, and is not sent to a server; copy it"
                 " beside the campaign file"
             )
-        files[name.removeprefix("./")] = _content(path, LARGEST_FILE, f"{key} = {name!r:.120}")
+        content = _content(path, LARGEST_FILE, f"{key} = {name!r:.120}")
+        files[name.removeprefix("./")] = _plain(path, content) if key == "mechanism" else content
     return files
+
+
+def _plain(path: Path, content: bytes) -> bytes:
+    """Return a mechanism file; one that names geometry of a CAD file, which a server does not open, with numbers."""
+    from engine.toml_file import UnfitToml, parse_toml
+
+    try:
+        names_geometry = "cad" in parse_toml(content)
+    except UnfitToml:  # the server says why
+        return content
+    if not names_geometry:
+        return content
+    from campaign.spec.plain_mechanism import plain_text
+    from engine import load_mechanism
+
+    return plain_text(load_mechanism(path)).encode()
 
 
 def _names(tables: Mapping[str, Any]) -> Iterator[tuple[str, str]]:

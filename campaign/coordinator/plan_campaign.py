@@ -1,16 +1,15 @@
 """Check all that a user gave, then write the plan of a campaign into a store."""
 
 import logging
-from pathlib import Path
 
 from campaign.coordinator.submit import submit
 from campaign.errors import SpecError
 from campaign.plan import Plan, make_plan
 from campaign.spec.campaign_cautions import campaign_cautions
 from campaign.spec.load import Campaign, Source, load_campaign
+from campaign.spec.open_campaign_questions import campaign_questions
 from campaign.store import Store, open_store
 from campaign.store.labels import LabelChange
-from engine.cad_import.open_questions import questions_of_file
 
 logger = logging.getLogger(__name__)
 
@@ -56,8 +55,8 @@ def plan_campaign(
     loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, samples=samples, seed=seed)
     opened.files.check_writable()
     if make_plan(loaded, batch_size).campaign_id not in opened.campaigns():
-        for question in questions_of_file(campaign) if isinstance(campaign, str | Path) else ():
-            logger.warning("question: %s, line %d: %s", campaign, question.line, question.text)
+        for question in campaign_questions(campaign):
+            logger.warning("%s", question)
         for caution in campaign_cautions(loaded):
             logger.warning("warning: %s", caution)
     return opened, submit(opened, loaded, batch_size, labels=labels)

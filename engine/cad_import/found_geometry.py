@@ -1,6 +1,7 @@
 """What a CAD file says of its mechanism, put in order: joints with their flanges, candidates of stops, names."""
 
 import re
+import unicodedata
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,12 +9,15 @@ import numpy as np
 from engine.arrays import Array
 from engine.cad import CadAssembly, CadFace
 from engine.cad.findings import (
+    BallInSocket,
     FacingPlanes,
     NearMiss,
     PinInHole,
     ThrustFaces,
+    balls_in_sockets,
     facing_planes,
     pins_in_holes,
+    pins_in_slots,
     thrust_faces,
 )
 from engine.cad.findings.common_area import triangles_by_face
@@ -29,6 +33,14 @@ class FoundJoint:
 
 
 @dataclass(frozen=True, eq=False)
+class FoundBall:
+    """A ball in a socket, with a name of its own."""
+
+    name: str
+    ball: BallInSocket
+
+
+@dataclass(frozen=True, eq=False)
 class FoundGeometry:
     """What was found in an assembly; lengths in mm.
 
@@ -38,8 +50,9 @@ class FoundGeometry:
     bodies : dict
         A name for the body that each part becomes, by the part's.
     joints : tuple of FoundJoint
+    balls : tuple of FoundBall
     refused : tuple of NearMiss
-        Pins and holes that are no joint.
+        Pins and holes, balls and sockets that are no joint.
     stops : tuple of FacingPlanes
         Faces that look at each other and are no flanges.
     """
@@ -47,6 +60,7 @@ class FoundGeometry:
     assembly: CadAssembly
     bodies: dict[str, str]
     joints: tuple[FoundJoint, ...]
+    balls: tuple[FoundBall, ...]
     refused: tuple[NearMiss, ...]
     stops: tuple[FacingPlanes, ...]
 
@@ -72,19 +86,25 @@ def find_geometry(assembly: CadAssembly) -> FoundGeometry:
     parts = [part.name for part in assembly.parts]
     bodies = dict(zip(parts, _names(parts, "part"), strict=True))
     pins, refused = pins_in_holes(assembly)
-    names = _names([f"{bodies[pin.journal]}-{bodies[pin.bearing]}" for pin in pins], "joint")
+    balls, balls_refused = balls_in_sockets(assembly, triangles)
+    pairs = [(pin.journal, pin.bearing) for pin in pins] + [(ball.ball_part, ball.socket_part) for ball in balls]
+    names = _names([f"{bodies[inner]}-{bodies[outer]}" for inner, outer in pairs], "joint")
     flanges = [tuple(thrust_faces(assembly, pin, triangles)) for pin in pins]
-    joints = [FoundJoint(*each) for each in zip(names, pins, flanges, strict=True)]
+    joints = [FoundJoint(*each) for each in zip(names[: len(pins)], pins, flanges, strict=True)]
+    found_balls = tuple(FoundBall(*each) for each in zip(names[len(pins) :], balls, strict=True))
+    refused += [*pins_in_slots(assembly), *balls_refused]
     taken = {frozenset((flange.bearing_face, flange.journal_face)) for joint in joints for flange in joint.flanges}
     stops = [pair for pair in facing_planes(assembly, triangles) if frozenset(pair.faces) not in taken]
-    return FoundGeometry(assembly, bodies, tuple(joints), tuple(refused), tuple(stops))
+    return FoundGeometry(assembly, bodies, tuple(joints), found_balls, tuple(refused), tuple(stops))
 
 
 def _names(texts: list[str], otherwise: str) -> list[str]:
     """Return a name of the mechanism file for each text, no two alike."""
     names: list[str] = []
     for text in texts:
-        stem = re.sub(r"[^A-Za-z0-9_-]+", "-", text).strip("-_") or otherwise
+        plain = unicodedata.normalize("NFKD", text)  # an umlaut becomes its letter and two dots
+        plain = "".join(c for c in plain if not unicodedata.combining(c))
+        stem = re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_") or otherwise
         stem = stem if stem[0].isalpha() else f"{otherwise}-{stem}"
         number = next(n for n in range(1, len(texts) + 1) if _numbered(stem, n) not in names)
         names.append(_numbered(stem, number))

@@ -8,7 +8,7 @@ import numpy as np
 from engine.arrays import Array
 from engine.cad.cad_model import CadFace, CadPart
 from engine.cad.findings import FacingPlanes, NearMiss
-from engine.cad_import.found_geometry import FoundGeometry, FoundJoint
+from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -28,11 +28,11 @@ class FoundPlace:
     between, sizes : str
         In words: the parts; how large what is between them is, or why it is no joint.
     radii : str
-        Of hole and pin of a joint, in words; else empty.
+        Of hole and pin, or socket and ball, of a joint, in words; else empty.
     ends : array, shape (2, 3)
-        Of a joint, where it begins and ends on its axis; of a stop, a point of each face.
+        Of a joint, where it begins and ends on its axis, of a ball its centre twice; of a stop, a point of each face.
     radius : float
-        Of the hole; 0 of a stop.
+        Of the hole or the socket; 0 of a stop.
     """
 
     kind: Literal["joint", "no joint", "facing"]
@@ -70,7 +70,7 @@ def part_text(part: CadPart) -> str:
 def found_places(found: FoundGeometry) -> list[FoundPlace]:
     """Return all that was found: joints, then what is no joint, then candidates of stops, each in its order."""
     faces = {face.number: face for face in found.assembly.faces}
-    joints = [_joint(joint) for joint in found.joints]
+    joints = [*map(_joint, found.joints), *map(_ball, found.balls)]
     refused = [_no_joint(miss, number, faces) for number, miss in enumerate(found.refused, 1)]
     return [*joints, *refused, *(_stop(pair, number) for number, pair in enumerate(found.stops, 1))]
 
@@ -78,7 +78,7 @@ def found_places(found: FoundGeometry) -> list[FoundPlace]:
 def _joint(joint: FoundJoint) -> FoundPlace:
     pin, first = joint.pin, joint.pin.seats[0]
     plays = ", ".join(f"{flange.play:.4g}" for flange in joint.flanges)
-    axial = f"axial play {plays}" if plays else "free along its axis"
+    axial = f", axial play {plays} mm" if plays else " mm, free along its axis"
     return FoundPlace(
         kind="joint",
         name=joint.name,
@@ -86,9 +86,24 @@ def _joint(joint: FoundJoint) -> FoundPlace:
         faces=tuple(dict.fromkeys(number for seat in pin.seats for number in (seat.hole, seat.pin))),
         between=f"{pin.journal} in {pin.bearing}",
         radii=f"radii {first.hole_radius:.6g} and {first.pin_radius:.6g}",
-        sizes=f"clearance {pin.radial_clearance:.4g}, {axial} mm",
+        sizes=f"clearance {pin.radial_clearance:.4g}{axial}",
         ends=pin.point + np.outer((first.start, pin.seats[-1].end), pin.axis),
         radius=first.hole_radius,
+    )
+
+
+def _ball(found: FoundBall) -> FoundPlace:
+    ball = found.ball
+    return FoundPlace(
+        kind="joint",
+        name=found.name,
+        parts=(ball.ball_part, ball.socket_part),
+        faces=(ball.socket, ball.ball),
+        between=f"ball of {ball.ball_part} in {ball.socket_part}",
+        radii=f"radii {ball.socket_radius:.6g} and {ball.ball_radius:.6g}",
+        sizes=f"clearance {ball.radial_clearance:.4g} mm",
+        ends=np.array([ball.centre, ball.centre]),
+        radius=ball.socket_radius,
     )
 
 
@@ -99,7 +114,7 @@ def _no_joint(miss: NearMiss, number: int, faces: dict[int, CadFace]) -> FoundPl
         name=str(number),
         parts=(pin.part, hole.part),
         faces=(miss.hole, miss.pin),
-        between=f"pin of {pin.part} in {hole.part}",
+        between=f"{'ball' if pin.kind == 'sphere' else 'pin'} of {pin.part} in {hole.part}",
         sizes=miss.reason,
         ends=hole.point + np.outer(hole.extent, hole.axis),
         radius=hole.radius,

@@ -1,13 +1,14 @@
-"""The tables of joints: a pin in a hole, its rings, its clearance, its flanges."""
+"""The tables of joints: a pin in a hole, its rings, its clearance, its flanges; a ball in a socket."""
 
 from dataclasses import dataclass
+from math import degrees, radians
 from typing import Any
 
 import numpy as np
 
 from engine.arrays import Array
 from engine.cad.cad_model import CadFace, SizeLimits
-from engine.cad_import.found_geometry import FoundGeometry, FoundJoint
+from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint
 from engine.cad_import.toml_lines import key_line, question
 from engine.mechanism.geometry.cad_table import AS_DRAWN
 from engine.mechanism.geometry.sides import axis_of
@@ -17,6 +18,7 @@ LAW = "contact"
 
 _ALIKE = 1e-6  # mm
 _LEAST_PLAY = 1e-6  # mm
+_OPEN = radians(190.0)  # of a hole: a pin can leave one with less
 
 
 @dataclass(frozen=True)
@@ -57,13 +59,47 @@ def joint_lines(found: FoundGeometry, joint: FoundJoint) -> list[str]:
         shaft["point"] = found.to_body(pin.journal, shift)
     lines.append(key_line("journal", shaft))
     if len(pin.seats) > 1:
-        lines.append(key_line("rings", sorted(stations.of(station) for station, _ in pin.rings)))
+        lines.append(key_line("rings", sorted(round(stations.of(station), 9) for station, _ in pin.rings)))
     lines += _clearance_lines(found, joint, stepped or first.hole_radius - first.pin_radius != pin.radial_clearance)
     lines += _flange_lines(joint, stations)
+    if (span := min(face.span for face in holes)) < _OPEN:
+        text = f"only {degrees(span):.0f} degrees of the hole are there; a joint holds its pin all round;"
+        lines.append(question(f"joints.{joint.name}", f"{text} if this one can leave, write contacts in its place"))
     if pin.overlap > 0:
-        text = f"pin and hole overlap by {pin.overlap:.4g} mm as posed; correct the assembly, or give origin of a body"
-        lines.append(question(f"joints.{joint.name}", text))
+        lines.append(_overlap_question(joint.name, "pin and hole", pin.overlap))
     return [*lines, key_line("material", LAW), ""]
+
+
+def ball_lines(found: FoundGeometry, joint: FoundBall) -> list[str]:
+    """Return the table of a ball in its socket, as numbers, with a question for what the CAD file does not say."""
+    ball = joint.ball
+    socket = {"body": found.bodies[ball.socket_part], "point": found.to_body(ball.socket_part, ball.centre).round(9)}
+    centre = found.to_body(ball.ball_part, ball.ball_centre).round(9)
+    inner = {"body": found.bodies[ball.ball_part], "point": centre, "radius": round(ball.ball_radius, 9)}
+    lines = [
+        f"[joints.{joint.name}]",
+        'type = "clearance_spherical"',
+        key_line("socket", socket),
+        key_line("ball", inner),
+    ]
+    if ball.radial_clearance > 0:
+        lines.append(key_line("radial_clearance", round(ball.radial_clearance, 9)))
+    else:
+        lines += _asked_clearance(joint.name, "ball and socket", ball.ball_radius)
+    if ball.overlap > 0:
+        lines.append(_overlap_question(joint.name, "ball and socket", ball.overlap))
+    return [*lines, key_line("material", LAW), ""]
+
+
+def _asked_clearance(name: str, sides: str, radius: float) -> list[str]:
+    """Return the question about a clearance that is not drawn."""
+    text = f"{sides} are both drawn with radius {radius:.6g} mm; which clearance do their tolerances leave?"
+    return [question(f"joints.{name}.radial_clearance", text), "# radial_clearance = 0.02"]
+
+
+def _overlap_question(name: str, sides: str, overlap: float) -> str:
+    text = f"{sides} overlap by {overlap:.4g} mm as posed; correct the assembly, or give origin of a body"
+    return question(f"joints.{name}", text)
 
 
 def diameters_of(found: FoundGeometry, joint: FoundJoint) -> dict[str, Diameter]:
@@ -127,9 +163,7 @@ def _clearance_lines(found: FoundGeometry, joint: FoundJoint, in_numbers: bool) 
     """Return the radial clearance: from limits, as drawn, or as a question."""
     clearance, key = joint.pin.radial_clearance, "radial_clearance"
     if clearance <= 0:
-        radius = joint.pin.seats[0].pin_radius
-        text = f"pin and hole are both drawn with radius {radius:.6g} mm; which clearance do their tolerances leave?"
-        return [question(f"joints.{joint.name}.{key}", text), f"# {key} = 0.02"]
+        return _asked_clearance(joint.name, "pin and hole", joint.pin.seats[0].pin_radius)
     if diameters := diameters_of(found, joint):
         [seat] = joint.pin.seats
         hole = diameters["hole"].parameter if "hole" in diameters else f"{2 * seat.hole_radius:.9g}"
@@ -146,8 +180,8 @@ def _flange_lines(joint: FoundJoint, stations: _Stations) -> list[str]:
     faces = {flange.side: flange for flange in joint.flanges}
     pin = joint.pin
     ends = {"start": pin.seats[0].start, "end": pin.seats[-1].end} | {s: f.station for s, f in faces.items()}
-    flanges: dict[str, Any] = {"radius": min(flange.radius for flange in joint.flanges)}
-    flanges["ends"] = sorted(stations.of(station) for station in ends.values())
+    flanges: dict[str, Any] = {"radius": round(min(flange.radius for flange in joint.flanges), 9)}
+    flanges["ends"] = sorted(round(stations.of(station), 9) for station in ends.values())
     if len(faces) == 1:
         [side] = faces
         flanges["sides"] = side if stations.sign > 0 else {"start": "end", "end": "start"}[side]

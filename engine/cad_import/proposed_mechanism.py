@@ -7,7 +7,7 @@ import numpy as np
 from engine.cad.cad_model import CadAssembly, CadPart, Solid
 from engine.cad.findings import FacingPlanes
 from engine.cad_import.found_geometry import FoundGeometry
-from engine.cad_import.proposed_joints import LAW, diameters_of, joint_lines
+from engine.cad_import.proposed_joints import LAW, ball_lines, diameters_of, joint_lines
 from engine.cad_import.toml_lines import key_line, marked, question
 
 _HEAD = """\
@@ -55,6 +55,8 @@ def proposed_mechanism(found: FoundGeometry, file: str, name: str, unloaded: Seq
         lines += _body(found, part, is_largest=part.name == largest)
     for joint in found.joints:
         lines += joint_lines(found, joint)
+    for ball in found.balls:
+        lines += ball_lines(found, ball)
     return "\n".join([*lines, *_stops(found), *_loads(unloaded), *_responses(found)]).rstrip("\n") + "\n"
 
 
@@ -159,5 +161,5 @@ def _loads(unloaded: Sequence[str]) -> list[str]:
 
 
 def _responses(found: FoundGeometry) -> list[str]:
-    example = ["[responses.force]", 'type = "contact_force"', f'contact = "stop-{1 if found.stops else "NAME"}"']
+    example = ["[responses.force]", 'type = "contact_force"', f'contact = "{"stop-1" if found.stops else "NAME"}"']
     return [question("responses", "what is read off at the end?"), *marked(example)]

@@ -3,6 +3,8 @@
 import tomllib
 from typing import Any
 
+import numpy as np
+
 from engine.cad_import.found_geometry import FoundGeometry
 from engine.cad_import.proposed_mechanism import largest_part
 from engine.errors import EngineError
@@ -57,4 +59,8 @@ def _answered(found: FoundGeometry, tables: dict[str, Any]) -> dict[str, Any]:
             table["radial_clearance"] = joint.pin.offset + _SOME_PLAY
         if "flanges" in table:
             table.setdefault("axial_clearance", _SOME_PLAY)
+    for each in found.balls:
+        tables["joints"][each.name]["radial_clearance"] = (
+            float(np.linalg.norm(each.ball.ball_centre - each.ball.centre)) + _SOME_PLAY
+        )
     return tables

@@ -60,12 +60,14 @@ def place_colour(place: FoundPlace) -> str:
 def place_lines(place: FoundPlace) -> list[Array]:
     """Return what marks a place, polylines in the frame of the assembly, each of shape (k, 3).
 
-    Of a joint it is the hole at both ends and the axis, which reaches beyond by a radius; of a stop, the way between
-    its faces.
+    Of a joint it is the hole at both ends and the axis, which reaches beyond by a radius, or three circles of a socket;
+    of a stop, the way between its faces.
     """
     if not place.radius:
         return [place.ends]
     along = place.ends[1] - place.ends[0]
+    if not along.any():
+        return [circle(place.ends[0], axis, place.radius) for axis in np.eye(3)]
     axis = along / np.linalg.norm(along)
     beyond = place.ends + place.radius * np.array([-axis, axis])
     return [*(circle(end, axis, place.radius) for end in place.ends), beyond]

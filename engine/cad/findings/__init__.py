@@ -1,19 +1,24 @@
-"""What a CAD assembly says of its mechanism: pins in holes, their flanges, faces that could be stops."""
+"""What a CAD assembly says of its mechanism: pins in holes, balls in sockets, flanges, faces that could be stops."""
 
+from engine.cad.findings.balls_in_sockets import BallInSocket, balls_in_sockets
 from engine.cad.findings.common_area import triangles_by_face
 from engine.cad.findings.facing_planes import FacingPlanes, facing_planes
 from engine.cad.findings.pins_in_holes import NearMiss, PinInHole, Seat, pin_in_hole, pins_in_holes
+from engine.cad.findings.pins_in_slots import pins_in_slots
 from engine.cad.findings.thrust_faces import ThrustFaces, thrust_faces
 
 __all__ = [
+    "BallInSocket",
     "FacingPlanes",
     "NearMiss",
     "PinInHole",
     "Seat",
     "ThrustFaces",
+    "balls_in_sockets",
     "facing_planes",
     "pin_in_hole",
     "pins_in_holes",
+    "pins_in_slots",
     "thrust_faces",
     "triangles_by_face",
 ]

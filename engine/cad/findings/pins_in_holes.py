@@ -7,6 +7,7 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad.cad_model import CadAssembly, CadFace, Coordinates, Millimetres
+from engine.cad.findings.slots import slots_of
 
 LEAST_SPAN = radians(160.0)
 """Of a hole and of a pin [rad]: less than half a turn holds nothing."""
@@ -58,10 +59,8 @@ class PinInHole:
     tilt: float
     """Angle between the two axes [rad]."""
 
-    @property
-    def overlap(self) -> float:
-        """How far pin and hole overlap as posed [mm]; 0 where the pin lies within its clearance."""
-        return max(0.0, self.offset - self.radial_clearance)
+    overlap: Millimetres
+    """How far pin and hole overlap as posed [mm]; 0 where the pin lies within its clearance."""
 
     @property
     def rings(self) -> tuple[tuple[float, Seat], ...]:
@@ -113,7 +112,12 @@ def pins_in_holes(assembly: CadAssembly) -> tuple[list[PinInHole], list[NearMiss
     refused : list of NearMiss
         Radii and axes differ by less than 1 mm, but they are no joint nor part of one; each with the reason.
     """
-    pairs = [(pair, _refusal(pair)) for pair in _near_pairs(assembly)]
+    cylinders = [face for face in assembly.faces if face.kind == "cylinder"]
+    slots = slots_of([face for face in cylinders if face.hollow])
+    ends = {end.number for slot in slots for end in slot.ends}  # a pin is not held there, but slides away
+    holes = [face for face in cylinders if face.hollow and face.number not in ends]
+    pins = [face for face in cylinders if not face.hollow]
+    pairs = [(pair, _refusal(pair)) for pair in _near_pairs(holes, pins)]
     accepted = [pair for pair, reason in pairs if not reason]
     refused = [
         NearMiss(hole=pair.hole.number, pin=pair.pin.number, reason=reason)
@@ -134,11 +138,8 @@ def pin_in_hole(hole: CadFace, pin: CadFace) -> PinInHole:
     return _joint([_pair(hole, pin)])
 
 
-def _near_pairs(assembly: CadAssembly) -> list[_Pair]:
+def _near_pairs(holes: list[CadFace], pins: list[CadFace]) -> list[_Pair]:
     """Return all holes and pins of two parts whose radii and axes differ by little."""
-    cylinders = [face for face in assembly.faces if face.kind == "cylinder"]
-    holes = [face for face in cylinders if face.hollow]
-    pins = [face for face in cylinders if not face.hollow]
     if not holes or not pins:
         return []
     near = np.abs(np.subtract.outer([f.radius for f in holes], [f.radius for f in pins])) <= _NEAR
@@ -229,6 +230,8 @@ def _joint(group: list[_Pair]) -> PinInHole:
     ]
     clearance = min(pair.clearance for pair in group)
     gaps = max(pair.hole.recognition_gap + pair.pin.recognition_gap for pair in group) + 1e-9
+    offset = max(pair.offset for pair in group)
+    overlap = offset - max(clearance, 0.0)
     return PinInHole(
         bearing=hole.part,
         journal=pin.part,
@@ -238,6 +241,7 @@ def _joint(group: list[_Pair]) -> PinInHole:
         journal_axis=journal_axis,
         seats=tuple(sorted(seats, key=lambda seat: seat.start)),
         radial_clearance=clearance if clearance > gaps else 0.0,
-        offset=max(pair.offset for pair in group),
+        offset=offset,
+        overlap=overlap if overlap > gaps else 0.0,
         tilt=float(np.arcsin(min(1.0, float(np.linalg.norm(np.cross(hole.axis, journal_axis)))))),
     )

@@ -51,7 +51,7 @@ def instances(shapes: Any) -> list[Instance]:
             if len(found) > MOST_INSTANCES:
                 raise UnreadableStep(f"has more than {MOST_INSTANCES} parts")
     if not found:
-        raise UnreadableStep("has no shapes")
+        raise UnreadableStep("has no shapes; export the solids of the parts")
     return found
 
 

@@ -1,5 +1,7 @@
 """A STEP file becomes an assembly of plain numbers."""
 
+from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +85,8 @@ def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
         parts.append(_part(instance, name, product, here))
     limits, unclear = size_limits(document.dimensions, document.signs, _FacesOfLabels(products))
     faces = tuple(face for here in placed for face in here.faces)
+    limits = [_corrected(limit, faces, document.dimensions_too_large) for limit in limits]
+    contradictions = {limit: _contradictions(limit, faces) for limit in limits}
     return CadAssembly(
         sha256=sha256,
         unit=document.unit,
@@ -91,9 +95,9 @@ def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
         parts=tuple(parts),
         faces=faces,
         edges=tuple(edge for here in placed for edge in here.edges),
-        limits=tuple(limits),
+        limits=tuple(limit for limit, said in contradictions.items() if not said),
         meshes=tuple(here.mesh for here in placed),
-        cautions=(*_left_out(document, parts, unclear), *_contradictions(limits, faces)),
+        cautions=(*_left_out(document, parts, unclear), *chain.from_iterable(contradictions.values())),
     )
 
 
@@ -125,15 +129,25 @@ class _FacesOfLabels:
         return []
 
 
-def _contradictions(limits: list[SizeLimits], faces: tuple[CadFace, ...]) -> list[str]:
-    """Return the dimensions that are not those of the faces they stand on."""
+def _corrected(limit: SizeLimits, faces: tuple[CadFace, ...], too_large: float) -> SizeLimits:
+    """Return a dimension in mm that may be too large by a factor: it is where only then it is that of its faces."""
+    sizes = (limit.nominal / too_large, limit.lower / too_large, limit.upper / too_large)
+    nominal, lower, upper = (round(size, 12) for size in sizes)
+    smaller = replace(limit, nominal=nominal, lower=lower, upper=upper)
+    return smaller if _contradictions(limit, faces) and not _contradictions(smaller, faces) else limit
+
+
+def _contradictions(limit: SizeLimits, faces: tuple[CadFace, ...]) -> list[str]:
+    """Return what is said of a dimension that is not that of the faces it stands on."""
     said = []
-    for limit in limits:
-        for face in (faces[number] for number in limit.faces):
-            size = _RADII.get(limit.kind, 0) * face.radius
-            if size and abs(limit.nominal - size) > _FAR_OFF * size:
-                drawn = f"the face that it stands on, of {face.part}, is drawn with {size:g} mm"
-                said.append(f"a {limit.kind} of {limit.nominal:g} mm: {drawn}; check the unit of the file's dimensions")
+    for face in (faces[number] for number in limit.faces):
+        size = _RADII.get(limit.kind, 0) * face.radius
+        if size and abs(limit.nominal - size) > _FAR_OFF * size:
+            drawn = f"the face that it stands on, of {face.part}, is drawn with {size:g} mm"
+            said.append(
+                f"a {limit.kind} of {limit.nominal:g} mm: {drawn}; check the unit of the file's dimensions, and give "
+                "these limits in the campaign file"
+            )
     return said
 
 

@@ -42,6 +42,9 @@ class StepDocument:
     grams: float | None
     """The unit of mass of its densities [g]; None if they have several, or one that is not known."""
     signs: DeviationSigns
+    dimensions_too_large: float
+    """By what factor all its dimensions are, where OCCT has written the file: it gives them in mm, and says they are in
+    the file's unit of length; 1 for a file of any other program."""
     keep: Any
     """The document, which must live as long as its tools."""
 
@@ -62,13 +65,13 @@ def open_step(path: Path) -> StepDocument:
     reader.SetMatMode(True)
     reader.SetNameMode(True)
     if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
-        raise UnreadableStep("is no STEP file that can be read, or was cut off")
+        raise UnreadableStep("is no STEP file that can be read, or was cut off; export or copy it again")
     unit, millimetres = _unit(reader)
     model = reader.ChangeReader().StepModel()
     header = APIHeaderSection_MakeHeader(model)
     by_occt = "Open CASCADE" in _text(header.PreprocessorVersion())
     if not reader.Transfer(document):
-        raise UnreadableStep("has no shapes")
+        raise UnreadableStep("has no shapes; export the solids of the parts")
     return StepDocument(
         shapes=XCAFDoc_DocumentTool.ShapeTool_s(document.Main()),
         dimensions=XCAFDoc_DocumentTool.DimTolTool_s(document.Main()),
@@ -76,6 +79,7 @@ def open_step(path: Path) -> StepDocument:
         schema=_schema(header),
         grams=grams_of_densities(model),
         signs=DeviationSigns(model, millimetres, by_occt),
+        dimensions_too_large=millimetres if by_occt else 1.0,
         keep=(document, reader),
     )
 

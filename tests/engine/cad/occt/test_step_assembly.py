@@ -210,12 +210,25 @@ def test_a_lower_deviation_that_occt_has_written(tmp_path):
     assert (other.limits[0].lower, other.limits[0].upper) == (6.11, 6.12)
 
 
-def test_a_dimension_that_is_not_that_of_its_face(read):
+def test_inches_that_occt_has_written(read):
     """OCCT writes the numbers of dimensions in mm also where it says that they are inches."""
-    said = read(latch.drawing(), unit="INCH").cautions
-    assert len(said) == 2
-    assert said[0].startswith("a diameter of 154.94 mm: the face that it stands on, of crank, is drawn with 6.1 mm")
-    assert read(latch.drawing()).cautions == ()
+    assembly = read(latch.drawing(), unit="INCH")
+    assert assembly.cautions == ()
+    found = sorted((limit.nominal, limit.lower, limit.upper) for limit in assembly.limits)
+    np.testing.assert_allclose(found, [(6.0, 5.992, 6.0), (6.1, 6.09, 6.12)], atol=1e-9)
+
+
+def test_a_dimension_that_is_not_that_of_its_face(tmp_path):
+    """It is left out, and said to be: limits of 155 mm must not become those of a hole of 6 mm."""
+    drawing = latch.drawing().write(tmp_path / "inch.step", unit="INCH")
+    text = drawing.read_text("latin-1").replace("'Open CASCADE STEP processor 8.0'", "'another system'")
+    assert "'another system'" in text
+    drawing.write_text(text, "latin-1")
+    assembly = read_assembly(drawing, "0" * 64, 1e-4)
+    assert assembly.limits == ()
+    assert len(assembly.cautions) == 2
+    said = "a diameter of 154.94 mm: the face that it stands on, of crank, is drawn with 6.1 mm"
+    assert assembly.cautions[0].startswith(said)
 
 
 def test_limits_of_every_instance(read):

@@ -1,0 +1,67 @@
+"""Slots: two halves of a hole, apart across their axes and open to each other, between which a pin slides."""
+
+from dataclasses import dataclass
+from itertools import combinations
+from math import pi
+
+import numpy as np
+
+from engine.arrays import Array
+from engine.cad.cad_model import CadFace
+
+_HALF_TURN = 0.02  # rad that the end of a slot may have more or less than half a turn
+_PARALLEL = 1e-4  # rad
+_ALIKE = 1e-6  # relative difference of two radii, and mm between ends, that are one
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Slot:
+    """A slot by its two round ends, faces of one part."""
+
+    ends: tuple[CadFace, CadFace]
+
+    @property
+    def way(self) -> Array:
+        """From the axis of the one end across to that of the other [mm], shape (3,)."""
+        return _across(*self.ends)
+
+    def distance(self, pin: CadFace) -> float:
+        """Return how far the axis of a pin is from the middle plane of the slot, or from its ends [mm]."""
+        first = self.ends[0]
+        away = _across(first, pin)
+        share = float(np.clip(away @ self.way / (self.way @ self.way), 0.0, 1.0))
+        return float(np.linalg.norm(away - share * self.way))
+
+
+def slots_of(holes: list[CadFace]) -> list[Slot]:
+    """Return the slots among the hollow cylinders of an assembly.
+
+    Parameters
+    ----------
+    holes : list of CadFace
+        In mm.
+    """
+    halves: dict[str, list[CadFace]] = {}
+    for hole in holes:
+        if abs(hole.span - pi) < _HALF_TURN:
+            halves.setdefault(hole.part, []).append(hole)
+    return [Slot(ends=(a, b)) for alike in halves.values() for a, b in combinations(alike, 2) if _are_ends_of_one(a, b)]
+
+
+def _across(first: CadFace, other: CadFace) -> Array:
+    """Return the way from one axis to another, at right angles to the first, shape (3,)."""
+    away = other.point - first.point
+    return np.asarray(away - (away @ first.axis) * first.axis)
+
+
+def _are_ends_of_one(a: CadFace, b: CadFace) -> bool:
+    """Return whether two halves of holes are open to each other, of one radius, and side by side along their axes."""
+    way = _across(a, b)
+    length = float(np.linalg.norm(way))
+    alike = abs(a.radius - b.radius) <= _ALIKE * a.radius and abs(a.axis @ b.axis) > np.cos(_PARALLEL)
+    if not alike or length < _ALIKE or a.solid != b.solid:
+        return False
+    opposite = a.middle @ way < -np.cos(_HALF_TURN) * length and b.middle @ way > np.cos(_HALF_TURN) * length
+    between = float((b.point - a.point) @ a.axis)
+    shared = min(a.extent[1], between + b.extent[1]) - max(a.extent[0], between + b.extent[0])
+    return bool(opposite and shared > 0)
