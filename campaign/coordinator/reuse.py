@@ -68,7 +68,8 @@ def _what_rows_depend_on(content: Mapping[str, Any]) -> list[Any]:
 
 def _copy(store: Store, other: Plan, plan: Plan) -> int:
     """Write the parts of a plan that the rows of another campaign fill; return the number of rows."""
-    waiting = iter([b for b in range(len(plan.batches)) if b not in store.survey(plan).parts])
+    there = store.survey(plan).parts
+    waiting = (batch for batch in range(len(plan.batches)) if batch not in there)
     batch, copied, kept = next(waiting, None), 0, plan.schema.empty_table()
     for rows in store.stream(other):
         kept = pa.concat_tables([kept, rows.replace_schema_metadata(plan.schema.metadata)])

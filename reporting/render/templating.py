@@ -1,6 +1,7 @@
 """What the templates of the report share: how numbers are written, and figures that are safe to insert."""
 
 from collections.abc import Iterable
+from functools import cache
 from itertools import groupby
 from operator import attrgetter
 from typing import Any
@@ -14,8 +15,12 @@ from reporting.render import axes, figures, histograms, scatter_figure
 from reporting.render.page_templates import page_environment
 
 
+@cache
 def environment() -> Environment:
-    """Return the environment of the templates, with filters for numbers and figures."""
+    """Return the environment of the templates, with filters for numbers and figures.
+
+    It is made once: an environment keeps the templates that it has compiled, which takes most of the time of a page.
+    """
     made = page_environment("reporting.render")
     made.filters.update(
         fixed=format_numbers.fixed,
