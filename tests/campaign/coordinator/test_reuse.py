@@ -71,6 +71,20 @@ def test_other_policies_and_orders(tmp_path, campaign, campaign_file):
     assert store.survey(other).rows == 0
 
 
+def test_what_is_there_is_surveyed_once(tmp_path, campaign, campaign_file, monkeypatch):
+    """However many batches the new plan has, of which each may be there already."""
+    store, _ = computed(tmp_path, campaign, 10)
+    survey, seen = type(store).survey, []
+
+    def counted(self, plan, **options):
+        seen.append(plan)
+        return survey(self, plan, **options)
+
+    monkeypatch.setattr(type(store), "survey", counted)
+    plan = submit(store, load_campaign(str(campaign_file), samples=64), 2)
+    assert (len(plan.batches), seen.count(plan)) == (32, 1)
+
+
 def test_sampler_that_cannot_keep_its_samples_says_so(tmp_path, campaign_file, caplog):
     """Latin hypercube samples of another number are others."""
     caplog.set_level("INFO")
