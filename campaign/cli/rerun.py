@@ -4,12 +4,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from campaign.cli.drive import fail_without_enough_ok
 from campaign.cli.options import CampaignId, StoreUrl, on_cluster
 from campaign.cli.output import Json, print_json, print_text, say
 from campaign.run_status import FailedStatus
 
 if TYPE_CHECKING:
     from campaign.cluster.cluster import Cluster
+    from campaign.coordinator.rerun import RerunResult
 
 
 @on_cluster
@@ -27,7 +29,8 @@ def rerun(
 ) -> None:
     """Compute failed rows again, after you have removed the cause of the failures.
 
-    Without --sample and --status, all failed rows. Exit status 1 if no run has a status that --status names.
+    Without --sample and --status, all failed rows. Exit status 1 if no run has a status that --status names, or if too
+    few runs of the campaign are ok for a verdict.
     """
     from campaign.coordinator.rerun import failed_samples
     from campaign.coordinator.rerun import rerun as compute
@@ -51,10 +54,16 @@ def rerun(
     result = compute(opened, plan, selected, where, repeated=repeated)
     if json:
         print_json({**document, **result.to_json()})
-        return
+    else:
+        _print(result)
+        print_text(f"update the report with: {opened.command('report', plan.campaign_id)}")
+    fail_without_enough_ok(opened, plan, opened.survey(plan).statuses)
+
+
+def _print(result: "RerunResult") -> None:
+    """Print how many rows were computed again, and how they ended."""
     counts = ", ".join(f"{count} {status}" for status, count in result.after.items()) or "none"
     if result.repeats:
         counts += f"; {sum(result.repeats.values())} repeats with half the step: "
         counts += ", ".join(f"{count} {status}" for status, count in result.repeats.items())
     print_text(f"{result.samples} rows computed again: {counts}")
-    print_text(f"update the report with: {opened.command('report', plan.campaign_id)}")

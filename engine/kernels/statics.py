@@ -25,6 +25,8 @@ MOVING = 1e-4  # share of the free motion's energy: more than the compliance all
 # compliance, as a share of the mean diagonal of the Delassus operator, and the residual to reach with it: the first
 # gives the limit to 1e-3 N; the others are for poses at the very edge of sliding, where the first is not solved
 COMPLIANCE, TOLERANCE = (1e-6, 1e-7, 1e-6), (1e-9, 1e-9, 1e-7)
+PATIENCE, SHRINKING = 100, 0.99  # how often springs are loaded anew while the motion's energy falls below that share
+BALANCED = 1e-14  # share of the free motion's energy: forces are then good to 1e-7
 REFINEMENTS = 2  # each reduces the unbalance to a share of the order of the compliance times its amplification
 ROUGH = 3.0  # times the tolerance: what the interior-point method reaches before rounding stops it
 INSIDE, NEAR = 0.1, 1e-4  # share of the load: how far inside the cones it starts, from nothing and with impulses given
@@ -72,30 +74,72 @@ def hold_loads(arrays, phase, t, h, touching_gap):
     nc, diagonal = _gather_touching(model, state, work, problem, touching_gap)
     status = UNSOLVED
     for attempt in range(len(COMPLIANCE)):
-        for refinement in range(1 + REFINEMENTS):
-            # the springs gave way by a share of the load: solve again, with springs that already carry the impulses
-            _set_springs(nc, work, problem, COMPLIANCE[attempt] * diagonal, refinement > 0)
-            if _solve(nc, problem, TOLERANCE[attempt], refinement > 0) != CONVERGED:
-                break
-            if refinement == 0:
-                for body in range(bodies.mass.shape[0]):
-                    for k in range(6):
-                        state.v[body, k] = work.free[body, k]
-                add_whitened(bodies, problem.w, state.v)
-                status = MOVES if kinetic_energy(bodies, state.v) > MOVING * falling else HELD
-                if status == MOVES:
+        compliance = COMPLIANCE[attempt] * diagonal
+        if not _balance(nc, work, problem, compliance, TOLERANCE[attempt], False):
+            continue
+        moving = _begun(bodies, state, work, problem)
+        if moving > MOVING * falling:
+            status = _wait_for_balance(nc, arrays, compliance, TOLERANCE[attempt], moving, falling)
+        else:
+            status = HELD
+            for _ in range(REFINEMENTS):
+                if not _balance(nc, work, problem, compliance, TOLERANCE[attempt], True):
                     break
-                for body in range(bodies.mass.shape[0]):
-                    for k in range(6):
-                        state.v[body, k] = 0.0
-            for j in range(nc):
-                for k in range(3):
-                    work.u[work.chosen[j], k] = problem.r[j, k]
         if status != UNSOLVED:
             break
+    if status != MOVES:
+        for body in range(bodies.mass.shape[0]):
+            for k in range(6):
+                state.v[body, k] = 0.0
     for j in range(nc):
         problem.compliance[j] = 0.0
     return status, nc
+
+
+@inner
+def _balance(nc, work, problem, compliance, tolerance, loaded):
+    """Write the impulses of compliant contacts into ``work.u``; return whether they were found.
+
+    Springs that are ``loaded`` carry the impulses of ``work.u`` before they give way: each time what is not balanced
+    shrinks to a share that the compliance has in the whole.
+    """
+    _set_springs(nc, work, problem, compliance, loaded)
+    if _solve(nc, problem, tolerance, loaded) != CONVERGED:
+        return False
+    for j in range(nc):
+        for k in range(3):
+            work.u[work.chosen[j], k] = problem.r[j, k]
+    return True
+
+
+@inner
+def _begun(bodies, state, work, problem):
+    """Write the twists with which the bodies give way into the state; return their kinetic energy."""
+    for body in range(bodies.mass.shape[0]):
+        for k in range(6):
+            state.v[body, k] = work.free[body, k]
+    add_whitened(bodies, problem.w, state.v)
+    return kinetic_energy(bodies, state.v)
+
+
+@inner
+def _wait_for_balance(nc, arrays, compliance, tolerance, moving, falling):
+    """Tell bodies that begin to move from springs that are soft for a heavy body; return HELD, MOVES or UNSOLVED.
+
+    A contact is as compliant as suits the mean mass. A much heavier body makes it give way, and then springs that
+    already carry the load give way less each time, while a motion that nothing holds stays as it is.
+    """
+    _, state, work, problem = arrays
+    bodies = arrays.model.bodies
+    for _ in range(PATIENCE):
+        if moving <= BALANCED * falling:
+            break
+        if not _balance(nc, work, problem, compliance, tolerance, True):
+            return UNSOLVED if moving > MOVING * falling else HELD
+        before, moving = moving, _begun(bodies, state, work, problem)
+        if moving > SHRINKING * before:
+            break
+    return MOVES if moving > MOVING * falling else HELD
 
 
 @inner

@@ -18,6 +18,8 @@ from engine.kernels.step import step
 
 HALVINGS = 4
 CREATED = 1e-3  # share of the largest kinetic energy so far that a step may create
+MUCH_CREATED = 0.1  # share of it that steps may create together before the longest step is halved
+ROUNDING = 1e-6  # share of a step that the sum of all steps may be off
 
 OK, NOT_CONVERGED, PENETRATION, VIOLATION, DIVERGED, STOPPED, FULL = range(7)
 
@@ -27,7 +29,7 @@ SETTLED, COMPLETED, STOPPED_BY, ACCEPTED, SLOW, SHORTENED = range(6, 12)
 # indices of `Course.reals`
 TIME, STEP, MAX_RESIDUAL, MAX_PENETRATION, MAX_VIOLATION = range(5)
 PAUSE, PHASE_END, FASTEST, LONGEST, SLOW_TIME = range(5, 10)
-MOST_CREATED, ALL_CREATED, PEAK_KINETIC = range(10, 13)
+MOST_CREATED, ALL_CREATED, PEAK_KINETIC, LATELY_CREATED = range(10, 14)
 
 PATIENCE = 3  # windows of rest: a mechanism that is slow for so long and does not come to rest gets shorter steps
 
@@ -39,16 +41,17 @@ class Course(NamedTuple):
     # (12,) int64. STEPS: all that were tried; ACCEPTED: those that count; CONTACT: the worst one of the last step;
     # SLOW: whether all bodies were slow at the end of the last step; SHORTENED: whether it was repeated
     counts: np.ndarray
-    # (13,). FASTEST: speed of a contact point in the last step; LONGEST: the longest step allowed in the phase at
+    # (14,). FASTEST: speed of a contact point in the last step; LONGEST: the longest step allowed in the phase at
     # present; SLOW_TIME: simulated time spent slow with it; PAUSE: time for which nothing has moved, -1 before a
     # phase's first step; MOST_CREATED, ALL_CREATED: energy that a step created, that all steps created; PEAK_KINETIC:
-    # largest kinetic energy so far, at least that of all bodies as fast as what is called slow
+    # largest kinetic energy so far, at least that of all bodies as fast as what is called slow; LATELY_CREATED: energy
+    # that steps created since LONGEST was set
     reals: np.ndarray
 
 
 def new_course(control: Control) -> Course:
     """Return the course of a run that has not begun."""
-    counts, reals = np.zeros(12, np.int64), np.zeros(13)
+    counts, reals = np.zeros(12, np.int64), np.zeros(14)
     counts[PHASE], reals[STEP], reals[FASTEST] = -1, control.step, np.inf
     return Course(counts, reals)
 
@@ -115,6 +118,8 @@ def run_to_end(arrays, control, course, rows, every, stop):
             _shorten_longest_step(control, now)
         else:
             n[SLOW] = 0
+        if not control.plain and now[LATELY_CREATED] > MUCH_CREATED * now[PEAK_KINETIC]:
+            _halve_longest_step(control, now)
     n[PHASE] = phases - 1
     n[COMPLETED] = 1
 
@@ -138,7 +143,7 @@ def _next_phase(model, state, work, control, course):
         begin_rows(model.bilateral, state, work.bilateral, n[PHASE])
         now[PHASE_END] = min(now[TIME] + model.phases.duration[n[PHASE]], control.horizon)
         now[PAUSE], n[SETTLED], n[SLOW] = -1.0, 0, 0
-        now[LONGEST], now[SLOW_TIME] = control.longest, 0.0
+        now[LONGEST], now[SLOW_TIME], now[LATELY_CREATED] = control.longest, 0.0, 0.0
 
 
 @inner
@@ -152,14 +157,16 @@ def _event_happened(phases, phase, values):
 def _next_step_length(control, course):
     """Return the length of the next step.
 
-    It is at most twice the last one, and halved until the fastest contact point moves little enough in it.
+    It is at most twice the last one, and halved until the fastest contact point moves little enough in it. The last
+    one of a phase ends with it: what is left after a step, if less than half a step, belongs to that step.
     """
     n, now = course.counts, course.reals
     h = now[STEP] if n[SHORTENED] != 0 else 2 * now[STEP]
     h = min(h, now[LONGEST])
     while h > control.step and h * now[FASTEST] > control.travel:
         h = max(0.5 * h, control.step)
-    return min(h, now[PHASE_END] - now[TIME])
+    left = now[PHASE_END] - now[TIME]
+    return left if ROUNDING * control.step < left - h < 0.5 * control.step else min(h, left)
 
 
 @inner
@@ -196,6 +203,7 @@ def _advance(arrays, control, course, theta):
     now[MAX_VIOLATION] = max(done.violation, now[MAX_VIOLATION])
     now[MOST_CREATED] = max(done.created, now[MOST_CREATED])
     now[ALL_CREATED] += max(done.created, 0.0)
+    now[LATELY_CREATED] += max(done.created, 0.0)
     n[CONTACT] = done.contact
     n[STATUS] = _status(done, control, state.v)
 
@@ -229,7 +237,14 @@ def _shorten_longest_step(control, now):
     """Halve the longest step of the phase if all bodies stay slow with it and the mechanism does not come to rest."""
     now[SLOW_TIME] += now[STEP]
     if now[SLOW_TIME] > PATIENCE * control.window and now[LONGEST] > control.step:
-        now[LONGEST], now[SLOW_TIME] = max(0.5 * now[LONGEST], control.step), 0.0
+        _halve_longest_step(control, now)
+
+
+@inner
+def _halve_longest_step(control, now):
+    """Halve the longest step of the phase, down to the shortest, and see what happens with it."""
+    now[LONGEST] = max(0.5 * now[LONGEST], control.step)
+    now[SLOW_TIME] = now[LATELY_CREATED] = 0.0
 
 
 @inner

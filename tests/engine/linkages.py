@@ -18,8 +18,9 @@ LOOSE = ("revolute", "cylindrical", "prismatic", "spherical")
 
 POLAR = {"point", "centre", "origin", "center_of_mass", "velocity", "axis", "normal", "vector", "gravity"}
 KILO = {  # powers of 1000 between SI and mm-g-ms
-    "length": 1, "mass": 1, "time": 1, "frequency": -1, "inertia": 3, "angular speed": -1, "acceleration": -1,
-    "impulse": 1, "energy": 1, "torque": 1, "stiffness": -1, "torsional stiffness": 1, "torsional damping": 2,
+    "length": 1, "per length": -1, "mass": 1, "time": 1, "frequency": -1, "rate": -1, "inertia": 3,
+    "angular speed": -1, "acceleration": -1, "impulse": 1, "energy": 1, "torque": 1, "stiffness": -1,
+    "torsional stiffness": 1, "torsional damping": 2,
 }  # fmt: skip
 
 

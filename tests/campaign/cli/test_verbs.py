@@ -98,18 +98,25 @@ def test_replay_is_equal_to_the_bit(there, monkeypatch):
 
 
 def test_rerun_of_what_failed(there, monkeypatch):
-    """Blocks that slide are not settled: run again they still are, and their rows say that they were tried twice."""
+    """Blocks that slide are not settled: run again they still are not, and their rows say that they were tried twice.
+
+    So too few runs are ok for a verdict, and the verb says so, as ``run`` does.
+    """
     folder, plan = there
     monkeypatch.chdir(folder)
     failed = [row for row in open_store("runs").table().to_pylist() if row["status"] != "ok"]
     assert 0 < len(failed) < 12
     done = CliRunner().invoke(app, ["rerun", plan.campaign_id, "--workers", "1", "--json"])
-    assert done.exit_code == 0, done.output
+    assert done.exit_code == 1, done.output
     document = json.loads(done.stdout)
     assert (document["samples"], document["before"]) == (len(failed), document["after"])
     table = open_store("runs").table().to_pylist()
     assert {row["sample"] for row in table if row["attempts"] == 2} == {row["sample"] for row in failed}
-    assert done.stderr == f"clearcap: computing {len(failed)} rows again\n"
+    begun, _, judged = done.stderr.partition("\n")
+    assert begun == f"clearcap: computing {len(failed)} rows again"
+    assert judged.startswith(
+        f"clearcap: error: {len(failed)} of 12 runs failed ({len(failed)} not_at_rest); failures.min_ok"
+    )
     done = CliRunner().invoke(app, ["rerun", plan.campaign_id, "--status", "crashed", "--status", "invalid"])
     assert (done.exit_code, "no run has the status crashed or invalid, nothing" in done.stdout) == (1, True)
 
