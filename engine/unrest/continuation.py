@@ -13,7 +13,7 @@ from engine.assembly.frames import rotate
 from engine.kernels import time_loop
 from engine.kernels.context import Control, RunArrays
 from engine.kernels.model import Model
-from engine.kernels.record import BODY, HEAD, row_length
+from engine.kernels.record import BODY, CONTACT, HEAD, row_length
 from engine.kernels.time_loop import Course, run_to_end
 from engine.loop import Cancel, limited
 
@@ -34,6 +34,10 @@ class Continuation:
         Velocity of the centre of mass, and angular velocity, both in world axes.
     own : (n, nb, 6) array
         The same in the axes of each body.
+    place : (n, nb, 7) array
+        Position of the centre of mass, and quaternion (w, x, y, z).
+    impulse : (n, nc) array
+        Normal impulses of the contacts.
     rested : float or None
         Time at which the mechanism came to rest, if it did.
     """
@@ -41,6 +45,8 @@ class Continuation:
     time: Array
     twist: Array
     own: Array
+    place: Array
+    impulse: Array
     rested: float | None
 
 
@@ -91,12 +97,14 @@ def go_on(
     if course.counts[time_loop.STATUS] not in (time_loop.OK, time_loop.FULL):
         return None
     rows = rows[1 : 1 + int(rows[0, 0])]
-    moving = rows[:, HEAD : HEAD + BODY * len(arrays.model.bodies.mass)].reshape(len(rows), -1, BODY)
+    bodies, contacts = len(arrays.model.bodies.mass), len(assembly.contact_names)
+    moving = rows[:, HEAD : HEAD + BODY * bodies].reshape(len(rows), bodies, BODY)
+    touching = rows[:, HEAD + BODY * bodies :][:, : CONTACT * contacts].reshape(len(rows), contacts, CONTACT)
     turn, velocity, spin = moving[..., 3:7], moving[..., 7:10], moving[..., 10:13]
     twist = np.concatenate([velocity, rotate(turn, spin)], axis=2)
     own = np.concatenate([rotate(turn * [1, -1, -1, -1], velocity), spin], axis=2)
     rested = float(course.reals[time_loop.TIME]) if course.counts[time_loop.COMPLETED] else None
-    return Continuation(rows[:, 0], twist, own, rested)
+    return Continuation(rows[:, 0], twist, own, moving[..., :7], touching[..., 1], rested)
 
 
 def _copy(arrays: RunArrays, phase: int) -> RunArrays:

@@ -13,10 +13,11 @@ from engine.kernels.loads import apply_loads
 from engine.kernels.time_loop import Course
 from engine.loop import Cancel
 from engine.mechanism import Mechanism
-from engine.unrest.continuation import FINE, go_on
+from engine.unrest.continuation import FINE, Continuation, go_on
 from engine.unrest.course_of_speed import SpeedCourse, course_of, turns_of
 from engine.unrest.direction_words import HINGED, direction_words, joint_lines
 from engine.unrest.mover import Mover, find_mover
+from engine.unrest.two_places import held_in_turn
 
 TREMBLES = FINE // 8  # changes of direction in so few steps
 TRIALS = (0.5, 0.25, 0.125)  # shares of the step that are tried where something trembles
@@ -54,9 +55,8 @@ def unrest(
         return ""
     mover = find_mover(assembly, control, fine.twist, fine.own)
     if fine.rested is None and len(turns_of(mover.speed)) >= TREMBLES:
-        return f"{_motion(mechanism, assembly, mover, 'trembles')}; " + _shorter_step(
-            mechanism, assembly, control, course, seconds, cancel
-        )
+        advice = _shorter_step(mechanism, assembly, control, course, seconds, cancel) or _places(assembly, fine)
+        return f"{_motion(mechanism, assembly, mover, 'trembles')}; {advice}"
     onward = go_on(assembly, control, course, seconds, cancel)
     if onward is None or len(onward.time) < 3:
         return _motion(mechanism, assembly, mover, "goes on")
@@ -170,7 +170,7 @@ def _longer(mechanism: Mechanism, rest: float, comes: str) -> str:
 def _shorter_step(
     mechanism: Mechanism, assembly: Assembly, control: Control, course: Course, seconds: float, cancel: Cancel | None
 ) -> str:
-    """Return which shorter step brings to rest what trembles from step to step."""
+    """Return which shorter step brings to rest what trembles from step to step; empty if none does."""
     unit = mechanism.unit("time")
     for share in TRIALS:
         step = share * control.step
@@ -178,4 +178,15 @@ def _shorter_step(
         onward = go_on(assembly, shorter, course, seconds, cancel)
         if onward is not None and onward.rested is not None:
             return f"the step of {control.step:g} {unit} is too long: with {step:g} {unit} it comes to rest"
+    return ""
+
+
+def _places(assembly: Assembly, onward: Continuation) -> str:
+    """Return what may help where no shorter step does: a contact for each of two places that one has to hold."""
+    if names := held_in_turn(assembly, onward):
+        which, needs = ("contact", "it needs") if len(names) == 1 else ("contacts", "they need")
+        return (
+            f"{which} {', '.join(names)} would have to hold at two places at once, and a contact acts at one point: "
+            f"{needs} a contact for each, such as two planes in place of a groove"
+        )
     return "it changes its direction within a few steps: a shorter simulation.step may help"

@@ -175,6 +175,49 @@ def test_a_step_too_long_for_a_damper_is_named_with_one_that_does():
     assert on_a_guide(horizon=0.2, step=5e-4, body={"velocity": [1e-3, 0, 0]}, dampers=dampers).status == "ok"
 
 
+def in_a_groove(**sides: Any) -> Run:
+    """Drop a ball into a V-groove, each side of which is given as a primitive of the ground, by name."""
+    ball = {"body": "ball", "sphere": {"centre": [0, 0, 0], "radius": 0.005}}
+    level = {"point": [0, 0, 0], "normal": [0, 1, 0]}
+    contacts = {
+        name: {"a": ball, "b": {"body": "ground", **side}, "friction": 0.2, "restitution": 0.0}
+        for name, side in sides.items()
+    }
+    return simulate(
+        made(
+            small(
+                simulation={"step": 1e-4, "adaptive": {"longest": 4e-3, "travel": 2e-4}},
+                gravity=[0, 0, -GRAVITY],
+                bodies={
+                    "ground": {"fixed": True},
+                    "ball": {"mass": 0.004, "inertia": [4e-8] * 3, "origin": [1e-3, 0, 0.02]},
+                },
+                joints={"plane": {"type": "planar", "a": {"body": "ground", **level}, "b": {"body": "ball", **level}}},
+                contacts=contacts,
+                responses=coordinates("ball"),
+            )
+        )
+    )
+
+
+def test_one_contact_that_has_to_hold_at_two_places_is_named():
+    """A ball in a groove that is one profile never rests, however short the step; between two planes it does."""
+    profile = [{"to": [0.05, -0.035]}, {"to": [0.05, 0.05]}, {"to": [-0.05, 0.05]}, {"to": [-0.05, -0.035]}]
+    solid = {"point": [0, 0, 0], "axis": [0, 1, 0], "along": [1, 0, 0], "half_length": 0.05}
+    run = in_a_groove(groove={"extruded": {**solid, "start": [0, 0], "profile": profile}})
+    assert run.status == "not_at_rest"
+    assert "trembles about y" in run.message
+    assert "contact groove would have to hold at two places at once" in run.message
+    assert "it needs a contact for each, such as two planes in place of a groove" in run.message
+    planes = {
+        name: {"plane": {"point": [0, 0, 0], "normal": [x, 0, 0.05]}}
+        for name, x in (("left", 0.035), ("right", -0.035))
+    }
+    run = in_a_groove(**planes)
+    assert run.status == "ok", run.message
+    assert run.responses["z"] == pytest.approx(0.005 * math.hypot(0.05, 0.035) / 0.05, abs=1e-9)
+
+
 def test_a_rest_that_no_force_holds_is_not_rest():
     """Drift and horizon so coarse that a block that has only begun to slide counts as unmoved: its forces tell."""
     data = block_on_floor(friction=0.1, origin=[0, 0, 0.1])
