@@ -11,15 +11,28 @@ from campaign.json_values import json_values
 from campaign.plan import Plan
 from campaign.reports.replayed import check_sample
 from campaign.store import Store
+from campaign.web.access import Principal
 from campaign.web.api.calls import calls
 from campaign.web.api.whose import TheCampaign
 from campaign.web.http.asking import Asking, TheService, Viewer
 from campaign.web.http.problems import Refusal, described
 from campaign.web.http.tagged import tagged
-from campaign.web.jobs.samples import draw_sample, replay_document
+from campaign.web.jobs.samples import draw_sample, replay_document, sample_motion
+from campaign.web.web_service import Service
 from campaign.worker.repeat_row import stored_row
 
 router = calls("samples")
+MOTION = {  # see `campaign.pictures.moving_drawing`
+    "type": "object",
+    "properties": {
+        "width": {"type": "number"},
+        "height": {"type": "number"},
+        "unit": {"type": "string", "description": "Of time"},
+        "bodies": {"type": "array", "items": {"type": "object"}, "description": "As they are drawn at the end"},
+        "frames": {"type": "object", "description": "`time`; of each body its polylines, and its place in each frame"},
+    },
+    "required": ["width", "height", "unit", "bodies", "frames"],
+}
 ON_A_PAGE, MOST_ON_A_PAGE = 50, 1000
 Sample = Annotated[int, Path(ge=0, lt=2**53, description="Number of the sample", examples=[7])]
 
@@ -146,6 +159,25 @@ async def motion(request: Request, service: TheService, campaign: TheCampaign, w
     await run_in_threadpool(_plan_with, store, campaign, sample)
     content = await service.kept(who.name, draw_sample, store.files.full_url, campaign, sample, "gif")
     return tagged(request, content, "image/gif")
+
+
+@router.get(
+    "/campaigns/{campaign}/samples/{sample}/motion.json",
+    response_class=Response,
+    responses={200: {"content": {"application/json": {"schema": MOTION}}}, **described(304, 404, 409)},
+)
+async def motion_data(
+    request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample
+) -> Response:
+    """Compute a sample again, and return its motion as data: outlines of the bodies, and where they lie over time."""
+    return tagged(request, await motion_of(service, campaign, who, sample), "application/json")
+
+
+async def motion_of(service: Service, campaign: str, who: Principal, sample: int) -> bytes:
+    """Return the motion of a sample as JSON: a `campaign.pictures.moving_drawing.MovingDrawing`."""
+    store = service.store.hasty
+    await run_in_threadpool(_plan_with, store, campaign, sample)
+    return await service.kept(who.name, sample_motion, store.files.full_url, campaign, sample)  # type: ignore[arg-type]
 
 
 def _plan_with(store: Store, campaign: str, sample: int) -> Plan:

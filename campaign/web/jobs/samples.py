@@ -1,5 +1,8 @@
 """Jobs about one sample of a campaign: repeat it, draw its curves and its motion."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -7,7 +10,7 @@ from typing import Any
 from campaign.reports.replayed import replay_sample
 from campaign.store import open_store
 from campaign.store.files.patience import QUICK
-from engine import read_trajectory
+from engine import Trajectory, read_trajectory
 
 ANIMATION_FRAMES = 45  # half of what the command draws, so that it comes within seconds
 
@@ -33,13 +36,29 @@ def draw_sample(store: str, campaign: str, sample: int, kind: str) -> bytes:
     from campaign.pictures.animation import animate
     from campaign.pictures.run_figure import plot_run
 
-    opened = open_store(store, QUICK)
-    with TemporaryDirectory(prefix="clearcap-") as folder:
-        motion, picture = Path(folder, "motion.h5"), Path(folder, f"picture.{kind}")
-        replay_sample(opened, opened.plan(campaign), sample, motion)
-        recorded = read_trajectory(motion)
+    with _repeated(store, campaign, sample) as recorded, TemporaryDirectory(prefix="clearcap-") as folder:
+        picture = Path(folder, f"picture.{kind}")
         if kind == "gif":
             animate(recorded, picture, ANIMATION_FRAMES)
         else:
             plot_run(recorded, picture)
         return picture.read_bytes()
+
+
+def sample_motion(store: str, campaign: str, sample: int) -> dict[str, Any]:
+    """Repeat a sample and return its motion, a `MovingDrawing`; see `draw_sample` for the parameters."""
+    from campaign.pictures.moving_drawing import moving_drawing
+    from campaign.pictures.scene import scene_of
+
+    with _repeated(store, campaign, sample) as recorded:
+        return asdict(moving_drawing(scene_of(recorded, ANIMATION_FRAMES), recorded))
+
+
+@contextmanager
+def _repeated(store: str, campaign: str, sample: int) -> Iterator[Trajectory]:
+    """Repeat a sample and yield what it did; its file is there in the block only."""
+    opened = open_store(store, QUICK)
+    with TemporaryDirectory(prefix="clearcap-") as folder:
+        motion = Path(folder, "motion.h5")
+        replay_sample(opened, opened.plan(campaign), sample, motion)
+        yield read_trajectory(motion)

@@ -170,9 +170,9 @@ def _editor(
     """Return the page of the editor, with what is wrong beside its line."""
     faults = refusal.faults if refusal else []
     lines = marked_lines(edit.text, faults)
-    values: dict[str, Any] = {"name": name, "edit": edit, "checked": checked, "refusal": refusal, "lines": lines}
+    values: dict[str, Any] = {"name": name, "edit": edit, "checked": checked, "lines": lines}
     numbers = " ".join(str(line.number) for line in lines if line.faults)
-    return page(request, "mechanism_editor", refusal.status if refusal else 200, fault_lines=numbers, **values)
+    return page(request, "mechanism_editor", refusal=refusal, fault_lines=numbers, **values)
 
 
 async def described_mechanism(service: Service, who: Principal, source: MechanismSource) -> dict[str, Any]:

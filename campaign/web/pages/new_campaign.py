@@ -174,7 +174,9 @@ async def _looked_at(
     assert refusal is not None
     found = await service.pool.data(who.name, composed, source_of_request(service, draft.request()))
     found |= {"faults": refusal.faults, "detail": refusal.detail, "checked": None, "sent": True}
-    return await _shown(request, service, draft, found, refusal.status)
+    answer = await _shown(request, service, draft, found, refusal.status)
+    answer.headers.update(refusal.headers)
+    return answer
 
 
 async def _shown(

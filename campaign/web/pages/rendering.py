@@ -7,13 +7,16 @@ from fastapi import Request
 from starlette.responses import HTMLResponse
 
 from campaign.web.access import Principal, Role
+from campaign.web.http.problems import Refusal
 from reporting.render.page_templates import page_environment
 
 _templates = page_environment("campaign.web.pages")
 _templates.filters["dict_query"] = lambda asked: urlencode(asked, doseq=True)
 
 
-def page(request: Request, name: str, status: int = 200, /, **values: Any) -> HTMLResponse:
+def page(
+    request: Request, name: str, status: int = 200, /, *, refusal: Refusal | None = None, **values: Any
+) -> HTMLResponse:
     """Return a page.
 
     Parameters
@@ -24,11 +27,13 @@ def page(request: Request, name: str, status: int = 200, /, **values: Any) -> HT
         Name of the template, without ``.html.j2``.
     status : int
         Status of the answer.
+    refusal : Refusal, optional
+        What was refused, for the template; status and headers of the answer are its own.
     values
         What the template shows.
     """
     principal: Principal | None = getattr(request.state, "principal", None)
     html = _templates.get_template(f"{name}.html.j2").render(
-        principal=principal, Role=Role, path=request.url.path, **values
+        principal=principal, Role=Role, path=request.url.path, refusal=refusal, **values
     )
-    return HTMLResponse(html, status)
+    return HTMLResponse(html, refusal.status, refusal.headers) if refusal else HTMLResponse(html, status)

@@ -62,8 +62,7 @@ async def trial_page(
     shown: dict[str, Any] = {"name": name, "found": found, "bench": bench, "preset": preset, "tried": tried}
     shown |= {"sliders": sliders, "others": [*others, *[("", "")] * FREE_KEYS], "question": question, "field": FIELD}
     proposed = [each["key"] for each in found["keys"]][:MOST_LISTED]
-    status = refusal.status if refusal else 200
-    return page(request, "trial", status, refusal=refusal, proposed=proposed, **shown)
+    return page(request, "trial", refusal=refusal, proposed=proposed, **shown)
 
 
 async def _typed(request: Request, service: Service, who: Principal, name: str) -> list[tuple[str, str]]:

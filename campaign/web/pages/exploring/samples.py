@@ -7,14 +7,17 @@ from fastapi import APIRouter, Query, Request
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 
+from campaign.errors import CampaignError
 from campaign.web.access import Principal
 from campaign.web.answers.sample_page import SORTS, STATUSES
-from campaign.web.api.samples import ReplayedSample, Sample, SampleQuestion, replay, show_sample
+from campaign.web.api.samples import ReplayedSample, Sample, SampleQuestion, motion_of, replay, show_sample
 from campaign.web.api.whose import TheCampaign
 from campaign.web.http.asking import Asking, TheService, Viewer
+from campaign.web.http.problems import refusal_of
 from campaign.web.pages.campaigns import frame
 from campaign.web.pages.rendering import page
 from campaign.web.web_service import Service
+from engine import EngineError
 
 router = APIRouter(include_in_schema=False)
 
@@ -71,5 +74,11 @@ async def _sample_page(
 ) -> Response:
     """Return the page of a sample, with what was computed again."""
     shown = await run_in_threadpool(show_sample, service, campaign, sample)
-    values: dict[str, Any] = {"s": shown, "replayed": replayed, "pictures": pictures}
-    return page(request, "sample", **values, **await frame(request, service, campaign, who))
+    values: dict[str, Any] = {"s": shown, "replayed": replayed, "pictures": pictures, "moving": None}
+    refusal = None
+    if pictures and who.kind != "share":
+        try:
+            values["moving"] = json.loads(await motion_of(service, campaign, who, sample))
+        except (CampaignError, EngineError) as error:  # its row is shown all the same
+            refusal = refusal_of(error)
+    return page(request, "sample", refusal=refusal, **values, **await frame(request, service, campaign, who))

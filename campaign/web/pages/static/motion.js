@@ -38,7 +38,7 @@
         dot.setAttribute("d", `M${points[frame].join(" ")}h0`);
       };
     });
-    const button = one("button"), slider = one("input"), clock = one("[data-clock]"), unit = slider.dataset.unit;
+    const button = one("button"), slider = one("input"), clock = one("[data-clock]"), speed = one("select"), unit = slider.dataset.unit;
     let now = last, held = 0, timer = 0;
     const show = (frame) => {
       now = frame;
@@ -54,10 +54,11 @@
     };
     const play = (isPlaying) => {
       window.clearInterval(timer);
-      timer = isPlaying ? window.setInterval(advance, 1000 / frames.second) : 0;
+      timer = isPlaying ? window.setInterval(advance, 1000 / (frames.second * Number(speed.value))) : 0;
       button.textContent = isPlaying ? "Pause" : "Play";
     };
     button.addEventListener("click", () => { if (!timer && now === last) show(0); play(!timer); });
+    speed.addEventListener("change", () => { if (timer) play(true); });
     slider.addEventListener("input", () => { play(false); show(Number(slider.value)); });
     slider.max = String(last);
     show(last);

@@ -8,7 +8,9 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
 
+from campaign.reports.replayed import replay_sample
 from campaign.web.answers.exported_rows import FORMATS
+from engine import load_mechanism, read_trajectory
 from tests.campaign.web.conftest import also_on_s3
 
 
@@ -135,3 +137,19 @@ def test_pictures_of_a_sample(get, explored):
     )
     assert get("samples/3/motion.gif", campaign=explored[2]).content.startswith(b"GIF8")
     assert get("samples/4/motion.gif", campaign=explored[2]).status_code == 422
+
+
+def test_motion_of_a_sample(get, explored, computing_service, tmp_path):
+    """It ends when the run of the sample ends, in the units of the mechanism, and a second answer is the same."""
+    answer = get("samples/3/motion.json", campaign=explored[2])
+    motion = answer.json()
+    frames = motion["frames"]
+    assert motion["unit"] == "ms"
+    assert {body["name"] for body in motion["bodies"]} == set(load_mechanism("c60").bodies)
+    assert frames["time"] == sorted(frames["time"])
+    store = computing_service[0].store
+    replay_sample(store, store.plan(explored[2]), 3, tmp_path / "motion.h5")
+    assert frames["time"][-1] == pytest.approx(read_trajectory(tmp_path / "motion.h5").time[-1], rel=1e-5)
+    assert all(len(body["places"]) == len(frames["time"]) for body in frames["bodies"])
+    assert get("samples/3/motion.json", campaign=explored[2]).headers["etag"] == answer.headers["etag"]
+    assert get("samples/4/motion.json", campaign=explored[2]).status_code == 422

@@ -86,8 +86,15 @@ def test_a_sample_is_replayed(user, finished):
     user.look(is_answer=True)
     user.go("Curves and motion", "a")
     user.until_drawn()
-    assert len(user.browser.find_elements("css selector", "img.picture")) == 2
+    assert len(user.browser.find_elements("css selector", "img.picture")) == 1
+    slider = "return Number(document.querySelector('.player input').value)"
+    user.write("Speed", "0.25 ×", "select")
+    first = user.browser.execute_script(slider)
+    user.until(lambda: user.browser.execute_script(slider) != first, "it moves")
     user.look()
+    user.press("Pause", "button")
+    user.tab_to("Time", "input").send_keys("\ue011")  # Home
+    assert user.browser.execute_script(slider) == 0
 
 
 def test_two_campaigns_are_compared(user, finished):

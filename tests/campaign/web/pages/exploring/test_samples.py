@@ -19,7 +19,12 @@ def test_replay_of_a_sample(visit, submit, explored):
     home = f"/campaigns/{explored[2]}/samples/3"
     text = visit(home, "viewer").text
     assert f"/api/v1{home}/plot.svg" not in text
-    assert f"/api/v1{home}/motion.gif" in visit(f"{home}?pictures=true").text
+    assert "data-motion" not in text
+    text = visit(f"{home}?pictures=true", "viewer").text
+    assert Page(text).faults == []
+    for kind in ("motion.gif", "motion.json", "plot.svg"):
+        assert f"/api/v1{home}/{kind}" in text
+    assert '<figure class="motion"' in text
     answer = submit(f"{home}/replay", "viewer")
     assert 'Same bits: <strong class="good">yes' in answer.text
     assert Page(answer.text).faults == []
