@@ -38,6 +38,7 @@ def exit_at_interrupt() -> Iterator[None]:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends already
         if not isinstance(ending, SystemExit):
             print("clearcap: interrupted", file=sys.stderr)
+        exec("0")  # Python notes an interrupt that left `exec`, as of dataclasses, and would end by signal after `-m`
         sys.exit(INTERRUPTED)
     finally:
         sys.unraisablehook = before

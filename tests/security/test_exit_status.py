@@ -101,15 +101,17 @@ PLACES = {
         os.kill(os.getpid(), signal.SIGINT)
     except KeyboardInterrupt:
         raise RuntimeError('compilation failed')""",
+    "in code that was text": """exec("os.kill(os.getpid(), signal.SIGINT)")""",
     "in a destructor": "class A:\n        def __del__(self): callback(); time.sleep(0.2)\n    A()",
 }
 
 
 @pytest.mark.parametrize("what", PLACES.values(), ids=PLACES)
-def test_ctrl_c_anywhere(what):
-    """Status 130 and one message, whatever code it interrupts."""
-    words = [sys.executable, "-c", INTERRUPTED.format(what=what)]
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=50)
+def test_ctrl_c_anywhere(what, tmp_path):
+    """Status 130 and one message, whatever code it interrupts, also of ``python -m``: not the signal as the status."""
+    (tmp_path / "interrupted.py").write_text(INTERRUPTED.format(what=what))
+    words, environment = [sys.executable, "-m", "interrupted"], {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=50)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "clearcap: interrupted\n")
 
 
