@@ -147,7 +147,10 @@ async def follow_campaign(request: Request, service: TheService, campaign: TheCa
 )
 async def campaign_file(request: Request, service: TheService, campaign: TheCampaign) -> Response:
     """Return the campaign file, as it was submitted."""
-    content = await run_in_threadpool(service.store.hasty.files.read, f"{campaign}/{CAMPAIGN_FILE}")
+    try:
+        content = await run_in_threadpool(service.store.hasty.files.read, f"{campaign}/{CAMPAIGN_FILE}")
+    except FileNotFoundError as error:
+        raise Refusal(404, f"{campaign}: has no {CAMPAIGN_FILE} any more; restore it in the store") from error
     return tagged(request, content, "application/toml")
 
 

@@ -188,7 +188,7 @@ async def _shown(
     form = CampaignForm(tables, found["faults"], found)
     refusal = Refusal(status, found["detail"], found["faults"]) if found["detail"] else None
     saved = await run_in_threadpool(saved_mechanisms, service.store.hasty)
-    values: dict[str, Any] = {"draft": draft, "form": form, "refusal": refusal, "checked": found["checked"]}
+    values: dict[str, Any] = {"draft": draft, "form": form, "checked": found["checked"]}
     values["cost"] = cost_of(service, found["checked"]) if found["checked"] else None
     values["lines"] = marked_lines(draft.text, found["faults"])
     values["form_was"] = draft.form_was if is_as_sent else digest(_as_sent_again(form))
@@ -196,7 +196,7 @@ async def _shown(
     values["mechanisms"] = [*library_names(), *saved, *draft.files]
     chosen = {"samplers": list(SAMPLERS), "distributions": list(DISTRIBUTIONS), "statistics": STATISTICS}
     numbers = " ".join(str(line.number) for line in values["lines"] if line.faults)
-    return page(request, "new_campaign", status, fault_lines=numbers, **chosen, **values)
+    return page(request, "new_campaign", status, refusal=refusal, fault_lines=numbers, **chosen, **values)
 
 
 def _as_sent_again(form: CampaignForm) -> Tables:

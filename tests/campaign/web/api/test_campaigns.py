@@ -109,6 +109,18 @@ def test_campaign_file(client, as_user, at, store, plan):
     assert answer.content == store.files.read(f"{plan.campaign_id}/campaign.toml")
 
 
+def test_campaign_whose_file_was_removed(client, as_user, at, store, plan):
+    """A refusal says so, and no bug; it can be listed, and its file asked for when it is back."""
+    content = store.files.read(f"{plan.campaign_id}/campaign.toml")
+    store.files.remove(f"{plan.campaign_id}/campaign.toml")
+    answer = client.get(f"{at}/campaign.toml", headers=as_user("viewer"))
+    assert (answer.status_code, "restore it" in answer.json()["detail"]) == (404, True)
+    for path in ("", "/status", "/signoffs/content"):
+        assert client.get(f"{at}{path}", headers=as_user("approver")).status_code in (200, 409, 422)
+    store.files.write(f"{plan.campaign_id}/campaign.toml", content)
+    assert client.get(f"{at}/campaign.toml", headers=as_user("viewer")).content == content
+
+
 def test_report_file_cannot_run_scripts(client, as_user, at, store, plan):
     store.files.write(f"{plan.campaign_id}/report/report.html", b"<script>alert(1)</script>")
     headers = as_user("viewer")
