@@ -59,3 +59,22 @@ def test_siconos_agrees_as_far_as_it_keeps_its_energy(ours):
     time, states, hits = exact_run(1)
     free = theirs["t"] < hits[0]
     assert np.abs(np.interp(theirs["t"][free], time, states[:, 0]) - theirs["th1"][free]).max() > 4e-4
+
+
+@pytest.mark.parametrize(("scheme", "crank"), [("moreau_jean", 4e-3), ("combined", 1.5e-3)])
+def test_the_plain_scheme_of_siconos_agrees_through_many_impacts(scheme, crank):
+    """Steps of 1e-5 s, the slider turning at the start: 20 ms with impacts on both faces, in either scheme.
+
+    Measured: crank within 3.3e-3 and 1.2e-3 rad of 3 rad, rod 4.3e-4 and 1.4e-4 rad, the slider within 0.028 mm of
+    its 2 mm. Their pins are exact, since they have minimal coordinates; ours drift by second order in the plain scheme.
+    """
+    data, theirs = shipped("slider_crank"), table("slider_crank_siconos_plain")
+    data["bodies"]["slider"]["angular_velocity"] = [0, 0, -0.01]
+    data["simulation"] |= {"scheme": scheme, "step": 1e-5, "horizon": 0.02}
+    run = recorded(data)
+    times = theirs["t"]
+    assert np.abs(at(run, times, run.responses["crank"]) - theirs["th1"]).max() < crank
+    assert np.abs(at(run, times, run.responses["rod"]) - theirs["th2"]).max() < 6e-4
+    lift = 0.153 * np.sin(theirs["th1"]) + 0.306 * np.sin(theirs["th2"])
+    assert np.abs(at(run, times, run.responses["lift"]) - lift).max() < 4e-5
+    assert np.count_nonzero(np.diff(np.sign(np.diff(lift)))) >= 4  # it strikes both faces
