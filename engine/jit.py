@@ -44,6 +44,9 @@ with chdir("/") if os.path.lexists(SETTINGS) else nullcontext():
     from numba.core.compiler import Compiler
     from numba.core.types import Dispatcher
 
+    from engine.compiler.known_registrations import registrations_known
+    from engine.compiler.paused_collection import collection_paused
+    from engine.compiler.remembered_sizes import sizes_remembered
     from engine.compiler.remembered_types import choices_remembered
 
 config._config_fname = os.devnull
@@ -154,10 +157,10 @@ class _CalleeLibrary(JITCodeLibrary):  # type: ignore[misc]
 
 
 class _KernelCompiler(Compiler):  # type: ignore[misc]
-    """Numba's compiler, which remembers what it has looked up."""
+    """Numba's compiler, which remembers what it has looked up and does not look for garbage."""
 
     def _compile_core(self) -> Any:
-        with choices_remembered():
+        with choices_remembered(), sizes_remembered(), registrations_known(), collection_paused():
             return super()._compile_core()
 
 

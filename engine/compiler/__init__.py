@@ -1,1 +1,1 @@
-"""What Numba lacks: tuples of arrays by address, and a memory of its choices."""
+"""What Numba lacks: tuples of arrays by address, a memory of choices and sizes, no search for garbage."""
