@@ -49,14 +49,17 @@ def updated_mechanism(text: str, before: str, after: str) -> UpdatedMechanism:
     lines = text.splitlines()
     own, old, new = _keys(lines), _keys(before.splitlines()), _keys(after.splitlines())
     updated = UpdatedMechanism(text)
-    for key, (_, entry) in new.items():
-        if key not in old or old[key][1] == entry:
+    for key, (new_place, entry) in new.items():
+        if key not in old:
+            continue
+        was, proposed = before.splitlines()[old[key][0]], after.splitlines()[new_place]
+        if was.removeprefix("# ") == proposed.removeprefix("# "):  # a comment says what "as drawn" is
             continue
         if key in own and own[key][1] == old[key][1]:
             place = own[key][0]
             mark = "# " if lines[place].startswith("# ") else ""
-            lines[place] = mark + after.splitlines()[new[key][0]].removeprefix("# ")
-        elif key not in own or own[key][1] != entry:
+            lines[place] = mark + proposed.removeprefix("# ")
+        elif old[key][1] != entry and (key not in own or own[key][1] != entry):
             updated.kept.append(f"{_path(key)}: proposed is now {entry}, and was {old[key][1]}")
     for table in dict.fromkeys(table for table, _ in old):
         if table not in {each for each, _ in new}:

@@ -14,10 +14,19 @@ from engine.mechanism.geometry.plain_numbers import lengths, significant
 from engine.mechanism.surfaces.surface import FreeFormSurface
 
 _NO_PARAMETER_LINES = (
-    "cannot be a surface: its edges do not all run along parameter lines, or it is the offset of a spline; allowed: "
-    "lofted, swept, turned or flat faces that nothing has cut across; name {plane}another face, or divide this one in "
-    "the CAD system so that the piece where the contact is has such edges"
+    "cannot be a surface: something has cut across it, so that its edges do not all run along parameter lines, or it "
+    "is the offset of a spline; allowed: lofted, swept, turned or flat faces that nothing has cut across; {instead}"
+    "name another face, or split this one in the CAD system along its parameter lines around the place of the "
+    "contact, and name the piece"
 )
+_INSTEAD = {
+    "plane": "name its plane with plane = { near }, ",
+    "cylinder": "name it with hole or pin, of which only the ends count as edges, ",
+    "sphere": "write it as a sphere or a socket, ",
+    "cone": "write it as a turned profile, ",
+    "torus": "write it as a turned profile, ",
+}
+"""What to write for a face that is no free form, by its kind."""
 
 
 class NotASurface(Exception):
@@ -33,8 +42,8 @@ def spline_faces(search: PartSearch, face: CadFace) -> list[dict[str, Any]]:
         If it has none.
     """
     if not face.splines:
-        plane = "its plane, " if face.kind == "plane" else ""
-        raise NotASurface(f"{search.described(face)} {_NO_PARAMETER_LINES.format(plane=plane)}")
+        instead = _INSTEAD.get(face.kind, "")
+        raise NotASurface(f"{search.described(face)} {_NO_PARAMETER_LINES.format(instead=instead)}")
     return [_table(search, spline) for spline in face.splines]
 
 

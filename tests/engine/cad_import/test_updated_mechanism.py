@@ -53,6 +53,19 @@ def test_what_moved_follows(latch):
     assert len(updated.text.splitlines()) == len(text.splitlines())
 
 
+def test_a_clearance_as_drawn(latch):
+    """Its key stays, and the number beside it follows; a number of the person's own stays with what is beside it."""
+    before, after = proposed(latch.assembly), proposed(revised(latch.assembly))
+    line = 'radial_clearance = "as drawn"        # 0.05\n'
+    assert line in before
+    updated = updated_mechanism(before, before, after)
+    assert line.replace("0.05", "0.07") in updated.text
+    own = before.replace(line, "radial_clearance = 0.08  # measured\n")
+    kept = updated_mechanism(own, before, after)
+    assert "radial_clearance = 0.08  # measured\n" in kept.text
+    assert kept.kept == []
+
+
 def test_without_its_mark(latch):
     """A stop that the person has taken over follows too, and keeps having no mark."""
     before, after = proposed(latch.assembly), proposed(revised(latch.assembly))
