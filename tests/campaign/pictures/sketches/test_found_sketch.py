@@ -80,3 +80,14 @@ def test_many_parts(latch, places, monkeypatch):  # noqa: F811
     assert len(sketch.areas) == 3
     assert "crank" not in {word.lines[0] for word in sketch.words}
     assert sketch.legend[-1][:2] == ("not drawn", "the smallest parts: 1")
+
+
+def test_a_ball_is_three_circles(latch, places):  # noqa: F811
+    """A ball in its socket has no axis: circles about its centre with the socket's radius, also where it is alone."""
+    ball = replace(places[0], ends=np.array([[1.0, 2.0, 3.0]] * 2), radius=4.0)
+    lines = place_lines(ball)
+    assert len(lines) == 3
+    for line in lines:
+        np.testing.assert_allclose(np.linalg.norm(line - ball.middle, axis=1), 4.0, atol=1e-12)
+    alone = sketch_found(replace(latch, joints=(), stops=()), [ball])
+    assert len(alone.dots) == 1
