@@ -5,6 +5,8 @@ BIN    := $(VENV)/bin
 TOOLS  := build/tools/bin
 LOCK   := deploy/requirements.lock
 EXTRAS := cad client excel jobqueue kubernetes pdf s3 tls web
+# Each process of the tests has a core; OpenBLAS's threads would wait for one another, in twice the processor time.
+TOGETHER := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
 # A process that crashes ends the run: pytest-xdist 3.8 waits for ever for the tests that it was given.
 PARALLEL := --numprocesses auto --max-worker-restart 0 --dist loadfile --no-loadscope-reorder
 export MPLBACKEND := Agg
@@ -44,17 +46,17 @@ serve: $(BIN)/clearcap ## pages and an API on this machine, computing 500 C-60; 
 	$(BIN)/clearcap serve --store runs
 
 test: $(VENV)/.dev ## prove the parts, one process a core
-	$(BIN)/python -m pytest $(PARALLEL)
+	$(TOGETHER) $(PARALLEL)
 
 prove: $(VENV)/.dev ## the slow proofs: what fails while a campaign runs, scale, several hosts, a browser
-	$(BIN)/python -m pytest -m "slow and not storm and not alone" $(PARALLEL)
+	$(TOGETHER) -m "slow and not storm and not alone" $(PARALLEL)
 	$(BIN)/python -m pytest -m alone
 
 storms: $(VENV)/.dev ## a hundred campaigns that are killed, paused and robbed of their disk (about an hour on two cores)
 	$(BIN)/python -m pytest tests/campaign/storms/test_storms.py -m storm --numprocesses auto --max-worker-restart 0
 
 attacks: $(VENV)/.dev ## thousands of odd files and arrays, others each time
-	$(BIN)/python -m pytest tests/security -m "not storm and not alone" $(PARALLEL)
+	$(TOGETHER) tests/security -m "not storm and not alone" $(PARALLEL)
 
 lint: $(VENV)/.dev ## style, types, import contracts
 	$(BIN)/ruff check .

@@ -21,9 +21,12 @@ from campaign.errors import UnreachableError
 
 @pytest.fixture(scope="module")
 def client():
-    """Return a client of two workers."""
-    with local_client(2) as client:
-        yield client
+    """Return a client of two workers, started where nobody says how many threads a library may have."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+            patch.delenv(name, raising=False)
+        with local_client(2) as client:
+            yield client
 
 
 def processes():
