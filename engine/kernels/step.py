@@ -25,6 +25,7 @@ from engine.kernels.velocity import (
 )
 
 GROWTH_ROUNDS = 20
+ALONE = 3  # rounds in which the active set grows only by the contacts that close; after them by all near ones
 
 
 @inner
@@ -69,7 +70,7 @@ def step(context):
         move(state, after)
         look_at_active_contacts(contacts, state, work)
     status, residual, iterations, fastest = CONVERGED, 0.0, 0, 0.0
-    for _ in range(GROWTH_ROUNDS):
+    for growth in range(GROWTH_ROUNDS):
         nc = gather_problem(bodies, contacts, laws, state, work, problem)
         if plain:
             move(state, -after)
@@ -80,7 +81,7 @@ def step(context):
         if status != CONVERGED:
             contact = worst_contact(problem, work.chosen, nc)
             return StepResult(status, residual, 0.0, contact, 0.0, 0.0, fastest, iterations)
-        if plain or grow_active_set(contacts, laws, state, work, after) == 0:
+        if plain or grow_active_set(contacts, laws, state, work, after, growth >= ALONE) == 0:
             break
     fastest = fastest_body(bodies, state.v)
     created = work_of_contacts(bodies, contacts, state, work, problem, nc, theta, plain)

@@ -107,8 +107,12 @@ def apply_impulses(bodies, state, work, problem, n):
 
 
 @inner
-def grow_active_set(contacts, laws, state, work, dt):
+def grow_active_set(contacts, laws, state, work, dt, all_near):
     """Activate every contact that the new twists would drive into penetration (eq. 22).
+
+    An impact that runs along a chain closes its contacts one after the other, and each of them would ask for a problem
+    of its own. With ``all_near`` the first of them activates all near contacts: those that stay open get no impulse.
+    Contacts with restitution are left out: Newton's law would hold them although they are open.
 
     Parameters
     ----------
@@ -118,11 +122,13 @@ def grow_active_set(contacts, laws, state, work, dt):
     work : Scratch
     dt : float
         What is left of the step.
+    all_near : bool
+        Activate all near contacts without restitution if any contact closes.
 
     Returns
     -------
     int
-        How many contacts were activated.
+        How many contacts close.
     """
     broad_phase, added = work.broad_phase, 0
     body_speeds(state.v, broad_phase.speed)
@@ -137,6 +143,9 @@ def grow_active_set(contacts, laws, state, work, dt):
         if not work.active[i] and work.u[i, 0] < 0.0 and work.gap[i] + dt * work.u[i, 0] < 0.0:
             work.active[i] = True
             added += 1
+    if all_near and added > 0:
+        for i in range(work.active.shape[0]):
+            work.active[i] = work.active[i] or (broad_phase.near[i] and laws.restitution[i] == 0.0)
     return added
 
 
