@@ -101,11 +101,11 @@ def _start(c, inside):
 def _to_impulses(c):
     """Write the impulses that belong to the scaled x."""
     for i in range(0, c.mu.shape[0], LANES):
-        mu = read(c.mu, i)
-        f = choose(read(c.present, i) > 0.0, larger(mu, 1.0) / read(c.scale, i), 0.0)
-        write(f * read(c.x[0], i) / choose(mu > 0.0, mu, 1.0), c.r[0], i)
-        write(f * read(c.x[1], i), c.r[1], i)
-        write(f * read(c.x[2], i), c.r[2], i)
+        mu, there = read(c.mu, i), read(c.present, i) > 0.0  # behind the last contact x may be no number
+        f = larger(mu, 1.0) / read(c.scale, i)
+        write(choose(there, f * read(c.x[0], i) / choose(mu > 0.0, mu, 1.0), 0.0), c.r[0], i)
+        write(choose(there, f * read(c.x[1], i), 0.0), c.r[1], i)
+        write(choose(there, f * read(c.x[2], i), 0.0), c.r[2], i)
 
 
 @inner

@@ -97,17 +97,17 @@ def solve_friction(nc, p, tolerance):
             if not given:
                 c.r[0, i], c.r[1, i], c.r[2, i] = 0.0, 0.0, 0.0
         weight, limit, patience, least = asked, NATURAL_STEPS, NATURAL_PATIENCE, 0
-        smoothing = 0.0 if given else SMOOTHING[attempt]
+        smoothing, before = 0.0 if given else SMOOTHING[attempt], np.inf
         if smoothing == 0.0 and attempt != -2:
             inside = INSIDE_GIVEN if given else INSIDE
-            spent, _ = interior_point(nc, p, goal, inside, min(INTERIOR_STEPS, (budget + 1) // 2))
+            spent, before = interior_point(nc, p, goal, inside, min(INTERIOR_STEPS, (budget + 1) // 2))
             total += spent
             budget -= 2 * spent
             least = 1
         elif not given:
             limit, patience = min(SMOOTHED_STEPS, budget), 1
         tau2, proximal = smoothing * smoothing * load, PROXIMAL_GIVEN if given else 0.0
-        spent, reached = _follow(nc, p, goal, tau2, load, proximal, Effort(least, limit, patience))
+        spent, reached = _follow(nc, p, goal, tau2, load, proximal, before, Effort(least, limit, patience))
         total += spent
         budget -= spent
         if reached < best:
@@ -126,7 +126,7 @@ def solve_friction(nc, p, tolerance):
 
 
 @inner
-def _follow(nc, p, goal, tau2, load, proximal, effort):
+def _follow(nc, p, goal, tau2, load, proximal, before, effort):
     """Follow the smoothed solutions down from tau^2, trying the natural map from each; return steps and residual.
 
     A solution of another method gets at least one step on the natural map, which brings a residual just below the
@@ -137,7 +137,7 @@ def _follow(nc, p, goal, tau2, load, proximal, effort):
     tolerance, least, limit, patience = goal.tolerance, effort.least, effort.most, effort.patience
     # from zero impulses the natural map comes first only where they are hardly redundant: elsewhere it fails
     natural = tau2 == 0.0 or 3 * nc <= unknowns
-    spent, end, before, stuck = 0, min(NEAR * load, 0.5 * tau2), np.inf, False
+    spent, end, stuck = 0, min(NEAR * load, 0.5 * tau2), False
     while True:
         smoothed = 0.0 if natural else tau2  # one call for both: a kernel that is called twice is compiled twice
         most = NATURAL_STEPS if natural else limit - spent
