@@ -25,7 +25,7 @@ from engine.kernels.velocity import (
 )
 
 GROWTH_ROUNDS = 20
-ALONE = 3  # rounds in which the active set grows only by the contacts that close; after them by all near ones
+ALONE = 1  # round in which the active set grows only by the contacts that close; after it by all near ones
 
 
 @inner

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from engine.friction import FrictionError, FrictionProblem, solve
 from engine.friction.problem import solver_arrays
 from engine.friction.solver import solve_friction
+from engine.lanes import LANES
 from tests.engine.friction.problems import hard_problem, natural_map_residual, projected_gauss_seidel, random_problem
 
 
@@ -96,6 +97,14 @@ def test_hard_problems_are_solved_and_their_residual_is_the_true_one():
         )  # rounding of large impulses
         assert solution.status != "infeasible"  # all of them have a solution
     assert solved >= 57
+
+
+@pytest.mark.parametrize("seed", [423, 1278])
+def test_places_behind_the_last_contact_do_not_end_the_interior_point_method(seed):
+    """31 and 69 contacts leave places in the lanes empty: with numbers of theirs in the residual both stay unsolved."""
+    problem = hard_problem(seed)
+    assert problem.mu.size % LANES
+    assert solve(problem).converged
 
 
 def test_what_overflows_is_not_called_solved():
