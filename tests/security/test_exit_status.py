@@ -110,7 +110,9 @@ PLACES = {
 def test_ctrl_c_anywhere(what, tmp_path):
     """Status 130 and one message, whatever code it interrupts, also of ``python -m``: not the signal as the status."""
     (tmp_path / "interrupted.py").write_text(INTERRUPTED.format(what=what))
-    words, environment = [sys.executable, "-m", "interrupted"], {**os.environ, "PYTHONPATH": str(ROOT)}
+    # with its folder in the path: what clearcap has started in this process before may keep the current one out
+    words, paths = [sys.executable, "-m", "interrupted"], os.pathsep.join((str(ROOT), str(tmp_path)))
+    environment = {**os.environ, "PYTHONPATH": paths}
     done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=50)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "clearcap: interrupted\n")
 
