@@ -9,6 +9,9 @@ EXTRAS := cad client excel jobqueue kubernetes pdf s3 tls web
 TOGETHER := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
 # A process that crashes ends the run: pytest-xdist 3.8 waits for ever for the tests that it was given.
 PARALLEL := --numprocesses auto --max-worker-restart 0 --dist loadfile --no-loadscope-reorder
+# The slow tests wait for half of their time, for heartbeats, kills and browsers: three processes for two cores.
+CORES  := $(shell nproc 2>/dev/null || getconf _NPROCESSORS_ONLN)
+CROWD  := --numprocesses $(shell expr \( $(CORES) \* 3 + 1 \) / 2)
 export MPLBACKEND := Agg
 # The tests start some hundred processes: each would compile all modules again where nobody keeps bytecode.
 unexport PYTHONDONTWRITEBYTECODE
@@ -49,11 +52,11 @@ test: $(VENV)/.dev ## prove the parts, one process a core
 	$(TOGETHER) $(PARALLEL)
 
 prove: $(VENV)/.dev ## the slow proofs: what fails while a campaign runs, scale, several hosts, a browser
-	$(TOGETHER) -m "slow and not storm and not alone" $(PARALLEL)
-	$(BIN)/python -m pytest -m alone
+	$(TOGETHER) -m "slow and not storm and not alone" $(PARALLEL) $(CROWD)
+	$(BIN)/python -m pytest tests/campaign/storms -m alone
 
 storms: $(VENV)/.dev ## a hundred campaigns that are killed, paused and robbed of their disk (about an hour on two cores)
-	$(BIN)/python -m pytest tests/campaign/storms/test_storms.py -m storm --numprocesses auto --max-worker-restart 0
+	$(BIN)/python -m pytest tests/campaign/storms/test_storms.py -m storm --max-worker-restart 0 $(CROWD)
 
 attacks: $(VENV)/.dev ## thousands of odd files and arrays, others each time
 	$(TOGETHER) tests/security -m "not storm and not alone" $(PARALLEL)
