@@ -164,7 +164,7 @@ def _title(document: Mapping[str, Any]) -> str:
     title: str = spec.get("title") or spec["name"]
     f"{title}{document['campaign']}".encode()  # a ValueError if they cannot be written anywhere
     if not isinstance(title, str) or not isinstance(document["campaign"], str):
-        raise ValueError("its title or its id is no text")
+        raise ValueError("its title or its id is not a text")
     return title
 
 
@@ -172,7 +172,7 @@ def _batches(document: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:
     """Return the batches of a plan, after checking that they hold each of its samples once and in order."""
     batches, samples = tuple((first, count) for first, count in document["batches"]), document["spec"]["samples"]
     if not all(type(number) is int for number in (samples, *(n for batch in batches for n in batch))):
-        raise ValueError("a number of samples is no whole number")
+        raise ValueError("a number of samples is not a whole number")
     expected = 0
     for first, count in batches:
         if first != expected or count < 1:

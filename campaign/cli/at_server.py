@@ -17,7 +17,7 @@ ServerUrl = Annotated[
         "--server",
         metavar="URL",
         envvar=SERVER,
-        help="Ask this server of clearcap serve in place of a store; the token is read from CLEARCAP_TOKEN.",
+        help="Use this clearcap server instead of a store; the token is read from CLEARCAP_TOKEN.",
     ),
 ]
 

@@ -25,14 +25,14 @@ def checked_address(url: str) -> str:
         parts = urlsplit(url)
         host, port = parts.hostname, parts.port
     except ValueError as error:
-        raise SpecError(f"server {url!r:.120}: is no address ({error}); write https://HOST") from error
+        raise SpecError(f"server {url!r:.120}: not an address ({error}); write https://HOST") from error
     if parts.username is not None or parts.password is not None or parts.query or parts.fragment:
         raise SpecError(
             f"server {parts.hostname}: the address holds more than a host and a port, and addresses are logged; put"
             f" the token into the environment variable {TOKEN}"
         )
     if parts.scheme not in ("http", "https") or not host or parts.path not in ("", "/"):
-        raise SpecError(f"server {url!r:.120}: is no address of a server; write https://HOST or https://HOST:PORT")
+        raise SpecError(f"server {url!r:.120}: not the address of a server; write https://HOST or https://HOST:PORT")
     if parts.scheme == "http" and not is_loopback(host):
         raise SpecError(
             f"server {url!r:.120}: over http others read the token and the results on the way; write https://{host}"

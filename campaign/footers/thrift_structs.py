@@ -66,7 +66,7 @@ def _value(content: bytes, at: int, kind: int, depth: int) -> tuple[Any, int]:
         return _list(content, at, depth + 1)
     if kind == 12:
         return read_struct(content, at, depth + 1)
-    raise ValueError("a header has a field that none has")
+    raise ValueError("a header has an unknown field")
 
 
 def _list(content: bytes, at: int, depth: int) -> tuple[list[Any], int]:

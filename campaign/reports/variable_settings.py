@@ -106,7 +106,7 @@ def _apply(variables: dict[str, dict[str, Any]], setting: str) -> tuple[str, str
     if key == "target":
         raise SpecError(
             f"--set {setting}: target is the key of the mechanism that {name} sets, and no part of its distribution;"
-            " another target takes a new campaign"
+            " another target needs a new campaign"
         )
     *tables, last = key.split(".")
     table = variables[name]

@@ -124,7 +124,7 @@ class GivenFiles:
         """Return the content of a file; SpecError names those that there are."""
         content = self._contents.get(name.removeprefix("./"))
         if content is None:
-            names = f": {', '.join(self._contents)}" if self._contents else "; there are none"
+            names = f": {', '.join(self._contents)}" if self._contents else "; no file was given"
             raise SpecError(
                 f"no such file is given with the campaign; allowed: those that are{names}{others}; give it too, or name"
                 f" another{did_you_mean(name, [*self._contents, *(library_names() if others else ())])}"

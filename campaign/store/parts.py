@@ -244,7 +244,7 @@ def _seal(content: bytes) -> tuple[str, dict[str, Any]]:
         seal, _ = json.JSONDecoder().raw_decode(content[start:].decode("latin-1"))
         counts = [count for statuses in seal["statuses"] for count in statuses.values()]
         if not all(isinstance(count, int) and count > 0 for count in counts):
-            raise ValueError("a number of rows is none")
+            raise ValueError("a number of rows is not a number")
         return stated.decode(), {key: seal[key] for key in ("campaign", "columns", "first", "statuses")}
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise BadPart("has a seal that clearcap did not write") from error

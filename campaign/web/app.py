@@ -26,7 +26,7 @@ from engine import EngineError
 
 DESCRIPTION = """
 Mechanisms, campaigns and their reports over HTTP. Log in as a browser does, or send a token:
-`Authorization: Bearer clearcap_token_...`. Whatever is refused is answered with problem details (RFC 9457).
+`Authorization: Bearer clearcap_token_...`. Every refusal is answered with problem details (RFC 9457).
 """
 
 

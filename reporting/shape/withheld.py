@@ -9,7 +9,7 @@ from dataclasses import replace
 from reporting.shape.nonnormal import NonnormalIndices
 from reporting.shape.tails import TailShare
 
-OF_LOTS = "No interval: it would take the values of a production lot for independent."
+OF_LOTS = "No interval: it would treat the values of a production lot as independent."
 
 
 def without_intervals(

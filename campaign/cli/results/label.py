@@ -8,12 +8,14 @@ from campaign.cli.options import CampaignId, StoreUrl
 from campaign.cli.output import Json, print_json, print_text
 
 Tags = Annotated[list[str], typer.Option(metavar="TAG", help="Give it a tag; may be repeated.")]
-Untag = Annotated[list[str], typer.Option(metavar="TAG", help="Take a tag away; may be repeated.")]
+Untag = Annotated[list[str], typer.Option(metavar="TAG", help="Remove a tag; may be repeated.")]
 
 
 def label(
     campaign: CampaignId,
-    owner: Annotated[str | None, typer.Option(metavar="NAME", help="Who answers for it; '' for nobody.")] = None,
+    owner: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Owner of the campaign; '' removes the owner.")
+    ] = None,
     tag: Tags = [],  # noqa: B006
     untag: Untag = [],  # noqa: B006
     note: Annotated[str | None, typer.Option(metavar="TEXT", help="A note, instead of the present one.")] = None,
@@ -21,7 +23,7 @@ def label(
         bool | None, typer.Option("--archive/--restore", help="Leave it out of lists; or show it again.")
     ] = None,
     version: Annotated[
-        int | None, typer.Option(min=0, metavar="N", help="Refuse, if the labels are of another version by now.")
+        int | None, typer.Option(min=0, metavar="N", help="Refuse if the labels have another version.")
     ] = None,
     store: StoreUrl = "runs",
     json: Json = False,

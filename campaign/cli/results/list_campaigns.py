@@ -60,7 +60,7 @@ def list_campaigns(
         say(f"{campaign_id}: its deletion was interrupted; finish it with: {command}")
     _say_hidden(len(found) - len(shown))
     if not entries and labelled:
-        say(f"store {opened.url}: none of its {len(labelled)} campaigns is to be shown")
+        say(f"store {opened.url}: none of its {len(labelled)} campaigns is listed with these options")
         return
     _show(entries, f"store {opened.url}: holds no campaign; make one: {opened.command('run', 'CAMPAIGN')}")
 

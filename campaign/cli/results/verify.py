@@ -38,7 +38,7 @@ def verify(
             _print_signoff(signed)
         if not proof.faults:
             files = len(proof.signoffs[-1].signoff.files)
-            print_text(f"whole: all {files} files are those that were signed last")
+            print_text(f"intact: all {files} files are those of the last sign-off")
     if key is None:
         say("the key is the export's own; give --key FINGERPRINT, from the server or the approver, to know whose it is")
     for fault in proof.faults:
@@ -50,7 +50,9 @@ def verify(
 def _print_signoff(signed: "VerifiedSignoff") -> None:
     """Print who signed what and when."""
     signoff = signed.signoff
-    eyes = "he also submitted it" if signoff.is_submitter else f"submitted by {signoff.submitted_by or 'nobody known'}"
+    eyes = (
+        "who also submitted it" if signoff.is_submitter else f"submitted by {signoff.submitted_by or 'an unknown user'}"
+    )
     covered = "another version" if signed.differences else "plan, rows and report"
     print_text(f"  {signed.number}. {signoff.time}: {signoff.signer} ({signoff.role}) signed {covered}; {eyes}")
     if signoff.comment:

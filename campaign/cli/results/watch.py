@@ -48,7 +48,7 @@ def _follow(heartbeats: "Iterable[Heartbeat]", campaign_id: str, command: str) -
             for heartbeat in heartbeats:
                 show(heartbeat)
     except KeyboardInterrupt:
-        say(f"no longer watching {campaign_id}, which goes on; watch it with: {command}")
+        say(f"no longer watching {campaign_id}, which continues; watch it with: {command}")
         raise typer.Exit(130) from None
     return heartbeat
 

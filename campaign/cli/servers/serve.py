@@ -35,7 +35,8 @@ def serve(
         Path | None, typer.Option(metavar="FILE", help="Its private key.", rich_help_panel=_PANEL)
     ] = None,
     behind_proxy: Annotated[
-        bool, typer.Option("--behind-proxy", help="A proxy in front ends TLS.", rich_help_panel=_PANEL)
+        bool,
+        typer.Option("--behind-proxy", help="A proxy in front of the server terminates TLS.", rich_help_panel=_PANEL),
     ] = False,
     proxy: Annotated[
         list[str] | None,
@@ -83,7 +84,7 @@ def serve(
     if (https_cert is None) != (https_key is None):
         raise SpecError("--https-cert, --https-key: one of them is missing; HTTPS needs both")
     if proxy and not behind_proxy:
-        raise SpecError("--proxy: has a meaning with --behind-proxy only; add it, or leave --proxy out")
+        raise SpecError("--proxy: works only with --behind-proxy; add that, or leave --proxy out")
     https = (https_cert, https_key) if https_cert and https_key else None
     url = open_store(store).files.full_url
     options = None if no_drive else tuple(where.options())

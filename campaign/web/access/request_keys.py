@@ -54,7 +54,7 @@ class RequestKeys:
                 )
                 return None
         if found["question"] != question:
-            raise KeyTaken(f"Idempotency-Key {key!r:.80}: was sent with another content before; take a new key")
+            raise KeyTaken(f"Idempotency-Key {key!r:.80}: was sent with other content before; use a new key")
         return None if found["status"] == _IN_WORK else (found["status"], found["answer"])
 
     def keep(self, user: str, key: str, status: int, answer: str) -> tuple[int, str]:

@@ -29,7 +29,7 @@ class User:
     created : float
         When the user was added [s since 1970].
     is_disabled : bool
-        He can neither log in nor use his tokens.
+        The user can neither log in nor use tokens.
     has_password : bool
         He can log in with a password.
     """
@@ -72,7 +72,7 @@ class Users:
             Letters, digits and ``. _ @ -``, at most 64.
         role : Role
         password : str, optional
-            Without one he logs in by a link, or by the login service.
+            Without one the user logs in by a link or the login service.
         subject : str, optional
             Who he is to the login service.
 

@@ -23,7 +23,7 @@ class ListedEntry(BaseModel):
     address: str = Field(examples=["127.0.0.1"])
     action: str = Field(examples=["POST /api/v1/tokens"])
     object: str = Field(examples=["c60-0a1b2c3d4e"])
-    status: int = Field(description="Status of the answer: below 400 it was done", examples=[201])
+    status: int = Field(description="Status of the answer: below 400 the request was carried out", examples=[201])
     detail: str = Field(examples=["token 1, engineer, 90 days"])
     digest: str = Field(description="SHA-256 of the digest before and all fields above", examples=["0f" * 32])
 

@@ -93,7 +93,9 @@ class LabelRequest(BaseModel):
     remove_tags: list[str] = Field(default=[], max_length=50)
     note: str | None = Field(None, max_length=5000)
     archived: bool | None = None
-    version: int | None = Field(None, ge=0, description="`labels_version` of what was seen; 409 if it is another now")
+    version: int | None = Field(
+        None, ge=0, description="`labels_version` of the entry that was read; 409 if it has changed"
+    )
 
 
 @router.patch("/campaigns/{campaign}/labels", responses=described(404, 409))
@@ -121,7 +123,9 @@ def delete(
     if not who.may(Role.ADMIN) and owner != who.name:
         raise Refusal(403, f"campaign {campaign} is {owner or 'nobody'}'s; its owner or an admin may delete it")
     if confirm != campaign:
-        raise Refusal(422, f"X-Confirm = {confirm!r:.120}: deleting ends all rows; send the id {campaign} once more")
+        raise Refusal(
+            422, f"X-Confirm = {confirm!r:.120}: deleting removes all rows for good; to confirm, send the id {campaign}"
+        )
     if service.is_signed(campaign):
         raise Refusal(409, f"campaign {campaign} is signed; archive it instead")
     delete_campaign(service.store.hasty, campaign)

@@ -30,7 +30,7 @@ class Listing(BaseModel):
     """A page of the list of campaigns."""
 
     campaigns: list[CampaignEntry]
-    total: int = Field(description="Campaigns that fit the question", examples=[1])
+    total: int = Field(description="Campaigns that match the search", examples=[1])
     next: str | None = Field(description="Cursor of the next page; null on the last one")
     unread: int = Field(
         description="Campaigns of the store that are still to be read and not listed yet; ask again until it is 0",
@@ -163,7 +163,7 @@ class CampaignStatus(BaseModel):
     message: str = Field("", description="Details of the state")
     since: str | None = Field(description="When the state began, ISO 8601", examples=["2026-11-23T09:00:00+00:00"])
     open: bool = Field(description="A coordinator that serves the store would continue it")
-    fault: str | None = Field(description="What the file of its state says that clearcap never writes", examples=[None])
+    fault: str | None = Field(description="What is wrong with the file of its state", examples=[None])
     samples: int = Field(examples=[30850])
     done: int = Field(description="Rows that are stored", examples=[12000])
     ok: int = Field(examples=[11998])

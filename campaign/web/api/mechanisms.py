@@ -38,7 +38,9 @@ class MechanismText(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     text: str = Field(max_length=LONGEST_TEXT, description="TOML")
-    version: int | None = Field(None, ge=0, description="The newest version that was seen; 409 if there is a later one")
+    version: int | None = Field(
+        None, ge=0, description="The newest version that the caller knows; 409 if there is a later one"
+    )
 
 
 class SavedVersion(BaseModel):

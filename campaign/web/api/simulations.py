@@ -37,7 +37,7 @@ class SimulatedRun(BaseModel):
     message: str
     responses: dict[str, float | None] = Field(description="What was measured; null where nothing was")
     units: dict[str, str]
-    ranges: dict[str, list[float]] = Field(description="What friction leaves open of a contact force at rest")
+    ranges: dict[str, list[float]] = Field(description="Least and largest contact force at rest that friction allows")
     certificate: dict[str, Any] = Field(description="What the run proves of itself")
 
 

@@ -48,7 +48,7 @@ class CheckedCampaign(BaseModel):
     samples: int
     variables: list[str]
     responses: list[str]
-    cautions: list[str] = Field(description="What looks wrong, and can be computed all the same")
+    cautions: list[str] = Field(description="What looks wrong, but can be computed")
     cost: RunCost
 
 

@@ -29,7 +29,7 @@ class ListedUser(BaseModel):
     name: str = Field(examples=["eva"])
     role: RoleWord = Field(examples=["engineer"])
     created: datetime = Field(examples=["2026-11-23T09:00:00Z"])
-    is_disabled: bool = Field(description="He can neither log in nor use his tokens", examples=[False])
+    is_disabled: bool = Field(description="The user can neither log in nor use tokens", examples=[False])
     has_password: bool = Field(examples=[True])
 
     @classmethod
@@ -59,7 +59,7 @@ class NewUser(BaseModel):
         pattern=f"^{NAME.pattern}$", description="Letters, digits and . _ @ -, 64 characters at most", examples=["eva"]
     )
     role: RoleWord = Field(examples=["engineer"])
-    password: Password | None = Field(None, description="Without one he logs in by a link, or by the login service")
+    password: Password | None = Field(None, description="Without one the user logs in by a link or the login service")
 
 
 class UserChange(BaseModel):
@@ -68,7 +68,7 @@ class UserChange(BaseModel):
     model_config = ConfigDict(extra="forbid")
     role: RoleWord | None = Field(None, examples=["approver"])
     password: Password | None = Field(None, description="Ends his sessions")
-    disabled: bool | None = Field(None, description="Ends his sessions; his tokens are refused", examples=[False])
+    disabled: bool | None = Field(None, description="Ends the user's sessions; tokens are refused", examples=[False])
 
 
 class LoginLink(BaseModel):

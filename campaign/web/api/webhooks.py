@@ -56,7 +56,7 @@ class ListedDelivery(BaseModel):
     """News on its way to a webhook."""
 
     event: str = Field(examples=["ended c60-0a1b2c3d4e completed 1795424400.000"])
-    status: str = Field(description="waiting, delivered, given up, or why it was not taken", examples=["delivered"])
+    status: str = Field(description="waiting, delivered, given up, or why it was not accepted", examples=["delivered"])
     attempts: int = Field(examples=[1])
     next: datetime | None = Field(description="When it is sent again", examples=[None])
 

@@ -58,10 +58,10 @@ def webhook_target(url: str, allowed: Iterable[str]) -> WebhookTarget:
         parts = urlsplit(url)
         host, port = (parts.hostname or "").rstrip("."), parts.port
     except ValueError as error:
-        raise SpecError(f"url = {url!r:.200}: is no address ({error})") from error
+        raise SpecError(f"url = {url!r:.200}: not an address ({error})") from error
     is_allowed = host in {each.lower() for each in allowed}
     if len(url) > LONGEST_URL or not (url.isascii() and url.isprintable() and " " not in url) or not host:
-        raise SpecError(f"url = {url!r:.200}: is no address; write https://HOST/PATH")
+        raise SpecError(f"url = {url!r:.200}: not an address; write https://HOST/PATH")
     if parts.username is not None or parts.password is not None or parts.fragment:
         raise SpecError("url: holds a user, a password or a fragment; news is signed instead: check the signature")
     if parts.scheme != "https" and not (parts.scheme == "http" and is_allowed and _is_loopback(host)):

@@ -28,10 +28,10 @@ def test_addresses(url, address):
         ("http://10.0.0.1:8700", "over http others read the token"),
         ("https://eva:pass@clearcap.example", "holds more than a host"),
         ("https://clearcap.example/?token=secret", "holds more than a host"),
-        ("ftp://clearcap.example", "is no address of a server"),
-        ("clearcap.example", "is no address of a server"),
-        ("https://clearcap.example/api", "is no address of a server"),
-        ("https://clearcap.example:port", "is no address"),
+        ("ftp://clearcap.example", "not the address of a server"),
+        ("clearcap.example", "not the address of a server"),
+        ("https://clearcap.example/api", "not the address of a server"),
+        ("https://clearcap.example:port", "not an address"),
     ],
 )
 def test_refused_addresses(url, fault):

@@ -209,7 +209,7 @@ def test_what_is_there_is_said():
     assert "did you mean 'parts/mine.toml'?" in said
     said = refusal(naming("gap.csv", "variables.J1.file"), FILES)
     assert "parts/mine.toml, gaps.csv; give it too, or name another; did you mean 'gaps.csv'?" in said
-    assert "those that are; there are none; give it too" in refusal(naming("gap.csv", "table.file"))
+    assert "those that are; no file was given; give it too" in refusal(naming("gap.csv", "table.file"))
 
 
 def test_faults_of_given_files():

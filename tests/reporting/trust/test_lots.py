@@ -65,7 +65,7 @@ def test_methods_for_independent_values_have_no_interval_with_lots() -> None:
     first = analysed(20).responses[0]
     assert all(method.ppk_interval is None for method in first.methods)
     assert all(tail.interval is None for tail in first.tails)
-    assert any("take the values of a production lot for independent" in note for m in first.methods for note in m.notes)
+    assert any("treat the values of a production lot as independent" in note for m in first.methods for note in m.notes)
     assert first.running.n[0] > 200
 
 
