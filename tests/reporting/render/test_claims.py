@@ -10,6 +10,7 @@ from scipy.special import ndtri
 
 from reporting.capability.shares import largest_z, least_ppm
 from reporting.render.html import render_html
+from reporting.shape.expected_share import ExpectedShare
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 
@@ -50,6 +51,17 @@ def test_a_range_below_what_the_runs_can_show_is_one_bound() -> None:
     text = text_of(render_html(with_column("FC-1", values, lsl=-9.0, usl=11.0)))
     assert "2.0 to &lt; 2.0" not in text
     assert "2.0 to < 2.0" not in text
+
+
+@pytest.mark.parametrize(
+    ("interval", "printed"), [((0.01, 0.5), "< 2.0 fitted"), ((0.01, 30.0), "< 2.0 to 30.0 fitted")]
+)
+def test_a_range_in_the_summary_has_one_bound_at_most(far, interval, printed) -> None:
+    """The share to expect of several distributions: with both ends below what the runs can show it has one bound."""
+    response = replace(far.responses[0], expected=ExpectedShare(None, interval, "fitted distributions"))
+    text = text_of(render_html(replace(far, responses=(response,)))).replace("&lt;", "<")
+    assert f" {printed} distributions " in text
+    assert f"to {printed}" not in text
 
 
 def test_a_share_that_the_runs_can_show_is_printed() -> None:

@@ -300,7 +300,7 @@ def test_command(file, folder, capsys, monkeypatch):
     assert "2026-11-23T09:00:00Z: ada (approver) signed plan, rows and report; submitted by eva" in output
     assert "eva (approver) signed plan, rows and report; who also submitted it" in output
     assert "as drawn" in output
-    assert "whole: all " in output
+    assert "intact: all " in output
     code, _, messages = clearcap_here(capsys, monkeypatch, "verify", file)
     assert code == 0
     assert "give --key FINGERPRINT" in messages
