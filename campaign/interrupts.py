@@ -1,4 +1,4 @@
-"""Ctrl-C ends the command with exit status 130, whatever it interrupts."""
+"""Ctrl-C ends any command with exit status 130."""
 
 import signal
 import sys

@@ -70,7 +70,7 @@ def progress_events(connection: ServerConnection, campaign_id: str) -> Iterator[
     Raises
     ------
     UnreachableError
-        If the server is away for ten minutes.
+        If the server cannot be reached for ten minutes.
     CampaignError
         If it refuses.
     """

@@ -14,7 +14,7 @@ class Silence:
     Parameters
     ----------
     longest : float
-        A worker is silent after so many seconds without a heartbeat.
+        A worker is silent after this many seconds without a heartbeat.
     """
 
     def __init__(self, longest: float) -> None:

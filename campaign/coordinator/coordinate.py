@@ -115,7 +115,7 @@ def coordinate(
         verdict = coordinator.checkpoints.verdict
         survey = store.survey(plan)
         message = "; ".join(filter(None, (lack_of_ok(plan, survey.statuses), verdict.text() if verdict else "")))
-        coordinator.publish_heartbeat("completed")  # first, for whoever watches until the state is this
+        coordinator.publish_heartbeat("completed")  # first, for clients that watch until the state is this
         write_state(store, plan.campaign_id, "completed", message, is_open=report_due)
     wall = time.perf_counter() - start
     return Outcome(plan, survey, store.end(plan), coordinator.progress.computed, wall, verdict)

@@ -5,7 +5,7 @@ What happens when something fails:
 - a run fails: it becomes a row with its status, and the others go on;
 - a batch kills its worker, or the worker hangs: it is computed again with its runs in an isolated subprocess;
 - a worker has another engine build: it gets no more batches, and a message names it;
-- the store fails: whoever needs it tries again for minutes, and batches go on as far as they can; in the end the
+- the store fails: operations on it are tried again for minutes, and batches go on as far as they can; in the end the
   campaign pauses with a message;
 - the scheduler is lost: connect again, survey the store, and go on.
 """

@@ -102,7 +102,7 @@ class Window:
         return self.worker_count
 
     def _next_requests(self, queue: WorkQueue) -> list[BatchRequest]:
-        """Return what travels next: one batch, or several short ones, but not so many that other workers would wait."""
+        """Return what travels next: one batch, or several short ones as long as other workers need not wait."""
         share = len(queue) // self.size
         fitting = 1 if self.batch_seconds is None else int(CALL_SECONDS / max(self.batch_seconds, 1e-3))
         most = max(min(fitting, share, LARGEST_CALL), 1)

@@ -59,7 +59,7 @@ def observe(
     Parameters
     ----------
     store : Store
-        Where the campaign is; use `Store.hasty` where nothing may wait for a store that is away.
+        Where the campaign is; use `Store.hasty` where nothing may wait for a store that cannot be reached.
     campaign_id : str
         Its whole id.
     earlier : Observation, optional

@@ -159,7 +159,7 @@ class Progress:
         self.recount(store, survey)
 
     def recount(self, store: Store, survey: Survey) -> None:
-        """Count anew what the store holds, up to where the campaign ends by now."""
+        """Count again what the store holds, up to the sample where the campaign ends."""
         self.statuses, self.moments = Counter(survey.statuses), {}
         self.samples = store.end(self.plan)
         if survey.parts:

@@ -47,7 +47,7 @@ def hold_lease(store: Store, campaign_id: str) -> Iterator[str]:
     try:
         yield token
     except BaseException:
-        _give_back(store.hasty, campaign_id, token)  # what ends the block must not wait for a store that is away
+        _give_back(store.hasty, campaign_id, token)  # ending must not wait for an unreachable store
         raise
     _give_back(store, campaign_id, token)
 
@@ -129,14 +129,14 @@ def lease_holder(store: Store, campaign_id: str) -> str | None:
 
 
 def check_lease(store: Store, campaign_id: str, token: str) -> None:
-    """Raise `LeaseLost` if another process holds the lease by now, such as after an outage of the store."""
+    """Raise `LeaseLost` if another process has taken the lease, such as after an outage of the store."""
     if lease_holder(store, campaign_id) not in (token, None):
         raise LeaseLost(f"campaign {campaign_id} was taken over by another process")
 
 
 @dataclass(frozen=True)
 class SignOfLife:
-    """What has been seen of the process that holds a lease; whoever looks again hands it over.
+    """What has been seen of the process that holds a lease; pass it to the next look.
 
     Attributes
     ----------
@@ -145,7 +145,7 @@ class SignOfLife:
     heartbeat : dict or None
         The last heartbeat, where it tells whether the process lives.
     seen_at : float
-        When the lease, or this heartbeat, was first seen, by the clock of whoever looks [s].
+        When the lease, or this heartbeat, was first seen, by this process's clock [s].
     is_alive : bool or None
         Whether the process lives; None as long as neither a new heartbeat nor enough silence has told.
     """
@@ -196,7 +196,7 @@ def sign_of_life(store: Store, folder: str, earlier: SignOfLife | None = None, n
     Parameters
     ----------
     store : Store
-        Where they are; use `Store.hasty` where nothing may wait for a store that is away.
+        Where they are; use `Store.hasty` where nothing may wait for a store that cannot be reached.
     folder : str
         Id of a campaign, or `campaign.store.layout.SERVICE`.
     earlier : SignOfLife, optional

@@ -57,7 +57,7 @@ def animate(trajectory: Trajectory, path: Path, frames: int | None = None) -> No
 
 
 def _hold(writer: Any, frames: int) -> None:
-    """Show the figure as it is for so many more frames."""
+    """Show the figure unchanged for a number of frames."""
     from campaign.pictures.gif import GifWriter
 
     if isinstance(writer, GifWriter):

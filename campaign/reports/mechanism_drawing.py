@@ -12,7 +12,7 @@ logger = logging.getLogger(__name__)
 def mechanism_drawing(plan: Plan) -> tuple[MechanismDrawing | None, str]:
     """Return the drawing of a campaign's mechanism, and why there is none if there is none.
 
-    A report is worth more than its picture: whatever goes wrong with the picture, the report goes on without it.
+    If the picture fails for any reason, the report is written without it.
 
     Parameters
     ----------

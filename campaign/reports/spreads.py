@@ -28,7 +28,7 @@ _NEAREST = 1e-16  # distance from 0 and 1 of a probability whose quantile is tak
 _FIRST_STEP, _STEP_GROWTH, _MOST_STEPS = 0.25, 1.15, 15
 _BISECTIONS = 12  # between a factor that the mechanism accepts and one that it refuses
 _SEARCHED = 10.0  # factors up to this are tried on the mechanism at once
-_GRID, _WIDEST = 2001, 12.0  # points of a distribution over production batches, within so many deviations
+_GRID, _WIDEST = 2001, 12.0  # points of a distribution over production batches, within this many deviations
 _DIGITS = 7  # of a number that a user is to write
 
 # Keys of which a kind of distribution has either these or mean and std.

@@ -103,7 +103,7 @@ class ParquetColumns:
         schema = self._file.schema_arrow
         empty = pa.schema([schema.field(name) for name in names]).empty_table()
         if not all(is_number(kind) for kind in empty.schema.types):
-            return empty  # whoever asks refuses the type
+            return empty  # the caller refuses the type
         for chunk in column_chunks(self._content):
             if chunk.path in names:
                 check_size(chunk.values, MOST_ROWS, "values")

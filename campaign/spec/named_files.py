@@ -25,7 +25,7 @@ class NamedFiles(Protocol):
         """Return the mechanism of a name; MechanismError or SpecError if there is none, or it has faults."""
 
     def content(self, name: str, at_most: int) -> bytes:
-        """Return the content of a data file of at most so many bytes; SpecError, without the key, if there is none."""
+        """Return the content of a data file of at most ``at_most`` bytes; SpecError without the key if it cannot."""
 
     def may_quote(self, name: str) -> bool:
         """Return whether a message may tell what is in a data file."""
@@ -72,7 +72,7 @@ class FolderFiles:
 
 
 class GivenFiles:
-    """Files that came with the text of a campaign: no other is opened, whatever the text names.
+    """Files that came with the text of a campaign: the text cannot name any other.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ def _said(path: str | Path) -> Iterator[str]:
 
 
 def _tables(path: Path) -> Mapping[str, Any]:
-    """Return the tables of a file; none where it cannot be read, of which whoever loads it has more to say."""
+    """Return the tables of a file; none if it cannot be read: loading it gives the reason."""
     try:
         return parse_toml(read_regular_file(path, LARGEST))
     except (OSError, ValueError, UnfitToml):

@@ -64,7 +64,7 @@ class Failures(TableModel, strict=True):
         return self.max_failed if isinstance(self.max_failed, int) else self.max_failed * samples
 
     def is_hopeless(self, ok: int, done: int) -> bool:
-        """Return whether so many runs have failed, without a single one ok, that no other is worth computing."""
+        """Return whether enough runs have failed, without a single one ok, to stop the campaign."""
         return self.max_failed is None and ok == 0 and done >= FIRST_RUNS
 
 

@@ -1,4 +1,4 @@
-"""The labels of campaigns in their store: no change is lost, whoever else changes them at the same time.
+"""The labels of campaigns in their store: no change is lost if several people change them at the same time.
 
 Each change writes a document of its own, ``labels-000001.json`` and so on, which must not exist before. So of two
 people who change the same labels at once one is first, and the other begins again from what the first wrote, or is

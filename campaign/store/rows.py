@@ -1,4 +1,4 @@
-"""Rows in the order of the samples, some at a time, whatever file they are in and while parts are merged."""
+"""Rows in the order of the samples, some at a time, from any file and even while parts are merged."""
 
 import logging
 from collections.abc import Collection, Iterable, Iterator, Sequence

@@ -46,7 +46,7 @@ class Store:
 
     @property
     def hasty(self) -> "Store":
-        """The same store, for whoever must not wait: each operation is tried once."""
+        """The same store for callers that must not wait: each operation is tried once."""
         return Store(self.files.hasty)
 
     # -- campaigns ---------------------------------------------------------------------------------------------------

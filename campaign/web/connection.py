@@ -1,4 +1,4 @@
-"""One connection of the server: whoever sends the head of a request too slowly, or without an end, is cut off."""
+"""One connection of the server: a client that sends the head of a request too slowly, or without an end, is cut off."""
 
 import asyncio
 from typing import Any

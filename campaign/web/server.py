@@ -32,7 +32,7 @@ class Server(uvicorn.Server):
 
 
 def check_settings(settings: Settings) -> None:
-    """Refuse to serve others without TLS, and to believe whom nobody can check.
+    """Refuse to serve others without TLS, and to trust a proxy that cannot be checked.
 
     Raises
     ------

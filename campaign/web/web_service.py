@@ -66,7 +66,7 @@ class Service:
     submitting : Counter of str
         Submissions at work, by user.
     pool : JobPool
-        Processes for whatever takes processor time.
+        Processes for what takes processor time.
     answers : Answers
         Questions to the rows of campaigns.
     workload : Workload or None

@@ -19,7 +19,7 @@ from reporting.rare.directions import Parts, directions
 
 FEWEST = 10  # rejects, to take their centre
 EVEN = 30  # rejects in effect, or half of all: less, and weights are brought nearer to each other
-OFTEN = 0.01  # of production: plain runs see so many, so nothing need aim there
+OFTEN = 0.01  # of production: plain runs find such rejects, so nothing need aim there
 NEVER = 1e-13  # of production: nothing need aim there either
 AIMED, WIDE = 0.8, 0.1  # share of the runs that aim, and that find what they do not aim at
 WIDE_SCALE = 2.0

@@ -1,6 +1,6 @@
 """The report as one self-contained page: style and figures inline, no script, no request.
 
-A content security policy tells the browser so: whatever got into the page, it runs no script, loads nothing and sends
+A content security policy tells the browser so: the page runs no script, loads nothing and sends
 nothing. Of style sheets it allows the page's own.
 """
 

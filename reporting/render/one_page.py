@@ -1,4 +1,4 @@
-"""The summary to sign: what a report says, on one page of A4 whatever the number of responses."""
+"""The summary to sign: what a report says, on one page of A4 for any number of responses."""
 
 from collections import Counter
 

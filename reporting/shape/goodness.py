@@ -20,7 +20,7 @@ from reporting.shape.family.families import Scaled, Theta
 
 # A fit with a smaller p-value is not used.
 LEAST_P = 0.01
-# A misfit that so many values would not show has no importance.
+# A misfit that this many values would not show is unimportant.
 PRACTICAL = 5000
 # A tail fails if the counted share is proven (at `_TAIL_CHANCE`) to differ by more than this factor.
 TAIL_FACTOR = 1.5

@@ -20,7 +20,7 @@ FEWEST_EXCESSES, MOST_EXCESSES, LARGEST_SHARE = 50, 250, 0.10
 _THRESHOLDS = 3
 # A model of the tail says nothing of shares below this part of one value: its upper end is never lower.
 _FARTHEST = 0.01
-# From so many rejects on the count is better than any model.
+# From this number of rejects on the count is better than any model.
 ENOUGH_REJECTS = 100
 
 

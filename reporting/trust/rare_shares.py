@@ -5,7 +5,7 @@ from reporting.rare.plain_check import CHECK_BAR
 from reporting.rare.rare_rejects import RareRejects
 from reporting.trust.check import Check
 
-LOOSE = 0.2  # of a share: so much more in regions that nobody aims at is worth a warning
+LOOSE = 0.2  # of a share: this much more in regions that no component aims at is worth a warning
 
 
 def rare_checks(rare: RareRejects | None) -> tuple[Check, ...]:

@@ -30,7 +30,7 @@ def label(
 ) -> None:
     """Change the labels of a campaign, and show them: owner, tags, note, and whether it is archived.
 
-    No row depends on them, and neither does the id. Changes of two people at once are both made.
+    No row depends on them, and neither does the id. Simultaneous changes of two people are both made.
     """
     from campaign.coordinator.submit import user_name
     from campaign.store import open_store

@@ -21,7 +21,7 @@ from engine.arrays import Array
 
 DIGITS = 52  # of a point, binary
 OWN_DIGITS = 30  # of an unscrambled point, as many as its number may have; scipy skips points only with up to 32
-DEPTHS = 4  # columns are made in groups of so many: a process that draws many batches makes them a few times only
+DEPTHS = 4  # columns are made in groups of this size: a process that draws many batches makes them a few times only
 
 Integers = NDArray[np.uint64]
 

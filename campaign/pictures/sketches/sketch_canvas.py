@@ -1,6 +1,6 @@
 """Lines, areas and words on a canvas: where the world lies on it, what is there so far, and where words have room.
 
-Positions are in points of the canvas, from its upper left corner; whoever draws a sketch needs nothing else.
+Positions are in points of the canvas, from its upper left corner; drawing a sketch needs nothing else.
 """
 
 from collections import defaultdict

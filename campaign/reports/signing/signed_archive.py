@@ -1,4 +1,4 @@
-"""Read an export, as a ZIP or unpacked: nothing is unpacked, and whatever an export never has is refused."""
+"""Read an export, as a ZIP or unpacked: nothing is unpacked, and anything that an export never has is refused."""
 
 import hashlib
 import os

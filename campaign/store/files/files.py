@@ -72,7 +72,7 @@ class Files:
 
     @property
     def hasty(self) -> "Files":
-        """The same files, for whoever must not wait: each operation is tried once."""
+        """The same files for callers that must not wait: each operation is tried once."""
         hasty = copy(self)
         hasty.patience = HASTY
         return hasty
@@ -168,7 +168,7 @@ class Files:
         return self._do(self._backend.stamps, folder, "listed")
 
     def listed(self, folder: str) -> "Files":
-        """Return these files for whoever reads a folder now: behind a URL it is listed here, once for all questions."""
+        """Return these files to read one folder: behind a URL it is listed here, once for all questions."""
         if isinstance(self._backend, LocalFolder):
             return self
         from campaign.store.files.listed_objects import ListedObjects
@@ -266,7 +266,7 @@ class Files:
             )
 
     def _refuse_secret(self, name: str, content: bytes) -> None:
-        """Refuse to write a secret of the URL into the store, where whoever reads results would find it."""
+        """Refuse to write a secret of the URL into the store, where every reader of results would find it."""
         if self.has_secrets and self._private.is_in(content):
             raise StoreError(
                 f"store {self.url}: {name} is not written, because its content holds the password of the store's URL;"

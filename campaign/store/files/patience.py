@@ -33,9 +33,9 @@ class Patience:
             pause = min(2.0 * pause, self.longest)
 
 
-PATIENT = Patience(180.0)  # whoever computes: an outage of minutes must not end a night's work
-QUICK = Patience(10.0)  # whoever only asks
-HASTY = Patience(0.0)  # whoever must not wait: it is ending, or comes again by itself
+PATIENT = Patience(180.0)  # for computing: an outage of minutes must not end a night's work
+QUICK = Patience(10.0)  # for commands that only read
+HASTY = Patience(0.0)  # for callers that must not wait: they are ending, or come again by themselves
 
 
 class Outage:

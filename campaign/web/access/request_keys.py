@@ -58,7 +58,7 @@ class RequestKeys:
         return None if found["status"] == _IN_WORK else (found["status"], found["answer"])
 
     def keep(self, user: str, key: str, status: int, answer: str) -> tuple[int, str]:
-        """Keep the answer to a request; return the one that was kept first, if it was sent twice at once."""
+        """Keep the answer to a request; return the one that was kept first, if it was sent twice at the same time."""
         with self._database.write() as connection:
             connection.execute(
                 "UPDATE idempotency SET status = ?, answer = ? WHERE key = ? AND user = ? AND status = ?",

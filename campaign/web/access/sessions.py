@@ -26,7 +26,7 @@ class Sessions:
         self._database = database
 
     def begin(self, user: str | None = None, share: int | None = None) -> str:
-        """Begin a session of a user, or of whoever has a shared link; return the secret for its cookie."""
+        """Begin a session of a user, or of a shared link; return the secret for its cookie."""
         secret, now = new_secret("session"), time.time()
         with self._database.write() as connection:
             connection.execute("DELETE FROM sessions WHERE seen < ? OR created < ?", (now - IDLE, now - LONGEST))

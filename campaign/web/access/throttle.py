@@ -1,4 +1,4 @@
-"""Slow down whoever guesses passwords or tokens: after some failures nothing more is looked at for a while."""
+"""Slow down guessing of passwords and tokens: after some failures nothing more is checked for a while."""
 
 import ipaddress
 import threading

@@ -141,7 +141,7 @@ class Users:
         Raises
         ------
         TimeoutError
-            If so many passwords are checked now that this one did not get its turn.
+            If too many passwords are being checked to take another one.
         """
         row = self._database.row("SELECT * FROM users WHERE name = ? AND NOT disabled", name)
         if not self._turns.acquire(timeout=CHECK_WITHIN):

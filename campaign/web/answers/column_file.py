@@ -68,7 +68,7 @@ def map_columns(path: Path, key: str | None, *, just_written: bool = False) -> S
     path : Path
         The file.
     key : str or None
-        What the columns must be; None: whatever they are.
+        What the columns must be; None: anything.
     just_written : bool
         This process has written the file a moment ago: its digest is not checked.
 

@@ -1,4 +1,4 @@
-"""Some processes that compute whatever takes processor time, so that the process that serves never does.
+"""Processes for jobs that take processor time, so that the process that serves stays responsive.
 
 They are few, stay warm, and are replaced when a job takes too much, ends its process, or is cancelled. They are the
 project's own and not a library's, because a job needs limits of its own, a process an environment without the service's
@@ -60,7 +60,7 @@ class JobPool:
     async def __aexit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        """End all processes at once, amid their jobs too."""
+        """Kill all processes, even in the middle of a job."""
         self._count = 0
         for task in list(self._all):
             await self._end(task)

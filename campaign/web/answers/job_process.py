@@ -109,7 +109,7 @@ class JobProcess:
         return content
 
     async def end(self) -> None:
-        """End the process at once, and what its job has started."""
+        """Kill the process, and what its job has started."""
         if self.alive:
             with suppress(ProcessLookupError):
                 os.killpg(self._process.pid, signal.SIGKILL)

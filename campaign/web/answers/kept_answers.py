@@ -54,7 +54,7 @@ class _Flight:
 
 
 class SingleFlight:
-    """Computes what several ask for at the same time once; when nobody waits any more, it is cancelled."""
+    """Computes an answer once for all who ask at the same time, and cancels it when none of them waits."""
 
     def __init__(self) -> None:
         self._flights: dict[str, _Flight] = {}

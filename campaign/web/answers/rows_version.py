@@ -1,4 +1,4 @@
-"""Which rows a campaign has, as one word: it changes with every row, and costs no reading of rows."""
+"""A version of the rows of a campaign: it changes with every row, and is known without reading rows."""
 
 import hashlib
 

@@ -1,4 +1,4 @@
-"""Whose turn it is: so many jobs at a time in all and of each user, users in rotation, and a limit to who may wait."""
+"""Whose turn it is: a limit of jobs in all and of each user, users in rotation, and a limit to who may wait."""
 
 import asyncio
 import math

@@ -1,6 +1,6 @@
 """Questions to the rows of a campaign: other distributions, histograms, advice, cheapest tolerances, a comparison.
 
-The numbers are those of the command, to the last bit. Equal questions at once are computed once.
+The numbers are those of the command, to the last bit. Equal questions at the same time are computed once.
 """
 
 from typing import Annotated, Any

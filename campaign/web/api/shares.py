@@ -1,4 +1,4 @@
-"""Shared links: whoever has one sees one campaign, until it expires or is revoked."""
+"""Shared links: anyone who has one sees one campaign, until it expires or is revoked."""
 
 from datetime import UTC, datetime
 from typing import Annotated
@@ -78,7 +78,7 @@ def list_shares(
 
 @router.post("/campaigns/{campaign}/shares", status_code=201, responses=described(404, 409))
 def add_share(request: Request, service: TheService, campaign: TheCampaign, who: Engineer, new: NewShare) -> MadeShare:
-    """Make a link by which whoever has it sees this campaign, read only."""
+    """Make a link with which anyone sees this campaign, read only."""
     return shared(request, service, campaign, who, new)
 
 

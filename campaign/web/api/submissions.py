@@ -22,7 +22,7 @@ from campaign.web.web_service import Service
 from reporting import format_numbers
 
 router = calls("campaigns")
-REPEATED_TIMES = 2.0  # a repeat has half the step: so many times the time of its run
+REPEATED_TIMES = 2.0  # a repeat has half the step: it takes this many times the time of its run
 UNFINISHED = ("queued", "running", "interrupted")
 assert set(UNFINISHED) <= set(STATES)
 

@@ -1,4 +1,4 @@
-"""Webhooks: other systems are told when a campaign ends, or when a Cpk is too small."""
+"""Webhooks: other systems are notified when a campaign ends, or when a Cpk is too small."""
 
 from datetime import UTC, datetime
 from typing import Annotated
@@ -82,7 +82,7 @@ def list_webhooks(service: TheService, who: Engineer) -> list[ListedWebhook]:
 
 @router.post("/webhooks", status_code=201, responses=described(409))
 def add_webhook(service: TheService, who: Engineer, new: NewWebhook) -> MadeWebhook:
-    """Have an address told when a campaign ends, and when a Cpk's interval lies below 1.33.
+    """Notify an address when a campaign ends, and when a Cpk's interval lies below 1.33.
 
     The address is `https`, and in the server's own network only if the configuration names its host.
     """

@@ -1,4 +1,4 @@
-"""Check a password, slowly for whoever guesses."""
+"""Check a password, and slow down guessing."""
 
 from fastapi import Request
 

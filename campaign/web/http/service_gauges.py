@@ -38,7 +38,7 @@ class ServiceGauges(Collector):
         yield GaugeMetricFamily("clearcap_event_streams", "Open event streams", self._watcher.followers)
 
     def describe(self) -> Iterable[Metric]:
-        """Yield nothing: the registry need not count when it is told of this collector."""
+        """Yield nothing: the registry need not count when this collector is registered."""
         return ()
 
 

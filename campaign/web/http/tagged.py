@@ -40,6 +40,6 @@ def tagged(request: Request, body: bytes, media_type: str, headers: dict[str, st
 
 def _part(first: str, last: str, size: int) -> tuple[int, int]:
     """Return where a range begins and ends; the end is not part of it."""
-    if not first:  # the last so many bytes
+    if not first:  # the last bytes of the file
         return max(0, size - int(last)), size
     return int(first), min(size, int(last) + 1) if last else size

@@ -90,7 +90,7 @@ def entered(request: Request, secret: str, wanted: str, cookie: str = COOKIE) ->
 
 
 def own_path(wanted: str) -> str:
-    """Return a path of this server; whatever leads elsewhere becomes the first page."""
+    """Return a path of this server; anything that leads elsewhere becomes the first page."""
     try:
         parts = urlsplit(wanted)
     except ValueError:

@@ -46,7 +46,7 @@ class CampaignEntry(BaseModel):
     tags: list[str] = Field(default=[], examples=[["c60", "release-3"]])
     note: str = ""
     archived: bool = False
-    labels_version: int = Field(0, description="Send it back with a change, so that nobody's change is lost")
+    labels_version: int = Field(0, description="Send it back with a change, so that no other change is lost")
 
 
 def entry_of(store: Store, campaign_id: str) -> CampaignEntry:

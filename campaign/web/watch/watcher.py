@@ -101,7 +101,7 @@ class Watcher:
             await asyncio.to_thread(self._reader.shutdown, cancel_futures=True)
 
     async def _look(self) -> None:
-        """Look once; a store that is away is looked at again later."""
+        """Look once; if the store cannot be reached, it is looked at again later."""
         try:
             if self.listed_at is None or (self._is_whole_due() and not self.index.is_behind):
                 await self.list_campaigns()
@@ -175,7 +175,7 @@ class Watcher:
             self._changed.add(campaign)
         self._hurries += 1
         self.listed_at = None
-        with suppress(RuntimeError):  # the loop is closed: nobody looks any more
+        with suppress(RuntimeError):  # the loop is closed: nobody reads any more
             self._loop.call_soon_threadsafe(self._wake.set)
 
     def end_streams(self) -> None:

@@ -1,1 +1,1 @@
-"""Other systems are told when a campaign ends, or when a Cpk is too small."""
+"""Notify other systems when a campaign ends, or when a Cpk is too small."""

@@ -17,7 +17,7 @@ class CampaignNews:
     Attributes
     ----------
     key : str
-        What happened, when and to which campaign: news with the same key is told once.
+        What happened, when and to which campaign: news with the same key is sent once.
     campaign : str
         Its id.
     people : frozenset of str

@@ -41,7 +41,7 @@ class Webhook:
     created: float
 
     def wants(self, news: CampaignNews) -> bool:
-        """Return whether it is told some news."""
+        """Return whether the webhook gets some news."""
         return self.campaign == news.campaign if self.campaign else self.user in news.people
 
 
@@ -86,7 +86,7 @@ class WebhookBook:
         self._database = database
 
     def add(self, user: str, campaign: str | None, url: str, past: Iterable[CampaignNews]) -> Webhook:
-        """Make a webhook; it is not told what had happened before."""
+        """Make a webhook; it gets no news of what happened before."""
         values = (user, campaign, url, new_secret("webhook"), time.time())
         with self._database.write() as connection:
             made = connection.execute(
@@ -115,7 +115,7 @@ class WebhookBook:
             connection.execute("DELETE FROM webhooks WHERE id = ?", (webhook_id,))
 
     def tell(self, news: Iterable[CampaignNews]) -> None:
-        """Have news delivered to the webhooks that want it; what they were told before is left out."""
+        """Queue news for the webhooks that want it; what they have got before is left out."""
         webhooks = self.all()
         rows = [
             (webhook.id, each.key, json.dumps({"id": f"{webhook.id} {each.key}", **each.content}), time.time())

@@ -8,7 +8,7 @@ from campaign.plan import Plan, dump_spec
 FIELD = "v."  # begins the name of a number's field; what follows is VARIABLE.KEY
 STEPS = 100  # of a slider
 PLACES = ("mean", "nominal", "lower", "upper", "mode", "origin", "value", "log_mean")  # keys that shift, not stretch
-REACH, STRETCH = 2.0, 0.8  # a slider reaches so many sigmas to each side, or such a part of the value
+REACH, STRETCH = 2.0, 0.8  # a slider reaches this many sigmas to each side, or this part of the value
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
 "use strict";
-// Set the drawing of a run in motion. It stands at its end until then; without scripts, and for whoever wants less motion.
+// Set the drawing of a run in motion. It stands at its end until then; without scripts, and for users who want less motion.
 (function () {
   const set = (figure) => {
     const frames = JSON.parse(figure.dataset.motion);
