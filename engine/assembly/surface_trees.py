@@ -11,9 +11,11 @@ from engine.assembly.frames import BodyFrame
 from engine.kernels.model import Surfaces
 from engine.mechanism.surfaces.surface import FreeFormSurface
 
-SPARE = 0.5  # how often the third derivatives may be as large until a patch is cut: then few pieces are quartered
+SPARE = 1.0  # how often the third derivatives may be as large until a patch is cut: then few pieces are quartered
 ELONGATED = 1.5  # ratio of the sides of a piece beyond which only the longer one is halved
 MOST_HALVINGS = 8  # of a patch
+ROUNDING = 1e-14  # share of the farthest coordinate that is added to the half sides of boxes
+NO_DIRECTION = 1e-6  # sine of the angle between a piece's slopes in its middle below which it has no normal
 
 # powers of x, -1 to 1, in the cubic Bernstein polynomials of (1 + x) / 2
 _POWERS = np.array([[1, -3, 3, -1], [3, -3, -3, 3], [3, 3, -3, -3], [1, 3, 3, 1]], float).T / 8
@@ -21,7 +23,14 @@ _LEFT = np.array([[8, 0, 0, 0], [4, 4, 0, 0], [2, 4, 2, 0], [1, 3, 3, 1]], float
 _HALVES = np.array([_LEFT, _LEFT[::-1, ::-1]])
 
 NO_SURFACES = Surfaces(
-    np.zeros((0, 4)), np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3, 4, 4)), np.zeros((0, 9))
+    np.zeros((0, 6)),
+    np.zeros(0),
+    np.zeros(0, np.int64),
+    np.zeros(0, np.int64),
+    np.zeros(0, np.int64),
+    np.zeros((0, 3, 5)),
+    np.zeros((0, 3, 4, 4)),
+    np.zeros((0, 9)),
 )
 
 
@@ -31,29 +40,39 @@ def surface_tree(surface: FreeFormSurface, frame: BodyFrame) -> Surfaces:
     pieces = _pieces(control)
     coefficient = np.einsum("ai,bj,nijk->nkab", _POWERS, _POWERS, pieces)
     centre = 0.5 * (pieces.min(axis=(1, 2)) + pieces.max(axis=(1, 2)))
-    spheres: list[Array] = []
+    boxes: list[Array] = []
     after: list[int] = []
+    parents: list[int] = []
     piece: list[int] = []
     points = pieces.reshape(-1, 16, 3)
+    slack = ROUNDING * np.abs(points).max()
 
-    def grow(which: Integers) -> None:
+    def grow(which: Integers, parent: int) -> None:
         """Add the node of some pieces and all nodes below."""
-        node, inside = len(spheres), points[which].reshape(-1, 3)
-        middle = 0.5 * (inside.min(axis=0) + inside.max(axis=0))
-        radius = np.linalg.norm(inside - middle, axis=1).max() * (1 + 1e-12)
-        spheres.append(np.append(middle, radius))
+        node, inside = len(boxes), points[which].reshape(-1, 3)
+        low, high = inside.min(axis=0), inside.max(axis=0)
+        boxes.append(np.concatenate([0.5 * (low + high), 0.5 * (high - low) + slack]))
         after.append(0)
+        parents.append(parent)
         piece.append(int(which[0]) if len(which) == 1 else -1)
         if len(which) > 1:
             widest = np.ptp(centre[which], axis=0).argmax()
             order = which[np.argsort(centre[which, widest], kind="stable")]
-            grow(order[: len(order) // 2])
-            grow(order[len(order) // 2 :])
-        after[node] = len(spheres)
+            grow(order[: len(order) // 2], node)
+            grow(order[len(order) // 2 :], node)
+        after[node] = len(boxes)
 
-    grow(np.arange(len(pieces)))
+    grow(np.arange(len(pieces)), -1)
+    box = np.array(boxes)
     return Surfaces(
-        np.array(spheres), np.array(after, np.int64), np.array(piece, np.int64), coefficient, _bounds(coefficient)
+        box,
+        np.linalg.norm(box[:, 3:], axis=1),
+        np.array(after, np.int64),
+        np.array(parents, np.int64),
+        np.array(piece, np.int64),
+        _slabs(points, coefficient, slack),
+        coefficient,
+        _bounds(coefficient),
     )
 
 
@@ -63,11 +82,15 @@ def joined_surfaces(trees: Sequence[Surfaces | None]) -> tuple[Array, Surfaces]:
     nodes = np.cumsum([0, *(len(tree.after) for tree in own)])
     pieces = np.cumsum([0, *(len(tree.bound) for tree in own)])
     after = [tree.after + first for tree, first in zip(own, nodes[:-1], strict=True)]
+    parent = [np.where(t.parent < 0, -1, t.parent + first) for t, first in zip(own, nodes[:-1], strict=True)]
     piece = [np.where(t.piece < 0, -1, t.piece + first) for t, first in zip(own, pieces[:-1], strict=True)]
     joined = Surfaces(
-        np.concatenate([NO_SURFACES.sphere, *(tree.sphere for tree in own)]),
+        np.concatenate([NO_SURFACES.box, *(tree.box for tree in own)]),
+        np.concatenate([NO_SURFACES.size, *(tree.size for tree in own)]),
         np.concatenate([NO_SURFACES.after, *after]),
+        np.concatenate([NO_SURFACES.parent, *parent]),
         np.concatenate([NO_SURFACES.piece, *piece]),
+        np.concatenate([NO_SURFACES.slab, *(tree.slab for tree in own)]),
         np.concatenate([NO_SURFACES.coefficient, *(tree.coefficient for tree in own)]),
         np.concatenate([NO_SURFACES.bound, *(tree.bound for tree in own)]),
     )
@@ -95,6 +118,19 @@ def _pieces(patches: Array) -> Array:
         if not len(rest):
             break
     return np.concatenate([*done, rest])
+
+
+def _slabs(points: Array, coefficient: Array, slack: float) -> Array:
+    """Return a box around the control points of each piece, with its axes along the middle of the piece: (n, 3, 5)."""
+    S_x, S_y = coefficient[:, :, 1, 0], coefficient[:, :, 0, 1]
+    normal = np.cross(S_x, S_y)
+    flat = np.linalg.norm(normal, axis=1) > NO_DIRECTION * np.linalg.norm(S_x, axis=1) * np.linalg.norm(S_y, axis=1)
+    S_x, normal = np.where(flat[:, None], S_x, [1.0, 0.0, 0.0]), np.where(flat[:, None], normal, [0.0, 0.0, 1.0])
+    x, z = (v / np.linalg.norm(v, axis=1)[:, None] for v in (S_x, normal))
+    axes = np.stack([x, np.cross(z, x), z], axis=1)
+    along = np.einsum("nak,nck->nac", axes, points)
+    low, high = along.min(axis=2), along.max(axis=2)
+    return np.concatenate([axes, 0.5 * (low + high)[..., None], 0.5 * (high - low)[..., None] + slack], axis=2)
 
 
 def _halved(patches: Array, axis: int) -> Array:

@@ -36,9 +36,12 @@ class Bodies(NamedTuple):
 class Surfaces(NamedTuple):
     """Surfaces of bicubic patches: trees of their pieces, from the centre of mass; see patched_surfaces.py."""
 
-    sphere: np.ndarray  # (nn, 4) centre and radius of a sphere around what is below each node
+    box: np.ndarray  # (nn, 6) middle and half sides of a box along the axes around what is below each node
+    size: np.ndarray  # (nn,) half the diagonal of that box
     after: np.ndarray  # (nn,) int64, the node that follows all below; of a fork's two the first is the next node
+    parent: np.ndarray  # (nn,) int64, the fork above; of the root, -1
     piece: np.ndarray  # (nn,) int64, number of a leaf's piece; -1: a fork
+    slab: np.ndarray  # (np, 3, 5) a box along the piece: along each of its axes, the axis, the middle, half the side
     coefficient: np.ndarray  # (np, 3, 4, 4) of x^i y^j in each coordinate, |x| and |y| <= 1
     bound: np.ndarray  # (np, 9) of derivatives, see `engine.assembly.surface_trees`
 

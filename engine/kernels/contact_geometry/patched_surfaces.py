@@ -1,8 +1,9 @@
 """Signed distances of solids that are bounded by bicubic patches.
 
-The pieces of the patches are the leaves of a tree whose nodes have spheres around all that is below them. The search
-goes down to the leaf that is nearest at every fork; then it passes through the tree from its root and leaves out what
-lies in a sphere farther away than what has been found. The nearest of all points is so found, wherever it is.
+The pieces of the patches are the leaves of a tree whose nodes have boxes around all that is below them. At every fork
+the search goes first to where the middle is nearer, and leaves out each box that is farther away than what has been
+found. A piece has another box with it, along its own normal, which is thin. The nearest of all points is so found,
+wherever it is.
 """
 
 import numpy as np
@@ -37,7 +38,7 @@ def surface_distance(solid, x, y, z):
     r, n, side = nearest_point(surfaces, root, (x, y, z))
     height, distance = -dot(r, n), np.sqrt(dot(r, r))
     along = (r[0] + height * n[0], r[1] + height * n[1], r[2] + height * n[2])
-    if np.sqrt(dot(along, along)) <= SMOOTH * distance + ROUNDED * surfaces.sphere[root, 3]:
+    if np.sqrt(dot(along, along)) <= SMOOTH * distance + ROUNDED * surfaces.size[root]:
         return height, n
     signed = side * distance
     return signed, (-r[0] / signed, -r[1] / signed, -r[2] / signed)
@@ -47,37 +48,58 @@ def surface_distance(solid, x, y, z):
 def nearest_point(surfaces, root, q):
     """Return the way from q to the nearest point of a surface, the normal there, and on which side of it q is."""
     none = (0.0, 0.0, 0.0)
-    first = nearest_leaf(surfaces, root, q)
-    k = surfaces.piece[first]
     best = (np.inf, none, none, 0.0, 1.0)
-    squares, best = search_piece(surfaces.coefficient[k], surfaces.bound[k], q, 0, best)
-    reach = np.sqrt(2 * best[0]) * (1 + TIE)
-    node, end = root, surfaces.after[root]
-    while node < end:
-        if squared_distance(surfaces, node, q) > (surfaces.sphere[node, 3] + reach) ** 2:
-            node = surfaces.after[node]
-            continue
-        k = surfaces.piece[node]
-        if k >= 0 and node != first:
-            squares, best = search_piece(surfaces.coefficient[k], surfaces.bound[k], q, squares, best)
-            reach = np.sqrt(2 * best[0]) * (1 + TIE)
-        node += 1
-    return best[1], best[2], best[4]
+    node, depth, pending, squares = root, 0, 0, 0  # pending: bits, the levels at which the other node is still to come
+    while True:
+        reach = 2 * best[0] * (1 + TIE)
+        if squared_distance_of_box(surfaces, node, q) <= reach:
+            k = surfaces.piece[node]
+            if k < 0:
+                node, depth = nearer_below(surfaces, node, q), depth + 1
+                pending |= 1 << depth
+                continue
+            if squared_distance_of_slab(surfaces, k, q) <= reach:
+                squares, best = search_piece(surfaces.coefficient[k], surfaces.bound[k], q, squares, best)
+        while depth > 0 and not pending >> depth & 1:
+            node, depth = surfaces.parent[node], depth - 1
+        if depth == 0:
+            return best[1], best[2], best[4]
+        pending ^= 1 << depth
+        first = surfaces.parent[node] + 1
+        node = surfaces.after[first] if node == first else first
 
 
 @inner
-def nearest_leaf(surfaces, root, q):
-    """Return the leaf to which the nearer of two spheres' centres leads at every fork."""
-    node = root
-    while surfaces.piece[node] < 0:
-        other = surfaces.after[node + 1]
-        node = node + 1 if squared_distance(surfaces, node + 1, q) <= squared_distance(surfaces, other, q) else other
-    return node
+def nearer_below(surfaces, node, q):
+    """Return of the two nodes below a fork the one whose box's middle is nearer to q."""
+    first, second = node + 1, surfaces.after[node + 1]
+    nearer = squared_distance_of_middle(surfaces, first, q) <= squared_distance_of_middle(surfaces, second, q)
+    return first if nearer else second
 
 
 @inner
-def squared_distance(surfaces, node, q):
-    """Return the square of the distance of q from the centre of a node's sphere."""
-    sphere = surfaces.sphere[node]
-    w = (q[0] - sphere[0], q[1] - sphere[1], q[2] - sphere[2])
+def squared_distance_of_middle(surfaces, node, q):
+    """Return the square of the distance of q from the middle of a node's box."""
+    box = surfaces.box[node]
+    w = (q[0] - box[0], q[1] - box[1], q[2] - box[2])
     return dot(w, w)
+
+
+@inner
+def squared_distance_of_box(surfaces, node, q):
+    """Return the square of the distance of q from a node's box, 0 in it."""
+    box = surfaces.box[node]
+    x, y, z = abs(q[0] - box[0]) - box[3], abs(q[1] - box[1]) - box[4], abs(q[2] - box[2]) - box[5]
+    x, y, z = max(x, 0.0), max(y, 0.0), max(z, 0.0)
+    return x * x + y * y + z * z
+
+
+@inner
+def squared_distance_of_slab(surfaces, k, q):
+    """Return the square of the distance of q from a piece's slab, 0 in it."""
+    total = 0.0
+    for axis in range(3):
+        side = surfaces.slab[k, axis]
+        beyond = max(abs(side[0] * q[0] + side[1] * q[1] + side[2] * q[2] - side[3]) - side[4], 0.0)
+        total += beyond * beyond
+    return total

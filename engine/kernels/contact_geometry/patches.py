@@ -10,67 +10,16 @@ Other squares are quartered.
 import numpy as np
 
 from engine.jit import inner, not_inlined
-from engine.kernels.vectors import dot, vector_product
+from engine.kernels.contact_geometry.patch_values import expand, expand_in_the_middle, last_step, normal_of
+from engine.kernels.vectors import dot
 
 DEEPEST = 5  # times that a piece is quartered; reached at poles, and by points as far from a whole region
 MOST_SQUARES = 3000  # of one query; beyond, which only such points come to, pieces are not quartered
 NEWTON_STEPS = 60
-STOP = 1e-12  # last change of x and y
+LAST = 1e-7  # change of x and y with which Newton's method ends: after it, both are right to rounding
 CLOSE = 1e-6  # change of x and y below which phi falls by less than it is rounded, and Newton's steps are taken anyhow
 SINGULAR = 1e-12  # smallest determinant of a matrix that is inverted, as a share of the product of its diagonal
-INWARD = 1e-6  # step towards the middle of a piece, where its edge is one point and has no normal
-COLLAPSED = 1e-8  # share of the squared size of a piece; below it the normal is taken that step away
 TIE = 1e-12  # share by which squares of distances of one point, found twice, may differ
-
-
-@inner
-def cubic(a, y):
-    """Return the value of a cubic with coefficients a and its first and second derivative."""
-    return (
-        a[0] + y * (a[1] + y * (a[2] + y * a[3])),
-        a[1] + y * (2 * a[2] + 3 * y * a[3]),
-        2 * a[2] + 6 * y * a[3],
-    )
-
-
-@inner
-def component(a, x, y):
-    """Return value, derivatives by x, y, xx, xy and yy of a bicubic polynomial; a: (4, 4), powers of x, of y."""
-    a0, b0, c0 = cubic(a[0], y)
-    a1, b1, c1 = cubic(a[1], y)
-    a2, b2, c2 = cubic(a[2], y)
-    a3, b3, c3 = cubic(a[3], y)
-    v, v_x, v_xx = cubic((a0, a1, a2, a3), x)
-    v_y, v_xy, _ = cubic((b0, b1, b2, b3), x)
-    return v, v_x, v_y, v_xx, v_xy, c0 + x * (c1 + x * (c2 + x * c3))
-
-
-@not_inlined
-def expand(piece, q, x, y):
-    """Return S - q, the derivatives of S, and gradient and second derivative of phi.
-
-    Parameters
-    ----------
-    piece : (3, 4, 4) array
-    q : (3,) tuple
-    x, y : float
-
-    Returns
-    -------
-    r : (3,) tuple
-    slopes : five (3,) tuples
-        Derivatives of S by x, y, xx, xy, yy.
-    gradient : (2,) tuple
-    hessian : (3,) tuple
-        By xx, xy, yy.
-    """
-    r0, x0, y0, xx0, xy0, yy0 = component(piece[0], x, y)
-    r1, x1, y1, xx1, xy1, yy1 = component(piece[1], x, y)
-    r2, x2, y2, xx2, xy2, yy2 = component(piece[2], x, y)
-    r = (r0 - q[0], r1 - q[1], r2 - q[2])
-    S_x, S_y, S_xx, S_xy, S_yy = (x0, x1, x2), (y0, y1, y2), (xx0, xx1, xx2), (xy0, xy1, xy2), (yy0, yy1, yy2)
-    hessian = (dot(S_x, S_x) + dot(r, S_xx), dot(S_x, S_y) + dot(r, S_xy), dot(S_y, S_y) + dot(r, S_yy))
-    return r, (S_x, S_y, S_xx, S_xy, S_yy), (dot(r, S_x), dot(r, S_y)), hessian
 
 
 @not_inlined
@@ -98,12 +47,13 @@ def search_piece(piece, bounds, q, squares, best):
     while True:
         x, y = (2 * i + 1) * half - 1, (2 * j + 1) * half - 1
         squares += 1
-        least, convex = lower_bound(piece, bounds, q, x, y, half)
+        middle = expand(piece, q, x, y) if level > 0 else expand_in_the_middle(piece, q)
+        least, convex = lower_bound(bounds, middle, half)
         if least <= best[0] * (1 + TIE):
             if not convex and level < deepest:
                 i, j, level, half = 2 * i, 2 * j, level + 1, 0.5 * half
                 continue
-            best = descend(piece, bounds, q, x, y, half, best)
+            best = descend(piece, bounds, q, (x, y, half, convex), middle, best)
         while level > 0 and i & 1 and j & 1:  # the last quarter of its square
             i, j, level, half = i >> 1, j >> 1, level - 1, 2 * half
         if level == 0:
@@ -115,9 +65,18 @@ def search_piece(piece, bounds, q, squares, best):
 
 
 @not_inlined
-def lower_bound(piece, bounds, q, x, y, half):
-    """Return a lower bound of phi over a square about (x, y), and whether phi has no more than one minimum there."""
-    r, _, (g_x, g_y), (h_xx, h_xy, h_yy) = expand(piece, q, x, y)
+def lower_bound(bounds, middle, half):
+    """Return a lower bound of phi over a square, and whether phi has no more than one minimum there.
+
+    Parameters
+    ----------
+    bounds : (9,) array
+    middle : tuple
+        What `expand` says of the middle of the square.
+    half : float
+        Half the side of the square.
+    """
+    r, _, (g_x, g_y), (h_xx, h_xy, h_yy) = middle
     phi = 0.5 * dot(r, r)
     square, cube = half * half, half * half * half
     farthest = np.sqrt(2 * phi) + half * bounds[8]
@@ -153,68 +112,75 @@ def fall(g_x, g_y, h_xx, h_xy, h_yy):
 
 
 @not_inlined
-def descend(piece, bounds, q, x, y, half, best):
-    """Go down from the middle (x, y) of a square to the minimum of phi in it; return the nearer of it and ``best``."""
-    low_x, high_x, low_y, high_y = x - half, x + half, y - half, y + half
-    to_x, to_y, change, phi, r = x, y, 0.0, np.inf, (0.0, 0.0, 0.0)
-    slopes = (r, r, r, r, r)
+def descend(piece, bounds, q, square, middle, best):
+    """Go down from the middle of a square to the minimum of phi in it; return the nearer of it and ``best``.
+
+    Parameters
+    ----------
+    piece : (3, 4, 4) array
+    bounds : (9,) array
+    q : (3,) tuple
+    square : (x, y, half, convex)
+        Its middle, half its side, and whether the second derivative of phi is positive all over it.
+    middle : tuple
+        What `expand` says of the middle.
+    best : tuple
+        See `nearer`.
+    """
+    x, y, half, convex = square
+    r, slopes, gradient, hessian = middle
+    phi = 0.5 * dot(r, r)
+    along_x, along_y = (x - half, x + half), (y - half, y + half)
+    to_x, to_y, change = newton_step(slopes, gradient, hessian, (x, *along_x), (y, *along_y))
     for _ in range(NEWTON_STEPS):
+        if change <= LAST:
+            r, slopes = last_step(r, slopes, to_x - x, to_y - y)
+            x, y, phi = to_x, to_y, 0.5 * dot(r, r)
+            break
         there, slopes_there, gradient, hessian = expand(piece, q, to_x, to_y)
         phi_there = 0.5 * dot(there, there)
         if phi_there > phi and change > CLOSE:
             to_x, to_y, change = x + 0.25 * (to_x - x), y + 0.25 * (to_y - y), 0.25 * change
             continue
         x, y, phi, r, slopes = to_x, to_y, phi_there, there, slopes_there
-        d_x, d_y = newton_step(slopes, gradient, hessian, (x, low_x, high_x), (y, low_y, high_y))
-        to_x, to_y = min(max(x + d_x, low_x), high_x), min(max(y + d_y, low_y), high_y)
-        change = max(abs(to_x - x), abs(to_y - y))
-        if change <= STOP:
-            break
+        if convex and phi + slopes_down(gradient, (x, *along_x), (y, *along_y)) > best[0] * (1 + TIE):
+            return best
+        to_x, to_y, change = newton_step(slopes, gradient, hessian, (x, *along_x), (y, *along_y))
     return nearer(phi, r, normal_of(slopes, bounds[8], x, y), best)
 
 
 @inner
-def newton_step(slopes, gradient, hessian, along_x, along_y):
-    """Return the step to the minimum; a coordinate stays at an end of its interval from where phi falls outwards.
+def slopes_down(gradient, along_x, along_y):
+    """Return how a plane with a gradient changes at most downwards within a square: a convex function stays above it.
 
-    ``along_x``, ``along_y``: where it is, low and high end. Where the second derivative is not positive, that of the
-    tangent plane takes its place.
+    ``along_x``, ``along_y``: where it is, low and high end.
+    """
+    (g_x, g_y), (x, low_x, high_x), (y, low_y, high_y) = gradient, along_x, along_y
+    return min(g_x * (low_x - x), g_x * (high_x - x)) + min(g_y * (low_y - y), g_y * (high_y - y))
+
+
+@inner
+def newton_step(slopes, gradient, hessian, along_x, along_y):
+    """Return where Newton's step leads within a square, and the larger change of a coordinate.
+
+    A coordinate stays at an end of its interval from where phi falls outwards. Where the second derivative is not
+    positive, that of the tangent plane takes its place. ``along_x``, ``along_y``: where it is, low and high end.
     """
     (g_x, g_y), (h_xx, h_xy, h_yy) = gradient, hessian
+    (x, low_x, high_x), (y, low_y, high_y) = along_x, along_y
     S_x, S_y = slopes[0], slopes[1]
-    held_x = (along_x[0] <= along_x[1] and g_x >= 0.0) or (along_x[0] >= along_x[2] and g_x <= 0.0)
-    held_y = (along_y[0] <= along_y[1] and g_y >= 0.0) or (along_y[0] >= along_y[2] and g_y <= 0.0)
+    held_x = (x <= low_x and g_x >= 0.0) or (x >= high_x and g_x <= 0.0)
+    held_y = (y <= low_y and g_y >= 0.0) or (y >= high_y and g_y <= 0.0)
     if not (h_xx > 0.0 and h_yy > 0.0 and h_xx * h_yy - h_xy * h_xy > SINGULAR * h_xx * h_yy):
         h_xx, h_xy, h_yy = dot(S_x, S_x), dot(S_x, S_y), dot(S_y, S_y)
-    if held_x or held_y or h_xx * h_yy - h_xy * h_xy <= SINGULAR * h_xx * h_yy:
+    determinant = h_xx * h_yy - h_xy * h_xy
+    if held_x or held_y or determinant <= SINGULAR * h_xx * h_yy:
         d_x = 0.0 if held_x or h_xx <= 0.0 else -g_x / h_xx
         d_y = 0.0 if held_y or h_yy <= 0.0 else -g_y / h_yy
-        return d_x, d_y
-    determinant = h_xx * h_yy - h_xy * h_xy
-    return (h_xy * g_y - h_yy * g_x) / determinant, (h_xy * g_x - h_xx * g_y) / determinant
-
-
-@not_inlined
-def normal_of(slopes, size, x, y):
-    """Return the unit normal; at an edge that is one point, its limit."""
-    S_x, S_y, S_xx, S_xy, S_yy = slopes
-    n = vector_product(S_x, S_y)
-    if dot(n, n) <= (COLLAPSED * size * size) ** 2:
-        a, b = np.copysign(INWARD, -x), np.copysign(INWARD, -y)
-        n = vector_product(
-            (
-                S_x[0] + a * S_xx[0] + b * S_xy[0],
-                S_x[1] + a * S_xx[1] + b * S_xy[1],
-                S_x[2] + a * S_xx[2] + b * S_xy[2],
-            ),
-            (
-                S_y[0] + a * S_xy[0] + b * S_yy[0],
-                S_y[1] + a * S_xy[1] + b * S_yy[1],
-                S_y[2] + a * S_xy[2] + b * S_yy[2],
-            ),
-        )
-    length = np.sqrt(dot(n, n))
-    return (n[0] / length, n[1] / length, n[2] / length)
+    else:
+        d_x, d_y = (h_xy * g_y - h_yy * g_x) / determinant, (h_xy * g_x - h_xx * g_y) / determinant
+    to_x, to_y = min(max(x + d_x, low_x), high_x), min(max(y + d_y, low_y), high_y)
+    return to_x, to_y, max(abs(to_x - x), abs(to_y - y))
 
 
 @inner

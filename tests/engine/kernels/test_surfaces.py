@@ -156,16 +156,19 @@ def test_the_same_bits_in_another_process():
     assert other.stdout.strip() == bits()
 
 
-def test_spheres_of_the_tree_hold_what_is_below_them():
-    """The bound that leaves out pieces: every point of a piece is in the spheres of all nodes above it."""
-    tree, t = surface_tree(contact("wavy").b.surface, OWN), np.linspace(-1, 1, 5)
+@pytest.mark.parametrize("name", ["wavy", "octant", "twisted"])
+def test_boxes_of_the_tree_hold_what_is_below_them(name: str):
+    """The bounds that leave out pieces: every point of a piece is in its slab, and in the boxes of all nodes above."""
+    tree, t = surface_tree(contact(name).b.surface, OWN), np.linspace(-1, 1, 5)
     powers = t[:, None] ** np.arange(4)
+    points = np.einsum("ai,bj,ncij->nabc", powers, powers, tree.coefficient).reshape(len(tree.bound), -1, 3)
     for node in range(len(tree.after)):
         pieces = tree.piece[node : tree.after[node]]
         pieces = pieces[pieces >= 0]
-        points = np.einsum("ai,bj,ncij->nabc", powers, powers, tree.coefficient[pieces[:50]])
-        away = np.linalg.norm(points - tree.sphere[node, :3], axis=-1)
-        assert away.max() <= tree.sphere[node, 3]
+        away = np.abs(points[pieces[:50]] - tree.box[node, :3])
+        assert np.all(away <= tree.box[node, 3:])
+    along = np.einsum("nak,npk->npa", tree.slab[:, :, :3], points)
+    assert np.all(np.abs(along - tree.slab[:, None, :, 3]) <= tree.slab[:, None, :, 4])
 
 
 def test_bounds_of_third_derivatives_hold():
