@@ -17,14 +17,21 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(TESTS.parent), os.e
 LONGEST = (
     "system/test_c60.py",  # compiles the engine once for all, while another process tests the reports
     "reporting",
+    "campaign/web/journeys",
     "campaign/storms/test_failures.py",
+    "test_sessions.py",
+    "studies/coverage/test_documented.py",
     "engine/profile/test_step_times.py",
     "campaign/storms/test_same_bits.py",
+    "security/test_s3_faults.py",
+    "security/test_mutated_files.py",
     "campaign/store/files/test_s3.py",
     "campaign/storms/test_service.py",
     "deploy/test_slurm.py",
     "deploy/test_hosts.py",
+    "campaign/cli/test_verbs.py",
     "campaign/coordinator/test_coordinator.py",
+    "campaign/worker/test_subprocess_runs.py",
 )
 
 
