@@ -93,7 +93,9 @@ class Store:
         """Read ``plan.json``, and check that it is in the folder of its own campaign."""
         try:
             plan = parse(self.files.read(f"{campaign_id}/{PLAN}", must_exist=True).decode())
-        except (FileNotFoundError, UnicodeDecodeError, StoreError) as error:
+        except FileNotFoundError as error:
+            raise StoreError(f"store {self.url}: has no {campaign_id}/{PLAN}; it was deleted, or restore it") from error
+        except (UnicodeDecodeError, StoreError) as error:
             raise StoreError(f"store {self.url}, campaign {campaign_id}: {error}") from error
         if plan.campaign_id != campaign_id:
             raise StoreError(f"store {self.url}: folder {campaign_id} holds the plan of {plan.campaign_id}")

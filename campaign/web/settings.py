@@ -20,6 +20,8 @@ class Limits:
         Time in which a body must have arrived [s].
     head_seconds : float
         Time in which the first line and the headers of a request must have arrived [s].
+    read_seconds : float
+        Time in which something of an answer must be taken, a KiB for each second [s].
     jobs, waiting : int
         Jobs that a user may have at work, and waiting, at the same time.
     job_seconds : float
@@ -41,6 +43,7 @@ class Limits:
     body: int = 64 * 1024**2
     body_seconds: float = 60.0
     head_seconds: float = 20.0
+    read_seconds: float = 60.0
     jobs: int = 2
     waiting: int = 32
     job_seconds: float = 300.0

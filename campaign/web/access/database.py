@@ -138,6 +138,21 @@ class Database:
                         self._connection.execute("ROLLBACK")
                 raise
 
+    def note(self, statement: str, *values: object) -> None:
+        """Write what may get lost: nothing is written if another writes now, or the disk takes nothing.
+
+        Whoever only reads, and of whom it is noted, is answered all the same, and at once.
+        """
+        if not self._writing.acquire(blocking=False):
+            return
+        try:
+            self._connection.execute("PRAGMA busy_timeout = 0")
+            with suppress(sqlite3.OperationalError):
+                self._connection.execute(statement, values)
+            self._connection.execute(f"PRAGMA busy_timeout = {1e3 * BUSY:.0f}")
+        finally:
+            self._writing.release()
+
     def rows(self, statement: str, *values: object) -> list[sqlite3.Row]:
         """Return the rows of a query."""
         with self._reading, self._faults_of_the_disk():

@@ -49,8 +49,7 @@ class Sessions:
         if row is None:
             return None
         if now - row["seen"] > SEEN_EVERY:
-            with self._database.write() as connection:
-                connection.execute("UPDATE sessions SET seen = ? WHERE digest = ?", (now, row["digest"]))
+            self._database.note("UPDATE sessions SET seen = ? WHERE digest = ?", now, row["digest"])
         if row["share"] is not None:
             return Principal(f"share {row['share']}", Role.VIEWER, "share", row["campaign"], row["csrf"])
         return Principal(row["name"], Role.of(row["role"]), "session", csrf=row["csrf"])

@@ -158,8 +158,7 @@ class Tokens:
         if row is None:
             return None
         if now - (row["used"] or 0.0) > USED_EVERY:
-            with self._database.write() as connection:
-                connection.execute("UPDATE tokens SET used = ? WHERE id = ?", (now, row["id"]))
+            self._database.note("UPDATE tokens SET used = ? WHERE id = ?", now, row["id"])
         return Principal(row["name"], min(Role.of(row["role"]), Role.of(row["most"])), "token")
 
 

@@ -1,5 +1,6 @@
 """The reports of a campaign: its own, and its comparisons with others."""
 
+import re
 from typing import Annotated, Any
 
 from fastapi import Path, Request
@@ -32,7 +33,8 @@ REPORT_POLICY = (
     "sandbox allow-popups; default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none';"
     " form-action 'none'; frame-ancestors 'self'"
 )
-FileName = Annotated[str, Path(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$", examples=["report.html"])]
+FILE_NAME = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,99}$"
+FileName = Annotated[str, Path(pattern=FILE_NAME, examples=["report.html"])]
 _FILE: dict[int | str, dict[str, Any]] = {
     200: {"content": {kind.partition(";")[0]: {} for kind in [*TYPES.values(), "application/octet-stream"]}}
 }
@@ -49,8 +51,8 @@ class ReportFiles(BaseModel):
 def report_files(service: TheService, campaign: TheCampaign) -> ReportFiles:
     """List the files of a campaign's report and comparisons."""
     names = service.store.hasty.files.names(report_folder(campaign))
-    own = [name for name in names if not name.endswith(TEMPORARY)]
-    return ReportFiles(files=own, comparisons=comparisons(service.store.hasty, campaign))
+    others = comparisons(service.store.hasty, campaign)
+    return ReportFiles(files=_written(names), comparisons={other: _written(files) for other, files in others.items()})
 
 
 @router.post("/campaigns/{campaign}/report", responses=described(404, 409))
@@ -100,6 +102,11 @@ async def comparison_file(
 ) -> Response:
     """Return a file of a comparison of two campaigns, whole or in parts."""
     return await _file(request, service, report_folder(campaign, other), name)
+
+
+def _written(names: list[str]) -> list[str]:
+    """Return the names of files that a report has, without what else may lie in its folder."""
+    return [name for name in names if re.fullmatch(FILE_NAME, name) and not name.endswith(TEMPORARY)]
 
 
 async def _file(request: Request, service: Service, folder: str, name: str) -> Response:

@@ -15,6 +15,9 @@ from campaign.web.jobs.mechanisms import MechanismSource, animate_once, simulate
 
 router = calls("simulations")
 MOST_VALUES = 500
+LONGEST_KEY = 400  # characters
+
+NamedValues = dict[Annotated[str, Field(max_length=LONGEST_KEY)], float]
 
 
 class SimulationRequest(BaseModel):
@@ -23,7 +26,7 @@ class SimulationRequest(BaseModel):
     model_config = ConfigDict(extra="forbid")
     mechanism: str = Field("", max_length=64, description="Shipped or saved", examples=["clearance_pendulum"])
     text: str | None = Field(None, max_length=LONGEST_TEXT, description="TOML, in place of a name")
-    values: dict[str, float] = Field(default={}, max_length=MOST_VALUES, description="Key -> value", examples=[{}])
+    values: NamedValues = Field(default={}, max_length=MOST_VALUES, description="Key -> value", examples=[{}])
     bench: str | None = Field(None, max_length=100)
     preset: str | None = Field(None, max_length=100)
     step: float | None = Field(None, gt=0)

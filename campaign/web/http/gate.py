@@ -26,6 +26,9 @@ HEADERS = {
     "Cache-Control": "no-store",
 }
 TRANSPORT_SECURITY = "max-age=31536000"
+UPLOADS = "/api/v1/campaigns", "/api/v1/checks/campaign", "/campaigns/new"  # where files are sent
+LARGEST_DOCUMENT = 8 * 1024**2  # bytes, of what is sent elsewhere: nothing else is answered while it is parsed
+OPEN_FORM, LARGEST_OPEN_FORM = "/login", 64 * 1024  # where strangers send something, and how much of it [bytes]
 _HOST = re.compile(r"(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9.-]+)(?::(\d{1,5}))?")
 
 
@@ -74,8 +77,9 @@ class Gate:
         try:
             hosts = [value.decode("latin-1") for name, value in scope["headers"] if name == b"host"]
             self._check_host(hosts[0] if len(hosts) == 1 else ", ".join(hosts))
-            self._check_length(headers.get(b"content-length", b"0"))
-            await self._app(scope, self._bounded(receive), send_with_headers)
+            most = self._largest_body(scope["path"])
+            _check_length(headers.get(b"content-length", b"0"), most)
+            await self._app(scope, self._bounded(receive, most), send_with_headers)
         except Refusal as refused:
             if begun:
                 raise
@@ -93,11 +97,13 @@ class Gate:
         if name not in self._names:
             raise Refusal(421, f"host {host!r:.100}: this server has other names; clearcap serve --name adds one")
 
-    def _check_length(self, length: bytes) -> None:
-        if not length.isdigit() or int(length[:20]) > self._limits.body:
-            raise _body_refused(413, f"the body may have at most {self._limits.body} bytes")
+    def _largest_body(self, path: str) -> int:
+        """Return how large the body of a request may be [bytes]."""
+        if path in UPLOADS:
+            return self._limits.body
+        return min(self._limits.body, LARGEST_OPEN_FORM if path == OPEN_FORM else LARGEST_DOCUMENT)
 
-    def _bounded(self, receive: Receive) -> Receive:
+    def _bounded(self, receive: Receive, most: int) -> Receive:
         """Return a reader of the body that ends with an exception when it has become too long, or takes too long."""
         size, limits = 0, self._limits
         over, ended = asyncio.get_running_loop().time() + limits.body_seconds, False
@@ -115,11 +121,21 @@ class Gate:
                 ) from None
             ended = message["type"] != "http.request" or not message.get("more_body", False)
             size += len(message.get("body", b""))
-            if size > limits.body:
-                raise _body_refused(413, f"the body may have at most {limits.body} bytes")
+            if size > most:
+                raise _body_too_large(most)
             return message
 
         return read
+
+
+def _check_length(length: bytes, most: int) -> None:
+    """Refuse a body that says that it is too large."""
+    if not length.isdigit() or int(length[:20]) > most:
+        raise _body_too_large(most)
+
+
+def _body_too_large(most: int) -> Refusal:
+    return _body_refused(413, f"the body may have at most {most} bytes here")
 
 
 def _body_refused(status: int, detail: str) -> Refusal:

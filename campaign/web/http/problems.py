@@ -67,7 +67,12 @@ class Problem(BaseModel):
 def problem(status: int, detail: str, faults: list[dict[str, Any]] | None = None) -> Problem:
     """Return the details of a problem."""
     marked = [FieldFault.model_validate(fault) for fault in faults or []]
-    return Problem(title=HTTPStatus(status).phrase, status=status, detail=detail, faults=marked)
+    return Problem(title=HTTPStatus(status).phrase, status=status, detail=sendable(detail), faults=marked)
+
+
+def sendable(text: str) -> str:
+    """Return a text with its lone surrogates, as in the name of a file that is no UTF-8, written out."""
+    return text.encode(errors="backslashreplace").decode()
 
 
 def refusal_of(error: Exception) -> Refusal | None:

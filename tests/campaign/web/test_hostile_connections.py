@@ -1,7 +1,9 @@
 """What others send to the port: too much, too slowly, without an end, two requests that look like one."""
 
 import socket
+import time
 
+import psutil
 import pytest
 
 from campaign.web.access import Role
@@ -9,7 +11,7 @@ from campaign.web.connection import LARGEST_HEAD
 from campaign.web.settings import Limits, Settings
 from tests.campaign.web.running import exchange, in_a_thread, until
 
-LIMITS = Limits(body=20_000, body_seconds=0.5, head_seconds=0.5)
+LIMITS = Limits(body=20_000, body_seconds=0.5, head_seconds=0.5, read_seconds=2.0)
 CALL = "POST /api/v1/checks/mechanism HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/json\r\n"
 HIDDEN = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"
 
@@ -80,6 +82,61 @@ def test_slow_head(port, head):
 def test_slow_head_by_drips(port):
     pieces = [b"X-A: b\r\n"] * 12
     assert _status(exchange(port, b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n", *pieces, pause=0.1)) == 408
+
+
+def test_endless_second_head(port, call):
+    """The head of a request that is sent while the one before is at work may not be larger than others."""
+    head = call + b"Content-Length: 1000\r\n\r\n" + b" " * 1000  # its body takes a job
+    pieces = [HIDDEN[:-2] + b"X-A: ", *[b"b" * 8000] * (10 * LARGEST_HEAD // 8000)]
+    assert b'{"status":"ok"}' not in exchange(port, head + pieces[0], *pieces[1:])
+
+
+def test_endless_trailers(port):
+    """What a stranger sends behind his body is not kept, and ends with the time that a body may take."""
+    head = b"POST /login HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n"
+    head += b"Content-Type: application/x-www-form-urlencoded\r\n\r\n0\r\n"
+    trailers = (b"X-A: " + b"b" * 1000 + b"\r\n") * 60
+    before = psutil.Process().memory_info().rss
+    assert _status(exchange(port, head, *[trailers] * 500)) == 408
+    assert psutil.Process().memory_info().rss - before < 15 << 20  # of 30 MB
+
+
+def test_trailers_are_no_headers(port):
+    """They cannot say whose request it is, and the request before them is answered."""
+    head = b"POST /login HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\nConnection: close\r\n"
+    head += b"Content-Type: application/x-www-form-urlencoded\r\n\r\n"
+    body = b"name=x&password=y"
+    assert _status(exchange(port, head, b"%x\r\n%s\r\n0\r\nHost: evil\r\n\r\n" % (len(body), body))) == 401
+
+
+def test_answers_that_nobody_reads(port):
+    """A connection that takes nothing of its answers is closed."""
+    ask = b"GET /api/v1/openapi.json HTTP/1.1\r\nHost: localhost\r\n\r\n"
+    with socket.socket() as connection:
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        connection.connect(("127.0.0.1", port))
+        own = connection.getsockname()
+        connection.sendall(ask * 400)
+        until(lambda: own not in _connected(port), "it is closed")
+
+
+def test_answer_that_is_read_slowly(port):
+    """Whoever takes an answer a little at a time has it whole."""
+    ask = b"GET /api/v1/openapi.json HTTP/1.1\r\nHost: localhost\r\n"
+    whole = exchange(port, ask + b"Connection: close\r\n\r\n").partition(b"\r\n\r\n")[2]
+    with socket.create_connection(("127.0.0.1", port)) as connection:
+        connection.sendall((ask + b"\r\n") * 19 + ask + b"Connection: close\r\n\r\n")
+        taken = b""
+        while more := connection.recv(1 << 17):
+            taken += more
+            time.sleep(0.04)
+    assert taken.endswith(whole)
+    assert taken.count(whole) == 20
+
+
+def _connected(port):
+    """Return the addresses that are connected to a port, as the server sees it."""
+    return {c.raddr for c in psutil.Process().net_connections("tcp4") if c.laddr.port == port and c.raddr}
 
 
 def test_slow_second_head(port):

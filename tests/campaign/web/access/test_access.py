@@ -97,6 +97,21 @@ def test_full_disk_is_said_and_passes(users, database):
     assert begun.principal(begun.begin("first")) is not None
 
 
+def test_who_reads_is_known_while_nothing_can_be_written(users, database, clock):
+    """Another process holds the file, as a backup: that somebody asked is not noted, and he is answered at once."""
+    held, begun = Tokens(database), Sessions(database)
+    secret, session = held.add("eva", "night", Role.VIEWER, 3600.0)[1], begun.begin("eva")
+    clock(1000.0)
+    other = sqlite3.connect(database.path, isolation_level=None)
+    other.execute("BEGIN IMMEDIATE")
+    assert (held.principal(secret).name, begun.principal(session).name) == ("eva", "eva")
+    assert held.all()[0].used is None
+    other.execute("ROLLBACK")
+    other.close()
+    held.principal(secret)
+    assert held.all()[0].used == 1e9 + 1000.0
+
+
 def test_fault_of_a_statement_is_none_of_the_disk(database):
     for ask in (database.rows, database.row):
         with pytest.raises(sqlite3.OperationalError, match="no such table"):

@@ -56,6 +56,14 @@ def test_faults_are_a_problem(computing):
     assert "bodies" in answer.json()["detail"]
 
 
+def test_value_without_a_key_that_can_be_written(client, as_user):
+    """Half of a letter, as JSON allows it, names nothing."""
+    body = b'{"mechanism": "incline", "values": {"\\ud800": 1.0}}'
+    headers = {**as_user("engineer"), "Content-Type": "application/json"}
+    answer = client.post("/api/v1/simulations", content=body, headers=headers)
+    assert (answer.status_code, answer.json()["faults"][0]["keys"][:2]) == (422, ["body", "values"])
+
+
 def test_simulation_has_the_bits_of_the_engine(computing):
     client, headers = computing
     wanted = {"mechanism": PENDULUM}

@@ -1,5 +1,7 @@
 """Reports that are written again, and comparisons of campaigns."""
 
+import os
+
 
 def test_report_and_comparison_are_written(computing, explored):
     """By engineers; a comparison leaves the campaign's own report as it is."""
@@ -23,3 +25,15 @@ def test_signed_report_is_not_written_again(client, service, reported, as_user):
     answer = client.post(f"/api/v1/campaigns/{reported}/report", headers=as_user("engineer"))
     assert answer.status_code == 409
     assert "signed" in answer.json()["detail"]
+
+
+def test_what_else_lies_in_a_report_is_not_listed(client, settings, reported, as_user):
+    """A name that no report has, as one that is no UTF-8, stops neither the list nor the page."""
+    folder = os.fsencode(f"{settings.store}/{reported}/report")
+    for name in (b"\xff.html", b"a b.html", b"-x"):
+        with open(os.path.join(folder, name), "wb"):
+            pass
+    headers = as_user("engineer")
+    files = client.get(f"/api/v1/campaigns/{reported}/reports", headers=headers).json()["files"]
+    assert files == ["capability.json", "report.html"]
+    assert client.get(f"/campaigns/{reported}/export", headers=headers).status_code == 200

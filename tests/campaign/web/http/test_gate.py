@@ -1,11 +1,16 @@
 """What every request passes: host names, sizes, headers, problem details."""
 
+from inspect import getsource
+
 import pytest
 from starlette.testclient import TestClient
 
-from campaign.web.http.gate import Gate
+from campaign.web.http.gate import LARGEST_DOCUMENT, LARGEST_OPEN_FORM, UPLOADS, Gate
 from campaign.web.http.problems import MEDIA_TYPE
 from campaign.web.settings import Limits
+from tests.campaign.web.routes import all_ways
+
+FILES = "PostedCampaign", "_sent(request)"  # what reads files that come with a campaign
 
 
 async def _echo(scope, receive, send):
@@ -56,6 +61,25 @@ def test_body_may_be_as_long_as_allowed():
 def test_body_without_length_is_counted():
     answer = _client(body=1000).post("/", content=(b"x" * 100 for _ in range(11)))
     assert answer.status_code == 413
+
+
+def test_only_files_may_be_large():
+    """What strangers send, and what is parsed at once, has limits of its own; with a length in its head or without."""
+    client = _client()
+    for path, most in (("/login", LARGEST_OPEN_FORM), ("/api/v1/simulations", LARGEST_DOCUMENT)):
+        assert client.post(path, content=b"x" * most).text == str(most)
+        for content in (b"x" * (most + 1), (b"x" * 1024 for _ in range(most // 1024 + 1))):
+            answer = client.post(path, content=content)
+            assert (answer.status_code, answer.headers["connection"]) == (413, "close")
+            assert str(most) in answer.json()["detail"]
+    assert client.post(UPLOADS[0], content=b"x" * (LARGEST_DOCUMENT + 1)).status_code == 200
+
+
+def test_each_call_with_files_may_be_large():
+    """A route that reads files beside a text is listed, and none that is gone."""
+    ways = [way for way in all_ways() if way.is_write and not way.path.startswith("/mechanisms")]
+    with_files = {way.path for way in ways if any(word in getsource(way.route.endpoint) for word in FILES)}
+    assert with_files == set(UPLOADS)
 
 
 @pytest.mark.parametrize("length", ["-1", "abc", "9" * 500])

@@ -1,12 +1,14 @@
 """The status of a refusal: 4xx for what the user can mend, 5xx for what the server cannot do."""
 
+import json
+
 import pytest
 
 from campaign.errors import CampaignError, SpecError, StoreError
 from campaign.web.answers import answers
 from campaign.web.answers.job_limits import JobFailed, JobPostponed, JobTooLarge
 from campaign.web.answers.turns import Busy
-from campaign.web.http.problems import refusal_of
+from campaign.web.http.problems import problem, refusal_of
 from engine import EngineError
 from tests.campaign.web.answers import strange_jobs
 
@@ -28,6 +30,11 @@ def test_status_says_whose_fault_it_is(error, status, comes_back):
     refusal = refusal_of(error)
     assert (refusal.status, refusal.headers.get("Retry-After")) == (status, comes_back)
     assert refusal.detail == str(error)
+
+
+def test_every_text_can_be_sent():
+    """A name of a file that is no UTF-8 is written out; no body has such a name for what is to be set."""
+    assert json.loads(problem(503, "parts/\udcff: damaged").model_dump_json())["detail"] == "parts/\\udcff: damaged"
 
 
 def test_bug_is_no_refusal():
