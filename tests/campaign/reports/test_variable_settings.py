@@ -69,7 +69,7 @@ def test_what_is_written_stays(campaign):
     new = changed_variables(campaign.spec, ["J1.distribution=uniform", "J1.lower=0.02"]).variables["J1"]
     assert (new.lower, new.upper) == (0.02, 0.13)
     assert new.moments()[1] == pytest.approx(0.11 / math.sqrt(12))
-    with pytest.raises(SpecError, match="takes a new campaign"):
+    with pytest.raises(SpecError, match="needs a new campaign"):
         changed_variables(campaign.spec, ["J1.target=J2"])
 
 
