@@ -1,11 +1,11 @@
 """Which pods reach what, as Kubernetes reads the network policies of deploy/kubernetes."""
 
+from functools import cache
 from ipaddress import ip_address, ip_network
 from pathlib import Path
 
 import pytest
 import yaml
-from dask_kubernetes.operator.controller import controller
 
 KUBERNETES = Path(__file__).parents[2] / "deploy/kubernetes"
 
@@ -16,16 +16,24 @@ def labels(build, *before):
     return made["spec"].get("template", made)["metadata"]["labels"]
 
 
-COORDINATOR = yaml.safe_load((KUBERNETES / "coordinator.yaml").read_text())
-POD = {"containers": [{"name": "", "env": []}]}
-PODS = {
-    "scheduler": labels(controller.build_scheduler_deployment_spec, "clearcap", POD),
-    "worker": labels(controller.build_worker_deployment_spec, "default", "ns", "clearcap", "1", POD),
-    "job-runner": labels(controller.build_job_pod_spec, "clearcap", "clearcap", "ns", POD),
-    "coordinator": COORDINATOR["spec"]["template"]["metadata"]["labels"],
-    "web": {"app.kubernetes.io/name": "clearcap", "app.kubernetes.io/component": "web"},
-    "stranger": {"app": "other"},
-}
+@cache
+def pods():
+    """Return the labels of each kind of pod; the operator takes two seconds to import, in each process of the tests."""
+    from dask_kubernetes.operator.controller import controller
+
+    coordinator = yaml.safe_load((KUBERNETES / "coordinator.yaml").read_text())
+    pod = {"containers": [{"name": "", "env": []}]}
+    return {
+        "scheduler": labels(controller.build_scheduler_deployment_spec, "clearcap", pod),
+        "worker": labels(controller.build_worker_deployment_spec, "default", "ns", "clearcap", "1", pod),
+        "job-runner": labels(controller.build_job_pod_spec, "clearcap", "clearcap", "ns", pod),
+        "coordinator": coordinator["spec"]["template"]["metadata"]["labels"],
+        "web": {"app.kubernetes.io/name": "clearcap", "app.kubernetes.io/component": "web"},
+        "stranger": {"app": "other"},
+    }
+
+
+KINDS = "scheduler", "worker", "job-runner", "coordinator", "web", "stranger"
 INGRESS = {"kubernetes.io/metadata.name": "ingress-nginx"}, {"app.kubernetes.io/name": "ingress-nginx"}
 NAMES = {"kubernetes.io/metadata.name": "kube-system"}, {"k8s-app": "kube-dns"}
 
@@ -73,9 +81,13 @@ def lets(policies, way, pod, other, port):
 
 def connects(found, source, target, port):
     """Tell whether a pod reaches another one, or an address."""
-    other = PODS.get(target, target)
-    out = lets(found, "Egress", PODS[source], other, port)
-    return out and (target not in PODS or lets(found, "Ingress", other, PODS[source], port))
+    other = pods().get(target, target)
+    out = lets(found, "Egress", pods()[source], other, port)
+    return out and (target not in KINDS or lets(found, "Ingress", other, pods()[source], port))
+
+
+def test_every_kind_of_pod_is_asked():
+    assert set(KINDS) == set(pods())
 
 
 def test_who_reaches_whom():
@@ -83,7 +95,7 @@ def test_who_reaches_whom():
     found = policies("network.yaml")
     cluster = {"scheduler", "worker", "job-runner"}
     for port in (8786, 40000):
-        reached = {(a, b) for a in PODS for b in PODS if connects(found, a, b, ("TCP", port))}
+        reached = {(a, b) for a in KINDS for b in KINDS if connects(found, a, b, ("TCP", port))}
         expected = {(a, b) for a in cluster for b in cluster}
         assert reached == expected | ({("coordinator", "scheduler")} if port == 8786 else set())
 
@@ -91,18 +103,18 @@ def test_who_reaches_whom():
 def test_who_reaches_the_pages():
     """The ingress controller alone, and only their port."""
     found = policies("network.yaml")
-    assert lets(found, "Ingress", PODS["web"], INGRESS, ("TCP", 8700))
-    assert not lets(found, "Ingress", PODS["web"], INGRESS, ("TCP", 22))
-    assert not any(connects(found, pod, "web", ("TCP", 8700)) for pod in PODS)
-    assert not any(lets(found, "Ingress", PODS[pod], INGRESS, ("TCP", 8700)) for pod in PODS if pod != "web")
+    assert lets(found, "Ingress", pods()["web"], INGRESS, ("TCP", 8700))
+    assert not lets(found, "Ingress", pods()["web"], INGRESS, ("TCP", 22))
+    assert not any(connects(found, pod, "web", ("TCP", 8700)) for pod in KINDS)
+    assert not any(lets(found, "Ingress", pods()[pod], INGRESS, ("TCP", 8700)) for pod in KINDS if pod != "web")
 
 
-@pytest.mark.parametrize("pod", PODS)
+@pytest.mark.parametrize("pod", KINDS)
 def test_what_is_outside(pod):
     """Every pod may look up names, and reaches neither the internet nor the API server nor the clouds' metadata."""
     found = policies("network.yaml")
-    assert lets(found, "Egress", PODS[pod], NAMES, ("UDP", 53))
-    assert not lets(found, "Egress", PODS[pod], NAMES, ("TCP", 443))
+    assert lets(found, "Egress", pods()[pod], NAMES, ("UDP", 53))
+    assert not lets(found, "Egress", pods()[pod], NAMES, ("TCP", 443))
     for address in ("93.184.216.34", "10.96.0.1", "169.254.169.254"):
         assert not connects(found, pod, address, ("TCP", 443))
 
@@ -110,7 +122,7 @@ def test_what_is_outside(pod):
 def test_a_store_behind_a_url():
     """With network-url.yaml all but the scheduler reach TLS servers, but neither clouds' metadata nor other ports."""
     found = policies("network.yaml", "network-url.yaml")
-    for pod in PODS:
+    for pod in KINDS:
         assert connects(found, pod, "93.184.216.34", ("TCP", 443)) == (pod != "scheduler")
         assert not connects(found, pod, "93.184.216.34", ("TCP", 80))
         assert not connects(found, pod, "169.254.169.254", ("TCP", 443))
