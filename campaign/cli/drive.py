@@ -13,15 +13,25 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from campaign.cluster.cluster import Cluster
+    from campaign.cluster.early_workers import EarlyWorkers
     from campaign.coordinator.coordinate import Outcome
     from campaign.plan import Plan
     from campaign.store import Store
 
 
 def drive(
-    store: "Store", plan: "Plan", cluster: "Cluster", *, with_report: bool, as_json: bool, quiet: bool = False
+    store: "Store",
+    plan: "Plan",
+    cluster: "Cluster",
+    *,
+    with_report: bool,
+    as_json: bool,
+    quiet: bool = False,
+    early: "EarlyWorkers | None" = None,
 ) -> None:
     """Compute a campaign to its end, write its report, and print the results.
+
+    ``early`` are workers of the cluster that have been started already.
 
     Raises
     ------
@@ -36,7 +46,7 @@ def drive(
 
     try:
         with nullcontext(lambda _: None) if quiet else display(console(stderr=True)) as show:
-            outcome = coordinate(store, plan, cluster, show)
+            outcome = coordinate(store, plan, cluster, show, connect=early.connect if early else None)
     except (KeyboardInterrupt, SystemExit) as ending:
         command = store.command("resume", plan.campaign_id, *cluster.options())
         say(f"interrupted; the finished rows are kept in {store.url}. Continue with:\n  {command}")

@@ -26,10 +26,12 @@ def run(
     The same command, given again, continues where the earlier one stopped, and computes nothing if the campaign is
     complete.
     """
+    from campaign.cluster.early_workers import EarlyWorkers
     from campaign.coordinator.plan_campaign import plan_campaign
     from campaign.store.layout import CANCEL
 
-    opened, plan = plan_campaign(campaign, store, samples, seed, batch_size)
-    opened.remove(plan.campaign_id, CANCEL)
-    say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {opened.url}")
-    drive(opened, plan, where, with_report=not no_report, as_json=json)
+    with EarlyWorkers(where) as early:
+        opened, plan = plan_campaign(campaign, store, samples, seed, batch_size, when_new=early.begin)
+        opened.remove(plan.campaign_id, CANCEL)
+        say(f"campaign {plan.campaign_id}: {plan.spec.samples} samples, store {opened.url}")
+        drive(opened, plan, where, with_report=not no_report, as_json=json, early=early)

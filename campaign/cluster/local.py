@@ -59,6 +59,9 @@ CLOSED = {
     for service in ("scheduler", "worker")
     for key, value in {"preload": [CLOSED_HTTP], "preload-argv": [], "http.routes": []}.items()
 }
+# what workers of this machine load while the coordinator is still planning; a module of a package that this one
+# does not know
+LOADED_AHEAD = {"distributed.worker.preload": [CLOSED_HTTP, "campaign.worker.loaded_ahead"]}
 
 
 def cores() -> int:
@@ -86,7 +89,8 @@ def local_client(workers: int, security: Security | None = None) -> Iterator[Cli
         If the workers do not start, several times in a row.
     """
     security = security or passing_security()
-    with scratch_folder() as scratch, dask.config.set({**SETTINGS, **CLOSED, "temporary-directory": str(scratch)}):
+    settings = {**SETTINGS, **CLOSED, **LOADED_AHEAD}
+    with scratch_folder() as scratch, dask.config.set({**settings, "temporary-directory": str(scratch)}):
         earlier = active_children()
         cluster = _start(workers, security)
         try:

@@ -2,8 +2,8 @@
 
 import logging
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 
 from campaign.cluster.cluster import Cluster
@@ -62,6 +62,7 @@ def coordinate(
     *,
     is_served: bool = False,
     report_due: bool = False,
+    connect: Callable[[Cluster], AbstractContextManager[Workers]] | None = None,
 ) -> Outcome:
     """Compute the missing rows of a campaign.
 
@@ -81,6 +82,8 @@ def coordinate(
         Whether a service computes it: then Ctrl-C ends the service, and leaves the campaign open for the next one.
     report_due : bool
         Leave the campaign open at its end, for a service that still has to write the report and may be killed before.
+    connect : callable, optional
+        What connects to the cluster, in the place of `campaign.cluster.dask_workers.connect_workers`.
 
     Returns
     -------
@@ -108,7 +111,7 @@ def coordinate(
         write_state(store, plan.campaign_id, "running")
         try:
             coordinator = Coordinator(store, plan, token, show, simulate)
-            coordinator.run(lambda: _ready_workers(plan, cluster, simulate))
+            coordinator.run(lambda: _ready_workers(plan, cluster, simulate, connect or connect_workers))
         except BaseException as error:
             _write_failure(store, plan.campaign_id, error, is_served=is_served)
             raise
@@ -122,11 +125,13 @@ def coordinate(
 
 
 @contextmanager
-def _ready_workers(plan: Plan, cluster: Cluster, simulated: Simulate) -> Iterator[Workers]:
+def _ready_workers(
+    plan: Plan, cluster: Cluster, simulated: Simulate, connect: Callable[[Cluster], AbstractContextManager[Workers]]
+) -> Iterator[Workers]:
     """Connect to the workers; on this machine one compiles the engine first, so that the others load the result."""
     if cluster.starts_here:
         check_build(plan.campaign_id, plan.row_build)
-    with connect_workers(cluster) as workers:
+    with connect(cluster) as workers:
         if cluster.starts_here and simulated is simulate:
             compile_first(workers)
         yield workers

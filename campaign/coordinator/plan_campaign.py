@@ -1,6 +1,7 @@
 """Check all that a user gave, then write the plan of a campaign into a store."""
 
 import logging
+from collections.abc import Callable
 
 from campaign.coordinator.submit import submit
 from campaign.errors import SpecError
@@ -21,6 +22,8 @@ def plan_campaign(
     seed: int | None = None,
     batch_size: int | None = None,
     labels: LabelChange | None = None,
+    *,
+    when_new: Callable[[], None] = lambda: None,
 ) -> tuple[Store, Plan]:
     """Open the store, load the campaign and plan it; return the plan that the store has if it has one.
 
@@ -39,6 +42,8 @@ def plan_campaign(
         Samples in a batch, see `campaign.coordinator.submit.submit`.
     labels : LabelChange, optional
         Owner and tags, see there.
+    when_new : callable
+        Called as soon as the campaign is known to be sound and new, before anything of it is simulated.
 
     Raises
     ------
@@ -55,6 +60,7 @@ def plan_campaign(
     loaded = campaign if isinstance(campaign, Campaign) else load_campaign(campaign, samples=samples, seed=seed)
     opened.files.check_writable()
     if make_plan(loaded, batch_size).campaign_id not in opened.campaigns():
+        when_new()
         for question in campaign_questions(campaign):
             logger.warning("%s", question)
         for caution in campaign_cautions(loaded):

@@ -1,0 +1,74 @@
+"""Workers of this machine that start while their campaign is still being planned."""
+
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from types import TracebackType
+
+from campaign.cluster.cluster import Cluster
+from campaign.cluster.dask_workers import connect_workers
+from campaign.cluster.workers import Workers
+
+
+class EarlyWorkers:
+    """Workers that start in a thread when they are told to, for whoever connects first; a context that ends them.
+
+    Parameters
+    ----------
+    cluster : Cluster
+        Where to compute. Only processes of this machine start early; all else is connected to when it is needed.
+    """
+
+    def __init__(self, cluster: Cluster) -> None:
+        self._cluster = cluster
+        self._thread: threading.Thread | None = None
+        self._started = ExitStack()
+        self._workers: Workers | None = None
+        self._error: Exception | None = None
+
+    def __enter__(self) -> "EarlyWorkers":
+        """Return this object; nothing is started yet."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
+    ) -> None:
+        """End the workers that nobody has connected to."""
+        self._wait()
+        self._started.close()
+
+    def begin(self) -> None:
+        """Start the workers, if they are processes of this machine, and do not wait for them."""
+        if self._cluster.starts_here and self._thread is None:
+            self._thread = threading.Thread(target=self._start, name="workers")
+            self._thread.start()
+
+    @contextmanager
+    def connect(self, cluster: Cluster) -> Iterator[Workers]:
+        """Yield the workers that have started early, the first time, and end them with the block.
+
+        Without any, and each further time, it is `connect_workers`; errors are those of it.
+        """
+        self._wait()
+        error, self._error = self._error, None
+        if error is not None:
+            raise error
+        workers, self._workers = self._workers, None
+        if workers is None:
+            with connect_workers(cluster) as connected:
+                yield connected
+            return
+        with self._started.pop_all():
+            yield workers
+
+    def _start(self) -> None:
+        """Start the workers; what goes wrong is for whoever connects."""
+        try:
+            self._workers = self._started.enter_context(connect_workers(self._cluster))
+        except Exception as error:
+            self._error = error
+
+    def _wait(self) -> None:
+        """Wait until the workers have started, or have failed to."""
+        if self._thread is not None:
+            self._thread.join()
