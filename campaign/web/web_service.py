@@ -22,7 +22,7 @@ from campaign.web.answers.job_pool import JobPool
 from campaign.web.answers.kept_answers import KeptAnswers, SingleFlight
 from campaign.web.answers.turns import Quota
 from campaign.web.coordinator_child import CoordinatorChild
-from campaign.web.jobs.mechanisms import warm_up_trial
+from campaign.web.jobs.mechanisms import engine_is_compiled, warm_up_trial
 from campaign.web.settings import Settings
 from campaign.web.signatory import Signatory
 from campaign.web.watch.counted_status import CountedStatuses
@@ -101,9 +101,8 @@ class Service:
         self._kept, self._flights = KeptAnswers(KEPT_BYTES), SingleFlight()
         limits = self.settings.limits
         taken = JobLimits(limits.job_seconds, 3.0 * limits.job_seconds, limits.job_memory / 2**30)
-        self.pool = JobPool(
-            self.settings.processes, quota=Quota(limits.jobs, limits.waiting), limits=taken, warm_up=warm_up_trial
-        )
+        quota = Quota(limits.jobs, limits.waiting)
+        self.pool = JobPool(self.settings.processes, quota, taken, warm_up_trial, engine_is_compiled)
         self.answers = Answers(self.pool, self.store.hasty, columns_folder())
         index = CampaignIndex(self.database.path.with_name("index.sqlite"))
         self.watcher = Watcher(self.store, index, is_served=self.settings.coordinate is not None)

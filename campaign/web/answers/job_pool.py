@@ -14,12 +14,12 @@ from types import TracebackType
 from typing import Any
 
 from campaign.errors import CampaignError
+from campaign.web.answers.engine_warm_up import Compilation, EngineCompiling
 from campaign.web.answers.job_limits import JobFailed, JobLimits, JobPostponed
 from campaign.web.answers.job_process import JobProcess
 from campaign.web.answers.turns import Quota, Turns
 
 USUAL_PROCESSES = 2
-TO_WARM_UP = JobLimits(processor_s=600.0, wall_s=900.0)  # the engine may have to be compiled
 logger = logging.getLogger(__name__)
 
 
@@ -36,6 +36,9 @@ class JobPool:
         What a job may take, unless it says otherwise.
     warm_up : callable, optional
         What each process does before its first job, such as `engine.warm_up`.
+    is_compiled : callable, optional
+        Job that returns whether warming up only loads; if it will compile, one process does and jobs are refused
+        meanwhile.
     """
 
     def __init__(
@@ -44,8 +47,10 @@ class JobPool:
         quota: Quota = Quota(),  # noqa: B008  # it is immutable
         limits: JobLimits = JobLimits(),  # noqa: B008
         warm_up: Callable[[], Any] | None = None,
+        is_compiled: Callable[[], bool] | None = None,
     ) -> None:
-        self._limits, self._warm_up = limits, warm_up
+        self._limits = limits
+        self._compilation = Compilation(warm_up, is_compiled)
         self._turns = Turns(processes, quota)
         self._count = processes
         self._idle: list[asyncio.Task[JobProcess]] = []  # last in, first out: what it has mapped may serve again
@@ -74,6 +79,11 @@ class JobPool:
     def waiting(self) -> int:
         """Number of jobs that wait for their turn."""
         return self._turns.waiting
+
+    @property
+    def compiling_s(self) -> float | None:
+        """For how long the engine has been compiled so far [s]; None if it is not being compiled."""
+        return self._compilation.seconds
 
     @property
     def by_user(self) -> dict[str, tuple[int, int]]:
@@ -107,13 +117,13 @@ class JobPool:
             What the job raised; its attribute ``faults`` is None or the faults of an input as data.
         JobFailed
             If the job ended its process or has a bug; `JobTooLarge` if it took more than it may, `JobPostponed` if no
-            process could be started for it or it waited too long.
+            process could be started for it or it waited too long, `EngineCompiling` while the engine is compiled.
         """
         async with self._turns.turn(user):
             task = self._take()
             try:
-                process = await asyncio.shield(task)
-            except asyncio.CancelledError:
+                process = await self._compilation.wait_warm(task)
+            except (asyncio.CancelledError, EngineCompiling):
                 self._idle.append(task)
                 raise
             except (CampaignError, OSError) as error:
@@ -149,12 +159,11 @@ class JobPool:
     async def _warm_process(self) -> JobProcess:
         """Return a process that has warmed up."""
         process = await JobProcess.start()
-        if self._warm_up is not None:
-            try:
-                await process.ask(self._warm_up, (), TO_WARM_UP)
-            except BaseException:
-                await asyncio.shield(process.end())
-                raise
+        try:
+            await self._compilation.warm(process)
+        except BaseException:
+            await asyncio.shield(process.end())
+            raise
         return process
 
     def _take(self) -> "asyncio.Task[JobProcess]":

@@ -7,6 +7,7 @@ from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from pydantic import BaseModel, Field
 from starlette.responses import Response
 
+from campaign.web.answers.engine_warm_up import EngineCompiling
 from campaign.web.api.calls import calls
 from campaign.web.http.asking import TheService
 from campaign.web.http.problems import Refusal, described
@@ -29,7 +30,10 @@ async def healthz() -> Health:
 
 @router.get("/readyz", responses=described(503))
 def readyz(service: TheService) -> Health:
-    """Answer whether the store and the database can be read."""
+    """Answer whether the store and the database can be read, and the engine is not being compiled."""
+    compiling_s = service.pool.compiling_s
+    if compiling_s is not None:
+        raise EngineCompiling(compiling_s)
     service.database.row("SELECT 1")
     try:
         service.store.hasty.campaigns()

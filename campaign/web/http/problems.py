@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import BaseModel, Field
 
 from campaign.errors import CampaignError, SpecError, StoreError
+from campaign.web.answers.engine_warm_up import EngineCompiling
 from campaign.web.answers.job_limits import JobFailed, JobPostponed, JobTooLarge
 from campaign.web.answers.turns import Busy
 from engine import EngineError
@@ -15,6 +16,7 @@ from engine.faults.fault import Fault
 
 MEDIA_TYPE = "application/problem+json"
 MOST_FAULTS, _LONGEST_VALUE = 100, 80
+PAGE_RELOADS = 5  # s, after which a page that waits for the engine loads itself again
 WITHOUT_PROBLEM = (206, 304, 416)  # answers that are no refusals, or have no body
 
 
@@ -31,6 +33,8 @@ class Refusal(Exception):
         Faults of what was sent, each with its key.
     headers : dict of str to str
         More headers of the answer.
+    reload_after_s : int, optional
+        When a page that shows the refusal loads itself again [s].
     """
 
     def __init__(
@@ -39,8 +43,10 @@ class Refusal(Exception):
         detail: str,
         faults: list[dict[str, Any]] | None = None,
         headers: dict[str, str] | None = None,
+        reload_after_s: int | None = None,
     ) -> None:
         super().__init__(detail)
+        self.reload_after_s = reload_after_s
         self.status, self.detail, self.faults, self.headers = status, detail, faults or [], headers or {}
 
 
@@ -81,6 +87,9 @@ def refusal_of(error: Exception) -> Refusal | None:
         return error
     if isinstance(error, Busy):
         return Refusal(429, str(error), headers={"Retry-After": str(error.retry_after_s)})
+    if isinstance(error, EngineCompiling):
+        headers = {"Retry-After": str(error.retry_after_s)}
+        return Refusal(503, str(error), headers=headers, reload_after_s=PAGE_RELOADS)
     if isinstance(error, StoreError | JobPostponed):
         return Refusal(503, str(error), headers={"Retry-After": "10"})
     if isinstance(error, JobFailed) and not isinstance(error, JobTooLarge):

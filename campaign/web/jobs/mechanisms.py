@@ -8,7 +8,15 @@ from typing import Any
 
 from campaign.errors import SpecError
 from campaign.mechanism_summary import mechanism_summary, mechanism_warnings
-from engine import Recording, load_mechanism, load_mechanism_text, read_trajectory, set_values, simulate
+from engine import (
+    Recording,
+    load_mechanism,
+    load_mechanism_text,
+    missing_kernels,
+    read_trajectory,
+    set_values,
+    simulate,
+)
 from engine.mechanism import Mechanism, library_names
 from engine.mechanism.keys.listing import settable_numbers
 from engine.toml_file import UnfitToml, parse_toml, text_bytes
@@ -113,6 +121,11 @@ def try_once(source: MechanismSource) -> dict[str, Any]:
 def warm_up_trial() -> None:
     """Compile or load all that a trial of a mechanism calls, and with it what every run calls."""
     try_once(MechanismSource("c60"))
+
+
+def engine_is_compiled() -> bool:
+    """Return whether `warm_up_trial` will only load what is compiled."""
+    return not missing_kernels()
 
 
 def animate_once(source: MechanismSource, step: float | None = None, horizon: float | None = None) -> bytes:

@@ -16,6 +16,4 @@ def refused_page(request: Request, refusal: Refusal) -> Response:
         wanted = request.url.path + (f"?{request.url.query}" if request.url.query else "")
         return RedirectResponse(f"/login?next={quote(wanted, safe='')}", 303)
     title = HTTPStatus(refusal.status).phrase
-    answer = page(request, "refused", refusal.status, title=title, detail=refusal.detail, faults=refusal.faults)
-    answer.headers.update(refusal.headers)
-    return answer
+    return page(request, "refused", refusal=refusal, title=title)

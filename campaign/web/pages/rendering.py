@@ -33,7 +33,8 @@ def page(
         What the template shows.
     """
     principal: Principal | None = getattr(request.state, "principal", None)
+    reloads = refusal.reload_after_s if refusal and request.method == "GET" else None  # a form would be lost
     html = _templates.get_template(f"{name}.html.j2").render(
-        principal=principal, Role=Role, path=request.url.path, refusal=refusal, **values
+        principal=principal, Role=Role, path=request.url.path, refusal=refusal, reload_after_s=reloads, **values
     )
     return HTMLResponse(html, refusal.status, refusal.headers) if refusal else HTMLResponse(html, status)

@@ -21,11 +21,13 @@ from tests.bounded import pytest_runtest_setup as pytest_runtest_setup
 from tests.bounded import pytest_runtest_teardown as pytest_runtest_teardown
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
+from tests.compiled_engine import compile_engine
 
 
 @contextmanager
 def live(settings):
     """Serve on a free port of loopback in the block; yield the service and the address."""
+    compile_engine()
     service = open_service(settings)
     for role in Role:
         if service.users.get(role.word) is None:

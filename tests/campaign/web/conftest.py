@@ -26,6 +26,7 @@ from tests.bounded import pytest_runtest_teardown as pytest_runtest_teardown
 from tests.campaign import fake_engine
 from tests.campaign.conftest import SPEC
 from tests.campaign.driving import computed
+from tests.compiled_engine import compile_engine
 
 URL = "https://localhost"  # so that the client sends a secure cookie back
 PASSWORD = "correct horse battery"
@@ -108,6 +109,8 @@ def app_of(service):
 @contextmanager
 def serving(settings):
     """Serve in the block, with users of all roles; yield the service and a client that asks as nobody."""
+    if settings.processes:
+        compile_engine()
     service = open_service(settings)
     for role in Role:
         if service.users.get(role.word) is None:

@@ -118,3 +118,27 @@ class Shouting:
 def shout(words):
     """Return what an argument holds."""
     return words.text.upper()
+
+
+def is_compiled(folder):
+    """Return whether `compile_slowly` has compiled."""
+    return Path(folder, "compiled").exists()
+
+
+def compile_slowly(folder):
+    """Compile, if that is not done, as long as there is no file ``go``; note which of the two it was."""
+    compiles = not is_compiled(folder)
+    with Path(folder, "calls").open("a") as file:
+        file.write("c" if compiles else "l")
+    if compiles:
+        while not Path(folder, "go").exists():
+            time.sleep(0.02)
+        Path(folder, "compiled").touch()
+
+
+def compile_and_die(folder):
+    """End the process the first time, as a machine without memory does; compile the next time."""
+    if not Path(folder, "calls").exists():
+        Path(folder, "calls").write_text("c")
+        os.kill(os.getpid(), signal.SIGKILL)
+    compile_slowly(folder)

@@ -13,6 +13,7 @@ from pathlib import Path
 import httpx2 as httpx
 
 from tests.bounded import bounded
+from tests.compiled_engine import compile_engine
 
 HOST = "127.0.0.1"
 WORKERS = 1
@@ -57,6 +58,7 @@ def _free_port() -> str:
 @contextmanager
 def live_server(folder: Path, *options: str) -> Iterator[LiveServer]:
     """Serve the store ``runs`` of a folder in the block, and compute what is queued if no option says otherwise."""
+    compile_engine()
     port = _free_port()
     log = folder / "serve.log"
     with log.open("w") as written:
