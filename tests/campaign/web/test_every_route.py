@@ -101,6 +101,27 @@ def test_wrong_token(name, ask, stranger):
     assert answer.status_code == 401
 
 
+@pytest.fixture(scope="module")
+def ended(everything):
+    """Return the tokens of an admin that have ended, each in its own way."""
+    service = everything[0]
+    service.users.add("former", Role.ADMIN)
+    made = {"expired": ("admin", -1.0), "revoked": ("admin", 3600.0), "of a disabled user": ("former", 3600.0)}
+    tokens = {how: service.tokens.add(user, "test", Role.ADMIN, s) for how, (user, s) in made.items()}
+    service.tokens.revoke(tokens["revoked"][0].id)
+    service.users.change("former", disabled=True)
+    return {how: secret for how, (_, secret) in tokens.items()}
+
+
+@pytest.mark.parametrize("name", sorted(set(WAYS) - OPEN_READS - OPEN_WRITES))
+def test_token_that_has_ended(name, ask, stranger, ended):
+    """Whatever it was for: nobody is known by it."""
+    for secret in ended.values():
+        answer, entries = ask(WAYS[name], {"Authorization": f"Bearer {secret}"}, stranger)
+        assert answer.status_code == 401
+        assert {entry.who for entry in entries} <= {"nobody"}
+
+
 @pytest.mark.parametrize(("name", "role"), LOWER, ids=lambda value: getattr(value, "word", value))
 def test_lower_role(name, role, ask, as_user):
     """Whoever may less is refused before his input is looked at, and the audit trail knows who it was."""
