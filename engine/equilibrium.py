@@ -14,9 +14,11 @@ from engine.arrays import Array, Integers, copied
 from engine.assembly import Assembly
 from engine.friction.arrays import dense_rows
 from engine.friction.indeterminacy import force_ranges
+from engine.kernels.loads import apply_loads
 from engine.kernels.model import CONTACT_FORCE, END
+from engine.kernels.motion import move
 from engine.kernels.responses import measure
-from engine.kernels.statics import HELD, effect_on_bodies, hold_loads
+from engine.kernels.statics import HELD, MOVES, effect_on_bodies, hold_loads
 from engine.linear_algebra import one_thread
 from engine.mechanism import Mechanism
 
@@ -31,28 +33,27 @@ class PoseAtRest:
     reported : (n,) array
         What the responses report, with the contact forces as the pose determines them.
     forces : (nc, 3) array or None
-        Those forces. None if no forces in the friction cones that balance the loads were found, or nothing asks for
-        any.
+        Those forces. None if no forces in the friction cones that balance the loads were found.
     moves : bool
-        Whether there are none, and bodies begin to move: the twists of ``assembly`` say how.
+        Whether there are none although responses measure some, and bodies begin to move: the twists of ``assembly``
+        say how.
     """
 
     def __init__(self, mechanism: Mechanism, assembly: Assembly, phase: int, t: float) -> None:
-        """Find the contact forces that balance the loads of ``phase`` and time ``t``, if a response measures any."""
+        """Find the contact forces that balance the loads of ``phase`` and time ``t``."""
         self.assembly = replace(assembly, state=copied(assembly.state), work=copied(assembly.work))
-        self.forces: Array | None = None
-        self.moves = False
-        self.reported = self.assembly.work.reported
-        if (assembly.model.responses.kind >= CONTACT_FORCE).any():
-            self._measure(mechanism, phase, t)
-
-    def _measure(self, mechanism: Mechanism, phase: int, t: float) -> None:
-        """Measure the contact forces once more; they are NaN if no forces balance the loads."""
-        model, state, work = self.assembly.model, self.assembly.state, self.assembly.work
         sim = mechanism.simulation
         touching_gap = max(sim.penetration, sim.rest.drift)  # a gap no larger than the drift allowed at rest is closed
         self.forces = forces_at_rest(self.assembly, phase, sim.step, touching_gap, t)
-        self.moves = self.forces is None and bool(state.v.any())
+        self.moves = False
+        self.reported = self.assembly.work.reported
+        if (assembly.model.responses.kind >= CONTACT_FORCE).any():
+            self.moves = self.forces is None and bool(self.assembly.state.v.any())
+            self._measure(mechanism, t)
+
+    def _measure(self, mechanism: Mechanism, t: float) -> None:
+        """Measure the contact forces once more; they are NaN if no forces balance the loads."""
+        model, state, work = self.assembly.model, self.assembly.state, self.assembly.work
         state.r[:] = math.nan if self.forces is None else self.forces
         measure(model.responses, model.contacts, model.loads, state, work.sites, work.values, work.vectors, (t, 1.0))
         responses, last = model.responses, len(mechanism.phases) - 1
@@ -80,7 +81,8 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
     h : float
         Any time; the forces are the impulses in a small share of it, divided by its length.
     touching_gap : float
-        Contacts open by no more than this length touch; so do those that carried a load in the last step.
+        Contacts open by no more than this length touch; so do those that carried a load in the last step. A pose no
+        farther than that from one that springs hold is held.
     t : float
         Time since the start of the run, for loads with a time law.
 
@@ -92,11 +94,31 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
     """
     h *= 1e-3  # so short that the free motion of an unloaded step has no gyroscopic part
     status, nc = hold_loads(assembly.arrays, phase, t, h, touching_gap)
-    if status != HELD:
+    if status == MOVES and _balance_is_near(assembly, phase, t, touching_gap):
+        assembly.state.v[:] = 0.0
+    elif status != HELD:
         return None
     touching, forces = assembly.work.chosen[:nc], np.zeros_like(assembly.state.r)
     forces[touching] = assembly.work.u[touching] / h
     return forces
+
+
+def _balance_is_near(assembly: Assembly, phase: int, t: float, length: float) -> bool:
+    """Return whether springs stop the motion that begins at a pose within a length: the loads no longer drive it there.
+
+    Where only springs hold a body, the loads balance at one pose alone, which a run approaches without end.
+    """
+    model, work, there = assembly.model, assembly.work, copied(assembly.state)
+    begins, wrench = there.v[:-1].copy(), np.zeros_like(work.wrench)
+    spin_energy = np.einsum("bi,bij,bj->b", begins[:, 3:], model.bodies.inertia, begins[:, 3:])
+    speed = float(np.sqrt((begins[:, :3] ** 2).sum(axis=1) + spin_energy / model.bodies.mass).max())
+    if not speed > 0.0:
+        return False
+    move(there, length / speed)
+    there.v[:] = 0.0
+    apply_loads(model.bodies, model.loads, model.time_laws, there, phase, t, wrench, work.vectors)
+    spins = np.einsum("bij,bj->bi", there.R[:-1], begins[:, 3:])
+    return float((wrench[:-1, :3] * begins[:, :3]).sum() + (wrench[:-1, 3:] * spins).sum()) <= 0.0
 
 
 def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) -> list[tuple[float, float]]:

@@ -13,7 +13,7 @@ from engine.kernels.time_loop import Course
 from engine.loop import Cancel, control_of, drive, prepare
 from engine.mechanism import Mechanism
 from engine.run import Certificate, Run
-from engine.unrest import unheld, unrest
+from engine.unrest import flight, in_flight, unheld, unrest
 from engine.verdict import failure, judge, unfinished
 
 
@@ -47,6 +47,7 @@ def execute(
     Run
     """
     control = control_of(mechanism, full_horizon)
+    unmoved = control.drift / control.window  # speed of what just counts as unmoved
     prepare(assembly, control)
 
     @lru_cache(maxsize=1)  # a run that rests ends in the last pose that was looked at
@@ -54,7 +55,8 @@ def execute(
         return PoseAtRest(mechanism, assembly, phase, t)
 
     def moves(course: Course) -> bool:
-        return pose_at(int(course.counts[time_loop.PHASE]), float(course.reals[time_loop.TIME])).moves
+        pose = pose_at(int(course.counts[time_loop.PHASE]), float(course.reals[time_loop.TIME]))
+        return pose.moves or bool(in_flight(assembly, pose.assembly, unmoved).any())
 
     start = time.perf_counter()
     course = drive(assembly, control, mechanism.simulation.wall_limit, cancel, sink, every, moves)
@@ -73,17 +75,22 @@ def execute(
         repeated=int(counts[time_loop.REPEATED]),
     )
     ranges: dict[str, tuple[float, float]] = {}  # of contacts
+    last = mechanism.phases[-1]
+    until_rest = last.duration is None and last.until is None and not full_horizon
     drift, reported, read_at_end = "", assembly.work.reported, read_contacts(mechanism)
     if counts[time_loop.STATUS] == time_loop.OK and certificate.settled:
         pose = pose_at(int(counts[time_loop.PHASE]), certificate.time)
         contacts = [*bounded_contacts(mechanism), *(read_at_end.values() if indeterminacy else ())]
-        drift = unheld(mechanism, pose.assembly, control) if pose.moves else ""
+        if pose.moves:
+            drift = unheld(mechanism, pose.assembly, control)
+        elif until_rest:
+            drift = flight(mechanism, pose.assembly, control, in_flight(assembly, pose.assembly, unmoved))
         ranges, reported = pose.ranges(list(dict.fromkeys(contacts))), pose.reported
     measured = dict(zip(mechanism.responses, map(float, reported), strict=True))
     measured = with_derived(mechanism, measured, ranges)
     if counts[time_loop.STATUS] == time_loop.OK:
         if counts[time_loop.COMPLETED] or full_horizon:
-            status, message = judge(mechanism, measured, certificate.settled, drift)
+            status, message = judge(mechanism, measured, certificate.settled, drift, until_rest)
         else:
             left = mechanism.simulation.wall_limit - certificate.wall_s
             motion = "" if certificate.settled else unrest(mechanism, assembly, control, course, left, cancel)

@@ -13,7 +13,9 @@ from engine.mechanism.readout import Event
 from engine.run import Status
 
 
-def judge(mechanism: Mechanism, measured: Mapping[str, float], settled: bool, drift: str = "") -> tuple[Status, str]:
+def judge(
+    mechanism: Mechanism, measured: Mapping[str, float], settled: bool, drift: str = "", at_rest: bool = True
+) -> tuple[Status, str]:
     """Judge a run whose phases ended: whether it has all values, and whether it meets the validity conditions.
 
     Parameters
@@ -24,7 +26,9 @@ def judge(mechanism: Mechanism, measured: Mapping[str, float], settled: bool, dr
     settled : bool
         Whether the run ended at rest.
     drift : str
-        What begins to move if no contact forces hold the pose at rest, see `engine.unrest`.
+        What moves on while nothing measured does, see `engine.unrest`; empty if nothing does.
+    at_rest : bool
+        Whether the run had to end at rest. If not, such a motion matters only where it leaves a force without a value.
 
     Returns
     -------
@@ -35,12 +39,13 @@ def judge(mechanism: Mechanism, measured: Mapping[str, float], settled: bool, dr
     if events:
         ended = "; the run ended at rest: give its last phase a duration if it is to go on" if settled else ""
         return "invalid", f"{', '.join(events)}: the event it is read at (`at`) did not happen in this run{ended}"
-    if missing and drift:
+    if drift and (missing or at_rest):
         rest = mechanism.simulation.rest
+        meant = "" if missing else "; if this motion is meant, give the last phase a duration"
         return "not_at_rest", (
-            f"no contact forces hold the pose: {drift}; for {rest.window:g} {mechanism.unit('time')} nothing measured "
+            f"{drift}; for {rest.window:g} {mechanism.unit('time')} nothing measured "
             f"moved by {rest.drift:g} {mechanism.unit('length')}: give it more time "
-            "(simulation.horizon, or the duration of the last phase), or hold the body"
+            f"(simulation.horizon, or the duration of the last phase), or hold the body{meant}"
         )
     if missing:
         return (

@@ -15,7 +15,7 @@ class Control(NamedTuple):
     longest: float  # longest step
     travel: float  # the step doubles while no body's mass moves farther than this in one step (root mean square)
     theta: float  # share of the step after the instant of loads and contacts
-    slow: float  # theta is 1 while no body is faster than this, in a phase that ends at rest
+    slow: float  # theta is 1, and nothing bounces, while no body is faster than this, in a phase that ends at rest
     plain: bool  # Moreau-Jean's scheme without projection
     horizon: float  # longest simulated time
     tolerance: float  # relative residual of every friction problem
@@ -47,6 +47,7 @@ class StepContext(NamedTuple):
     t: float  # time at the start of the step, since the start of the run
     h: float  # length of the step
     theta: float  # share of the step after the instant of loads and contacts: 1/2 is second order, 1 damps
+    bounces: bool  # whether restitution counts
 
 
 class StepResult(NamedTuple):

@@ -25,7 +25,7 @@ MOVING = 1e-4  # share of the free motion's energy: more than the compliance all
 # compliance, as a share of the mean diagonal of the Delassus operator, and the residual to reach with it: the first
 # gives the limit to 1e-3 N; the others are for poses at the very edge of sliding, where the first is not solved
 COMPLIANCE, TOLERANCE = (1e-6, 1e-7, 1e-6), (1e-9, 1e-9, 1e-7)
-PATIENCE, SHRINKING = 100, 0.99  # how often springs are loaded anew while the motion's energy falls below that share
+PATIENCE, SHRINKING = 5000, 0.9999  # how often springs are loaded anew while the motion's energy falls below that share
 BALANCED = 1e-14  # share of the free motion's energy: forces are then good to 1e-7
 REFINEMENTS = 2  # each reduces the unbalance to a share of the order of the compliance times its amplification
 ROUGH = 3.0  # times the tolerance: what the interior-point method reaches before rounding stops it

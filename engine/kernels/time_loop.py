@@ -178,7 +178,9 @@ def _advance(arrays, control, course, theta):
     n[SHORTENED] = 0
     peak = max(now[PEAK_KINETIC], kinetic_energy(model.bodies, state.v))
     while True:
-        done = step(StepContext(model, state, work, problem, control, n[PHASE], now[TIME], now[STEP], theta))
+        done = step(
+            StepContext(model, state, work, problem, control, n[PHASE], now[TIME], now[STEP], theta, n[SLOW] == 0)
+        )
         n[STEPS] += 1
         n[ITERATIONS] += done.iterations
         now[FASTEST] = done.speed

@@ -10,7 +10,7 @@ from engine.lanes import LANES, read, write
 
 
 @inner
-def free_relative_velocities(contacts, laws, state, work, dt, plain):
+def free_relative_velocities(contacts, laws, state, work, dt, plain, bounces):
     """Write the relative velocities without impulses, and the impact law's shifts, of all near contacts.
 
     Parameters
@@ -24,21 +24,24 @@ def free_relative_velocities(contacts, laws, state, work, dt, plain):
         What is left of the step.
     plain : bool
         Moreau-Jean's scheme: the impact law of all contacts is Newton's.
+    bounces : bool
+        Whether restitution counts.
     """
     for i in range(laws.mu.shape[0]):
         if work.broad_phase.near[i]:
-            free_relative_velocity(contacts, laws, state, work, dt, plain, i)
+            free_relative_velocity(contacts, laws, state, work, dt, plain, bounces, i)
 
 
 @inner
-def free_relative_velocity(contacts, laws, state, work, dt, plain, i):
+def free_relative_velocity(contacts, laws, state, work, dt, plain, bounces, i):
     """Write contact i's relative velocity without impulses, and its law's shift.
 
     Without restitution a contact may close within the rest ``dt`` of the step but not overshoot,
     u_N + max(g_N, 0)/dt >= 0. With restitution, and in the ``plain`` scheme, the law is Newton's, u_N + e u_N^- >= 0
     (eq. 6).
     """
-    a, b, e, x, R = contacts.a[i], contacts.b[i], laws.restitution[i], state.x, state.R
+    a, b, x, R = contacts.a[i], contacts.b[i], state.x, state.R
+    e = laws.restitution[i] if bounces else 0.0
     relative_velocity(x, R, a, b, work.sites.point, work.sites.frame, work.free, i, work.q)
     if e > 0.0:
         relative_velocity(x, R, a, b, work.sites.point, work.sites.frame, work.start.v, i, work.u)
@@ -48,12 +51,12 @@ def free_relative_velocity(contacts, laws, state, work, dt, plain, i):
 
 
 @inner
-def first_active_set(laws, state, work, dt, plain):
+def first_active_set(laws, state, work, dt, plain, bounces):
     """Activate the contacts that would pass through each other without an impulse, or that pressed in the last step."""
     r, active = state.r, work.active
     for i in range(laws.mu.shape[0]):
         gap, approach = work.gap[i], dt * work.q[i, 0]
-        if laws.restitution[i] > 0.0 or plain:
+        if (bounces and laws.restitution[i] > 0.0) or plain:
             active[i] = gap <= 0.0
         else:
             active[i] = gap + approach <= 0.0 or (r[i, 0] > 0.0 and gap <= 2 * abs(approach))
@@ -107,7 +110,7 @@ def apply_impulses(bodies, state, work, problem, n):
 
 
 @inner
-def grow_active_set(contacts, laws, state, work, dt, all_near):
+def grow_active_set(contacts, laws, state, work, dt, all_near, bounces):
     """Activate every contact that the new twists would drive into penetration (eq. 22).
 
     An impact that runs along a chain closes its contacts one after the other, and each of them would ask for a problem
@@ -124,6 +127,8 @@ def grow_active_set(contacts, laws, state, work, dt, all_near):
         What is left of the step.
     all_near : bool
         Activate all near contacts without restitution if any contact closes.
+    bounces : bool
+        Whether restitution counts.
 
     Returns
     -------
@@ -137,7 +142,7 @@ def grow_active_set(contacts, laws, state, work, dt, all_near):
             if broad_phase.budget[i] > dt * closing_speed(contacts, broad_phase, i):
                 continue
             update_contact(contacts, state, broad_phase, work.sites, i, work.gap)
-            free_relative_velocity(contacts, laws, state, work, dt, False, i)
+            free_relative_velocity(contacts, laws, state, work, dt, False, bounces, i)
         a, b = contacts.a[i], contacts.b[i]
         relative_velocity(state.x, state.R, a, b, work.sites.point, work.sites.frame, state.v, i, work.u)
         if not work.active[i] and work.u[i, 0] < 0.0 and work.gap[i] + dt * work.u[i, 0] < 0.0:
@@ -145,7 +150,7 @@ def grow_active_set(contacts, laws, state, work, dt, all_near):
             added += 1
     if all_near and added > 0:
         for i in range(work.active.shape[0]):
-            work.active[i] = work.active[i] or (broad_phase.near[i] and laws.restitution[i] == 0.0)
+            work.active[i] = work.active[i] or (broad_phase.near[i] and not (bounces and laws.restitution[i] > 0.0))
     return added
 
 

@@ -3,6 +3,7 @@
 from engine.mechanism import Mechanism
 from engine.preflight.caution import Caution
 from engine.preflight.customs import customs_of
+from engine.preflight.doubles import doubles_of
 from engine.preflight.pace import pace_of
 from engine.preflight.start_gaps import start_gap_cautions
 
@@ -22,7 +23,7 @@ def cautions(mechanism: Mechanism) -> list[Caution]:
     list of Caution
         Empty if nothing does.
     """
-    drawn = [*start_gap_cautions(mechanism)]
+    drawn = [*start_gap_cautions(mechanism), *doubles_of(mechanism)]
     numbers = [*customs_of(mechanism), *pace_of(mechanism)]
     moving = sum(not body.fixed for body in mechanism.bodies.values())
     ends_at_rest = any(phase.duration is None and phase.until is None for phase in mechanism.phases)

@@ -18,8 +18,8 @@ def early_rest_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution
     """Yield the slowest play that is still open when the mechanism may count as being at rest.
 
     At the start all is at rest. Where the loads move no measured length by more than the drift allowed within the
-    window, the run ends there, though its bodies have only begun to fall. Where they do, a body that is not measured
-    may still be in flight later, when what is measured stands still.
+    window, the run ends there, though its bodies have only begun to slide or to turn. Where they do, a body that is not
+    measured may still move later, when what is measured stands still. Only a body in flight is waited for.
 
     Parameters
     ----------
@@ -49,9 +49,9 @@ def early_rest_of(mechanism: Mechanism, small: SmallMotions) -> Iterator[Caution
             unit,
             f"the loads take {slowest:.3g} {unit} to close {_play(mechanism, which)}, and "
             + (
-                "a body in flight that nothing measures does not count as moving"
+                "a body that nothing measures counts as moving only in flight"
                 if seen
-                else "nothing that is measured moves at first: the run would end before"
+                else "nothing that is measured moves at first: the run could end before"
             ),
             f"more than {slowest:.2g} {unit}",
             "make the window longer",

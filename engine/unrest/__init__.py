@@ -1,5 +1,6 @@
 """What a mechanism does that is not at rest: which body moves, where to, how fast, and what would bring it to rest."""
 
-from engine.unrest.diagnosis import unheld, unrest
+from engine.unrest.body_in_flight import in_flight
+from engine.unrest.diagnosis import flight, unheld, unrest
 
-__all__ = ["unheld", "unrest"]
+__all__ = ["flight", "in_flight", "unheld", "unrest"]

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from engine.arrays import Array
 from engine.assembly import Assembly
 from engine.assembly.frames import order_bodies
 from engine.kernels import time_loop
@@ -68,22 +69,43 @@ def unrest(
     return "; ".join([_motion(mechanism, assembly, mover, speeds.kind, loaded), *_advice(mechanism, speeds, loaded)])
 
 
-def unheld(mechanism: Mechanism, assembly: Assembly, control: Control) -> str:
+def unheld(mechanism: Mechanism, pose: Assembly, control: Control) -> str:
     """Return which body begins to move at a pose that no contact forces hold; empty if that is not known.
 
     Parameters
     ----------
     mechanism : Mechanism
-    assembly : Assembly
+    pose : Assembly
         As `engine.equilibrium.forces_at_rest` left it.
     control : Control
     """
-    twist, R = assembly.state.v[:-1], assembly.state.R[:-1]
-    spin = np.einsum("bij,bj->bi", R, twist[:, 3:])
-    motion = np.concatenate([twist[:, :3], spin], axis=1)[None]
+    motion = _begun(mechanism, pose, control, pose.state.v, "begins")
+    return f"no contact forces hold the pose: {motion}" if motion else ""
+
+
+def flight(mechanism: Mechanism, pose: Assembly, control: Control, twist: Array) -> str:
+    """Return which body is in flight while all that is measured is at rest; empty if none is.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    pose : Assembly
+        At the end of the run.
+    control : Control
+    twist : (nb + 1, 6) array
+        As `engine.unrest.in_flight` returns it.
+    """
+    motion = _begun(mechanism, pose, control, twist, "flies")
+    return f"{motion}, and no contact, joint or spring holds it" if motion else ""
+
+
+def _begun(mechanism: Mechanism, pose: Assembly, control: Control, twist: Array, kind: str) -> str:
+    """Return the motion of the body that moves most with these twists, of shape (nb + 1, 6), in words."""
+    spin = np.einsum("bij,bj->bi", pose.state.R[:-1], twist[:-1, 3:])
+    motion = np.concatenate([twist[:-1, :3], spin], axis=1)[None]
     if not motion.any():
         return ""
-    return _motion(mechanism, assembly, find_mover(assembly, control, motion, motion), "begins")
+    return _motion(mechanism, pose, find_mover(pose, control, motion, motion), kind)
 
 
 def _motion(mechanism: Mechanism, assembly: Assembly, mover: Mover, kind: str, loaded: bool = True) -> str:
@@ -97,7 +119,7 @@ def _motion(mechanism: Mechanism, assembly: Assembly, mover: Mover, kind: str, l
     spins = "" if kind == "begins" else f"{before}{speed * math.sqrt(turns) / mover.arm:.3g} rad/{time}"
     if not turns > PURE:
         along = direction_words(mechanism, body, R, mover.along, signed=not to_and_fro)
-        verb = kind if to_and_fro else "slides" if loaded else "floats"
+        verb = kind if to_and_fro or kind == "flies" else "slides" if loaded else "floats"
         return f"{body} {verb} along {along}{slides}"
     verb, about = kind if to_and_fro else "turns", direction_words(mechanism, body, R, mover.about, signed=False)
     if not moves > PURE or _is_hinged(mechanism, assembly, mover):

@@ -11,6 +11,8 @@ from engine.kernels.context import Control
 from engine.kernels.model import ANGLE, GAP, POSITION
 from engine.kernels.rest import LOADED
 
+UNSEEN = 1e-12  # share of the square of the largest speed: no motion
+
 
 @dataclass(frozen=True)
 class Mover:
@@ -37,7 +39,7 @@ class Mover:
 
 
 def find_mover(assembly: Assembly, control: Control, twist: Array, own: Array) -> Mover:
-    """Return the motion of the fastest body among those that keep the mechanism from rest.
+    """Return the motion of the fastest body among those that keep the mechanism from rest, or of all if these stand.
 
     Parameters
     ----------
@@ -53,8 +55,8 @@ def find_mover(assembly: Assembly, control: Control, twist: Array, own: Array) -
     arms = np.sqrt(np.trace(bodies.inertia, axis1=1, axis2=2) / (2 * bodies.mass))
     squares = ((twist[..., :3] / np.abs(twist).max()) ** 2).sum(axis=2).mean(axis=0)
     squares += ((twist[..., 3:] / np.abs(twist).max() * arms[:, None]) ** 2).sum(axis=2).mean(axis=0)
-    squares = np.where(_restless(assembly, control), squares, -1.0)
-    body = int(squares.argmax())
+    watched = np.where(_restless(assembly, control), squares, 0.0)
+    body = int((watched if watched.max() > UNSEEN * squares.max() else squares).argmax())
     scale = np.repeat([1.0, arms[body]], 3)
     in_world, in_body = (_principal(motion[:, body] * scale) for motion in (twist, own))
     share, direction, speed = max(in_world, in_body, key=lambda found: found[0])

@@ -1,0 +1,28 @@
+"""Joints and contacts that are written twice: each of the two carries a share of a force that one would carry."""
+
+from collections.abc import Iterator
+
+from engine.mechanism import Mechanism
+from engine.preflight.caution import Caution
+
+
+def doubles_of(mechanism: Mechanism) -> Iterator[Caution]:
+    """Yield the joints and contacts that say word by word what another one of their table says.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    """
+    for table, entries in (("joints", mechanism.joints), ("contacts", mechanism.contacts)):
+        first: dict[str, str] = {}
+        for name, entry in entries.items():
+            other = first.setdefault(repr(entry), name)
+            if other != name:
+                yield Caution(
+                    f"{table}.{name}",
+                    None,
+                    "1",
+                    f"the same as {table}.{other}: the forces are shared between the two",
+                    "",
+                    "remove one of them",
+                )
