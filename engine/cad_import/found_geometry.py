@@ -22,6 +22,19 @@ from engine.cad.findings import (
 )
 from engine.cad.findings.common_area import triangles_by_face
 
+_LONGEST = 40  # letters of a body's name
+_LETTERS = str.maketrans(
+    {
+        "\N{LATIN SMALL LETTER SHARP S}": "ss",
+        "\N{LATIN SMALL LETTER O WITH STROKE}": "o",
+        "\N{LATIN CAPITAL LETTER O WITH STROKE}": "O",
+        "\N{LATIN SMALL LETTER AE}": "ae",
+        "\N{LATIN CAPITAL LETTER AE}": "Ae",
+        "\N{LATIN SMALL LETTER L WITH STROKE}": "l",
+        "\N{LATIN CAPITAL LETTER L WITH STROKE}": "L",
+    }
+)  # what Unicode does not take apart
+
 
 @dataclass(frozen=True, eq=False)
 class FoundJoint:
@@ -84,7 +97,7 @@ def find_geometry(assembly: CadAssembly) -> FoundGeometry:
     """
     triangles = triangles_by_face(assembly)
     parts = [part.name for part in assembly.parts]
-    bodies = dict(zip(parts, _names(parts, "part"), strict=True))
+    bodies = dict(zip(parts, _names(parts, "part", _LONGEST), strict=True))
     pins, refused = pins_in_holes(assembly)
     balls, balls_refused = balls_in_sockets(assembly, triangles)
     pairs = [(pin.journal, pin.bearing) for pin in pins] + [(ball.ball_part, ball.socket_part) for ball in balls]
@@ -98,13 +111,14 @@ def find_geometry(assembly: CadAssembly) -> FoundGeometry:
     return FoundGeometry(assembly, bodies, tuple(joints), found_balls, tuple(refused), tuple(stops))
 
 
-def _names(texts: list[str], otherwise: str) -> list[str]:
-    """Return a name of the mechanism file for each text, no two alike."""
+def _names(texts: list[str], otherwise: str, longest: int | None = None) -> list[str]:
+    """Return a name of the mechanism file for each text, no two alike, cut off after some letters."""
     names: list[str] = []
     for text in texts:
-        plain = unicodedata.normalize("NFKD", text)  # an umlaut becomes its letter and two dots
+        plain = text.translate(_LETTERS)
+        plain = unicodedata.normalize("NFKD", plain)  # an umlaut becomes its letter and two dots
         plain = "".join(c for c in plain if not unicodedata.combining(c))
-        stem = re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_") or otherwise
+        stem = re.sub(r"[^A-Za-z0-9_-]+", "-", plain).strip("-_")[:longest].strip("-_") or otherwise
         stem = stem if stem[0].isalpha() else f"{otherwise}-{stem}"
         number = next(n for n in range(1, len(texts) + 1) if _numbered(stem, n) not in names)
         names.append(_numbered(stem, number))

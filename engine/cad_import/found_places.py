@@ -9,6 +9,7 @@ from engine.arrays import Array
 from engine.cad.cad_model import CadFace, CadPart
 from engine.cad.findings import FacingPlanes, NearMiss
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint
+from engine.cad_import.proposed_joints import least_clearance
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -79,14 +80,16 @@ def _joint(joint: FoundJoint) -> FoundPlace:
     pin, first = joint.pin, joint.pin.seats[0]
     plays = ", ".join(f"{flange.play:.4g}" for flange in joint.flanges)
     axial = f", axial play {plays} mm" if plays else " mm, free along its axis"
+    radii = [f"{seat.hole_radius:.6g} and {seat.pin_radius:.6g}" for seat in pin.seats]
+    least = least_clearance(pin)
     return FoundPlace(
         kind="joint",
         name=joint.name,
         parts=(pin.journal, pin.bearing),
         faces=tuple(dict.fromkeys(number for seat in pin.seats for number in (seat.hole, seat.pin))),
         between=f"{pin.journal} in {pin.bearing}",
-        radii=f"radii {first.hole_radius:.6g} and {first.pin_radius:.6g}",
-        sizes=f"clearance {pin.radial_clearance:.4g}{axial}",
+        radii=f"radii {', '.join(dict.fromkeys(radii))}",
+        sizes=f"clearance {pin.radial_clearance:.4g}{f' ({least})' if least else ''}{axial}",
         ends=pin.point + np.outer((first.start, pin.seats[-1].end), pin.axis),
         radius=first.hole_radius,
     )

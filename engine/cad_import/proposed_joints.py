@@ -8,6 +8,7 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad.cad_model import CadFace, SizeLimits
+from engine.cad.findings import PinInHole
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint
 from engine.cad_import.toml_lines import key_line, question
 from engine.mechanism.geometry.cad_table import AS_DRAWN
@@ -169,7 +170,14 @@ def _clearance_lines(found: FoundGeometry, joint: FoundJoint, in_numbers: bool) 
         hole = diameters["hole"].parameter if "hole" in diameters else f"{2 * seat.hole_radius:.9g}"
         pin = diameters["pin"].parameter if "pin" in diameters else f"{2 * seat.pin_radius:.9g}"
         return [key_line(key, f"({hole} - {pin}) / 2", f"{clearance:.6g} as drawn")]
-    return [key_line(key, clearance if in_numbers else AS_DRAWN, f"{clearance:.6g}")]
+    text = least_clearance(joint.pin) or f"{clearance:.6g}"
+    return [key_line(key, clearance if in_numbers else AS_DRAWN, text)]
+
+
+def least_clearance(pin: PinInHole) -> str:
+    """Return of which radial clearances that of a joint is the least; empty where they are all one."""
+    drawn = list(dict.fromkeys(f"{seat.hole_radius - seat.pin_radius:.4g}" for seat in pin.seats))
+    return f"the least of {', '.join(drawn[:-1])} and {drawn[-1]}, for all rings" if len(drawn) > 1 else ""
 
 
 def _flange_lines(joint: FoundJoint, stations: _Stations) -> list[str]:

@@ -15,7 +15,7 @@ from engine.cad_import.proposed_mechanism import proposed_mechanism
 from engine.cad_import.unloaded_directions import unloaded_directions
 from tests.engine.cad.ball_joints import BALL, SOCKET, ball_joint, cup, stem
 from tests.engine.cad.hinges import BORE, PIN, hinge, plate, stud
-from tests.engine.cad.step_files import box, cut
+from tests.engine.cad.step_files import box, cut, cylinder, fused
 
 
 def proposal(drawing, folder, **how):
@@ -82,6 +82,36 @@ def test_names_in_other_alphabets(tmp_path):
     found, path = proposal(hinge(names=names), tmp_path)
     assert found.bodies == {names[0]: "Flugel", names[1]: "part"}
     assert list(tomllib.loads(path.read_text("utf-8"))["joints"]) == ["part-Flugel"]
+
+
+def test_letters_that_have_no_marks_of_their_own(tmp_path):
+    """A sharp s and letters with a stroke or in one are written with plain letters."""
+    sharp, stroke = "\N{LATIN SMALL LETTER SHARP S}", "\N{LATIN SMALL LETTER O WITH STROKE}"
+    names = (f"gro{sharp}er Hebel", f"k{stroke}l \N{LATIN CAPITAL LETTER AE}")
+    found, _ = proposal(hinge(names=names), tmp_path)
+    assert list(found.bodies.values()) == ["grosser-Hebel", "kol-Ae"]
+
+
+def test_long_names_are_cut_off(tmp_path):
+    """Two parts whose long names begin alike have different names, and a joint that names both."""
+    found, path = proposal(hinge(names=("x" * 300 + "a", "x" * 300 + "b")), tmp_path)
+    first, second = found.bodies.values()
+    assert (first, second) == ("x" * 40, "x" * 40 + "-2")
+    assert list(tomllib.loads(path.read_text("utf-8"))["joints"]) == [f"{second}-{first}"]
+
+
+def test_a_stepped_pin_says_which_clearance_its_joint_has(tmp_path):
+    """Its joint has one clearance, the least that is drawn: both radii are printed, and what the other would be."""
+    lever = cut(
+        box((-15.0, -10.0, 0.0), (30.0, 20.0, 9.0)), cylinder((0, 0, -1), 3.04, 6), cylinder((0, 0, 4), 2.03, 9)
+    )
+    pin = fused(stud(3.0, 4.9), cylinder((0.0, 0.0, 4.9), 2.0, 5.0))
+    found, path = proposal(hinge(lever, pin), tmp_path)
+    place = found_places(found)[0]
+    assert place.radii == "radii 3.04 and 3, 2.03 and 2"
+    assert place.sizes.startswith("clearance 0.03 (the least of 0.04 and 0.03, for all rings), axial play")
+    lines = path.read_text("utf-8").splitlines()
+    assert any(each.startswith("radial_clearance = 0.03 ") and "the least of 0.04 and 0.03" in each for each in lines)
 
 
 def test_a_file_without_stops_names_none(tmp_path):
