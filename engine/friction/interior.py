@@ -5,7 +5,8 @@ problem is x o y = 0 in the second-order cones. The iterates stay inside the con
 (Mehrotra's predictor and corrector). At the scaling point W, W y = W^-1 x = l, the linearised condition is
 W^-1 dx + W dy = l^-1 o (...), hence dx = d - W^2 dy; and dy = D E du - miss with E the derivative of the shift
 mu |u_T|. With du = G dw + C dr, dr = (I + C A)^-1 (b - A G dw): one system in w remains, as in `newton`; the term E is
-what makes Coulomb's law not a convex problem.
+what makes Coulomb's law not a convex problem. Where the cones have cut a step short, the next direction takes a smaller
+share of E: that one is nearer to a convex problem's, which leads away from the boundary.
 """
 
 import numpy as np
@@ -19,13 +20,12 @@ from engine.jit import inner
 from engine.lanes import LANES, choose, larger, least, read, root, spread, total, write
 
 TO_BOUNDARY = 0.95
-STALL = 12  # steps without halving the residual
 TINY = 1e-300
 FAR = 1e3  # a longer step than so many times the direction is not asked for
 
 
 @inner
-def interior_point(nc, p, goal, inside, limit):
+def interior_point(nc, p, goal, inside, caution, effort):
     """Solve from the impulses given, moved inside the cones by ``inside`` times the load.
 
     Parameters
@@ -37,8 +37,10 @@ def interior_point(nc, p, goal, inside, limit):
     goal : Goal
     inside : float
         Share of the load.
-    limit : int
-        Largest number of steps.
+    caution : float
+        By how much a step of no length would lessen the share of E in the next direction; 0: Newton's direction always.
+    effort : Effort
+        The most steps, and the steps without halving the residual after which the method is given up.
 
     Returns
     -------
@@ -51,7 +53,7 @@ def interior_point(nc, p, goal, inside, limit):
         size = max(size, c.q[0, i] ** 2 + c.q[1, i] ** 2 + c.q[2, i] ** 2)
     finish(nc, p)
     _start(c, inside * np.sqrt(size))
-    best, stalled, iteration = np.inf, 0, 0
+    best, stalled, iteration, step = np.inf, 0, 0, 1.0
     while True:
         _to_impulses(c)
         finish(nc, p)
@@ -60,14 +62,15 @@ def interior_point(nc, p, goal, inside, limit):
         if reached < best:
             best = reached
             copy(c.r, c.best)
-        if not reached < np.inf or best <= goal.tolerance or iteration == limit or stalled > STALL:
+        if not reached < np.inf or best <= goal.tolerance or iteration == effort.most or stalled > effort.patience:
             break
         iteration += 1
-        gap = _scaled_system(nc, p)
+        slope = 1.0 - caution * (1.0 - step)
+        gap = _scaled_system(nc, p, slope)
         target = 0.0
         for corrected in range(2):
             _right_hand_side(c, target, corrected > 0)
-            step = min(1.0, (TO_BOUNDARY if corrected else 1.0) * _direction(nc, p))
+            step = min(1.0, (TO_BOUNDARY if corrected else 1.0) * _direction(nc, p, slope))
             if not corrected:
                 target = gap * min(max(_gap_after(c, step) / (nc * gap), 0.0), 1.0) ** 3
         for k in range(3):
@@ -109,8 +112,8 @@ def _to_impulses(c):
 
 
 @inner
-def _scaled_system(nc, p):
-    """Scale at the present point: write W, the misses and the factorised system; return the mean of x . y."""
+def _scaled_system(nc, p, slope):
+    """Scale here: write W, the misses and the factorised system with a share of E; return the mean of x . y."""
     c, gap = p.contacts, spread(0.0)
     for i in range(0, nc, LANES):
         mu, f = read(c.mu, i), 1 / larger(read(c.mu, i), 1.0)
@@ -119,7 +122,7 @@ def _scaled_system(nc, p):
         u0, u1, u2 = read(c.u[0], i), read(c.u[1], i), read(c.u[2], i)
         gap += choose(read(c.present, i) > 0.0, x0 * y0 + x1 * y1 + x2 * y2, 0.0)
         slip = root(u1 * u1 + u2 * u2)
-        t1, t2 = mu * u1 / larger(slip, TINY), mu * u2 / larger(slip, TINY)
+        t1, t2 = slope * mu * u1 / larger(slip, TINY), slope * mu * u2 / larger(slip, TINY)
         write(y0 - f * (u0 + mu * slip), c.miss[0], i)
         write(y1 - f * mu * u1, c.miss[1], i)
         write(y2 - f * mu * u2, c.miss[2], i)
@@ -217,7 +220,7 @@ def _right_hand_side(c, target, corrected):
 
 
 @inner
-def _direction(nc, p):
+def _direction(nc, p, slope):
     """Write dx and dy, into dr and du, for the right-hand sides b; return how far the cones allow to go."""
     c = p.contacts
     for i in range(0, nc, LANES):
@@ -242,7 +245,7 @@ def _direction(nc, p):
         d0 += give * (read(c.dr[0], i) - a0)
         d1 += give * (read(c.dr[1], i) - a1)
         d2 += give * (read(c.dr[2], i) - a2)
-        d0 += mu * (u1 * d1 + u2 * d2) / larger(root(u1 * u1 + u2 * u2), TINY)
+        d0 += slope * mu * (u1 * d1 + u2 * d2) / larger(root(u1 * u1 + u2 * u2), TINY)
         y0, y1, y2 = f * d0 - read(c.miss[0], i), f * mu * d1 - read(c.miss[1], i), f * mu * d2 - read(c.miss[2], i)
         z0, z1, z2 = _product(c.Q, i, y0, y1, y2)
         z0, z1, z2 = _product(c.Q, i, z0, z1, z2)

@@ -30,7 +30,7 @@ BALANCED = 1e-14  # share of the free motion's energy: forces are then good to 1
 REFINEMENTS = 2  # each reduces the unbalance to a share of the order of the compliance times its amplification
 ROUGH = 3.0  # times the tolerance: what the interior-point method reaches before rounding stops it
 INSIDE, NEAR = 0.1, 1e-4  # share of the load: how far inside the cones it starts, from nothing and with impulses given
-INTERIOR_STEPS = 60
+INTERIOR = Effort(0, 60, 12)
 # forces are as good as the residual divided by the compliance: 1e-9 would leave errors of 0.1 N
 LAST_DIGITS, POLISHING = 1e-13, Effort(1, 20, 5)
 
@@ -180,7 +180,7 @@ def _solve(nc, p, tolerance, given):
     rough = Goal(ROUGH * tolerance, goal.scale)
     for interior in range(0 if given else 1, 2 if nc > 0 else 0):
         if interior:
-            interior_point(nc, p, rough, NEAR if given else INSIDE, INTERIOR_STEPS)
+            interior_point(nc, p, rough, NEAR if given else INSIDE, 0.0, INTERIOR)
         _, reached, _ = newton(nc, p, goal, 0.0, 0.0, 0.0, POLISHING)
         if reached <= tolerance:
             finish(nc, p)  # short of its goal Newton leaves the bodies' velocities of where it began

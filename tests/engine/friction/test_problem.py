@@ -96,15 +96,17 @@ def test_hard_problems_are_solved_and_their_residual_is_the_true_one():
             natural_map_residual(problem, solution.r) <= 1.001 * solution.residual + 1e-9
         )  # rounding of large impulses
         assert solution.status != "infeasible"  # all of them have a solution
-    assert solved >= 57
+    assert solved >= 59
 
 
-@pytest.mark.parametrize("seed", [423, 1278])
+@pytest.mark.parametrize("seed", [1257, 1323])
 def test_places_behind_the_last_contact_do_not_end_the_interior_point_method(seed):
-    """31 and 69 contacts leave places in the lanes empty: with numbers of theirs in the residual both stay unsolved."""
+    """54 and 25 contacts leave places in the lanes empty: numbers of theirs in the residual cost 362 and 553 steps."""
     problem = hard_problem(seed)
     assert problem.mu.size % LANES
-    assert solve(problem).converged
+    solution = solve(problem)
+    assert solution.converged
+    assert solution.iterations < 250
 
 
 def test_what_overflows_is_not_called_solved():
