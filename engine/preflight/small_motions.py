@@ -157,35 +157,34 @@ def _joint_rows(assembly: Assembly) -> Array:
     acts = rows.acts.copy()
     rows.acts[:] = rows.phase[:, 0] if rows.phase.size else True
     row_violations(rows, state.x, state.R, at_pose.target[1], at_pose.violation, at_pose.point, at_pose.direction)
-    found = [
-        _row(state, rows.a[i], rows.b[i], -at_pose.direction[i], at_pose.point[i] if rows.kind[i] == 0 else None)
-        for i in range(len(rows.kind))
-    ]
+    found = _rows(state, (rows.a, rows.b), -at_pose.direction, at_pose.point, rows.kind != 0)
     rows.acts[:] = acts
-    return np.array(found).reshape(len(found), -1 if found else 6 * (len(state.x) - 1))
+    return found
 
 
 def _contact_rows(assembly: Assembly, state: State) -> Array:
     """Return the rows of the gaps of all contacts, shape (nc, 6 nb)."""
     contacts, sites = assembly.model.contacts, assembly.work.sites
     find_contacts(contacts, state.x, state.R, assembly.work.gap, sites.point, sites.frame)
-    found = [
-        _row(state, contacts.a[i], contacts.b[i], sites.frame[i, 0], sites.point[i]) for i in range(len(contacts.a))
-    ]
-    return np.array(found).reshape(len(found), -1 if found else 6 * (len(state.x) - 1))
+    return _rows(state, (contacts.a, contacts.b), sites.frame[:, 0], sites.point, np.zeros(len(contacts.a), bool))
 
 
-def _row(state: State, a: int, b: int, direction: Array, point: Array | None) -> Array:
-    """Return the row of the velocity of a relative to b along a direction at a point; without one, of their spin."""
+def _rows(
+    state: State, sides: tuple[Integers, Integers], direction: Array, point: Array, is_spin: NDArray[np.bool_]
+) -> Array:
+    """Return the rows of the velocity of bodies a relative to b along directions at points, shape (n, 6 nb).
+
+    Where `is_spin`, of shape (n,), they are the rows of the spin about the direction; the point is nothing to them.
+    """
     nb = len(state.x) - 1
-    row = np.zeros((nb, 2, 3))
-    for body, sign in ((a, 1.0), (b, -1.0)):
-        if body < nb and point is None:
-            row[body, 1] += sign * direction
-        elif body < nb:
-            row[body, 0] += sign * direction
-            row[body, 1] += sign * np.cross(point - state.x[body], direction)
-    return row.ravel()
+    rows = np.zeros((len(direction), nb, 2, 3))
+    for body, sign in zip(sides, (1.0, -1.0), strict=True):
+        at = np.flatnonzero(body < nb)
+        along, spins, moved = sign * direction[at], is_spin[at, None], body[at]
+        arm = np.where(spins, 0.0, point[at] - state.x[moved])
+        rows[at, moved, 0] += np.where(spins, 0.0, along)
+        rows[at, moved, 1] += np.where(spins, along, np.cross(arm, along))
+    return rows.reshape(len(direction), 6 * nb)
 
 
 def _rounds(assembly: Assembly, root: Array) -> tuple[Array, Integers]:
