@@ -142,7 +142,7 @@ def test_no_report(faked, campaign_file):
 def test_interrupt_says_how_to_go_on(faked, campaign_file, monkeypatch):
     """Ctrl-C exits 130 and prints the command that goes on; what is done is kept."""
 
-    def interrupted(*rest):
+    def interrupted(*rest, **options):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
