@@ -158,10 +158,11 @@ def _refuse_empty(found: "FoundGeometry", step_file: str) -> None:
     """Refuse a file of which no mechanism can be made."""
     from campaign.errors import SpecError
 
-    if len(found.assembly.parts) < 2:
+    parts = len(found.assembly.parts)
+    if parts < 2:
         raise SpecError(
-            f"{step_file}: holds {len(found.assembly.parts)} parts; allowed: two or more, one of them fixed; export the"
-            " assembly, not a single part"
+            f"{step_file}: holds {'one part' if parts else 'no parts'}; allowed: two or more, one of them fixed; export"
+            " the assembly, not a single part"
         )
 
 

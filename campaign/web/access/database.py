@@ -83,9 +83,9 @@ class Database:
         self._writing, self._reading = threading.RLock(), threading.Lock()
         try:
             path.touch(0o600)
-        except OSError as error:
+            self._connection = sqlite3.connect(path, timeout=BUSY, isolation_level=None, check_same_thread=False)
+        except (OSError, sqlite3.OperationalError) as error:  # such as a folder in its place
             raise self._unusable(error) from error
-        self._connection = sqlite3.connect(path, timeout=BUSY, isolation_level=None, check_same_thread=False)
         self._connection.row_factory = sqlite3.Row
         try:
             self._prepare()

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 from typing import Annotated, Any
 
 from fastapi import Query, Request
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, Field, field_validator
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response, StreamingResponse
 
@@ -15,7 +15,7 @@ from campaign.web.api.whose import TheCampaign
 from campaign.web.http.asking import Asking, TheService, Viewer
 from campaign.web.http.problems import Refusal, described
 from campaign.web.http.tagged import tagged
-from campaign.web.watch.entry import CampaignEntry
+from campaign.web.watch.entry import LISTED_STATES, CampaignEntry
 
 router = calls("campaigns")
 MOST_LISTED = 1000
@@ -44,9 +44,15 @@ class ListQuestion(BaseModel):
     search: str = Field("", max_length=200, description="Part of the id, title, owner, tags, or note")
     owner: str | None = Field(None, max_length=200)
     tag: list[str] = Field(default=[], max_length=20, description="Campaigns have all of these")
-    state: str | None = Field(None, max_length=40)
+    state: str | None = Field(None, pattern=f"^({'|'.join(LISTED_STATES)})$")
     archived: bool = Field(False, description="Also those that are archived")
     sort: str = Field("newest", pattern="^(newest|oldest|title|cpk|yield|state|owner)$")
+
+    @field_validator("state", mode="before")
+    @classmethod
+    def _empty_stands_for_all(cls, value: Any) -> Any:
+        """Return the state; a form sends what is not chosen as an empty text."""
+        return value or None
 
 
 _ORDERS: dict[str, tuple[Callable[[CampaignEntry], Any], bool]] = {  # key, and whether it falls

@@ -43,6 +43,14 @@ def _decoded(value: Any) -> bytes:
         raise ValueError(f"is not base64 ({error})") from error
 
 
+def _no_truth(value: Any) -> Any:
+    """Return what may be a number; JSON's true would count as 1."""
+    if isinstance(value, bool):
+        raise ValueError("must be a whole number, not true or false")
+    return value
+
+
+Number = Annotated[int, BeforeValidator(_no_truth)]
 FileContent = Annotated[bytes, BeforeValidator(_decoded), WithJsonSchema({"type": "string", "format": "byte"})]
 
 
@@ -54,8 +62,8 @@ class CampaignRequest(BaseModel):
     files: dict[str, FileContent] = Field(
         default={}, max_length=MOST_FILES, description="Content of each file that it names, in base64", examples=[{}]
     )
-    samples: int | None = Field(None, ge=1, le=100_000_000, description="Instead of those of the text")
-    seed: int | None = Field(None, ge=0, lt=2**63, description="Instead of that of the text")
+    samples: Number | None = Field(None, ge=1, le=100_000_000, description="Instead of those of the text")
+    seed: Number | None = Field(None, ge=0, lt=2**63, description="Instead of that of the text")
     owner: str | None = Field(None, max_length=200, description="By default who submits it")
     tags: list[str] = Field(default=[], max_length=50, examples=[["release-3"]])
 

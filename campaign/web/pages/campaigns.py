@@ -52,7 +52,7 @@ async def campaigns_page(
 def _chosen(question: ListQuestion) -> ListQuestion:
     """Return a question without what a form sends empty, which stands for all."""
     tags = [tag for tag in question.tag if tag]
-    return question.model_copy(update={"owner": question.owner or None, "state": question.state or None, "tag": tags})
+    return question.model_copy(update={"owner": question.owner or None, "tag": tags})
 
 
 async def frame(request: Request, service: TheService, campaign: str, who: Asking) -> dict[str, Any]:

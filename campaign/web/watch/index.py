@@ -11,6 +11,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from campaign.errors import CampaignError, unwritable
 from campaign.store import Store
 from campaign.web.watch.entry import CampaignEntry, entry_of
 
@@ -146,7 +147,11 @@ class CampaignIndex:
 def _opened(path: Path) -> sqlite3.Connection:
     """Open the file; one that is damaged, or of another format, is made anew."""
     for _ in range(2):
-        connection = sqlite3.connect(path, check_same_thread=False)
+        try:
+            path.touch()
+            connection = sqlite3.connect(path, check_same_thread=False)
+        except (OSError, sqlite3.OperationalError) as error:
+            raise _unusable(path, error) from error
         try:
             connection.execute("PRAGMA synchronous = OFF")  # after a loss of power it is made anew
             if connection.execute("PRAGMA user_version").fetchone()[0] == FORMAT:
@@ -160,4 +165,14 @@ def _opened(path: Path) -> sqlite3.Connection:
         except sqlite3.DatabaseError:
             connection.close()
             path.unlink(missing_ok=True)
-    raise sqlite3.DatabaseError(f"{path}: cannot be made")
+    raise _unusable(path)
+
+
+def _unusable(path: Path, error: Exception | None = None) -> CampaignError:
+    """Return what to say of an index that can be neither read nor made."""
+    why = f" ({error})" if error else ""
+    return unwritable(
+        f"{path}: this index of the campaigns can be neither read nor made{why}; remove it and see that its disk can be"
+        " written, then start the server again",
+        error,
+    )

@@ -64,6 +64,14 @@ def test_question(question, ids):
     assert [entry.campaign for entry, _ in listed(_entries(), ListQuestion(**question))] == [f"c-{i}" for i in ids]
 
 
+def test_unknown_state_is_refused(client, as_user):
+    """It would find nothing, which reads as if there were none; what a form sends empty stands for all."""
+    headers = as_user("viewer")
+    answer = client.get(API, params={"state": "done"}, headers=headers)
+    assert (answer.status_code, "completed" in answer.text) == (422, True)
+    assert client.get(API, params={"state": ""}, headers=headers).json()["total"] == 1
+
+
 @pytest.fixture
 def two_more(store, campaign):
     """Add two campaigns to the store."""

@@ -130,6 +130,14 @@ def test_saved_mechanism_is_named(computing):
     assert submit(computing, named("saved", SPEC.replace('"c60"', '"latch"'))).status_code == 201
 
 
+@pytest.mark.parametrize("field", ["samples", "seed"])
+def test_true_is_no_number(computing, field):
+    _, client, headers = computing
+    body = {"text": named("true"), field: True}
+    answer = client.post("/api/v1/campaigns", json=body, headers=headers["engineer"])
+    assert (answer.status_code, "not true or false" in answer.text) == (422, True)
+
+
 def test_same_key_same_answer(computing):
     """Sent twice, also after the campaign exists; another content is refused; a refused one may be corrected."""
     _, client, headers = computing

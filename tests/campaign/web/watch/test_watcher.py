@@ -10,6 +10,7 @@ import pytest
 
 from campaign.coordinator.lease import hold_lease
 from campaign.coordinator.state import close_campaign, write_state
+from campaign.errors import SpecError
 from campaign.plan import make_plan
 from campaign.spec.load import load_campaign
 from campaign.store import open_store
@@ -92,6 +93,12 @@ def test_index_is_kept_and_can_be_deleted(store, plan, index, exact, tmp_path):
     new.refresh(store, change_tokens(store))
     assert list(new.entries()) == list(index.entries())
     new.close()
+
+
+def test_folder_in_place_of_the_index_is_named(tmp_path):
+    (tmp_path / "index.sqlite").mkdir()
+    with pytest.raises(SpecError, match=r"index\.sqlite: this index of the campaigns .* remove it"):
+        CampaignIndex(tmp_path / "index.sqlite")
 
 
 def test_full_disk_does_not_stop_the_index(store, plan, index, exact, tmp_path):
