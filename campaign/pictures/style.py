@@ -1,5 +1,6 @@
 """How pictures look: colours that colour-blind readers can tell apart, never without a second mark."""
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -38,12 +39,14 @@ def styled(**more: Any) -> Iterator[None]:
     """Draw in this style, with further settings, and otherwise as matplotlib does by default.
 
     A file ``matplotlibrc`` in the current folder, which anybody may have put there, has no say: it could even name the
-    program that writes animations.
+    program that writes animations. Letters that matplotlib's fonts lack are no cause for a warning: in SVG the
+    reader's browser draws all text, and in a GIF a box stands for each.
     """
     import matplotlib
 
     settings: Any = {**STYLE, **more}
-    with matplotlib.rc_context():
+    with matplotlib.rc_context(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"Glyph .* missing from (current )?font", UserWarning)
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(settings)
         yield
