@@ -188,7 +188,7 @@ def test_manifest_that_is_no_file_costs_time_only(store, plan, caplog):
 def test_plan_that_is_gone(store):
     """A folder that somebody has removed is named, with the remedy."""
     with pytest.raises(StoreError, match=r"has no demo-0000000000/plan\.json; it was deleted, or restore it"):
-        store.plan("demo-0000000000")
+        store.hasty.plan("demo-0000000000")
 
 
 def test_no_link_leads_out_of_a_store(store, plan, tmp_path):
