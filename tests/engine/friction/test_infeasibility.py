@@ -113,6 +113,11 @@ def test_what_has_no_solution_is_infeasible_with_a_certificate_that_holds():
         judge_infeasible(seed)
 
 
+def test_an_approach_that_huge_velocities_hide_is_still_infeasible():
+    """Impulses of 1e8 make the bodies 400 times as quick as q: relative to that, an approach of 1e-4 of q is small."""
+    judge_infeasible(199)
+
+
 @pytest.mark.slow
 def test_a_thousand_of_each_kind():
     """As above, many more."""
