@@ -5,9 +5,15 @@ problem is x o y = 0 in the second-order cones. The iterates stay inside the con
 (Mehrotra's predictor and corrector). At the scaling point W, W y = W^-1 x = l, the linearised condition is
 W^-1 dx + W dy = l^-1 o (...), hence dx = d - W^2 dy; and dy = D E du - miss with E the derivative of the shift
 mu |u_T|. With du = G dw + C dr, dr = (I + C A)^-1 (b - A G dw): one system in w remains, as in `newton`; the term E is
-what makes Coulomb's law not a convex problem. Where the cones have cut a step short, the next direction takes a smaller
-share of E: that one is nearer to a convex problem's, which leads away from the boundary.
+what makes Coulomb's law not a convex problem.
+
+Two things lead a careful pace past the folds where that ends other methods. A share of the shift counts at first, none
+at the start: without it the problem is convex, with one solution, which interior-point methods find from anywhere, and
+from which the iterates follow as the share grows. And where the cones have cut a step short, the next direction takes a
+smaller share of E: that one is nearer to the convex problem's, which leads away from the boundary.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,13 +25,24 @@ from engine.friction.cone import residual
 from engine.jit import inner
 from engine.lanes import LANES, choose, larger, least, read, root, spread, total, write
 
-TO_BOUNDARY = 0.95
 TINY = 1e-300
 FAR = 1e3  # a longer step than so many times the direction is not asked for
 
 
+class Pace(NamedTuple):
+    """How boldly the method goes from the convex problem to Coulomb's."""
+
+    share: float  # of the shift mu |u_T| that counts in the first step
+    rise: float  # of that share after a step of full length
+    caution: float  # by how much a step of no length would lessen the share of E in the next direction
+    reach: float  # share of the way to the boundary of the cones that a step may go
+
+
+BOLD = Pace(1.0, 0.0, 0.0, 0.95)  # Newton's direction always: few steps from impulses near the solution
+
+
 @inner
-def interior_point(nc, p, goal, inside, caution, effort):
+def interior_point(nc, p, goal, inside, pace, effort):
     """Solve from the impulses given, moved inside the cones by ``inside`` times the load.
 
     Parameters
@@ -37,10 +54,10 @@ def interior_point(nc, p, goal, inside, caution, effort):
     goal : Goal
     inside : float
         Share of the load.
-    caution : float
-        By how much a step of no length would lessen the share of E in the next direction; 0: Newton's direction always.
+    pace : Pace
     effort : Effort
-        The most steps, and the steps without halving the residual after which the method is given up.
+        The most steps, and the steps without halving the residual after which the method is given up, once the whole
+        shift counts.
 
     Returns
     -------
@@ -48,29 +65,31 @@ def interior_point(nc, p, goal, inside, caution, effort):
     residual : float
         The smallest one reached.
     """
-    c, size = p.contacts, 0.0
+    c, size, share = p.contacts, 0.0, pace.share
     for i in range(nc):
         size = max(size, c.q[0, i] ** 2 + c.q[1, i] ** 2 + c.q[2, i] ** 2)
     finish(nc, p)
-    _start(c, inside * np.sqrt(size))
+    _start(c, inside * np.sqrt(size), share)
     best, stalled, iteration, step = np.inf, 0, 0, 1.0
     while True:
         _to_impulses(c)
         finish(nc, p)
         reached = residual(c, goal.scale)
-        stalled = 0 if reached < 0.5 * best else stalled + 1
+        stalled = 0 if reached < 0.5 * best or share < 1.0 else stalled + 1
         if reached < best:
             best = reached
             copy(c.r, c.best)
         if not reached < np.inf or best <= goal.tolerance or iteration == effort.most or stalled > effort.patience:
             break
+        if iteration > 0:
+            share = min(1.0, share + pace.rise * step)
         iteration += 1
-        slope = 1.0 - caution * (1.0 - step)
-        gap = _scaled_system(nc, p, slope)
+        slope = share * (1.0 - pace.caution * (1.0 - step))
+        gap = _scaled_system(nc, p, share, slope)
         target = 0.0
         for corrected in range(2):
             _right_hand_side(c, target, corrected > 0)
-            step = min(1.0, (TO_BOUNDARY if corrected else 1.0) * _direction(nc, p, slope))
+            step = min(1.0, (pace.reach if corrected else 1.0) * _direction(nc, p, slope))
             if not corrected:
                 target = gap * min(max(_gap_after(c, step) / (nc * gap), 0.0), 1.0) ** 3
         for k in range(3):
@@ -83,8 +102,8 @@ def interior_point(nc, p, goal, inside, caution, effort):
 
 
 @inner
-def _start(c, inside):
-    """Write the first x and y, both inside the cones."""
+def _start(c, inside, share):
+    """Write the first x and y, both inside the cones; y with a share of the shift."""
     for i in range(0, c.mu.shape[0], LANES):
         mu, s, f = read(c.mu, i), read(c.scale, i), 1 / larger(read(c.mu, i), 1.0)
         u0, u1, u2 = read(c.u[0], i), read(c.u[1], i), read(c.u[2], i)
@@ -95,7 +114,7 @@ def _start(c, inside):
         write(inside + larger(x0, root(x1 * x1 + x2 * x2)), c.x[0], i)
         write(x1, c.x[1], i)
         write(x2, c.x[2], i)
-        write(inside + larger(f * (u0 + slip), f * slip), c.y[0], i)
+        write(inside + larger(f * (u0 + share * slip), f * slip), c.y[0], i)
         write(f * mu * u1, c.y[1], i)
         write(f * mu * u2, c.y[2], i)
 
@@ -112,8 +131,8 @@ def _to_impulses(c):
 
 
 @inner
-def _scaled_system(nc, p, slope):
-    """Scale here: write W, the misses and the factorised system with a share of E; return the mean of x . y."""
+def _scaled_system(nc, p, share, slope):
+    """Scale here: write W, the misses and the factorised system, with shares of the shift and E; return mean x . y."""
     c, gap = p.contacts, spread(0.0)
     for i in range(0, nc, LANES):
         mu, f = read(c.mu, i), 1 / larger(read(c.mu, i), 1.0)
@@ -123,7 +142,7 @@ def _scaled_system(nc, p, slope):
         gap += choose(read(c.present, i) > 0.0, x0 * y0 + x1 * y1 + x2 * y2, 0.0)
         slip = root(u1 * u1 + u2 * u2)
         t1, t2 = slope * mu * u1 / larger(slip, TINY), slope * mu * u2 / larger(slip, TINY)
-        write(y0 - f * (u0 + mu * slip), c.miss[0], i)
+        write(y0 - f * (u0 + share * mu * slip), c.miss[0], i)
         write(y1 - f * mu * u1, c.miss[1], i)
         write(y2 - f * mu * u2, c.miss[2], i)
         w00, w01, w02, w11, w12, w22 = _scaling(x0, x1, x2, y0, y1, y2)

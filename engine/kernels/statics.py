@@ -6,7 +6,7 @@ digits. So the impulses follow from the pose alone, not from its history.
 
 from engine.friction.arrays import CONVERGED, NOT_CONVERGED, Effort, Goal, finish, give_contacts, square, take_contacts
 from engine.friction.blocks import BODY, ROW
-from engine.friction.interior import interior_point
+from engine.friction.interior import BOLD, interior_point
 from engine.friction.newton import newton
 from engine.friction.solver import solve_friction
 from engine.jit import inner, kernel
@@ -180,7 +180,7 @@ def _solve(nc, p, tolerance, given):
     rough = Goal(ROUGH * tolerance, goal.scale)
     for interior in range(0 if given else 1, 2 if nc > 0 else 0):
         if interior:
-            interior_point(nc, p, rough, NEAR if given else INSIDE, 0.0, INTERIOR)
+            interior_point(nc, p, rough, NEAR if given else INSIDE, BOLD, INTERIOR)
         _, reached, _ = newton(nc, p, goal, 0.0, 0.0, 0.0, POLISHING)
         if reached <= tolerance:
             finish(nc, p)  # short of its goal Newton leaves the bodies' velocities of where it began

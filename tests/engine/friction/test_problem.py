@@ -99,6 +99,12 @@ def test_hard_problems_are_solved_and_their_residual_is_the_true_one():
     assert solved >= 59
 
 
+@pytest.mark.parametrize("seed", [10704, 11137, 11292, 11505, 11604])
+def test_the_convex_problem_leads_where_smoothing_ends_at_a_fold(seed):
+    """With the whole of mu |u_T| from the first step on, no weight and no beginning solved these."""
+    assert solve(hard_problem(seed)).converged
+
+
 @pytest.mark.parametrize("seed", [1257, 1323])
 def test_places_behind_the_last_contact_do_not_end_the_interior_point_method(seed):
     """54 and 25 contacts leave places in the lanes empty: numbers of theirs in the residual cost 362 and 553 steps."""
