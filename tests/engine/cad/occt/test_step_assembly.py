@@ -12,8 +12,10 @@ from OCP.BRepPrimAPI import BRepPrimAPI_MakeSphere
 from OCP.gp import gp_Pnt
 from OCP.TopoDS import TopoDS_Compound
 
+from engine.cad.occt import mass_properties
 from engine.cad.occt.step_assembly import read_assembly
 from tests.engine.cad import latch
+from tests.engine.cad.hinges import as_splines
 from tests.engine.cad.spline_shapes import elliptic_cam
 from tests.engine.cad.step_files import Drawing, box, cylinder, cylindrical, fused, place
 
@@ -82,6 +84,26 @@ def test_solids_with_knots_inside_their_faces(read):
     np.testing.assert_allclose(solid.centre, centre, rtol=1e-8)
     assert solid.inertia[2, 2] == pytest.approx(polar, rel=1e-8)
     assert solid.relative_error < 1e-8
+
+
+def test_the_integration_that_takes_minutes_is_left_to_what_cannot_be_cut(read, monkeypatch):
+    """A ball and a rod, approximated by splines to 1e-6: Kronrod's inertia takes 90 s and 10 s for them."""
+    by_kronrod = mass_properties._by_kronrod
+
+    def without_inertia(solid, inertia):
+        assert not inertia
+        return by_kronrod(solid, inertia)
+
+    monkeypatch.setattr(mass_properties, "_by_kronrod", without_inertia)
+    made = Drawing()
+    top = made.assembly("top")
+    made.add(top, made.product("ball", as_splines(BRepPrimAPI_MakeSphere(10.0).Shape())))
+    made.add(top, made.product("rod", as_splines(cylinder((0.0, 0.0, 0.0), 3.0, 8.0))))
+    ball, rod = (part.solids[0] for part in read(made).parts)
+    assert ball.volume == pytest.approx(4 / 3 * pi * 10**3, rel=1e-5)
+    assert ball.inertia[0, 0] == pytest.approx(0.4 * ball.volume * 10**2, rel=1e-5)
+    assert rod.volume == pytest.approx(pi * 3**2 * 8, rel=1e-5)
+    assert rod.inertia[2, 2] == pytest.approx(0.5 * rod.volume * 3**2, rel=1e-5)
 
 
 def test_a_part_of_two_solids(read):
