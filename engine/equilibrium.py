@@ -89,8 +89,9 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
     Returns
     -------
     (nc, 3) array or None
-        Forces (N, T1, T2); ``work.chosen`` holds the numbers of the contacts that touch, then -1. None if the contacts that touch cannot hold the loads: the twists of the bodies are then
-        those with which they begin to move, of any size, or zero if the forces were not found.
+        Forces (N, T1, T2); ``work.chosen`` holds the numbers of the contacts that touch, then -1. None if the contacts
+        that touch cannot hold the loads: the twists of the bodies are then those with which they begin to move, of any
+        size, or zero if the forces were not found.
     """
     h *= 1e-3  # so short that the free motion of an unloaded step has no gyroscopic part
     status, nc = hold_loads(assembly.arrays, phase, t, h, touching_gap)

@@ -199,7 +199,7 @@ def on_solid(contacts, x, R, i, kind, point, frame):
         gap, n_rho, n_z = section(gb, rho, height)
         if searched:
             n_rho, n_z = outward * np.sqrt(max(1.0 - normal[2] ** 2, 0.0)), normal[2]
-        if rho <= max(CENTRED * abs(gap), NOWHERE):  # on the axis any direction is the nearest one; take one tied to the solid
+        if rho <= max(CENTRED * abs(gap), NOWHERE):  # on the axis: any direction is the nearest one, take the solid's
             D, rho = t, 1.0
     N, T1 = frame[0], frame[1]
     for k in range(3):

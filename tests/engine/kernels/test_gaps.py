@@ -237,7 +237,8 @@ def test_rounding_chooses_no_direction(a, b, at, turn, gap):
     rng, contact, poses = np.random.default_rng(5), made(a, b), placed(at, turn=turn)
     _, point, frame = found(contact, poses)
     for size in (0.0, 1e-17, 1e-14):
-        moved = placed(np.array(at) + size * rng.normal(size=3), turn=Rotation.from_rotvec(size * rng.normal(size=3)) * turn)
+        away, tilt = size * rng.normal(size=(2, 3))
+        moved = placed(np.array(at) + away, turn=Rotation.from_rotvec(tilt) * turn)
         whole, shift = Rotation.random(random_state=rng).as_matrix(), 10 * rng.normal(size=3)
         view = Poses(tuple(x @ whole.T + shift for x in moved.x), tuple(whole @ R for R in moved.R))
         _, there, turned = found(contact, view)
