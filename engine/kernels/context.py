@@ -59,5 +59,5 @@ class StepResult(NamedTuple):
     contact: int  # number of the contact with that penetration, or with the largest residual if not converged; -1: none
     violation: float  # largest joint violation left
     created: float  # energy that contacts and projection created; negative: they took some
-    speed: float  # relative speed of the fastest contact point
+    speed: float  # of the fastest body at the end of the step, see `motion.fastest_body`
     iterations: int  # of the friction solver

@@ -41,7 +41,7 @@ class Course(NamedTuple):
     # (12,) int64. STEPS: all that were tried; ACCEPTED: those that count; CONTACT: the worst one of the last step;
     # SLOW: whether all bodies were slow at the end of the last step; SHORTENED: whether it was repeated
     counts: np.ndarray
-    # (14,). FASTEST: speed of a contact point in the last step; LONGEST: the longest step allowed in the phase at
+    # (14,). FASTEST: speed of the fastest body in the last step, see `motion.fastest_body`; LONGEST: the longest step allowed in the phase at
     # present; SLOW_TIME: simulated time spent slow with it; PAUSE: time for which nothing has moved, -1 before a
     # phase's first step; MOST_CREATED, ALL_CREATED: energy that a step created, that all steps created; PEAK_KINETIC:
     # largest kinetic energy so far, at least that of all bodies as fast as what is called slow; LATELY_CREATED: energy
@@ -157,7 +157,7 @@ def _event_happened(phases, phase, values):
 def _next_step_length(control, course):
     """Return the length of the next step.
 
-    It is at most twice the last one, and halved until the fastest contact point moves little enough in it. The last
+    It is at most twice the last one, and halved until the fastest body moves little enough in it. The last
     one of a phase ends with it: what is left after a step, if less than half a step, belongs to that step.
     """
     n, now = course.counts, course.reals
