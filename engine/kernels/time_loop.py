@@ -41,11 +41,11 @@ class Course(NamedTuple):
     # (12,) int64. STEPS: all that were tried; ACCEPTED: those that count; CONTACT: the worst one of the last step;
     # SLOW: whether all bodies were slow at the end of the last step; SHORTENED: whether it was repeated
     counts: np.ndarray
-    # (14,). FASTEST: speed of the fastest body in the last step, see `motion.fastest_body`; LONGEST: the longest step allowed in the phase at
-    # present; SLOW_TIME: simulated time spent slow with it; PAUSE: time for which nothing has moved, -1 before a
-    # phase's first step; MOST_CREATED, ALL_CREATED: energy that a step created, that all steps created; PEAK_KINETIC:
-    # largest kinetic energy so far, at least that of all bodies as fast as what is called slow; LATELY_CREATED: energy
-    # that steps created since LONGEST was set
+    # (14,). FASTEST: speed of the fastest body in the last step, see `motion.fastest_body`; LONGEST: the longest step
+    # allowed in the phase at present; SLOW_TIME: simulated time spent slow with it; PAUSE: time for which nothing has
+    # moved, -1 before a phase's first step; MOST_CREATED, ALL_CREATED: energy that a step created, that all steps
+    # created; PEAK_KINETIC: largest kinetic energy so far, at least that of all bodies as fast as what is called slow;
+    # LATELY_CREATED: energy that steps created since LONGEST was set
     reals: np.ndarray
 
 
