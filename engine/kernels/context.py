@@ -47,7 +47,7 @@ class StepContext(NamedTuple):
     t: float  # time at the start of the step, since the start of the run
     h: float  # length of the step
     theta: float  # share of the step after the instant of loads and contacts: 1/2 is second order, 1 damps
-    bounces: bool  # whether restitution counts
+    bounce: float  # share of the coefficients of restitution that counts
 
 
 class StepResult(NamedTuple):
