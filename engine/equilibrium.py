@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from engine.arrays import Array, Integers, copied
+from engine.arrays import Array, copied
 from engine.assembly import Assembly
 from engine.friction.arrays import dense_rows
 from engine.friction.indeterminacy import force_ranges
@@ -89,8 +89,9 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
     Returns
     -------
     (nc, 3) array or None
-        Forces (N, T1, T2). None if the contacts that touch cannot hold the loads: the twists of the bodies are then
-        those with which they begin to move, of any size, or zero if the forces were not found.
+        Forces (N, T1, T2); ``work.chosen`` holds the numbers of the contacts that touch, then -1. None if the contacts
+        that touch cannot hold the loads: the twists of the bodies are then those with which they begin to move, of any
+        size, or zero if the forces were not found.
     """
     h *= 1e-3  # so short that the free motion of an unloaded step has no gyroscopic part
     status, nc = hold_loads(assembly.arrays, phase, t, h, touching_gap)
@@ -98,6 +99,7 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
         assembly.state.v[:] = 0.0
     elif status != HELD:
         return None
+    assembly.work.chosen[nc:] = -1
     touching, forces = assembly.work.chosen[:nc], np.zeros_like(assembly.state.r)
     forces[touching] = assembly.work.u[touching] / h
     return forces
@@ -124,6 +126,8 @@ def _balance_is_near(assembly: Assembly, phase: int, t: float, length: float) ->
 def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) -> list[tuple[float, float]]:
     """Return the least and the largest normal force of some contacts among all forces with the same balance.
 
+    All contacts that touch may carry forces, also those that carry none among the known ones.
+
     Parameters
     ----------
     assembly : Assembly
@@ -138,25 +142,24 @@ def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) ->
     list of (least, largest)
         The largest is inf where friction wedges: see `engine.friction.indeterminacy`.
     """
-    pressed = np.flatnonzero(forces[:, 0] > 0)
-    place = {int(contact): j for j, contact in enumerate(pressed)}
+    touching = assembly.work.chosen[assembly.work.chosen >= 0]
+    place = {int(contact): j for j, contact in enumerate(touching)}
     asked = [place[contact] for contact in wanted if contact in place]
-    if not asked:
+    if not asked or not forces.any():
         return [(0.0, 0.0) for _ in wanted]
-    rows = (assembly.work.chosen == pressed[:, None]).argmax(axis=1)  # where the problem has them: it is in order
-    H = _balance(assembly, rows)
-    ranges = iter(force_ranges(H, assembly.model.laws.mu[pressed], forces[pressed].ravel(), asked))
+    H = _balance(assembly, touching.size)
+    ranges = iter(force_ranges(H, assembly.model.laws.mu[touching], forces[touching].ravel(), asked))
     return [next(ranges) if contact in place else (0.0, 0.0) for contact in wanted]
 
 
-def _balance(assembly: Assembly, chosen: Integers) -> Array:
-    """Return the effect on the bodies of forces at some contacts of the friction problem, less what joints hold.
+def _balance(assembly: Assembly, count: int) -> Array:
+    """Return the effect on the bodies of forces at the contacts of the friction problem, less what joints hold.
 
-    Rows (N, T1, T2) each, shape (3 contacts, n), in the mass metric.
+    Rows (N, T1, T2) each, shape (3 count, n), in the mass metric.
     """
     rows, system, n = assembly.problem.rows, assembly.problem.bilateral, assembly.problem.w.size
-    H = np.zeros((3 * chosen.size, n))
-    effect_on_bodies(rows, chosen, H)
+    H = np.zeros((3 * count, n))
+    effect_on_bodies(rows, np.arange(count), H)
     if not len(system.J):
         return H
     with one_thread():

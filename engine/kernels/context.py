@@ -47,7 +47,7 @@ class StepContext(NamedTuple):
     t: float  # time at the start of the step, since the start of the run
     h: float  # length of the step
     theta: float  # share of the step after the instant of loads and contacts: 1/2 is second order, 1 damps
-    bounces: bool  # whether restitution counts
+    bounce: float  # share of the coefficients of restitution that counts
 
 
 class StepResult(NamedTuple):
@@ -59,5 +59,5 @@ class StepResult(NamedTuple):
     contact: int  # number of the contact with that penetration, or with the largest residual if not converged; -1: none
     violation: float  # largest joint violation left
     created: float  # energy that contacts and projection created; negative: they took some
-    speed: float  # relative speed of the fastest contact point
+    speed: float  # of the fastest body at the end of the step, see `motion.fastest_body`
     iterations: int  # of the friction solver

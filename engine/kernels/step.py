@@ -40,7 +40,7 @@ def step(context):
     -------
     StepResult
     """
-    model, state, work, problem, control, phase, t, h, theta, bounces = context
+    model, state, work, problem, control, phase, t, h, theta, bounce = context
     bodies, contacts, laws, bilateral = model.bodies, model.contacts, model.laws, model.bilateral
     before, after, plain = (1 - theta) * h, theta * h, control.plain  # the impulses act between these two parts
     save_start(state, work.start)
@@ -64,8 +64,8 @@ def step(context):
     # impulses at the contacts of that pose; the active set grows until no contact is driven into penetration
     body_speeds(work.free, work.broad_phase.speed)
     find_near_contacts(contacts, state, work.broad_phase, work.sites, after, 0.0, work.gap)
-    free_relative_velocities(contacts, laws, state, work, after, plain, bounces)
-    first_active_set(laws, state, work, after, plain, bounces)
+    free_relative_velocities(contacts, laws, state, work, after, plain, bounce)
+    first_active_set(laws, state, work, after, plain, bounce)
     if plain:
         move(state, after)
         look_at_active_contacts(contacts, state, work)
@@ -81,7 +81,7 @@ def step(context):
         if status != CONVERGED:
             contact = worst_contact(problem, work.chosen, nc)
             return StepResult(status, residual, 0.0, contact, 0.0, 0.0, fastest, iterations)
-        if plain or grow_active_set(contacts, laws, state, work, after, growth >= ALONE, bounces) == 0:
+        if plain or grow_active_set(contacts, laws, state, work, after, growth >= ALONE, bounce) == 0:
             break
     fastest = fastest_body(bodies, state.v)
     created = work_of_contacts(bodies, contacts, state, work, problem, nc, theta, plain)

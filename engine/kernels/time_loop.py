@@ -18,6 +18,7 @@ from engine.kernels.step import step
 
 HALVINGS = 4
 CREATED = 1e-3  # share of the largest kinetic energy so far that a step may create
+LESS_BOUNCE, LEAST_BOUNCE = 0.8, 0.1  # factor of the restitution of a step that creates more; below the second none
 MUCH_CREATED = 0.1  # share of it that steps may create together before the longest step is halved
 ROUNDING = 1e-6  # share of a step that the sum of all steps may be off
 
@@ -41,11 +42,11 @@ class Course(NamedTuple):
     # (12,) int64. STEPS: all that were tried; ACCEPTED: those that count; CONTACT: the worst one of the last step;
     # SLOW: whether all bodies were slow at the end of the last step; SHORTENED: whether it was repeated
     counts: np.ndarray
-    # (14,). FASTEST: speed of a contact point in the last step; LONGEST: the longest step allowed in the phase at
-    # present; SLOW_TIME: simulated time spent slow with it; PAUSE: time for which nothing has moved, -1 before a
-    # phase's first step; MOST_CREATED, ALL_CREATED: energy that a step created, that all steps created; PEAK_KINETIC:
-    # largest kinetic energy so far, at least that of all bodies as fast as what is called slow; LATELY_CREATED: energy
-    # that steps created since LONGEST was set
+    # (14,). FASTEST: speed of the fastest body in the last step, see `motion.fastest_body`; LONGEST: the longest step
+    # allowed in the phase at present; SLOW_TIME: simulated time spent slow with it; PAUSE: time for which nothing has
+    # moved, -1 before a phase's first step; MOST_CREATED, ALL_CREATED: energy that a step created, that all steps
+    # created; PEAK_KINETIC: largest kinetic energy so far, at least that of all bodies as fast as what is called slow;
+    # LATELY_CREATED: energy that steps created since LONGEST was set
     reals: np.ndarray
 
 
@@ -62,7 +63,8 @@ def run_to_end(arrays, control, course, rows, every, stop):
 
     A step whose friction problem or projection is not solved is repeated with half its length, ``HALVINGS`` times and
     down to that many halvings of the shortest step. So is one that creates more than ``CREATED`` of the largest kinetic
-    energy so far, except in the plain scheme; but the shortest such step counts.
+    energy so far, except in the plain scheme. Where the shortest such step still does, it is repeated with less
+    restitution, down to none; then it counts.
 
     Parameters
     ----------
@@ -80,6 +82,9 @@ def run_to_end(arrays, control, course, rows, every, stop):
     """
     model, state, work, _ = arrays
     n, now, phases = course.counts, course.reals, model.phases.duration.shape[0]
+    restitution = 0.0
+    for i in range(model.laws.restitution.shape[0]):
+        restitution = max(restitution, model.laws.restitution[i])
     n[STATUS] = OK
     if n[PHASE] < 0:
         now[PEAK_KINETIC] = 0.5 * np.sum(model.bodies.mass) * control.slow**2
@@ -103,7 +108,7 @@ def run_to_end(arrays, control, course, rows, every, stop):
         theta = 1.0 if n[SLOW] != 0 else control.theta
         rate = model.phases.damping[n[PHASE]]
         _scale_impulses(state.r, impulse_time(rate, now[STEP]) / before)
-        _advance(arrays, control, course, theta)
+        _advance(arrays, control, course, theta, 1.0 if restitution > 0.0 and n[SLOW] == 0 else 0.0)
         _scale_impulses(state.r, now[STEP] / impulse_time(rate, now[STEP]))  # forces act for the whole step
         n[ACCEPTED] += 1
         if n[STATUS] == OK and stop[0] != 0:
@@ -157,7 +162,7 @@ def _event_happened(phases, phase, values):
 def _next_step_length(control, course):
     """Return the length of the next step.
 
-    It is at most twice the last one, and halved until the fastest contact point moves little enough in it. The last
+    It is at most twice the last one, and halved until the fastest body moves little enough in it. The last
     one of a phase ends with it: what is left after a step, if less than half a step, belongs to that step.
     """
     n, now = course.counts, course.reals
@@ -170,17 +175,19 @@ def _next_step_length(control, course):
 
 
 @inner
-def _advance(arrays, control, course, theta):
-    """Make one step, repeated with half its length while it is not solved or creates energy, and judge it."""
+def _advance(arrays, control, course, theta, bounce):
+    """Make one step, repeated with half its length while it is not solved or creates energy, and judge it.
+
+    Newton's impact law with friction can create energy however short the step is (Kane's paradox): then the share
+    ``bounce`` of the coefficients of restitution falls.
+    """
     model, state, work, problem = arrays
-    n, now, attempt, shortest = course.counts, course.reals, 0, 0.5**HALVINGS * control.step
+    n, now, attempt, halved, shortest = course.counts, course.reals, 0, 0, 0.5**HALVINGS * control.step
     endless = 0.5**HALVINGS * shortest
     n[SHORTENED] = 0
     peak = max(now[PEAK_KINETIC], kinetic_energy(model.bodies, state.v))
     while True:
-        done = step(
-            StepContext(model, state, work, problem, control, n[PHASE], now[TIME], now[STEP], theta, n[SLOW] == 0)
-        )
+        done = step(StepContext(model, state, work, problem, control, n[PHASE], now[TIME], now[STEP], theta, bounce))
         n[STEPS] += 1
         n[ITERATIONS] += done.iterations
         now[FASTEST] = done.speed
@@ -188,17 +195,21 @@ def _advance(arrays, control, course, theta):
         within = done.penetration <= control.penetration and done.violation <= control.violation
         solved = done.status == CONVERGED and within
         created_little = control.plain or done.created <= CREATED * now[PEAK_KINETIC]
-        if solved and (created_little or now[STEP] < 1.5 * shortest):
+        if solved and (created_little or (now[STEP] < 1.5 * shortest and bounce == 0.0)):
             break
         n[REPEATED] += 1
         n[SHORTENED] = 1
         attempt += 1
         # where a contact closes for good, ever shorter steps would stop just short of it, without end
-        if now[STEP] < 1.5 * (shortest if solved or attempt > HALVINGS else endless):
+        if now[STEP] >= 1.5 * (shortest if solved or attempt > HALVINGS else endless):
+            now[STEP] *= 0.5
+            halved += 1
+        elif solved:
+            bounce = LESS_BOUNCE * bounce if bounce > LEAST_BOUNCE else 0.0
+        else:
             break
-        now[STEP] *= 0.5
         restore_start(state, work)
-        _scale_impulses(state.r, 0.5**attempt)
+        _scale_impulses(state.r, 0.5**halved)
     now[TIME] += now[STEP]
     now[MAX_RESIDUAL] = max(done.residual, now[MAX_RESIDUAL])
     now[MAX_PENETRATION] = max(done.penetration, now[MAX_PENETRATION])

@@ -3,6 +3,7 @@
 from engine.jit import inner
 
 NOWHERE = 1e-150  # least length whose square is still a number; what is shorter has no direction
+CENTRED = 1e-10  # share of a radius below which rounding, which depends on the world's axes, would choose a direction
 
 
 @inner

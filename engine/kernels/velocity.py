@@ -10,7 +10,7 @@ from engine.lanes import LANES, read, write
 
 
 @inner
-def free_relative_velocities(contacts, laws, state, work, dt, plain, bounces):
+def free_relative_velocities(contacts, laws, state, work, dt, plain, bounce):
     """Write the relative velocities without impulses, and the impact law's shifts, of all near contacts.
 
     Parameters
@@ -24,16 +24,16 @@ def free_relative_velocities(contacts, laws, state, work, dt, plain, bounces):
         What is left of the step.
     plain : bool
         Moreau-Jean's scheme: the impact law of all contacts is Newton's.
-    bounces : bool
-        Whether restitution counts.
+    bounce : float
+        Share of the coefficients of restitution that counts.
     """
     for i in range(laws.mu.shape[0]):
         if work.broad_phase.near[i]:
-            free_relative_velocity(contacts, laws, state, work, dt, plain, bounces, i)
+            free_relative_velocity(contacts, laws, state, work, dt, plain, bounce, i)
 
 
 @inner
-def free_relative_velocity(contacts, laws, state, work, dt, plain, bounces, i):
+def free_relative_velocity(contacts, laws, state, work, dt, plain, bounce, i):
     """Write contact i's relative velocity without impulses, and its law's shift.
 
     Without restitution a contact may close within the rest ``dt`` of the step but not overshoot,
@@ -41,7 +41,7 @@ def free_relative_velocity(contacts, laws, state, work, dt, plain, bounces, i):
     (eq. 6).
     """
     a, b, x, R = contacts.a[i], contacts.b[i], state.x, state.R
-    e = laws.restitution[i] if bounces else 0.0
+    e = bounce * laws.restitution[i]
     relative_velocity(x, R, a, b, work.sites.point, work.sites.frame, work.free, i, work.q)
     if e > 0.0:
         relative_velocity(x, R, a, b, work.sites.point, work.sites.frame, work.start.v, i, work.u)
@@ -51,12 +51,12 @@ def free_relative_velocity(contacts, laws, state, work, dt, plain, bounces, i):
 
 
 @inner
-def first_active_set(laws, state, work, dt, plain, bounces):
+def first_active_set(laws, state, work, dt, plain, bounce):
     """Activate the contacts that would pass through each other without an impulse, or that pressed in the last step."""
     r, active = state.r, work.active
     for i in range(laws.mu.shape[0]):
         gap, approach = work.gap[i], dt * work.q[i, 0]
-        if (bounces and laws.restitution[i] > 0.0) or plain:
+        if bounce * laws.restitution[i] > 0.0 or plain:
             active[i] = gap <= 0.0
         else:
             active[i] = gap + approach <= 0.0 or (r[i, 0] > 0.0 and gap <= 2 * abs(approach))
@@ -110,7 +110,7 @@ def apply_impulses(bodies, state, work, problem, n):
 
 
 @inner
-def grow_active_set(contacts, laws, state, work, dt, all_near, bounces):
+def grow_active_set(contacts, laws, state, work, dt, all_near, bounce):
     """Activate every contact that the new twists would drive into penetration (eq. 22).
 
     An impact that runs along a chain closes its contacts one after the other, and each of them would ask for a problem
@@ -127,8 +127,8 @@ def grow_active_set(contacts, laws, state, work, dt, all_near, bounces):
         What is left of the step.
     all_near : bool
         Activate all near contacts without restitution if any contact closes.
-    bounces : bool
-        Whether restitution counts.
+    bounce : float
+        Share of the coefficients of restitution that counts.
 
     Returns
     -------
@@ -142,7 +142,7 @@ def grow_active_set(contacts, laws, state, work, dt, all_near, bounces):
             if broad_phase.budget[i] > dt * closing_speed(contacts, broad_phase, i):
                 continue
             update_contact(contacts, state, broad_phase, work.sites, i, work.gap)
-            free_relative_velocity(contacts, laws, state, work, dt, False, bounces, i)
+            free_relative_velocity(contacts, laws, state, work, dt, False, bounce, i)
         a, b = contacts.a[i], contacts.b[i]
         relative_velocity(state.x, state.R, a, b, work.sites.point, work.sites.frame, state.v, i, work.u)
         if not work.active[i] and work.u[i, 0] < 0.0 and work.gap[i] + dt * work.u[i, 0] < 0.0:
@@ -150,7 +150,7 @@ def grow_active_set(contacts, laws, state, work, dt, all_near, bounces):
             added += 1
     if all_near and added > 0:
         for i in range(work.active.shape[0]):
-            work.active[i] = work.active[i] or (broad_phase.near[i] and not (bounces and laws.restitution[i] > 0.0))
+            work.active[i] = work.active[i] or (broad_phase.near[i] and not bounce * laws.restitution[i] > 0.0)
     return added
 
 

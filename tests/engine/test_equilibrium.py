@@ -161,6 +161,23 @@ def test_three_legs_are_statically_determinate():
     np.testing.assert_allclose(list(run.responses.values()), 3.0 * GRAVITY * np.array([0.5, 0.3, 0.2]), rtol=1e-5)
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.3])
+def test_a_leg_that_carries_nothing_may_carry(friction):
+    """Equal springs give the fourth of four legs 0 N; it touches, so it may take up to what its neighbours carry."""
+    legs = [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)]
+    data = table(legs, (-0.5, -0.5), friction).model_dump(by_alias=True, exclude_unset=True)
+    weight, most = 3.0 * GRAVITY, {"leg_0": 0.75, "leg_1": 0.25, "leg_2": 0.25, "leg_3": 0.25}
+    for leg in most:
+        for bound in ("least", "largest"):
+            data["responses"][f"{leg}_{bound}"] = {"type": "contact_force", "contact": leg, "bound": bound}
+    run = simulate(made(data))
+    assert run.status == "ok", run.message
+    assert run.responses["leg_3"] == pytest.approx(0.0, abs=1e-6)
+    for leg, share in most.items():
+        assert run.responses[f"{leg}_largest"] == pytest.approx(share * weight, rel=1e-6)
+        assert run.responses[f"{leg}_least"] == pytest.approx((share - 0.25) * weight, rel=1e-6, abs=1e-6)
+
+
 def test_pose_that_friction_cannot_hold_has_no_forces():
     """A block on a slope above its angle of friction: no balance, None."""
     mechanism = load_mechanism("incline")

@@ -13,7 +13,7 @@ import numpy as np
 from engine.jit import inner, not_inlined
 from engine.kernels.contact_geometry.solids import signed_distance
 from engine.kernels.model import ON_BALL, ON_DISC, ON_RECTANGLE
-from engine.kernels.vectors import dot
+from engine.kernels.vectors import CENTRED, dot
 
 NEWTON_STEPS = 8
 BISECTIONS = 150
@@ -27,7 +27,7 @@ FLAT = 1e-12  # change of slope from one sample to the next, as a share of the r
 
 @inner
 def nearest_on_arc(solid, r, half, across, along, axes):
-    """Find the point at which an arc is nearest to a solid.
+    """Find the point at which an arc is nearest to a solid; its middle where all its points are equally near.
 
     Parameters
     ----------
@@ -57,7 +57,9 @@ def nearest_on_arc(solid, r, half, across, along, axes):
     x, y = axes
     flat = kind in (ON_DISC, ON_RECTANGLE)
     if flat:
-        angle = np.arctan2(-fe, -ee)
+        angle = np.arctan2(-fe, -ee) if ee * ee + fe * fe > CENTRED * CENTRED else 0.0
+    elif _concentric(dot(W, E), dot(W, F), dot(E, E), dot(F, F), dot(E, F), r):
+        angle = 0.0
     elif b[9] > 0.0:  # hollow: farthest from the axis
         angle = angle_on_circle(-dot(W, E), -dot(W, F), -dot(E, E), -dot(F, F), -dot(E, F), r)
     else:
@@ -98,6 +100,12 @@ def normal_at(solid, half, curve, angle):
             if length > OPPOSED:
                 normal = (n[0] / length, n[1] / length, n[2] / length)
     return normal
+
+
+@inner
+def _concentric(WE, WF, EE, FF, EF, r):
+    """Return whether all points of the circle are equally near to the axis, but for rounding; see `angle_on_circle`."""
+    return abs(WE) + abs(WF) <= CENTRED * r and abs(EE - FF) + abs(EF) <= CENTRED
 
 
 @inner

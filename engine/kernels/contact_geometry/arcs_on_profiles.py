@@ -13,7 +13,7 @@ from engine.kernels.contact_geometry.arcs import FLAT, distance_along, normal_at
 from engine.kernels.contact_geometry.profiles import is_alone
 from engine.kernels.contact_geometry.tangents import cross, transport
 from engine.kernels.model import ON_TURNED
-from engine.kernels.vectors import NOWHERE, dot, vector_product, world_direction, world_point
+from engine.kernels.vectors import CENTRED, NOWHERE, dot, vector_product, world_direction, world_point
 
 COARSE = np.pi / 8  # the widest cell [rad]
 NARROWEST = 1 / 65536  # share of the widest cell; distances differ within such a cell by less than is told apart
@@ -43,7 +43,7 @@ def on_profile(contacts, x, R, i, kind, point, frame):
     if kind == ON_TURNED:  # N and T1 in the plane through the axis
         u, v = curve[0][0] + c * curve[1][0] + s * curve[2][0], curve[0][1] + c * curve[1][1] + s * curve[2][1]
         rho = np.hypot(u, v)
-        u, v = (1.0, 0.0) if rho <= NOWHERE else (u / rho, v / rho)
+        u, v = (1.0, 0.0) if rho <= max(CENTRED * abs(gap), NOWHERE) else (u / rho, v / rho)
         n_rho = n[0] * u + n[1] * v
         length = np.hypot(n_rho, n[2])
         n_rho, n_z = n_rho / length, n[2] / length

@@ -48,7 +48,7 @@ from engine.kernels.model import (
     RING_BORE,
 )
 from engine.kernels.rotations import to_world, turn_to_world
-from engine.kernels.vectors import NOWHERE, dot, split, vector_product, world_direction, world_point
+from engine.kernels.vectors import CENTRED, NOWHERE, dot, split, vector_product, world_direction, world_point
 
 NEARLY = 1e-4  # if less than this share of a vector lies across an axis, rounding is removed once more
 
@@ -107,7 +107,7 @@ def ring_in_bore(contacts, x, R, i, point, frame):
         eccentricity = np.sqrt(w0 * w0 + w1 * w1 + w2 * w2)
     for k in range(3):
         point[k] = frame[0, k] + along * axis[k]
-    if eccentricity > NOWHERE:
+    if eccentricity > CENTRED * gb[9]:
         frame[0, 0], frame[0, 1], frame[0, 2] = -w0 / eccentricity, -w1 / eccentricity, -w2 / eccentricity
     else:  # concentric: any direction is the nearest one; take one tied to the journal
         turn_to_world(R, b, gb, 6, frame[0])
@@ -132,7 +132,8 @@ def on_plane(contacts, x, R, i, kind, point, frame):
         f0, f1, f2 = f[1] * e[2] - f[2] * e[1], f[2] * e[0] - f[0] * e[2], f[0] * e[1] - f[1] * e[0]
         down_e = -(n[0] * e[0] + n[1] * e[1] + n[2] * e[2])
         down_f = -(n[0] * f0 + n[1] * f1 + n[2] * f2)
-        angle = min(max(np.arctan2(down_f, down_e), -ga[10]), ga[10])
+        lies = down_e * down_e + down_f * down_f <= CENTRED * CENTRED  # all of it is at one height: take its middle
+        angle = 0.0 if lies else min(max(np.arctan2(down_f, down_e), -ga[10]), ga[10])
         ce, sf = ga[9] * np.cos(angle), ga[9] * np.sin(angle)
         point[0] += ce * e[0] + sf * f0
         point[1] += ce * e[1] + sf * f1
@@ -147,7 +148,7 @@ def on_plane(contacts, x, R, i, kind, point, frame):
             rest = k0 * axis[0] + k1 * axis[1] + k2 * axis[2]
             k0, k1, k2 = k0 - rest * axis[0], k1 - rest * axis[1], k2 - rest * axis[2]
             across = np.sqrt(k0 * k0 + k1 * k1 + k2 * k2)
-        if across <= NOWHERE:  # upright: the whole circle is at one height; take the point at its tangent
+        if across <= CENTRED:  # upright: the whole circle is at one height; take the point at its tangent
             turn_to_world(R, a, ga, 6, axis)
             k0, k1, k2, across = axis[0], axis[1], axis[2], 1.0
         down = ga[9] / across
@@ -198,7 +199,7 @@ def on_solid(contacts, x, R, i, kind, point, frame):
         gap, n_rho, n_z = section(gb, rho, height)
         if searched:
             n_rho, n_z = outward * np.sqrt(max(1.0 - normal[2] ** 2, 0.0)), normal[2]
-        if rho <= NOWHERE:  # on the axis any direction is the nearest one; take one tied to the solid
+        if rho <= max(CENTRED * abs(gap), NOWHERE):  # on the axis: any direction is the nearest one, take the solid's
             D, rho = t, 1.0
     N, T1 = frame[0], frame[1]
     for k in range(3):

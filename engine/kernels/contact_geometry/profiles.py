@@ -27,7 +27,7 @@ import math
 import numpy as np
 
 from engine.jit import inner, not_inlined
-from engine.kernels.vectors import NOWHERE
+from engine.kernels.vectors import CENTRED, NOWHERE
 
 
 @inner
@@ -115,7 +115,7 @@ def turned(pieces, x, y, z):
     """Return the signed distance of a point from a turned solid, in its axes, and the gradient."""
     rho = math.hypot(x, y)
     d, n_rho, n_z = profile_distance(pieces, rho, z)
-    if rho <= NOWHERE:  # on the axis any direction is the nearest one
+    if rho <= max(CENTRED * abs(d), NOWHERE):  # on the axis any direction is the nearest one
         return d, (n_rho, 0.0, n_z)
     return d, (n_rho * x / rho, n_rho * y / rho, n_z)
 

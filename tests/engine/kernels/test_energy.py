@@ -61,6 +61,48 @@ def thrown_cube(**simulation: Any) -> dict[str, Any]:
     return data
 
 
+def kanes_pendulum(friction: float, restitution: float) -> dict[str, Any]:
+    """Let the tip of a double pendulum, two rods of 1 m, strike a floor: Newton's law makes it quicker than it was."""
+    angles, rates = np.radians([20.0, 30.0]), np.array([-1.0, -2.0])  # from the vertical; per second
+    down, ahead = np.array([np.sin(angles), 0 * angles, -np.cos(angles)]), [np.cos(angles), 0 * angles, np.sin(angles)]
+    height, ahead = np.cos(angles).sum() + 1e-3, np.array(ahead) * rates
+    bodies: dict[str, Any] = {"ground": {"fixed": True}}
+    for i, name in enumerate(("upper", "lower")):
+        bodies[name] = {
+            "mass": 1.0,
+            "inertia": [1e-3, 1 / 12, 1 / 12],
+            "origin": ([0, 0, height] + down[:, :i].sum(1) + 0.5 * down[:, i]).tolist(),
+            "axis": [0, 1, 0],
+            "angle": float(np.pi / 2 - angles[i]),
+            "velocity": (ahead[:, :i].sum(1) + 0.5 * ahead[:, i]).tolist(),
+            "angular_velocity": [0, -float(rates[i]), 0],
+        }
+    pins = {
+        "hip": ("ground", [0, 0, float(height)], "upper", [-0.5, 0, 0]),
+        "knee": ("upper", [0.5, 0, 0], "lower", [-0.5, 0, 0]),
+    }
+    return small(
+        simulation={"step": 1e-4, "horizon": 0.01, "tolerance": 1e-10},
+        bodies=bodies,
+        joints={
+            name: {
+                "type": "revolute",
+                "bearing": {"body": a, "point": p, "axis": [0, 1, 0]},
+                "journal": {"body": b, "point": q, "axis": [0, 1, 0]},
+            }
+            for name, (a, p, b, q) in pins.items()
+        },
+        contacts={
+            "tip": {
+                "a": {"body": "lower", "point": [0.5, 0, 0]},
+                "b": {"body": "ground", "plane": {"point": [0, 0, 0], "normal": [0, 0, 1]}},
+                "friction": friction,
+                "restitution": restitution,
+            }
+        },
+    )
+
+
 def kinetic(run: History) -> Array:
     """Return the kinetic energy at each instant of a run."""
     bodies = run.assembly.model.bodies
@@ -97,6 +139,25 @@ def test_certificate_knows_what_loose_chains_create(seed, theta, steps):
 def test_certificate_knows_what_impacts_create(theta, scheme):
     """Restitution and friction, with projection and without."""
     check_balance(thrown_cube(theta=theta, scheme=scheme))
+
+
+@pytest.mark.parametrize(("friction", "restitution"), [(0.5, 0.5), (0.5, 0.7), (0.7, 0.9)])
+def test_an_oblique_impact_creates_nothing_however_it_bounces(friction, restitution):
+    """Kane's paradox: with all of its restitution the pendulum would gain 0.6, 1.8 and 4.1 times its energy."""
+    data = kanes_pendulum(friction, restitution)
+    run, certificate = history(made(data)), simulate(made(data), full_horizon=True).certificate
+    assert np.diff(run.energy).max() <= SHARE * run.energy[0]
+    assert certificate.max_created_energy <= SHARE * run.energy[0]
+    assert certificate.repeated > 0
+    assert run.gap[-1, 0] - run.gap[-2, 0] > 0.3 * run.step[-1]  # m/s: it bounces
+
+
+def test_a_bounce_that_creates_nothing_is_newtons():
+    """The same pendulum with little friction and less restitution: the tip leaves the floor as fast as Newton says."""
+    run = history(made(kanes_pendulum(0.05, 0.2)))
+    speed = np.diff(run.gap[:, 0]) / run.step[1:]
+    hit = int(np.flatnonzero(run.r[:, 0, 0])[0])
+    assert speed[hit + 1] == pytest.approx(-0.2 * speed[hit - 2], rel=1e-2)
 
 
 def test_coarse_steps_do_create():

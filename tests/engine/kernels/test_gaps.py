@@ -226,6 +226,26 @@ def test_concentric_parallel_and_on_the_axis(a, b, at, turn, gap):
             np.testing.assert_allclose(frame[0] @ frame[0].T, np.eye(3), atol=1e-11)
 
 
+HOLE = {"start": [2, -1], "profile": [{"to": [2, 1]}, {"to": [1, 1]}, {"to": [1, -1]}, {"to": [2, -1]}]}
+UNDECIDED = [case for case in SYMMETRIC if (case[1].keys(), case[3]) != ({"cylinder"}, LYING)]  # these have two
+UNDECIDED.append((POINT, {"turned": {"point": [0, 0, 0], "axis": [0, 0, 1], **HOLE}}, (0, 0, 0), UPRIGHT, 1))
+
+
+@pytest.mark.parametrize(("a", "b", "at", "turn", "gap"), UNDECIDED)
+def test_rounding_chooses_no_direction(a, b, at, turn, gap):
+    """Where many points are nearest, anywhere in the world: point and frame that are tied to the bodies."""
+    rng, contact, poses = np.random.default_rng(5), made(a, b), placed(at, turn=turn)
+    _, point, frame = found(contact, poses)
+    for size in (0.0, 1e-17, 1e-14):
+        away, tilt = size * rng.normal(size=(2, 3))
+        moved = placed(np.array(at) + away, turn=Rotation.from_rotvec(tilt) * turn)
+        whole, shift = Rotation.random(random_state=rng).as_matrix(), 10 * rng.normal(size=3)
+        view = Poses(tuple(x @ whole.T + shift for x in moved.x), tuple(whole @ R for R in moved.R))
+        _, there, turned = found(contact, view)
+        np.testing.assert_allclose(turned[0], frame[0] @ whole.T, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(there[0], whole @ point[0] + shift, rtol=0, atol=1e-9)
+
+
 def test_frame_behind_a_plate_is_whole():
     """Where its tangent cannot be carried to: N almost or exactly against the face's normal."""
     rng, contact = np.random.default_rng(4), made(POINT, DISC)
