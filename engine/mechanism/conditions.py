@@ -32,7 +32,7 @@ class Condition:
     limit: float
 
     def __str__(self) -> str:
-        return f"{self.response} {self.relation} {self.limit:.17g}"
+        return f"{self.response} {self.relation} {repr(self.limit).removesuffix('.0')}"
 
     def holds(self, responses: Mapping[str, float]) -> bool:
         """Return whether ``responses`` (name -> value) meet the condition."""
