@@ -7,8 +7,8 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad.cad_model import CadFace, CadPart
-from engine.cad.findings import FacingPlanes, NearMiss
-from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint
+from engine.cad.findings import NearMiss
+from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundStop
 from engine.cad_import.proposed_joints import least_clearance
 
 
@@ -73,7 +73,7 @@ def found_places(found: FoundGeometry) -> list[FoundPlace]:
     faces = {face.number: face for face in found.assembly.faces}
     joints = [*map(_joint, found.joints), *map(_ball, found.balls)]
     refused = [_no_joint(miss, number, faces) for number, miss in enumerate(found.refused, 1)]
-    return [*joints, *refused, *(_stop(pair, number) for number, pair in enumerate(found.stops, 1))]
+    return [*joints, *refused, *map(_stop, found.stops)]
 
 
 def _joint(joint: FoundJoint) -> FoundPlace:
@@ -124,11 +124,12 @@ def _no_joint(miss: NearMiss, number: int, faces: dict[int, CadFace]) -> FoundPl
     )
 
 
-def _stop(pair: FacingPlanes, number: int) -> FoundPlace:
+def _stop(stop: FoundStop) -> FoundPlace:
+    pair = stop.pair
     apart = f"{pair.gap:.4g} mm apart" if pair.gap >= 0 else f"overlapping by {-pair.gap:.4g} mm"
     return FoundPlace(
         kind="facing",
-        name=f"stop-{number}",
+        name=stop.name,
         parts=pair.parts,
         faces=pair.faces,
         between=" and ".join(pair.parts),

@@ -117,6 +117,11 @@ def diameters_of(found: FoundGeometry, joint: FoundJoint) -> dict[str, Diameter]
     return diameters
 
 
+def all_diameters(found: FoundGeometry) -> list[Diameter]:
+    """Return the diameters with limits of all joints."""
+    return [each for joint in found.joints for each in diameters_of(found, joint).values()]
+
+
 def _diameter(parameter: str, limits: SizeLimits) -> Diameter:
     factor = 2.0 if limits.kind == "radius" else 1.0
     return Diameter(parameter, *(round(factor * size, 9) for size in (limits.nominal, limits.lower, limits.upper)))

@@ -154,6 +154,11 @@ def _contradictions(limit: SizeLimits, faces: tuple[CadFace, ...]) -> list[str]:
 def _left_out(document: StepDocument, parts: list[CadPart], unclear: int) -> list[str]:
     """Return what was left out."""
     said = []
+    if document.unreadable:
+        said.append(
+            f"what {document.unreadable} of the file's {document.entities} entities describe, in full or in part: they"
+            " cannot be read, or refer to others that are missing; export or copy it again"
+        )
     if document.grams is None:
         said.append("densities are left out: their units of mass are not known, or differ; give each body its density")
     if unclear:
