@@ -78,7 +78,7 @@ def found_places(found: FoundGeometry) -> list[FoundPlace]:
 
 def _joint(joint: FoundJoint) -> FoundPlace:
     pin, first = joint.pin, joint.pin.seats[0]
-    plays = ", ".join(f"{flange.play:.4g}" for flange in joint.flanges)
+    plays = ", ".join(f"{round(flange.play, 9) + 0.0:.4g}" for flange in joint.flanges)  # no -0
     axial = f", axial play {plays} mm" if plays else " mm, free along its axis"
     radii = [f"{seat.hole_radius:.6g} and {seat.pin_radius:.6g}" for seat in pin.seats]
     least = least_clearance(pin)

@@ -10,7 +10,7 @@ from engine.arrays import Array
 from engine.cad.cad_model import CadFace, SizeLimits
 from engine.cad.findings import PinInHole
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint
-from engine.cad_import.toml_lines import key_line, question
+from engine.cad_import.toml_lines import key_line, question, value
 from engine.mechanism.geometry.cad_table import AS_DRAWN
 from engine.mechanism.geometry.sides import axis_of
 
@@ -92,9 +92,19 @@ def ball_lines(found: FoundGeometry, joint: FoundBall) -> list[str]:
     return [*lines, key_line("material", LAW), ""]
 
 
-def _asked_clearance(name: str, sides: str, radius: float) -> list[str]:
+def _pressed_in(found: FoundGeometry, joint: FoundJoint) -> str:
+    """Return what to write if a pin cannot move in its hole."""
+    pin = joint.pin
+    sides = [
+        f"{side} = {value({'body': found.bodies[part], 'point': found.to_body(part, pin.point).round(9)})}"
+        for side, part in (("a", pin.bearing), ("b", pin.journal))
+    ]
+    return f' If the pin is pressed in, the joint is type = "fixed", {" and ".join(sides)}, and nothing else'
+
+
+def _asked_clearance(name: str, sides: str, radius: float, otherwise: str = "") -> list[str]:
     """Return the question about a clearance that is not drawn."""
-    text = f"{sides} are both drawn with radius {radius:.6g} mm; which clearance do their tolerances leave?"
+    text = f"{sides} are both drawn with radius {radius:.6g} mm; which clearance do their tolerances leave?{otherwise}"
     return [question(f"joints.{name}.radial_clearance", text), "# radial_clearance = 0.02"]
 
 
@@ -169,7 +179,8 @@ def _clearance_lines(found: FoundGeometry, joint: FoundJoint, in_numbers: bool) 
     """Return the radial clearance: from limits, as drawn, or as a question."""
     clearance, key = joint.pin.radial_clearance, "radial_clearance"
     if clearance <= 0:
-        return _asked_clearance(joint.name, "pin and hole", joint.pin.seats[0].pin_radius)
+        radius = joint.pin.seats[0].pin_radius
+        return _asked_clearance(joint.name, "pin and hole", radius, _pressed_in(found, joint))
     if diameters := diameters_of(found, joint):
         [seat] = joint.pin.seats
         hole = diameters["hole"].parameter if "hole" in diameters else f"{2 * seat.hole_radius:.9g}"

@@ -98,7 +98,7 @@ def _simulation() -> list[str]:
 def _body(found: FoundGeometry, part: CadPart, *, is_largest: bool) -> list[str]:
     """Return the table of a body."""
     name = found.bodies[part.name]
-    path = " / ".join(part.path)
+    path = " / ".join(filter(None, part.path))
     lines = [f"[bodies.{name}]", key_line("part", part.name, path if path != part.name else "")]
     if is_largest:
         lines += [question("bodies", "which part is fixed? This is the largest"), "# fixed = true"]

@@ -1,5 +1,6 @@
 """Joints beside the latch's: balls in sockets, forks, names in other alphabets, as the proposed file has them."""
 
+import re
 import tomllib
 from dataclasses import replace
 
@@ -63,6 +64,19 @@ def test_a_fork(tmp_path):
     assert "only 180 degrees of the hole are there; a joint holds its pin all round" in path.read_text("utf-8")
     _, whole = proposal(hinge(), tmp_path)
     assert "degrees of the hole" not in whole.read_text("utf-8")
+
+
+def test_a_pin_that_is_pressed_in(tmp_path):
+    """The question about its clearance says what to write in its place, and that loads."""
+    _, path = proposal(hinge(plate(PIN, (2.0, 1.0)), stud(PIN), x=-2.0, y=-1.0), tmp_path)
+    [said] = [each.text for each in questions_of_file(path) if "radial_clearance" in each.text]
+    kind, a, b = re.search(r'(type = "fixed"), (a = .*) and (b = .*), and nothing else', said).groups()
+    text = path.read_text("utf-8")
+    text = text.replace("# fixed = true", "fixed = true").replace("# density", "density").partition("[joints")[0]
+    path.write_text("\n".join([text, "[joints.press]", kind, a, b]), "utf-8")
+    joint = load_mechanism(path).joints["press"]
+    assert (joint.type, joint.a.body, joint.b.body) == ("fixed", "plate", "stud")
+    assert not questions_of_file(path)[-1].text.startswith("joints")
 
 
 @pytest.mark.parametrize("unit", ["INCH", "M"])

@@ -121,6 +121,15 @@ def test_assemblies_in_assemblies(read):
         assert {assembly.faces[number].part for number in mesh.faces.tolist()} == {mesh.part}
 
 
+def test_an_instance_without_a_name_has_that_of_its_product(read):
+    """Not what OCCT calls it, which is the place of the product in its document."""
+    made = Drawing()
+    top = made.assembly("")
+    made.add(top, made.product("pin", box((0, 0, 0), (1, 1, 1))))
+    [part] = read(made).parts
+    assert part.path == ("", "pin")
+
+
 def test_a_single_part_without_a_name(read, tmp_path):
     """It is called part, whether its name is empty, or OCCT has made one up."""
     made = Drawing()
