@@ -9,7 +9,8 @@ from engine.arrays import Array
 from engine.cad.cad_model import CadFace, CadPart
 from engine.cad.findings import NearMiss
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundStop
-from engine.cad_import.proposed_joints import least_clearance
+from engine.cad_import.proposed_joints import least_clearance, side
+from engine.cad_import.toml_lines import value
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -72,7 +73,7 @@ def found_places(found: FoundGeometry) -> list[FoundPlace]:
     """Return all that was found: joints, then what is no joint, then candidates of stops, each in its order."""
     faces = {face.number: face for face in found.assembly.faces}
     joints = [*map(_joint, found.joints), *map(_ball, found.balls)]
-    refused = [_no_joint(miss, number, faces) for number, miss in enumerate(found.refused, 1)]
+    refused = [_no_joint(found, miss, number, faces) for number, miss in enumerate(found.refused, 1)]
     return [*joints, *refused, *map(_stop, found.stops)]
 
 
@@ -110,15 +111,17 @@ def _ball(found: FoundBall) -> FoundPlace:
     )
 
 
-def _no_joint(miss: NearMiss, number: int, faces: dict[int, CadFace]) -> FoundPlace:
+def _no_joint(found: FoundGeometry, miss: NearMiss, number: int, faces: dict[int, CadFace]) -> FoundPlace:
     hole, pin = faces[miss.hole], faces[miss.pin]
+    written = f"bearing = {value(side(found, hole))}, journal = {value(side(found, pin))}"
+    otherwise = f"; if it is a joint, write one with {written}" if miss.may_be_one else ""
     return FoundPlace(
         kind="no joint",
         name=str(number),
         parts=(pin.part, hole.part),
         faces=(miss.hole, miss.pin),
         between=f"{'ball' if pin.kind == 'sphere' else 'pin'} of {pin.part} in {hole.part}",
-        sizes=miss.reason,
+        sizes=f"{miss.reason}{otherwise}",
         ends=hole.point + np.outer(hole.extent, hole.axis),
         radius=hole.radius,
     )

@@ -46,11 +46,11 @@ def joint_lines(found: FoundGeometry, joint: FoundJoint) -> list[str]:
     first = pin.seats[0]
     holes, pins = [found.face(seat.hole) for seat in pin.seats], [found.face(seat.pin) for seat in pin.seats]
     stations = _Stations(joint, axis_of(holes[0]))
-    shaft: dict[str, Any] = {"body": found.bodies[pin.journal], "pin": _selector(found, pins[0])}
+    shaft = side(found, pins[0])
     lines = [
         f"[joints.{joint.name}]",
         f'type = "clearance_{"revolute" if joint.flanges else "cylindrical"}"',
-        key_line("bearing", {"body": found.bodies[pin.bearing], "hole": _selector(found, holes[0])}),
+        key_line("bearing", side(found, holes[0])),
     ]
     radii = [seat.pin_radius for _, seat in pin.rings]
     stepped = np.ptp(radii) > _ALIKE
@@ -169,6 +169,11 @@ class _Stations:
         first = pin.seats[0]
         middle = (first.start + first.end) / 2 + (plays["end"] - plays["start"]) / 2
         return np.asarray(pin.journal_point + middle * pin.journal_axis)
+
+
+def side(found: FoundGeometry, face: CadFace) -> dict[str, Any]:
+    """Return the side of a joint on a hole or a pin."""
+    return {"body": found.bodies[face.part], "hole" if face.hollow else "pin": _selector(found, face)}
 
 
 def _selector(found: FoundGeometry, face: CadFace) -> dict[str, Any]:

@@ -125,7 +125,10 @@ def _stops(found: FoundGeometry) -> list[str]:
     """Return the candidates of stops, marked."""
     if not found.stops:
         return []
-    text = "which of these faces are stops? Remove the marks of those; give more points where a whole face rests on one"
+    text = (
+        "which of these faces are stops, or hold a latch? Remove the marks of those; give more points where a whole"
+        " face rests on one"
+    )
     lines = [question("contacts", text)]
     for stop in found.stops:
         lines += marked(_stop(found, stop))

@@ -128,6 +128,17 @@ def test_a_stepped_pin_says_which_clearance_its_joint_has(tmp_path):
     assert any(each.startswith("radial_clearance = 0.03 ") and "the least of 0.04 and 0.03" in each for each in lines)
 
 
+def test_a_loose_pin_says_what_to_write(tmp_path):
+    """Hole and pin of a joint that is not proposed, as a person can write them."""
+    found, path = proposal(hinge(plate(3.5)), tmp_path)
+    [said] = [place.sizes for place in found_places(found) if place.kind == "no joint"]
+    bearing, journal = re.search("write one with (bearing = .*), (journal = .*)", said).groups()
+    text = path.read_text("utf-8").replace("# fixed = true", "fixed = true").replace("# density", "density")
+    joint = ["[joints.loose]", 'type = "clearance_cylindrical"', bearing, journal, 'radial_clearance = "as drawn"']
+    path.write_text("\n".join([text, *joint, 'material = "contact"']), "utf-8")
+    assert load_mechanism(path).joints["loose"].radial_clearance == pytest.approx(0.5, abs=1e-9)
+
+
 def test_a_file_without_stops_names_none(tmp_path):
     """The example of a response says that a name is missing."""
     found, _ = proposal(hinge(), tmp_path)
