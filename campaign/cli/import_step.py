@@ -19,8 +19,13 @@ def import_step(
         Path | None, typer.Option(help="A mechanism file of an earlier revision: say what moved, keep what you wrote.")
     ] = None,
     recognition: Annotated[
-        float, typer.Option(help="How far a spline may be from the plane or cylinder it is taken for [mm].")
-    ] = 1e-4,
+        float | None,
+        typer.Option(
+            help="How far a spline may be from the plane or cylinder it is taken for [mm]; default: 1e-4, with --update"
+            " that of the mechanism file.",
+            show_default=False,
+        ),
+    ] = None,
     pictures: Annotated[
         bool | None,
         typer.Option(
@@ -32,35 +37,35 @@ def import_step(
     json: Json = False,
 ) -> None:
     """Propose a mechanism file from a STEP file: parts, joints, play, and what only you know as marked questions."""
+    from campaign.cli.found_in_step import draw_found, found_in_step, picture_files
     from campaign.cli.output_files import check_output, replacing
+    from campaign.cli.step_revision import bring_to_revision, campaign_file
     from campaign.errors import SpecError
     from campaign.spec.proposed_campaign import proposed_campaign
-    from engine.cad import read_step
-    from engine.cad_import.found_geometry import find_geometry
+    from engine.cad import RECOGNITION
     from engine.cad_import.open_questions import open_questions
-    from engine.cad_import.proposed_joints import diameters_of
+    from engine.cad_import.proposed_joints import all_diameters
     from engine.cad_import.proposed_mechanism import proposed_mechanism
     from engine.cad_import.unloaded_directions import unloaded_directions
 
     if (output is None) == (update is None):
         raise SpecError("one of --output and --update is needed; name the mechanism file that is to be written")
     if update is not None:
-        _update(step_file, update, recognition, pictures is True, json)
+        bring_to_revision(update, step_file, recognition, pictures=pictures is True, json=json)
         return
     assert output is not None
-    campaign = output.with_name(f"{output.stem}-campaign.toml")
+    campaign = campaign_file(output)
     check_output("--output", output, (".toml",))
     _refuse_existing(output, "may hold answers")
-    drawn = [] if pictures is False else _picture_files(output)
+    drawn = [] if pictures is False else picture_files(output)
     for each in drawn:
         _refuse_existing(each, "import draws into it; leave the pictures out with --no-pictures")
-    found = find_geometry(read_step(step_file, recognition))
-    _refuse_empty(found, step_file)
+    found = found_in_step(step_file, RECOGNITION if recognition is None else recognition)
     name = _name(output.stem)
     file = os.path.relpath(step_file, output.parent)
     text = proposed_mechanism(found, file, name)
     text = proposed_mechanism(found, file, name, unloaded_directions(found, text))
-    diameters = [each for joint in found.joints for each in diameters_of(found, joint).values()]
+    diameters = all_diameters(found)
     if diameters:
         _refuse_existing(campaign, "may hold answers")
         with replacing(campaign) as temporary:
@@ -68,7 +73,7 @@ def import_step(
     with replacing(output) as temporary:
         temporary.write_text(text, "utf-8")
     if drawn:
-        _draw(found, text, step_file, output)
+        draw_found(found, text, step_file, output)
     written = [str(each) for each in (output, *([campaign] if diameters else []), *drawn)]
     questions = open_questions(text)
     if json:
@@ -80,90 +85,12 @@ def import_step(
     print_text(f"written: {', '.join(written)}; {len(questions)} questions are open")
 
 
-def _update(step_file: str, path: Path, recognition: float, pictures: bool, json: bool) -> None:
-    """Bring a mechanism file to a new revision of its STEP file, and print what changed."""
-    from difflib import unified_diff
-
-    from campaign.cli.output_files import check_output, replacing
-    from engine.cad import read_step
-    from engine.cad_import.earlier_revision import earlier_revision
-    from engine.cad_import.found_geometry import find_geometry
-    from engine.cad_import.proposed_mechanism import proposed_mechanism
-    from engine.cad_import.updated_mechanism import updated_mechanism
-
-    check_output("--update", path, (".toml",))
-    earlier = earlier_revision(path)
-    found = find_geometry(read_step(step_file, recognition))
-    _refuse_empty(found, step_file)
-    before = proposed_mechanism(find_geometry(earlier.assembly), earlier.file, earlier.name)
-    after = proposed_mechanism(found, os.path.relpath(step_file, path.parent), earlier.name)
-    updated = updated_mechanism(earlier.text, before, after)
-    with replacing(path) as temporary:
-        temporary.write_text(updated.text, "utf-8")
-    drawn = _picture_files(path) if pictures else []
-    if drawn:
-        _draw(found, updated.text, step_file, path)
-    written = [str(each) for each in (path, *drawn)]
-    old, new = earlier.text.splitlines(), updated.text.splitlines()
-    changes = list(unified_diff(old, new, str(path), str(path), lineterm="", n=1))
-    if json:
-        lists = {"kept": updated.kept, "gone": updated.gone, "added": updated.added}
-        print_json({"changes": changes, **lists, "written": written})
-        return
-    for line in changes:
-        print_text(line)
-    for text in updated.kept:
-        print_text(f"kept as you wrote it: {text}")
-    for table in updated.gone:
-        print_text(f"no longer in the STEP file: {table}; remove it, or name other faces")
-    if not changes:
-        print_text(f"{path}: nothing has changed")
-    if changes or drawn:
-        print_text(f"written: {', '.join(written if changes else written[1:])}")
-
-
-def _picture_files(mechanism: Path) -> list[Path]:
-    """Return the files of the drawing and of the page beside a mechanism file."""
-    return [mechanism.with_suffix(".svg"), mechanism.with_suffix(".html")]
-
-
-def _draw(found: "FoundGeometry", text: str, step_file: str, mechanism: Path) -> None:
-    """Write the pictures of what was found, with the questions of a mechanism file."""
-    from campaign.cli.output_files import replacing
-    from campaign.import_page.import_page import ImportFiles, import_page
-    from campaign.pictures.sketches.found_sketch import sketch_found
-    from campaign.pictures.sketches.sketch_figure import plot_sketch
-    from engine.cad_import.found_places import found_places
-    from engine.cad_import.open_questions import open_questions
-
-    drawing, page = _picture_files(mechanism)
-    places, title = found_places(found), Path(step_file).name
-    said = "; ".join(place.text for place in places)
-    with replacing(drawing) as temporary:
-        plot_sketch(sketch_found(found, places), f"{title}: what was found", said, temporary)
-    files = ImportFiles(title, mechanism.name, drawing.read_bytes())
-    with replacing(page) as temporary:
-        temporary.write_text(import_page(found, places, open_questions(text), files), "utf-8")
-
-
 def _refuse_existing(path: Path, why: str) -> None:
     """Refuse to write over a file."""
     from campaign.errors import SpecError
 
     if path.exists():
         raise SpecError(f"{path}: exists already, and {why}; name another file with --output, or move it")
-
-
-def _refuse_empty(found: "FoundGeometry", step_file: str) -> None:
-    """Refuse a file of which no mechanism can be made."""
-    from campaign.errors import SpecError
-
-    parts = len(found.assembly.parts)
-    if parts < 2:
-        raise SpecError(
-            f"{step_file}: holds {'one part' if parts else 'no parts'}; allowed: two or more, one of them fixed; export"
-            " the assembly, not a single part"
-        )
 
 
 def _name(stem: str) -> str:
@@ -212,7 +139,10 @@ def _document(found: "FoundGeometry") -> dict[str, Any]:
             }
             for each in found.balls
         ],
-        "stops": [{"parts": list(pair.parts), "gap": pair.gap, "area": pair.area} for pair in found.stops],
+        "stops": [
+            {"name": stop.name, "parts": list(stop.pair.parts), "gap": stop.pair.gap, "area": stop.pair.area}
+            for stop in found.stops
+        ],
         "refused": [
             {"hole_of": face[miss.hole].part, "pin_of": face[miss.pin].part, "reason": miss.reason}
             for miss in found.refused

@@ -38,5 +38,5 @@ def proposed_campaign(diameters: Iterable[Diameter], mechanism: str, name: str) 
         }
         for diameter in diameters
     }
-    tables = {"format": 1, "name": name, "mechanism": mechanism, "samples": SAMPLES, "variables": variables}
-    return _HEAD + campaign_text(tables)
+    tables = {"format": 1, "name": name, "mechanism": mechanism, "samples": SAMPLES}
+    return _HEAD + campaign_text(tables | ({"variables": variables} if variables else {}))

@@ -54,6 +54,14 @@ class FoundBall:
 
 
 @dataclass(frozen=True, eq=False)
+class FoundStop:
+    """Two plane faces that look at each other, with a name of their own."""
+
+    name: str
+    pair: FacingPlanes
+
+
+@dataclass(frozen=True, eq=False)
 class FoundGeometry:
     """What was found in an assembly; lengths in mm.
 
@@ -66,7 +74,7 @@ class FoundGeometry:
     balls : tuple of FoundBall
     refused : tuple of NearMiss
         Pins and holes, balls and sockets that are no joint.
-    stops : tuple of FacingPlanes
+    stops : tuple of FoundStop
         Faces that look at each other and are no flanges.
     """
 
@@ -75,7 +83,7 @@ class FoundGeometry:
     joints: tuple[FoundJoint, ...]
     balls: tuple[FoundBall, ...]
     refused: tuple[NearMiss, ...]
-    stops: tuple[FacingPlanes, ...]
+    stops: tuple[FoundStop, ...]
 
     def face(self, number: int) -> CadFace:
         """Return a face by its number."""
@@ -107,8 +115,9 @@ def find_geometry(assembly: CadAssembly) -> FoundGeometry:
     found_balls = tuple(FoundBall(*each) for each in zip(names[len(pins) :], balls, strict=True))
     refused += [*pins_in_slots(assembly), *balls_refused]
     taken = {frozenset((flange.bearing_face, flange.journal_face)) for joint in joints for flange in joint.flanges}
-    stops = [pair for pair in facing_planes(assembly, triangles) if frozenset(pair.faces) not in taken]
-    return FoundGeometry(assembly, bodies, tuple(joints), found_balls, tuple(refused), tuple(stops))
+    facing = [pair for pair in facing_planes(assembly, triangles) if frozenset(pair.faces) not in taken]
+    stops = tuple(FoundStop(f"stop-{number}", pair) for number, pair in enumerate(facing, 1))
+    return FoundGeometry(assembly, bodies, tuple(joints), found_balls, tuple(refused), stops)
 
 
 def _names(texts: list[str], otherwise: str, longest: int | None = None) -> list[str]:

@@ -7,9 +7,10 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad.cad_model import CadFace, CadPart
-from engine.cad.findings import FacingPlanes, NearMiss
-from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint
-from engine.cad_import.proposed_joints import least_clearance
+from engine.cad.findings import NearMiss
+from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundStop
+from engine.cad_import.proposed_joints import least_clearance, side
+from engine.cad_import.toml_lines import value
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -72,13 +73,13 @@ def found_places(found: FoundGeometry) -> list[FoundPlace]:
     """Return all that was found: joints, then what is no joint, then candidates of stops, each in its order."""
     faces = {face.number: face for face in found.assembly.faces}
     joints = [*map(_joint, found.joints), *map(_ball, found.balls)]
-    refused = [_no_joint(miss, number, faces) for number, miss in enumerate(found.refused, 1)]
-    return [*joints, *refused, *(_stop(pair, number) for number, pair in enumerate(found.stops, 1))]
+    refused = [_no_joint(found, miss, number, faces) for number, miss in enumerate(found.refused, 1)]
+    return [*joints, *refused, *map(_stop, found.stops)]
 
 
 def _joint(joint: FoundJoint) -> FoundPlace:
     pin, first = joint.pin, joint.pin.seats[0]
-    plays = ", ".join(f"{flange.play:.4g}" for flange in joint.flanges)
+    plays = ", ".join(f"{round(flange.play, 9) + 0.0:.4g}" for flange in joint.flanges)  # no -0
     axial = f", axial play {plays} mm" if plays else " mm, free along its axis"
     radii = [f"{seat.hole_radius:.6g} and {seat.pin_radius:.6g}" for seat in pin.seats]
     least = least_clearance(pin)
@@ -110,25 +111,28 @@ def _ball(found: FoundBall) -> FoundPlace:
     )
 
 
-def _no_joint(miss: NearMiss, number: int, faces: dict[int, CadFace]) -> FoundPlace:
+def _no_joint(found: FoundGeometry, miss: NearMiss, number: int, faces: dict[int, CadFace]) -> FoundPlace:
     hole, pin = faces[miss.hole], faces[miss.pin]
+    written = f"bearing = {value(side(found, hole))}, journal = {value(side(found, pin))}"
+    otherwise = f"; if it is a joint, write one with {written}" if miss.may_be_one else ""
     return FoundPlace(
         kind="no joint",
         name=str(number),
         parts=(pin.part, hole.part),
         faces=(miss.hole, miss.pin),
         between=f"{'ball' if pin.kind == 'sphere' else 'pin'} of {pin.part} in {hole.part}",
-        sizes=miss.reason,
+        sizes=f"{miss.reason}{otherwise}",
         ends=hole.point + np.outer(hole.extent, hole.axis),
         radius=hole.radius,
     )
 
 
-def _stop(pair: FacingPlanes, number: int) -> FoundPlace:
+def _stop(stop: FoundStop) -> FoundPlace:
+    pair = stop.pair
     apart = f"{pair.gap:.4g} mm apart" if pair.gap >= 0 else f"overlapping by {-pair.gap:.4g} mm"
     return FoundPlace(
         kind="facing",
-        name=f"stop-{number}",
+        name=stop.name,
         parts=pair.parts,
         faces=pair.faces,
         between=" and ".join(pair.parts),

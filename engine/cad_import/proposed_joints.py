@@ -10,7 +10,7 @@ from engine.arrays import Array
 from engine.cad.cad_model import CadFace, SizeLimits
 from engine.cad.findings import PinInHole
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint
-from engine.cad_import.toml_lines import key_line, question
+from engine.cad_import.toml_lines import key_line, question, value
 from engine.mechanism.geometry.cad_table import AS_DRAWN
 from engine.mechanism.geometry.sides import axis_of
 
@@ -46,11 +46,11 @@ def joint_lines(found: FoundGeometry, joint: FoundJoint) -> list[str]:
     first = pin.seats[0]
     holes, pins = [found.face(seat.hole) for seat in pin.seats], [found.face(seat.pin) for seat in pin.seats]
     stations = _Stations(joint, axis_of(holes[0]))
-    shaft: dict[str, Any] = {"body": found.bodies[pin.journal], "pin": _selector(found, pins[0])}
+    shaft = side(found, pins[0])
     lines = [
         f"[joints.{joint.name}]",
         f'type = "clearance_{"revolute" if joint.flanges else "cylindrical"}"',
-        key_line("bearing", {"body": found.bodies[pin.bearing], "hole": _selector(found, holes[0])}),
+        key_line("bearing", side(found, holes[0])),
     ]
     radii = [seat.pin_radius for _, seat in pin.rings]
     stepped = np.ptp(radii) > _ALIKE
@@ -92,9 +92,19 @@ def ball_lines(found: FoundGeometry, joint: FoundBall) -> list[str]:
     return [*lines, key_line("material", LAW), ""]
 
 
-def _asked_clearance(name: str, sides: str, radius: float) -> list[str]:
+def _pressed_in(found: FoundGeometry, joint: FoundJoint) -> str:
+    """Return what to write if a pin cannot move in its hole."""
+    pin = joint.pin
+    sides = [
+        f"{side} = {value({'body': found.bodies[part], 'point': found.to_body(part, pin.point).round(9)})}"
+        for side, part in (("a", pin.bearing), ("b", pin.journal))
+    ]
+    return f' If the pin is pressed in, the joint is type = "fixed", {" and ".join(sides)}, and nothing else'
+
+
+def _asked_clearance(name: str, sides: str, radius: float, otherwise: str = "") -> list[str]:
     """Return the question about a clearance that is not drawn."""
-    text = f"{sides} are both drawn with radius {radius:.6g} mm; which clearance do their tolerances leave?"
+    text = f"{sides} are both drawn with radius {radius:.6g} mm; which clearance do their tolerances leave?{otherwise}"
     return [question(f"joints.{name}.radial_clearance", text), "# radial_clearance = 0.02"]
 
 
@@ -115,6 +125,11 @@ def diameters_of(found: FoundGeometry, joint: FoundJoint) -> dict[str, Diameter]
             if limits.faces == (number,) and limits.kind in ("diameter", "radius"):
                 diameters[side] = _diameter(f"{stem}_{side}", limits)
     return diameters
+
+
+def all_diameters(found: FoundGeometry) -> list[Diameter]:
+    """Return the diameters with limits of all joints."""
+    return [each for joint in found.joints for each in diameters_of(found, joint).values()]
 
 
 def _diameter(parameter: str, limits: SizeLimits) -> Diameter:
@@ -156,6 +171,11 @@ class _Stations:
         return np.asarray(pin.journal_point + middle * pin.journal_axis)
 
 
+def side(found: FoundGeometry, face: CadFace) -> dict[str, Any]:
+    """Return the side of a joint on a hole or a pin."""
+    return {"body": found.bodies[face.part], "hole" if face.hollow else "pin": _selector(found, face)}
+
+
 def _selector(found: FoundGeometry, face: CadFace) -> dict[str, Any]:
     return {"radius": round(face.radius, 9), "near": np.round(found.to_body(face.part, face.point), 6)}
 
@@ -164,7 +184,8 @@ def _clearance_lines(found: FoundGeometry, joint: FoundJoint, in_numbers: bool) 
     """Return the radial clearance: from limits, as drawn, or as a question."""
     clearance, key = joint.pin.radial_clearance, "radial_clearance"
     if clearance <= 0:
-        return _asked_clearance(joint.name, "pin and hole", joint.pin.seats[0].pin_radius)
+        radius = joint.pin.seats[0].pin_radius
+        return _asked_clearance(joint.name, "pin and hole", radius, _pressed_in(found, joint))
     if diameters := diameters_of(found, joint):
         [seat] = joint.pin.seats
         hole = diameters["hole"].parameter if "hole" in diameters else f"{2 * seat.hole_radius:.9g}"

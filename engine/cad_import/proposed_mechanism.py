@@ -5,9 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from engine.cad.cad_model import CadAssembly, CadPart, Solid
-from engine.cad.findings import FacingPlanes
-from engine.cad_import.found_geometry import FoundGeometry
-from engine.cad_import.proposed_joints import LAW, ball_lines, diameters_of, joint_lines
+from engine.cad_import.found_geometry import FoundGeometry, FoundStop
+from engine.cad_import.proposed_joints import LAW, all_diameters, ball_lines, joint_lines
 from engine.cad_import.toml_lines import key_line, marked, question
 
 _HEAD = """\
@@ -77,7 +76,7 @@ def _gravity(found: FoundGeometry) -> list[str]:
 
 def _parameters(found: FoundGeometry) -> list[str]:
     """Return the diameters with limits, which a campaign varies."""
-    diameters = [each for joint in found.joints for each in diameters_of(found, joint).values()]
+    diameters = all_diameters(found)
     if not diameters:
         return []
     lines = [key_line(d.parameter, d.nominal, f"mm, {d.lower:.6g} to {d.upper:.6g} in the CAD file") for d in diameters]
@@ -99,7 +98,7 @@ def _simulation() -> list[str]:
 def _body(found: FoundGeometry, part: CadPart, *, is_largest: bool) -> list[str]:
     """Return the table of a body."""
     name = found.bodies[part.name]
-    path = " / ".join(part.path)
+    path = " / ".join(filter(None, part.path))
     lines = [f"[bodies.{name}]", key_line("part", part.name, path if path != part.name else "")]
     if is_largest:
         lines += [question("bodies", "which part is fixed? This is the largest"), "# fixed = true"]
@@ -126,22 +125,26 @@ def _stops(found: FoundGeometry) -> list[str]:
     """Return the candidates of stops, marked."""
     if not found.stops:
         return []
-    text = "which of these faces are stops? Remove the marks of those; give more points where a whole face rests on one"
+    text = (
+        "which of these faces are stops, or hold a latch? Remove the marks of those; give more points where a whole"
+        " face rests on one"
+    )
     lines = [question("contacts", text)]
-    for number, pair in enumerate(found.stops, 1):
-        lines += marked(_stop(found, pair, number))
+    for stop in found.stops:
+        lines += marked(_stop(found, stop))
         lines.append("")
     return lines
 
 
-def _stop(found: FoundGeometry, pair: FacingPlanes, number: int) -> list[str]:
+def _stop(found: FoundGeometry, stop: FoundStop) -> list[str]:
     """Return the table of a stop: a point of the one face against the other."""
+    pair = stop.pair
     plane, point = pair.parts
     on_plane = np.round(found.to_body(plane, pair.middle), 6)
     on_point = np.round(found.to_body(point, pair.middle + pair.gap * pair.normal), 9)
     state = f"{pair.gap:.4g} mm apart" if pair.gap >= 0 else f"overlapping by {-pair.gap:.4g} mm"
     return [
-        f"[contacts.stop-{number}]".ljust(36) + f" # {state}, {pair.area:.4g} mm2 face each other",
+        f"[contacts.{stop.name}]".ljust(36) + f" # {state}, {pair.area:.4g} mm2 face each other",
         key_line("a", {"body": found.bodies[point], "point": on_point}),
         key_line("b", {"body": found.bodies[plane], "plane": {"near": on_plane}}),
         key_line("material", LAW),
@@ -161,5 +164,9 @@ def _loads(unloaded: Sequence[str]) -> list[str]:
 
 
 def _responses(found: FoundGeometry) -> list[str]:
-    example = ["[responses.force]", 'type = "contact_force"', f'contact = "{"stop-1" if found.stops else "NAME"}"']
+    example = [
+        "[responses.force]",
+        'type = "contact_force"',
+        f'contact = "{found.stops[0].name if found.stops else "NAME"}"',
+    ]
     return [question("responses", "what is read off at the end?"), *marked(example)]

@@ -18,7 +18,7 @@ MOST_DRAWN = 100  # of the parts, the largest; a silhouette takes a tenth of a s
 def view_of(found: FoundGeometry) -> View:
     """Return the plane on which what was found is drawn."""
     axes = [joint.pin.axis for joint in found.joints]
-    return best_view(axes, [pair.normal for pair in found.stops], np.zeros(3))
+    return best_view(axes, [stop.pair.normal for stop in found.stops], np.zeros(3))
 
 
 def sketch_found(found: FoundGeometry, places: list[FoundPlace]) -> Sketch:

@@ -79,6 +79,8 @@ class NearMiss:
     hole: int
     pin: int
     reason: str
+    may_be_one: bool = False
+    """Whether only the limits of what is taken for a joint speak against it."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,7 @@ def pins_in_holes(assembly: CadAssembly) -> tuple[list[PinInHole], list[NearMiss
     pairs = [(pair, _refusal(pair)) for pair in _near_pairs(holes, pins)]
     accepted = [pair for pair, reason in pairs if not reason]
     refused = [
-        NearMiss(hole=pair.hole.number, pin=pair.pin.number, reason=reason)
+        NearMiss(hole=pair.hole.number, pin=pair.pin.number, reason=reason, may_be_one=_is_loose(pair))
         for pair, reason in pairs
         if reason and not any(_of_one_joint(pair, other) for other in accepted)
     ]
@@ -178,6 +180,12 @@ def _refusal(pair: _Pair) -> str:
     if pair.offset > allowed:
         return f"the axes are {pair.offset:.3g} mm apart; allowed: the clearance + {MOST_EXCESS:g}, so {allowed:.3g}"
     return ""
+
+
+def _is_loose(pair: _Pair) -> bool:
+    """Return whether a pin is held in a hole, with more clearance than what is taken for a joint."""
+    spans = min(pair.hole.span, pair.pin.span)
+    return spans > LEAST_SPAN and pair.end > pair.start and pair.clearance > max(MOST_CLEARANCE, pair.offset)
 
 
 def _grouped(pairs: list[_Pair]) -> list[list[_Pair]]:

@@ -30,8 +30,8 @@ def name_of(label: Any) -> str:
     return one_line(str(name.Get().ToExtString()).strip()[:_LONGEST_NAME])
 
 
-def product_name(label: Any) -> str:
-    """Return the name of a product; empty if it has none, or one that OCCT has made up when it wrote the file."""
+def given_name(label: Any) -> str:
+    """Return the name of a product or an instance; empty if it has none, or one that OCCT made up in writing it."""
     name = name_of(label)
     return "" if _MADE_UP.match(name) else name
 

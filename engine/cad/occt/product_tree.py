@@ -11,7 +11,7 @@ from OCP.TDF import TDF_Label, TDF_Tool
 from OCP.XCAFDoc import XCAFDoc_ShapeTool as ShapeTool
 
 from engine.cad.cad_model import Placement
-from engine.cad.occt.document_labels import listed, name_of
+from engine.cad.occt.document_labels import given_name, listed
 from engine.cad.occt.occt_arrays import array3, matrix3
 from engine.cad.occt.step_document import UnreadableStep
 
@@ -46,7 +46,7 @@ def instances(shapes: Any) -> list[Instance]:
     """
     found: list[Instance] = []
     for root in listed(shapes.GetFreeShapes):
-        for instance in _below(root, (name_of(root),), gp_Trsf()):
+        for instance in _below(root, (given_name(root),), gp_Trsf()):
             found.append(instance)
             if len(found) > MOST_INSTANCES:
                 raise UnreadableStep(f"has more than {MOST_INSTANCES} parts")
@@ -66,7 +66,7 @@ def _below(label: Any, path: tuple[str, ...], move: gp_Trsf) -> Iterator[Instanc
         product = TDF_Label()
         if ShapeTool.GetReferredShape_s(component, product):
             here = move.Multiplied(ShapeTool.GetLocation_s(component).Transformation())
-            yield from _below(product, (*path, name_of(component) or name_of(product)), here)
+            yield from _below(product, (*path, given_name(component) or given_name(product)), here)
 
 
 def _placement(move: gp_Trsf, path: tuple[str, ...]) -> Placement:

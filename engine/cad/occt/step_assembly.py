@@ -10,7 +10,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.XCAFDoc import XCAFDoc_ShapeTool as ShapeTool
 
 from engine.cad.cad_model import CadAssembly, CadFace, CadPart, SizeLimits
-from engine.cad.occt.document_labels import listed, material_of, name_of, product_name
+from engine.cad.occt.document_labels import given_name, listed, material_of, name_of
 from engine.cad.occt.product_geometry import product_geometry
 from engine.cad.occt.product_tree import Instance, instances
 from engine.cad.occt.shape_maps import FACE, SOLID, ShapeMap
@@ -27,7 +27,7 @@ class _Product:
     """A product of the file: its shape in its own frame, and what it consists of."""
 
     def __init__(self, instance: Instance, document: StepDocument, recognition: float) -> None:
-        self.name = product_name(instance.label)
+        self.name = given_name(instance.label)
         self.shape = ShapeTool.GetShape_s(instance.label).Located(TopLoc_Location())
         self.material = material_of(instance.label, document.grams or np.nan)
         self.geometry, self._numbers = product_geometry(self.shape, self._solids(instance, document), recognition)
@@ -154,6 +154,11 @@ def _contradictions(limit: SizeLimits, faces: tuple[CadFace, ...]) -> list[str]:
 def _left_out(document: StepDocument, parts: list[CadPart], unclear: int) -> list[str]:
     """Return what was left out."""
     said = []
+    if document.unreadable:
+        said.append(
+            f"what {document.unreadable} of the file's {document.entities} entities describe, in full or in part: they"
+            " cannot be read, or refer to others that are missing; export or copy it again"
+        )
     if document.grams is None:
         said.append("densities are left out: their units of mass are not known, or differ; give each body its density")
     if unclear:

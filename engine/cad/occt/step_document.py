@@ -45,6 +45,10 @@ class StepDocument:
     dimensions_too_large: float
     """By what factor all its dimensions are, where OCCT has written the file: it gives them in mm, and says they are in
     the file's unit of length; 1 for a file of any other program."""
+    entities: int
+    """How many entities the file has."""
+    unreadable: int
+    """How many of them cannot be read, or refer to others that are missing or of another type."""
     keep: Any
     """The document, which must live as long as its tools."""
 
@@ -80,6 +84,8 @@ def open_step(path: Path) -> StepDocument:
         grams=grams_of_densities(model),
         signs=DeviationSigns(model, millimetres, by_occt),
         dimensions_too_large=millimetres if by_occt else 1.0,
+        entities=(entities := model.NbEntities()),
+        unreadable=sum(map(model.IsErrorEntity, range(1, entities + 1))),
         keep=(document, reader),
     )
 

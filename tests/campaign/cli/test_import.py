@@ -159,6 +159,27 @@ def test_update(folder):
     assert json.loads(clearcap("import", "latch_B.step", "--update", "kept.toml", "--json"))["changes"] == []
 
 
+def test_update_of_limits(folder):
+    """New limits follow in the campaign file, too; a recognition gap that was asked for stays."""
+    clearcap("import", "latch.step", "-o", "revised.toml", "--no-pictures", "--recognition", "1e-3")
+    path = folder / "revised-campaign.toml"
+    path.write_text(path.read_text().replace("cpk = 1.33", "cpk = 1.67", 1).replace("samples = 1000", "samples = 7"))
+    limits = (
+        (folder / "latch.step").read_text("latin-1").replace("MEASURE_WITH_UNIT(-1.E-02", "MEASURE_WITH_UNIT(-3.E-02")
+    )
+    (folder / "latch_C.step").write_text(limits, "latin-1")
+    printed = clearcap("import", "latch_C.step", "--update", "revised.toml")
+    assert "+base_crank_hole = 6.1                # mm, 6.07 to 6.12 in the CAD file" in printed
+    assert "recognition" not in printed.replace(" recognition = 0.001\n", "")
+    assert printed.endswith("written: revised.toml, revised-campaign.toml; 8 questions are open\n")
+    hole = load_campaign("revised-campaign.toml").spec.variables["base_crank_hole"]
+    assert (hole.nominal, hole.tolerance, hole.cpk) == (6.095, 0.025, 1.67)
+    assert "samples = 7\n" in path.read_text()
+    path.unlink()
+    clearcap("import", "latch.step", "--update", "revised.toml")
+    assert not path.exists()  # whoever has moved it has it elsewhere
+
+
 def test_pictures_are_not_written_over(folder):
     """A file of a picture's name is kept and named, and nothing is written; with `--update` it must be said."""
     for name in ("drawn.svg", "drawn.html"):

@@ -67,3 +67,11 @@ def test_parts(latch):
     base = latch.assembly.parts[0]
     assert part_text(base) == "part base: 11070 mm3, steel"
     assert part_text(replace(base, material=None)).endswith(", no material")
+
+
+def test_no_play_has_no_sign(latch):
+    """A difference of two equal numbers is 0, not a little less."""
+    joint = latch.joints[0]
+    flanges = tuple(replace(flange, play=-1e-15) for flange in joint.flanges)
+    place = found_places(replace(latch, joints=(replace(joint, flanges=flanges),)))[0]
+    assert place.sizes.endswith("axial play 0, 0 mm")

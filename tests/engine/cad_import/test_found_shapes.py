@@ -1,5 +1,6 @@
 """Joints beside the latch's: balls in sockets, forks, names in other alphabets, as the proposed file has them."""
 
+import re
 import tomllib
 from dataclasses import replace
 
@@ -65,6 +66,19 @@ def test_a_fork(tmp_path):
     assert "degrees of the hole" not in whole.read_text("utf-8")
 
 
+def test_a_pin_that_is_pressed_in(tmp_path):
+    """The question about its clearance says what to write in its place, and that loads."""
+    _, path = proposal(hinge(plate(PIN, (2.0, 1.0)), stud(PIN), x=-2.0, y=-1.0), tmp_path)
+    [said] = [each.text for each in questions_of_file(path) if "radial_clearance" in each.text]
+    kind, a, b = re.search(r'(type = "fixed"), (a = .*) and (b = .*), and nothing else', said).groups()
+    text = path.read_text("utf-8")
+    text = text.replace("# fixed = true", "fixed = true").replace("# density", "density").partition("[joints")[0]
+    path.write_text("\n".join([text, "[joints.press]", kind, a, b]), "utf-8")
+    joint = load_mechanism(path).joints["press"]
+    assert (joint.type, joint.a.body, joint.b.body) == ("fixed", "plate", "stud")
+    assert not questions_of_file(path)[-1].text.startswith("joints")
+
+
 @pytest.mark.parametrize("unit", ["INCH", "M"])
 def test_equal_radii_do_not_overlap_by_a_last_digit(tmp_path, unit):
     """Neither clearance nor overlap is made of what the unit of the file rounds; numbers are written without it."""
@@ -112,6 +126,17 @@ def test_a_stepped_pin_says_which_clearance_its_joint_has(tmp_path):
     assert place.sizes.startswith("clearance 0.03 (the least of 0.04 and 0.03, for all rings), axial play")
     lines = path.read_text("utf-8").splitlines()
     assert any(each.startswith("radial_clearance = 0.03 ") and "the least of 0.04 and 0.03" in each for each in lines)
+
+
+def test_a_loose_pin_says_what_to_write(tmp_path):
+    """Hole and pin of a joint that is not proposed, as a person can write them."""
+    found, path = proposal(hinge(plate(3.5)), tmp_path)
+    [said] = [place.sizes for place in found_places(found) if place.kind == "no joint"]
+    bearing, journal = re.search("write one with (bearing = .*), (journal = .*)", said).groups()
+    text = path.read_text("utf-8").replace("# fixed = true", "fixed = true").replace("# density", "density")
+    joint = ["[joints.loose]", 'type = "clearance_cylindrical"', bearing, journal, 'radial_clearance = "as drawn"']
+    path.write_text("\n".join([text, *joint, 'material = "contact"']), "utf-8")
+    assert load_mechanism(path).joints["loose"].radial_clearance == pytest.approx(0.5, abs=1e-9)
 
 
 def test_a_file_without_stops_names_none(tmp_path):

@@ -129,6 +129,18 @@ def test_decoys(read, drawing, said):
     assert reason.startswith(said)
 
 
+def test_a_pin_with_more_clearance_may_be_a_joint(read):
+    """Only its clearance speaks against it; that cannot be said of a pin that is not in the hole, or larger."""
+    for drawing, is_loose in (
+        (hinge(plate(3.5)), True),
+        (hinge(plate(3.5), z=20.0), False),
+        (hinge(plate(3.5), x=0.6), False),
+        (hinge(plate(2.95)), False),
+    ):
+        _, [miss] = pins_in_holes(read(drawing))
+        assert miss.may_be_one is is_loose
+
+
 def test_coaxial_holes_without_a_pin_are_nothing(read):
     """Nor are two parts of which one has pin and hole."""
     assert reasons(read(hinge(plate(), moved(plate(), z=-5.0)))) == []

@@ -143,6 +143,15 @@ def test_assemblies_in_assemblies(read):
         assert {assembly.faces[number].part for number in mesh.faces.tolist()} == {mesh.part}
 
 
+def test_an_instance_without_a_name_has_that_of_its_product(read):
+    """Not what OCCT calls it, which is the place of the product in its document."""
+    made = Drawing()
+    top = made.assembly("")
+    made.add(top, made.product("pin", box((0, 0, 0), (1, 1, 1))))
+    [part] = read(made).parts
+    assert part.path == ("", "pin")
+
+
 def test_a_single_part_without_a_name(read, tmp_path):
     """It is called part, whether its name is empty, or OCCT has made one up."""
     made = Drawing()
@@ -150,6 +159,18 @@ def test_a_single_part_without_a_name(read, tmp_path):
     assert [part.name for part in read(made).parts] == ["part"]
     nameless = edited(made, tmp_path / "empty.step", (r"PRODUCT\(\s*'[^']*'\s*,\s*'[^']*'", "PRODUCT('',''"))
     assert [(part.name, part.product) for part in nameless.parts] == [("part", "")]
+
+
+def test_entities_that_are_missing(tmp_path):
+    """OCCT reads the rest without a word; that something is not there is said."""
+    made = Drawing()
+    made.product("pin", box((0, 0, 0), (1, 1, 1)))
+    assert edited(made, tmp_path / "whole.step").cautions == ()
+    change = (r"(PRODUCT_RELATED_PRODUCT_CATEGORY\('part',\$,\()#\d+", r"\g<1>#9999999")
+    damaged = edited(made, tmp_path / "damaged.step", change)
+    said = next(text for text in damaged.cautions if "entities" in text)
+    assert said.startswith("what 1 of the file's ")
+    assert "they cannot be read, or refer to others that are missing; export or copy it again" in said
 
 
 def test_names_that_a_terminal_would_act_on(tmp_path):

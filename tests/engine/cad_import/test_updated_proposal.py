@@ -9,7 +9,7 @@ from engine import CadError, MechanismError
 from engine.cad_import.earlier_revision import earlier_revision
 from engine.cad_import.found_geometry import find_geometry
 from engine.cad_import.proposed_mechanism import proposed_mechanism
-from engine.cad_import.updated_mechanism import updated_mechanism
+from engine.cad_import.updated_proposal import updated_proposal
 from tests.engine.mechanism.geometry.latch_file import LATCH
 
 
@@ -43,7 +43,7 @@ def test_what_moved_follows(latch):
     """Radius, place and SHA-256 follow, with and without a mark; answers stay."""
     before, after = proposed(latch.assembly), proposed(revised(latch.assembly))
     text = before.replace("# fixed = true", "fixed = true").replace("friction = 0.0", "friction = 0.17")
-    updated = updated_mechanism(text, before, after)
+    updated = updated_proposal(text, before, after)
     assert (updated.kept, updated.gone, updated.added) == ([], [], [])
     assert "radius = 3.07, near" in updated.text
     assert "near = [7.7, " in updated.text
@@ -58,10 +58,10 @@ def test_a_clearance_as_drawn(latch):
     before, after = proposed(latch.assembly), proposed(revised(latch.assembly))
     line = 'radial_clearance = "as drawn"        # 0.05\n'
     assert line in before
-    updated = updated_mechanism(before, before, after)
+    updated = updated_proposal(before, before, after)
     assert line.replace("0.05", "0.07") in updated.text
     own = before.replace(line, "radial_clearance = 0.08  # measured\n")
-    kept = updated_mechanism(own, before, after)
+    kept = updated_proposal(own, before, after)
     assert "radial_clearance = 0.08  # measured\n" in kept.text
     assert kept.kept == []
 
@@ -70,7 +70,7 @@ def test_without_its_mark(latch):
     """A stop that the person has taken over follows too, and keeps having no mark."""
     before, after = proposed(latch.assembly), proposed(revised(latch.assembly))
     text = before.replace("# [contacts", "[contacts").replace("# a = ", "a = ").replace("# b = ", "b = ")
-    updated = updated_mechanism(text, before, after).text
+    updated = updated_proposal(text, before, after).text
     assert 'b = { body = "base", plane = { near = [7.7, ' in updated
     assert "\n# b = " not in updated
 
@@ -80,7 +80,7 @@ def test_own_values_stay(latch):
     before, after = proposed(latch.assembly), proposed(revised(latch.assembly))
     line = next(line for line in before.splitlines() if "radius = 3.06" in line)
     own = line.replace("near = ", "within = 0.2, near = ")
-    updated = updated_mechanism(before.replace(line, own), before, after)
+    updated = updated_proposal(before.replace(line, own), before, after)
     assert own in updated.text
     assert [text.partition(":")[0] for text in updated.kept] == ["joints.base-rocker.bearing"]
 
@@ -89,18 +89,102 @@ def test_parts_come_and_go(latch):
     """A joint that is new is added, one that is gone is named and stays."""
     less = proposed(replace(latch.assembly, faces=tuple(f for f in latch.assembly.faces if f.part != "coupler")))
     more = proposed(latch.assembly)
-    added = updated_mechanism(less, less, more)
+    added = updated_proposal(less, less, more)
     assert {"[joints.crank-coupler]", "[joints.rocker-coupler]"} <= set(added.added)
     assert "[joints.rocker-coupler]\ntype" in added.text
-    gone = updated_mechanism(more, more, less)
+    gone = updated_proposal(more, more, less)
     assert "[joints.crank-coupler]" in gone.gone
     assert "[joints.crank-coupler]" in gone.text
+
+
+def with_bore(assembly, radius):
+    """Return the latch with another bore of the rocker on the base."""
+    bores = [f for f in assembly.faces if f.part == "rocker" and f.hollow and f.kind == "cylinder"]
+    faces = tuple(replace(face, radius=radius) if face in bores else face for face in assembly.faces)
+    return replace(assembly, faces=faces)
+
+
+def test_a_clearance_that_is_drawn_no_more(latch):
+    """It becomes a question, never a number; and none again where it is drawn, unless it has been answered."""
+    drawn, equal = proposed(latch.assembly), proposed(with_bore(latch.assembly, 3.0))
+    text = updated_proposal(drawn, drawn, equal).text
+    asked = "#? joints.base-rocker.radial_clearance: pin and hole are both drawn"
+    assert text.count(asked) == 1
+    assert "\n# radial_clearance = 0.02\n" in text
+    assert "\nradial_clearance = 0.02" not in text
+    assert updated_proposal(text, equal, drawn).text == drawn
+    answered = "".join(line for line in text.splitlines(True) if not line.startswith(asked))
+    answered = answered.replace("# radial_clearance = 0.02", "radial_clearance = 0.02")
+    back = updated_proposal(answered, equal, drawn)
+    assert "\nradial_clearance = 0.02\n" in back.text
+    assert [each.partition(":")[0] for each in back.kept] == ["joints.base-rocker.radial_clearance"]
+
+
+HELD = """\
+[joints.J]
+type = "clearance_revolute"
+flanges = { radius = 5.0 }
+#? joints.J.axial_clearance: drawn without axial play; which play do the tolerances leave at each end?
+# axial_clearance = 0.05
+material = "contact"
+"""
+FREE = """\
+[joints.J]
+type = "clearance_cylindrical"
+#? joints.J: nothing was found that holds it along its axis; if something does, say so
+material = "contact"
+"""
+
+
+def test_keys_and_questions_come_and_go():
+    """All that one revision proposes more, or less, in a table that both have."""
+    assert updated_proposal(HELD, HELD, FREE).text == FREE
+    assert updated_proposal(FREE, FREE, HELD).text == HELD
+    answered = HELD.replace("#? joints.J.axial_clearance: drawn without axial play; which play do the tolerances ", "")
+    answered = answered.replace("leave at each end?\n# axial", "axial").replace("0.05", "0.07")
+    updated = updated_proposal(answered, HELD, FREE)
+    assert "axial_clearance = 0.07\n" in updated.text
+    assert updated.kept == ["joints.J.axial_clearance: no longer proposed, and was 0.05"]
+    own = FREE.replace("#? joints.J: nothing was found that holds it along its axis; if something does, say so\n", "")
+    assert "#?" not in updated_proposal(own, FREE, FREE.replace("contact", "other")).text  # answered once
+
+
+def test_examples_that_were_taken_over_are_answers():
+    """A response to a stop stays one to this stop, also where the example is about another by now."""
+    before = '# [responses.force]\n# contact = "stop-1"\n'
+    updated = updated_proposal(before.replace("# ", ""), before, before.replace("stop-1", "stop-2"))
+    assert updated.text == '[responses.force]\ncontact = "stop-1"\n'
+
+
+def test_parameters_come_and_go():
+    """Of diameters with limits; one that the person uses elsewhere stays, and so does a table with others."""
+    none, one = "a = 1\n\n[cad]\nb = 2\n", "a = 1\n\n[parameters]\nJ_hole = 6.1\n\n[cad]\nb = 2\n"
+    two = one.replace("\n\n[cad]", "\nJ_pin = 6.0\n\n[cad]")
+    assert updated_proposal(one, one, two).text == two
+    assert updated_proposal(two, two, one).text == one
+    assert updated_proposal(one, one, none).text == none
+    used = one.replace("b = 2", 'b = "J_hole / 2"')
+    assert updated_proposal(used, one, none).text == used
+    assert "J_hole" not in updated_proposal(one + '# "J_hole / 2"\n', one, none).text.partition("# ")[0]
+    assert "[parameters]\nown = 3\n" in updated_proposal(one.replace("]\nJ", "]\nown = 3\nJ"), one, none).text
+
+
+def test_candidates_that_are_gone(latch):
+    """What still has its mark goes; what the person has taken over stays, and is named."""
+    text = proposed(latch.assembly)
+    none = proposed_mechanism(replace(find_geometry(latch.assembly), stops=()), "latch.step", "latch")
+    left = updated_proposal(text, text, none)
+    assert ("stop-1]" in left.text, left.gone) == (False, [])
+    assert "#? contacts" not in left.text
+    taken = text.replace("# [contacts", "[contacts").replace("# a = ", "a = ").replace("# b = ", "b = ")
+    stays = updated_proposal(taken, text, none)
+    assert ("[contacts.stop-1]" in stays.text, stays.gone) == (True, ["[contacts.stop-1]"])
 
 
 def test_the_same_revision(latch):
     """Nothing changes."""
     text = proposed(latch.assembly)
-    assert updated_mechanism(text, text, text).text == text
+    assert updated_proposal(text, text, text).text == text
 
 
 def test_the_earlier_revision(latch, tmp_path):

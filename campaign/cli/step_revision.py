@@ -1,0 +1,104 @@
+"""``clearcap mechanism import --update``: a new revision of a STEP file."""
+
+import os
+from difflib import unified_diff
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from campaign.cli.output import print_json, print_text
+
+if TYPE_CHECKING:
+    from engine.cad_import.found_geometry import FoundGeometry
+    from engine.cad_import.updated_proposal import UpdatedProposal
+
+
+def bring_to_revision(path: Path, step_file: str, recognition: float | None, *, pictures: bool, json: bool) -> None:
+    """Bring a mechanism file, and the campaign file of its limits, to a new STEP file, and print what changed.
+
+    Parameters
+    ----------
+    path : Path
+        The mechanism file.
+    step_file : str
+        The new revision.
+    recognition : float or None
+        [mm]; None takes that of the mechanism file.
+    pictures : bool
+        Whether both pictures are drawn anew.
+    json : bool
+        Whether what changed is printed as data.
+    """
+    from campaign.cli.found_in_step import draw_found, found_in_step, picture_files
+    from campaign.cli.output_files import check_output, replacing
+    from engine.cad_import.earlier_revision import earlier_revision
+    from engine.cad_import.found_geometry import find_geometry
+    from engine.cad_import.names_in_file import named_as_written
+    from engine.cad_import.names_of_before import named_as_before
+    from engine.cad_import.open_questions import open_questions
+    from engine.cad_import.proposed_mechanism import proposed_mechanism
+    from engine.cad_import.updated_proposal import updated_proposal
+
+    check_output("--update", path, (".toml",))
+    earlier = earlier_revision(path)
+    before = named_as_written(find_geometry(earlier.assembly), earlier.text)
+    asked = earlier.assembly.recognition if recognition is None else recognition
+    found = named_as_before(found_in_step(step_file, asked), before)
+    proposed = (
+        proposed_mechanism(before, earlier.file, earlier.name),
+        proposed_mechanism(found, os.path.relpath(step_file, path.parent), earlier.name),
+    )
+    files = {path: (earlier.text, updated_proposal(earlier.text, *proposed))} | _campaign(path, before, found)
+    changes = {file: _changes(file, *each) for file, each in files.items()}
+    for file, (_, updated) in files.items():
+        if changes[file]:
+            with replacing(file) as temporary:
+                temporary.write_text(updated.text, "utf-8")
+    drawn = picture_files(path) if pictures else []
+    if drawn:
+        draw_found(found, files[path][1].text, step_file, path)
+    written = [str(each) for each in (*(file for file in files if changes[file]), *drawn)]
+    said = {key: [x for _, u in files.values() for x in getattr(u, key)] for key in ("kept", "gone", "added")}
+    if json:
+        print_json({"changes": [line for lines in changes.values() for line in lines], **said, "written": written})
+        return
+    for line in (line for lines in changes.values() for line in lines):
+        print_text(line)
+    for text in said["kept"]:
+        print_text(f"kept as you wrote it: {text}")
+    for table in said["gone"]:
+        print_text(f"no longer in the STEP file: {table}; remove it, or name other faces")
+    if not any(changes.values()):
+        print_text(f"{path}: nothing has changed")
+    count = sum(len(open_questions(updated.text)) for _, updated in files.values())
+    open_now = f"{count} {'question is' if count == 1 else 'questions are'} open"
+    if written:
+        print_text(f"written: {', '.join(written)}{f'; {open_now}' if count and any(changes.values()) else ''}")
+
+
+def _campaign(
+    mechanism: Path, before: "FoundGeometry", found: "FoundGeometry"
+) -> dict[Path, tuple[str, "UpdatedProposal"]]:
+    """Return the campaign file of the limits, as it is and as it will be; none where neither revision has limits."""
+    from campaign.spec.proposed_campaign import proposed_campaign
+    from engine.cad_import.proposed_joints import all_diameters
+    from engine.cad_import.updated_proposal import UpdatedProposal, updated_proposal
+    from engine.regular_file import read_regular_file
+    from engine.toml_file import LARGEST
+
+    path, name = campaign_file(mechanism), f"{mechanism.stem}-limits"
+    diameters = all_diameters(before), all_diameters(found)
+    old, new = (proposed_campaign(each, mechanism.name, name) for each in diameters)
+    if path.exists() and diameters[0]:
+        text = read_regular_file(path, LARGEST).decode("utf-8-sig")
+        return {path: (text, updated_proposal(text, old, new))}
+    return {path: ("", UpdatedProposal(new))} if diameters[1] and not path.exists() and not diameters[0] else {}
+
+
+def campaign_file(mechanism: Path) -> Path:
+    """Return the campaign file of the limits of size beside a mechanism file."""
+    return mechanism.with_name(f"{mechanism.stem}-campaign.toml")
+
+
+def _changes(path: Path, text: str, updated: "UpdatedProposal") -> list[str]:
+    """Return what changes in a file, as a diff."""
+    return list(unified_diff(text.splitlines(), updated.text.splitlines(), str(path), str(path), lineterm="", n=1))

@@ -1,0 +1,79 @@
+"""The names that a mechanism file has for what was found in its CAD file: a person may have changed them."""
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from engine.arrays import Array
+from engine.cad_import.found_geometry import FoundGeometry
+from engine.cad_import.names_of_before import Place, matched, places_of_joints, places_of_stops, renamed
+from engine.cad_import.proposed_text import entries_of
+
+_SAME = 0.5  # mm from where the file says that a stop is
+
+
+def named_as_written(found: FoundGeometry, text: str) -> FoundGeometry:
+    """Return what was found with the names of a mechanism file, marked tables too.
+
+    Parameters
+    ----------
+    found : FoundGeometry
+        In the CAD file of the mechanism file.
+    text : str
+        Of the mechanism file.
+    """
+    tables = _tables(text)
+    bodies = {table.get("part"): name for kind, name, table in tables if kind == "bodies"}
+    found = replace(found, bodies={part: bodies.get(part, name) for part, name in found.bodies.items()})
+    written = [place for kind, name, table in tables if kind == "joints" for place in _joint(name, table)]
+    names = matched(places_of_joints(found), written)
+    count = len(found.joints)
+    joints, balls = renamed(found.joints, names[:count]), renamed(found.balls, names[count:])
+    stops = [place for kind, name, table in tables if kind == "contacts" for place in _stop(name, table)]
+    of_stops = [replace(place, kind=place.kind[:2]) for place in places_of_stops(found)]
+    return replace(found, joints=joints, balls=balls, stops=renamed(found.stops, matched(of_stops, stops, _SAME)))
+
+
+def _tables(text: str) -> list[tuple[str, str, dict[str, Any]]]:
+    """Return kind, name and keys of each table with a name; what cannot be read alone is left out."""
+    found: dict[str, dict[str, Any]] = {}
+    for (header, key), entry in entries_of(text.splitlines()).items():
+        table = found.setdefault(header.strip("[]"), {})
+        try:
+            table |= tomllib.loads(f"{key} = {entry.value}") if key else {}
+        except tomllib.TOMLDecodeError:  # a value that goes on in the next line
+            continue
+    return [(*header.split("."), table) for header, table in found.items() if header.count(".") == 1]  # type: ignore[misc]
+
+
+def _joint(name: str, table: dict[str, Any]) -> Iterator[Place]:
+    """Return where a joint is in the body around its pin or ball."""
+    for outer, inner, where in (("bearing", "journal", ("hole", "near")), ("socket", "ball", ("point",))):
+        point = _point(table, outer, *where)
+        if point is not None:
+            yield Place(name, (_body(table, inner), _body(table, outer)), point)
+
+
+def _stop(name: str, table: dict[str, Any]) -> Iterator[Place]:
+    """Return where a stop is in the body with its plane."""
+    point = _point(table, "b", "plane", "near")
+    if point is not None:
+        yield Place(name, (_body(table, "b"), _body(table, "a")), point)
+
+
+def _body(table: dict[str, Any], side: str) -> str:
+    entry = table.get(side)
+    return str(entry.get("body")) if isinstance(entry, dict) else ""
+
+
+def _point(table: dict[str, Any], *path: str) -> Array | None:
+    """Return a point of a table; None where there is none of three numbers."""
+    entry: Any = table
+    for key in path:
+        entry = entry.get(key) if isinstance(entry, dict) else None
+    if isinstance(entry, list) and len(entry) == 3 and all(isinstance(x, int | float) for x in entry):
+        return np.array(entry, float)
+    return None

@@ -1,0 +1,114 @@
+"""The names of an earlier revision for what is found in a new one: of parts, joints and stops that are still there.
+
+A stop or a joint has a number where several are alike. Without this, one that is new would take the number of another,
+and what a person has written about that one.
+"""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+from typing import Any, TypeVar
+
+import numpy as np
+
+from engine.arrays import Array
+from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundStop
+
+_FAR = 5.0  # mm between two places of a stop that is the same
+_Found = TypeVar("_Found", FoundJoint, FoundBall, FoundStop)
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where something is that has a name.
+
+    Attributes
+    ----------
+    name : str
+    kind : tuple
+        Only what has the same kind can be the same.
+    point : array
+        Shape (3,) [mm].
+    """
+
+    name: str
+    kind: tuple[Any, ...]
+    point: Array
+
+
+def named_as_before(found: FoundGeometry, before: FoundGeometry) -> FoundGeometry:
+    """Return what was found with the names that the same parts, joints and stops had in an earlier revision.
+
+    Parts of one product, and joints of two parts, are the same as those nearest to them. A stop is the same if it is
+    within 5 mm of an earlier one, with the same normal. All else gets a name that the earlier revision did not have.
+
+    Parameters
+    ----------
+    found, before : FoundGeometry
+        Of the new revision, and of the earlier one.
+    """
+    names = matched(_parts(found), _parts(before))
+    found = replace(found, bodies=dict(zip(found.bodies, names, strict=True)))
+    names = matched(places_of_joints(found), places_of_joints(before))
+    joints = renamed(found.joints, names[: len(found.joints)])
+    balls = renamed(found.balls, names[len(found.joints) :])
+    stops = renamed(found.stops, matched(places_of_stops(found), places_of_stops(before), _FAR))
+    return replace(found, joints=joints, balls=balls, stops=stops)
+
+
+def _parts(found: FoundGeometry) -> list[Place]:
+    return [Place(found.bodies[p.name], (p.product,), p.bounds.mean(axis=0)) for p in found.assembly.parts]
+
+
+def places_of_joints(found: FoundGeometry) -> list[Place]:
+    """Return the joints with pins and with balls, each in the frame of the body around it."""
+    pins = [(j.name, (j.pin.journal, j.pin.bearing), j.pin.point) for j in found.joints]
+    balls = [(b.name, (b.ball.ball_part, b.ball.socket_part), b.ball.centre) for b in found.balls]
+    return [
+        Place(name, (found.bodies[parts[0]], found.bodies[parts[1]]), found.to_body(parts[1], point))
+        for name, parts, point in [*pins, *balls]
+    ]
+
+
+def places_of_stops(found: FoundGeometry) -> list[Place]:
+    """Return the stops, each in the frame of the body with its plane."""
+    places = []
+    for stop in found.stops:
+        plane, other = stop.pair.parts
+        normal = found.assembly.part(plane).placement.rotation.T @ stop.pair.normal
+        kind = (found.bodies[plane], found.bodies[other], *(np.round(normal, 1) + 0.0).tolist())
+        places.append(Place(stop.name, kind, found.to_body(plane, stop.pair.middle)))
+    return places
+
+
+def matched(now: list[Place], before: list[Place], most: float = np.inf) -> list[str]:
+    """Return a name for each place: of the nearest earlier one of its kind, nearest pairs first, or one of its own."""
+    pairs = [
+        (float(np.linalg.norm(here.point - there.point)), i, j)
+        for i, here in enumerate(now)
+        for j, there in enumerate(before)
+        if here.kind == there.kind
+    ]
+    names: dict[int, str] = {}
+    for far, i, j in sorted(pairs):
+        if far <= most and i not in names and before[j].name not in names.values():
+            names[i] = before[j].name
+    taken = {place.name for place in before}
+    for i, place in enumerate(now):
+        if i not in names:
+            names[i] = _free(place.name, taken)
+            taken.add(names[i])
+    return [names[i] for i in range(len(now))]
+
+
+def _free(name: str, taken: set[str]) -> str:
+    """Return a name that is not taken: itself, or with the next number."""
+    stem = re.sub(r"-\d+$", "", name)
+    first = 2 if stem == name else 1
+    return name if name not in taken else next(each for n in count(first) if (each := f"{stem}-{n}") not in taken)
+
+
+def renamed(found: Sequence[_Found], names: list[str]) -> tuple[_Found, ...]:
+    """Return what was found with other names, in the same order."""
+    return tuple(replace(each, name=name) for each, name in zip(found, names, strict=True))

@@ -1,0 +1,81 @@
+"""The lines of a proposed file: tables, keys, and the questions above them, each with its place."""
+
+import re
+from dataclasses import dataclass
+
+from engine.cad_import.toml_lines import QUESTION
+
+MARK = "# "
+"""What a line begins with that counts only when it is removed."""
+
+Key = tuple[str, str]
+"""The header of a table, empty at the top, and a key in it; the key is empty for the header itself."""
+
+_KEY = re.compile(r"(# )?([A-Za-z_][\w-]*) = (.*?)(?:\s+# .*)?")
+_TABLE = re.compile(r"(# )?(\[[\w.-]+\])(?:\s+# .*)?")
+_NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A key with its value, or the header of a table.
+
+    Attributes
+    ----------
+    place : int
+        Of its line.
+    line : str
+    value : str
+        As it is written, without the comment behind it; of a header, the header.
+    marked : bool
+        Whether it has a mark, and so does not count.
+    questions : tuple of str
+        The lines above it that ask something.
+    """
+
+    place: int
+    line: str
+    value: str
+    marked: bool
+    questions: tuple[str, ...]
+
+    @property
+    def unmarked(self) -> str:
+        """Its line without a mark, with the comment behind it."""
+        return self.line.removeprefix(MARK)
+
+
+def entries_of(lines: list[str]) -> dict[Key, Entry]:
+    """Return the keys and tables of a file; of those that are there twice, the first."""
+    found: dict[Key, Entry] = {}
+    table, asked = "", []
+    for place, line in enumerate(lines):
+        if line.startswith(QUESTION):
+            asked.append(line)
+            continue
+        if match := _TABLE.fullmatch(line):
+            table = match[2]
+            found.setdefault((table, ""), Entry(place, line, table, bool(match[1]), tuple(asked)))
+        elif match := _KEY.fullmatch(line):
+            entry = Entry(place, line, match[3].strip(), bool(match[1]), tuple(asked))
+            found.setdefault((table, match[2]), entry)
+        asked = []
+    return found
+
+
+def table_lines(lines: list[str], header: str) -> list[str]:
+    """Return the lines of a table up to the next empty one, with the questions in it and above it."""
+    entry = entries_of(lines)[header, ""]
+    start = entry.place - len(entry.questions)
+    end = next((i for i in range(entry.place, len(lines)) if not lines[i].strip()), len(lines))
+    return lines[start:end]
+
+
+def what_it_asks(question: str) -> str:
+    """Return a question without its numbers and what stands behind it: the same about another revision."""
+    return _NUMBER.sub("0", question.removeprefix(QUESTION).partition("?")[0])
+
+
+def path_of(key: Key) -> str:
+    """Return the dotted path of a key."""
+    return ".".join(filter(None, (key[0].strip("[]"), key[1])))

@@ -1,0 +1,161 @@
+"""A proposed file for a new revision of its CAD file: what a person wrote stays, what the CAD file said follows."""
+
+import re
+from dataclasses import dataclass, field
+
+from engine.cad_import.proposed_text import MARK, Entry, Key, entries_of, path_of, table_lines, what_it_asks
+from engine.cad_import.toml_lines import QUESTION
+
+_PARAMETERS = "[parameters]"
+
+
+@dataclass(frozen=True)
+class UpdatedProposal:
+    """What became of a mechanism file, or of a campaign file.
+
+    Attributes
+    ----------
+    text : str
+        The file for the new revision.
+    kept : list of str
+        Where the proposal has changed and the file has a value of its own, which stays; each as a line.
+    gone : list of str
+        Tables of which the new revision has nothing left; they stay, too.
+    added : list of str
+        Tables that are new.
+    """
+
+    text: str
+    kept: list[str] = field(default_factory=list)
+    gone: list[str] = field(default_factory=list)
+    added: list[str] = field(default_factory=list)
+
+
+def updated_proposal(text: str, before: str, after: str) -> UpdatedProposal:
+    """Return a file in which what was proposed for one revision is as it is proposed for another.
+
+    Parameters
+    ----------
+    text : str
+        The file, with whatever the person has written into it.
+    before, after : str
+        What was proposed for the two revisions, as by `engine.cad_import.proposed_mechanism.proposed_mechanism`.
+
+    Returns
+    -------
+    UpdatedProposal
+        A line changes, or goes, only where the person left it as it was proposed. What has become a question is one
+        again, and what is no question any more is none, unless the person has answered it.
+    """
+    return _Merge(text, before, after).result()
+
+
+class _Merge:
+    """The lines of a file, each of which becomes some lines, and what is said of it."""
+
+    def __init__(self, text: str, before: str, after: str) -> None:
+        lines, self._after = text.splitlines(), after.splitlines()
+        self._own, self._old, self._new = entries_of(lines), entries_of(before.splitlines()), entries_of(self._after)
+        self._asked, self._asks = _questions(before), _questions(after)
+        self._out = [[line] for line in lines]
+        self._said = UpdatedProposal(text)
+
+    def result(self) -> UpdatedProposal:
+        """Return the file for the new revision."""
+        self._update_questions()
+        for key, entry in self._new.items():
+            if key in self._old:
+                self._follow(key, entry)
+            elif key[1] and (key[0], "") in {*self._own, ("", "")}:
+                self._insert(key, entry)
+        for key, was in self._old.items():
+            if key not in self._new:
+                self._drop(key, was)
+        self._remove_parameters()
+        self._add_tables()
+        lines: list[str] = []
+        for place, each in enumerate(self._out):
+            gone = place > 0 and not self._out[place - 1]
+            if not (each == lines[-1:] == [""] and gone):  # what has gone leaves no second empty line
+                lines += each
+        text = "\n".join(lines)
+        return UpdatedProposal(text + "\n", self._said.kept, self._said.gone, self._said.added)
+
+    def _follow(self, key: Key, entry: Entry) -> None:
+        """Replace a line that is as it was proposed by the one that is proposed now."""
+        was, own = self._old[key], self._own.get(key)
+        if own is not None:
+            self._ask(own, entry)
+        if (was.unmarked, was.marked) == (entry.unmarked, entry.marked):  # the comment says what "as drawn" is
+            return
+        is_stop = entry.marked and key[0].startswith("[contacts.")  # a person removes its mark, not its geometry
+        answered = own is not None and was.marked and not own.marked and not is_stop
+        if own is not None and own.value == was.value and not answered:
+            mark = MARK if (own.marked if was.marked == entry.marked else entry.marked) else ""
+            self._out[own.place][-1] = mark + entry.unmarked
+        elif was.value != entry.value and (own is None or own.value != entry.value):
+            self._said.kept.append(f"{path_of(key)}: proposed is now {entry.value}, and was {was.value}")
+
+    def _insert(self, key: Key, entry: Entry) -> None:
+        """Write a key that is new into its table, behind the one that it is proposed behind."""
+        if key in self._own:
+            if self._own[key].value != entry.value:
+                self._said.kept.append(f"{path_of(key)}: proposed is now {entry.value}")
+            return
+        questions = self._not_asked(entry)
+        if entry.marked and entry.questions and not questions:  # the same question as before, elsewhere
+            return
+        before = [k for k, e in self._new.items() if k[0] == key[0] and e.place < entry.place and k in self._own]
+        if before:
+            self._out[self._own[before[-1]].place] += [*questions, entry.line]
+
+    def _drop(self, key: Key, was: Entry) -> None:
+        """Remove a key that is proposed no more, unless the person changed it; name a table that is not."""
+        if (own := self._own.get(key)) is None or key == (_PARAMETERS, ""):
+            return
+        header = self._own.get((key[0], ""))
+        if not key[1] and not own.marked:
+            self._said.gone.append(key[0])
+        elif (key[0], "") in self._new or key[0] in ("", _PARAMETERS) or (header and header.marked):
+            if (own.value, own.marked) == (was.value, was.marked):
+                self._out[own.place].pop(0)
+            elif not was.questions or not self._asks.keys() & set(map(what_it_asks, was.questions)):
+                self._said.kept.append(f"{path_of(key)}: no longer proposed, and was {was.value}")
+
+    def _remove_parameters(self) -> None:
+        """Keep a parameter that is proposed no more where it is used elsewhere; remove a table of none."""
+        header = self._own.get((_PARAMETERS, ""))
+        own = {key[1]: entry for key, entry in self._own.items() if key[0] == _PARAMETERS and key[1]}
+        rest = "\n".join(line.partition("#")[0] for lines in self._out for line in lines)
+        for name, entry in own.items():
+            if not self._out[entry.place] and re.search(rf"\b{name}\b", rest):
+                self._out[entry.place] = [entry.line]
+        if header and own and not any(self._out[entry.place] for entry in own.values()):
+            self._out[header.place] = []
+
+    def _add_tables(self) -> None:
+        """Write tables that are new at the end, with the questions about them that are not open already."""
+        open_now = {line for lines in self._out for line in lines if line.startswith(QUESTION)}
+        for key in self._new:
+            if not key[1] and key not in self._old and key not in self._own:
+                self._out.append(["", *(x for x in table_lines(self._after, key[0]) if x not in open_now)])
+                self._said.added.append(key[0])
+
+    def _update_questions(self) -> None:
+        """Remove the open questions that are asked no more, and bring the numbers of the others up to date."""
+        for lines in self._out:
+            if lines[0].startswith(QUESTION) and (asks := what_it_asks(lines[0])) in self._asked:
+                lines[:] = [self._asks[asks]] if asks in self._asks else []
+
+    def _ask(self, own: Entry, entry: Entry) -> None:
+        """Write the questions about a key that were not asked before above its line."""
+        self._out[own.place][:0] = self._not_asked(entry)
+
+    def _not_asked(self, entry: Entry) -> list[str]:
+        """Return the questions about a key that were not asked of the revision before."""
+        return [line for line in entry.questions if what_it_asks(line) not in self._asked]
+
+
+def _questions(text: str) -> dict[str, str]:
+    """Return the questions of a file, each by what it asks."""
+    return {what_it_asks(line): line for line in text.splitlines() if line.startswith(QUESTION)}
