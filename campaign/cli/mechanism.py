@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from campaign.cli.import_step import import_step
+from campaign.cli.importing.import_step import import_step
 from campaign.cli.output import Json, print_json, print_text, say
 
 mechanism_app = typer.Typer(help="List, show and check mechanisms.", no_args_is_help=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad_import.found_geometry import FoundGeometry
-from engine.cad_import.names_of_before import Place, matched, places_of_joints, places_of_stops, renamed
+from engine.cad_import.names_of_before import NamedPlace, matched, places_of_joints, places_of_stops, renamed
 from engine.cad_import.proposed_text import entries_of
 
 _SAME = 0.5  # mm from where the file says that a stop is
@@ -49,19 +49,19 @@ def _tables(text: str) -> list[tuple[str, str, dict[str, Any]]]:
     return [(*header.split("."), table) for header, table in found.items() if header.count(".") == 1]  # type: ignore[misc]
 
 
-def _joint(name: str, table: dict[str, Any]) -> Iterator[Place]:
+def _joint(name: str, table: dict[str, Any]) -> Iterator[NamedPlace]:
     """Return where a joint is in the body around its pin or ball."""
     for outer, inner, where in (("bearing", "journal", ("hole", "near")), ("socket", "ball", ("point",))):
         point = _point(table, outer, *where)
         if point is not None:
-            yield Place(name, (_body(table, inner), _body(table, outer)), point)
+            yield NamedPlace(name, (_body(table, inner), _body(table, outer)), point)
 
 
-def _stop(name: str, table: dict[str, Any]) -> Iterator[Place]:
+def _stop(name: str, table: dict[str, Any]) -> Iterator[NamedPlace]:
     """Return where a stop is in the body with its plane."""
     point = _point(table, "b", "plane", "near")
     if point is not None:
-        yield Place(name, (_body(table, "b"), _body(table, "a")), point)
+        yield NamedPlace(name, (_body(table, "b"), _body(table, "a")), point)
 
 
 def _body(table: dict[str, Any], side: str) -> str:

@@ -20,7 +20,7 @@ _Found = TypeVar("_Found", FoundJoint, FoundBall, FoundStop)
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class NamedPlace:
     """Where something is that has a name.
 
     Attributes
@@ -57,32 +57,32 @@ def named_as_before(found: FoundGeometry, before: FoundGeometry) -> FoundGeometr
     return replace(found, joints=joints, balls=balls, stops=stops)
 
 
-def _parts(found: FoundGeometry) -> list[Place]:
-    return [Place(found.bodies[p.name], (p.product,), p.bounds.mean(axis=0)) for p in found.assembly.parts]
+def _parts(found: FoundGeometry) -> list[NamedPlace]:
+    return [NamedPlace(found.bodies[p.name], (p.product,), p.bounds.mean(axis=0)) for p in found.assembly.parts]
 
 
-def places_of_joints(found: FoundGeometry) -> list[Place]:
+def places_of_joints(found: FoundGeometry) -> list[NamedPlace]:
     """Return the joints with pins and with balls, each in the frame of the body around it."""
     pins = [(j.name, (j.pin.journal, j.pin.bearing), j.pin.point) for j in found.joints]
     balls = [(b.name, (b.ball.ball_part, b.ball.socket_part), b.ball.centre) for b in found.balls]
     return [
-        Place(name, (found.bodies[parts[0]], found.bodies[parts[1]]), found.to_body(parts[1], point))
+        NamedPlace(name, (found.bodies[parts[0]], found.bodies[parts[1]]), found.to_body(parts[1], point))
         for name, parts, point in [*pins, *balls]
     ]
 
 
-def places_of_stops(found: FoundGeometry) -> list[Place]:
+def places_of_stops(found: FoundGeometry) -> list[NamedPlace]:
     """Return the stops, each in the frame of the body with its plane."""
     places = []
     for stop in found.stops:
         plane, other = stop.pair.parts
         normal = found.assembly.part(plane).placement.rotation.T @ stop.pair.normal
         kind = (found.bodies[plane], found.bodies[other], *(np.round(normal, 1) + 0.0).tolist())
-        places.append(Place(stop.name, kind, found.to_body(plane, stop.pair.middle)))
+        places.append(NamedPlace(stop.name, kind, found.to_body(plane, stop.pair.middle)))
     return places
 
 
-def matched(now: list[Place], before: list[Place], most: float = np.inf) -> list[str]:
+def matched(now: list[NamedPlace], before: list[NamedPlace], most: float = np.inf) -> list[str]:
     """Return a name for each place: of the nearest earlier one of its kind, nearest pairs first, or one of its own."""
     pairs = [
         (float(np.linalg.norm(here.point - there.point)), i, j)

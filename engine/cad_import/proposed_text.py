@@ -17,7 +17,7 @@ _NUMBER = re.compile(r"[-+]?\d[\d.]*(?:e[-+]?\d+)?")
 
 
 @dataclass(frozen=True)
-class Entry:
+class ProposedLine:
     """A key with its value, or the header of a table.
 
     Attributes
@@ -45,9 +45,9 @@ class Entry:
         return self.line.removeprefix(MARK)
 
 
-def entries_of(lines: list[str]) -> dict[Key, Entry]:
+def entries_of(lines: list[str]) -> dict[Key, ProposedLine]:
     """Return the keys and tables of a file; of those that are there twice, the first."""
-    found: dict[Key, Entry] = {}
+    found: dict[Key, ProposedLine] = {}
     table, asked = "", []
     for place, line in enumerate(lines):
         if line.startswith(QUESTION):
@@ -55,9 +55,9 @@ def entries_of(lines: list[str]) -> dict[Key, Entry]:
             continue
         if match := _TABLE.fullmatch(line):
             table = match[2]
-            found.setdefault((table, ""), Entry(place, line, table, bool(match[1]), tuple(asked)))
+            found.setdefault((table, ""), ProposedLine(place, line, table, bool(match[1]), tuple(asked)))
         elif match := _KEY.fullmatch(line):
-            entry = Entry(place, line, match[3].strip(), bool(match[1]), tuple(asked))
+            entry = ProposedLine(place, line, match[3].strip(), bool(match[1]), tuple(asked))
             found.setdefault((table, match[2]), entry)
         asked = []
     return found

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, field
 
-from engine.cad_import.proposed_text import MARK, Entry, Key, entries_of, path_of, table_lines, what_it_asks
+from engine.cad_import.proposed_text import MARK, Key, ProposedLine, entries_of, path_of, table_lines, what_it_asks
 from engine.cad_import.toml_lines import QUESTION
 
 _PARAMETERS = "[parameters]"
@@ -81,7 +81,7 @@ class _Merge:
         text = "\n".join(lines)
         return UpdatedProposal(text + "\n", self._said.kept, self._said.gone, self._said.added)
 
-    def _follow(self, key: Key, entry: Entry) -> None:
+    def _follow(self, key: Key, entry: ProposedLine) -> None:
         """Replace a line that is as it was proposed by the one that is proposed now."""
         was, own = self._old[key], self._own.get(key)
         if own is not None:
@@ -96,7 +96,7 @@ class _Merge:
         elif was.value != entry.value and (own is None or own.value != entry.value):
             self._said.kept.append(f"{path_of(key)}: proposed is now {entry.value}, and was {was.value}")
 
-    def _insert(self, key: Key, entry: Entry) -> None:
+    def _insert(self, key: Key, entry: ProposedLine) -> None:
         """Write a key that is new into its table, behind the one that it is proposed behind."""
         if key in self._own:
             if self._own[key].value != entry.value:
@@ -109,7 +109,7 @@ class _Merge:
         if before:
             self._out[self._own[before[-1]].place] += [*questions, entry.line]
 
-    def _drop(self, key: Key, was: Entry) -> None:
+    def _drop(self, key: Key, was: ProposedLine) -> None:
         """Remove a key that is proposed no more, unless the person changed it; name a table that is not."""
         if (own := self._own.get(key)) is None or key == (_PARAMETERS, ""):
             return
@@ -147,11 +147,11 @@ class _Merge:
             if lines[0].startswith(QUESTION) and (asks := what_it_asks(lines[0])) in self._asked:
                 lines[:] = [self._asks[asks]] if asks in self._asks else []
 
-    def _ask(self, own: Entry, entry: Entry) -> None:
+    def _ask(self, own: ProposedLine, entry: ProposedLine) -> None:
         """Write the questions about a key that were not asked before above its line."""
         self._out[own.place][:0] = self._not_asked(entry)
 
-    def _not_asked(self, entry: Entry) -> list[str]:
+    def _not_asked(self, entry: ProposedLine) -> list[str]:
         """Return the questions about a key that were not asked of the revision before."""
         return [line for line in entry.questions if what_it_asks(line) not in self._asked]
 

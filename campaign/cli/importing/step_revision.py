@@ -28,7 +28,7 @@ def bring_to_revision(path: Path, step_file: str, recognition: float | None, *, 
     json : bool
         Whether what changed is printed as data.
     """
-    from campaign.cli.found_in_step import draw_found, found_in_step, picture_files
+    from campaign.cli.importing.found_in_step import draw_found, found_in_step, picture_files
     from campaign.cli.output_files import check_output, replacing
     from engine.cad_import.earlier_revision import earlier_revision
     from engine.cad_import.found_geometry import find_geometry

@@ -37,9 +37,9 @@ def import_step(
     json: Json = False,
 ) -> None:
     """Propose a mechanism file from a STEP file: parts, joints, play, and what only you know as marked questions."""
-    from campaign.cli.found_in_step import draw_found, found_in_step, picture_files
+    from campaign.cli.importing.found_in_step import draw_found, found_in_step, picture_files
+    from campaign.cli.importing.step_revision import bring_to_revision, campaign_file
     from campaign.cli.output_files import check_output, replacing
-    from campaign.cli.step_revision import bring_to_revision, campaign_file
     from campaign.errors import SpecError
     from campaign.spec.proposed_campaign import proposed_campaign
     from engine.cad import RECOGNITION

@@ -1,0 +1,1 @@
+"""``clearcap mechanism import``: a STEP file, and its next revision."""
