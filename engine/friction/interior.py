@@ -22,11 +22,9 @@ from engine.friction.bilateral import add_bilateral
 from engine.friction.blocks import add_contact, clear, factorise, start_system, substitute
 from engine.friction.complementarity import read_matrix, write_matrix
 from engine.friction.cone import residual
+from engine.friction.inside_cone import FAR, TINY, scaling, to_boundary
 from engine.jit import inner
 from engine.lanes import LANES, choose, larger, least, read, root, spread, total, write
-
-TINY = 1e-300
-FAR = 1e3  # a longer step than so many times the direction is not asked for
 
 
 class Pace(NamedTuple):
@@ -145,7 +143,7 @@ def _scaled_system(nc, p, share, slope):
         write(y0 - f * (u0 + share * mu * slip), c.miss[0], i)
         write(y1 - f * mu * u1, c.miss[1], i)
         write(y2 - f * mu * u2, c.miss[2], i)
-        w00, w01, w02, w11, w12, w22 = _scaling(x0, x1, x2, y0, y1, y2)
+        w00, w01, w02, w11, w12, w22 = scaling(x0, x1, x2, y0, y1, y2)
         write_matrix(c.Q, i, w00, w01, w02, w01, w11, w12, w02, w12, w22)
         s00, s01, s02 = (
             w00 * w00 + w01 * w01 + w02 * w02,
@@ -195,23 +193,6 @@ def _product(W, i, v0, v1, v2):
     """Return the blocks W from contact i on times vectors."""
     w00, w01, w02, w10, w11, w12, w20, w21, w22 = read_matrix(W, i)
     return w00 * v0 + w01 * v1 + w02 * v2, w10 * v0 + w11 * v1 + w12 * v2, w20 * v0 + w21 * v1 + w22 * v2
-
-
-@inner
-def _scaling(x0, x1, x2, y0, y1, y2):
-    """Return the upper half of the Nesterov-Todd scaling W, W y = W^-1 x."""
-    ax, ay = _root_determinant(x0, x1, x2), _root_determinant(y0, y1, y2)
-    g = root(0.5 * (1 + (x0 * y0 + x1 * y1 + x2 * y2) / (ax * ay)))
-    w0, w1, w2 = (x0 / ax + y0 / ay) / (2 * g), (x1 / ax - y1 / ay) / (2 * g), (x2 / ax - y2 / ay) / (2 * g)
-    eta, k = root(ax / ay), 1 / (1 + w0)
-    return eta * w0, eta * w1, eta * w2, eta * (1 + k * w1 * w1), eta * k * w1 * w2, eta * (1 + k * w2 * w2)
-
-
-@inner
-def _root_determinant(x0, x1, x2):
-    """Return the square root of x_0^2 - |x_T|^2, kept above zero."""
-    t = root(x1 * x1 + x2 * x2)
-    return root(larger((x0 - t) * (x0 + t), TINY))
 
 
 @inner
@@ -275,8 +256,8 @@ def _direction(nc, p, slope):
         write(y0, c.du[0], i)
         write(y1, c.du[1], i)
         write(y2, c.du[2], i)
-        reach_x = _to_boundary(read(c.x[0], i), read(c.x[1], i), read(c.x[2], i), x0, x1, x2)
-        reach_y = _to_boundary(read(c.y[0], i), read(c.y[1], i), read(c.y[2], i), y0, y1, y2)
+        reach_x = to_boundary(read(c.x[0], i), read(c.x[1], i), read(c.x[2], i), x0, x1, x2)
+        reach_y = to_boundary(read(c.y[0], i), read(c.y[1], i), read(c.y[2], i), y0, y1, y2)
         reach = choose(reach_x < reach_y, reach_x, reach_y)
         reach = choose(read(c.present, i) > 0.0, reach, FAR)
         room = choose(reach < room, reach, room)
@@ -293,16 +274,3 @@ def _gap_after(c, step):
             x, y = read(c.x[k], i) + step * read(c.dr[k], i), read(c.y[k], i) + step * read(c.du[k], i)
             gap += choose(there, x * y, 0.0)
     return total(gap)
-
-
-@inner
-def _to_boundary(x0, x1, x2, d0, d1, d2):
-    """Return the largest steps along d that stay in the second-order cones."""
-    a, b, c = d0 * d0 - d1 * d1 - d2 * d2, x0 * d0 - x1 * d1 - x2 * d2, x0 * x0 - x1 * x1 - x2 * x2
-    square = b * b - a * c
-    way = root(larger(square, 0.0))
-    ahead = choose((square > 0.0) & (b < 0.0), c / (way - b), FAR)
-    step = choose(a < 0.0, (-b - way) / a, ahead)
-    edge = -x0 / d0
-    step = choose((d0 < 0.0) & (edge < step), edge, step)
-    return larger(step, 0.0)
