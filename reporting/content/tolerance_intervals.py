@@ -217,7 +217,8 @@ def _refused(n: int, shape: Normality) -> str:
     if n < FEWEST_FOR_WORDS or p is None:
         return f"No normal intervals: {n} values are too few to test for normality; {FEWEST_FOR_WORDS} are needed."
     if shape.verdict == "not normal" or p < _LEAST_P:
-        return f"No normal intervals: the values are not normal (Anderson-Darling p = {p:.2g})."
+        are = "are not" if shape.verdict == "not normal" else "may not be"
+        return f"No normal intervals: the values {are} normal (Anderson-Darling p = {p:.2g})."
     return ""
 
 

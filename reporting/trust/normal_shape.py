@@ -120,9 +120,6 @@ def _so_few(some: list[ResponseAnalysis]) -> str:
 
 
 def _smallest_p(some: list[ResponseAnalysis]) -> str:
-    """Return the smallest p of Anderson-Darling; with production lots, of the weights of the tails."""
-    by_all = [r.normality.anderson_darling_p for r in some if r.normality.anderson_darling_p is not None]
-    if by_all:
-        return f"smallest Anderson-Darling p {format_numbers.probability(min(by_all))}"
-    of_tails = [r.normality.p for r in some if r.normality.p is not None]
-    return f"smallest p of the tails {format_numbers.probability(min(of_tails, default=None))}"
+    """Return the smallest p of the test by which the responses were judged."""
+    smallest = min((r.normality.p for r in some if r.normality.p is not None), default=None)
+    return f"smallest p, tails included, {format_numbers.probability(smallest)}"

@@ -47,6 +47,12 @@ def test_what_is_not_normal_has_only_ordered_values(draw):
         assert c.free[0] <= c.free_lower < c.free_upper <= c.free[1]
 
 
+def test_a_departure_that_is_not_shown_is_not_stated():
+    """200 normal values with an Anderson-Darling p of 0.034, and 500 uniform ones."""
+    assert "the values may not be normal" in of(np.random.default_rng(25).normal(size=200)).note
+    assert "the values are not normal" in of(np.random.default_rng(8).uniform(size=500)).note
+
+
 def test_few_values_say_what_they_cannot_show():
     """19 values have no normal interval, 60 have one with a caution, 600 without it."""
     rng = np.random.default_rng(1)
