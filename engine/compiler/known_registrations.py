@@ -21,12 +21,14 @@ def registrations_known() -> Iterator[None]:
     if BaseContext.refresh is not _refresh:
         yield
         return
-    filled: dict[int, tuple[int, ...]] = {}  # by the identity of the context, which outlives the block
+    lists: dict[int, list[list[Any]]] = {}  # by the identity of the context, which outlives the block
+    filled: dict[int, int] = {}
 
     def refresh(self: Any) -> None:
-        if filled.get(id(self)) != _registered():
+        if id(self) not in filled or sum(map(len, lists[id(self)])) != filled[id(self)]:
             _refresh(self)  # type: ignore[no-untyped-call]
-            filled[id(self)] = _registered()
+            lists[id(self)] = _registrations(self)
+            filled[id(self)] = sum(map(len, lists[id(self)]))
 
     BaseContext.refresh = refresh  # type: ignore[method-assign]
     try:
@@ -35,8 +37,11 @@ def registrations_known() -> Iterator[None]:
         BaseContext.refresh = _refresh  # type: ignore[method-assign]
 
 
-def _registered() -> tuple[int, ...]:
-    """Return how many items each list of Numba's registries has; nothing is ever taken out."""
-    code, typing = imputils.builtin_registry, templates.builtin_registry
-    of_code = code.functions, code.getattrs, code.setattrs, code.casts, code.constants
-    return tuple(map(len, (*of_code, typing.functions, typing.attributes, typing.globals)))
+def _registrations(context: Any) -> list[list[Any]]:
+    """Return the lists from which a context has been filled; each only grows.
+
+    Numba registers its own intrinsics not with the built-in registry but with the first that the context knows.
+    """
+    of_code, of_types = imputils.RegistryLoader.registry_items, templates.RegistryLoader.registry_items
+    lists = [getattr(registry, items) for registry in context._registries for items in of_code]
+    return lists + [getattr(registry, items) for registry in context.typing_context._registries for items in of_types]

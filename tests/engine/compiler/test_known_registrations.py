@@ -62,6 +62,21 @@ def test_what_is_added_in_the_block_is_found(refreshed):
         assert refreshed == [context] * 2
 
 
+def test_what_any_registry_gains_is_found(refreshed):
+    """Numba registers intrinsics with the first registry of a context, which is not the built-in one."""
+    context, number = cpu_target.target_context, signature(types.int64)
+    context.refresh()
+    for position, registry in enumerate(list(context._registries)):
+        name = f"a function of registry {position}"
+        with registrations_known():
+            context.refresh()
+            refreshed.clear()
+            registry.lower(name)(lambda context, builder, sig, args: ir.Constant(ir.IntType(64), 7))
+            assert callable(context.get_function(name, number))
+            context.refresh()
+            assert refreshed == [context]
+
+
 def test_numba_is_as_it_was_after_a_failure():
     """An error in the block leaves nothing behind."""
     with pytest.raises(LookupError), registrations_known():
