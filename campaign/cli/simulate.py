@@ -49,7 +49,7 @@ def simulate(
     """Simulate a mechanism once and print its responses."""
     values = _values(changes or [])
     from campaign.worker.compiling import announced_compilation
-    from engine import Recording, load_mechanism, missing_kernels, set_values
+    from engine import Recording, load_mechanism, missing_kernels, set_values, warm_up
     from engine import simulate as simulate_once
     from engine.preflight import cautions
 
@@ -61,7 +61,10 @@ def simulate(
     files = RunFiles(trajectory, plot, animation)
     files.check()
     _check_every(every, files)
-    with files.recording() as motion, announced_compilation(missing_kernels()):
+    if missing := missing_kernels():
+        with announced_compilation(missing):
+            warm_up()  # all at once: what this run does not need takes a second now, and ten in a process of its own
+    with files.recording() as motion:
         run = simulate_once(
             loaded,
             values,
