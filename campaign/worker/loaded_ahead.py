@@ -11,6 +11,8 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+from distributed.versions import get_versions
+
 BATCHES_NEED = ("campaign.worker.batch", "pyarrow.parquet")
 
 
@@ -27,8 +29,11 @@ class NoPandas:
 def dask_setup(worker: Any) -> None:
     """Have a worker that starts load ahead; dask calls this.
 
-    The thread of its batches does it, so that the worker joins the scheduler meanwhile, and its first batch waits.
+    The thread of its batches does it, so that the worker joins the scheduler meanwhile, and its first batch waits. The
+    versions that the worker states when it joins are looked up before: while another thread imports modules one of
+    them was not found, once in thousands of starts, and dask warned of different versions.
     """
+    get_versions()  # and remembers them
     worker.executors["default"].submit(load_ahead)
 
 

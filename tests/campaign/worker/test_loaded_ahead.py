@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 
@@ -59,6 +60,15 @@ def test_worker_of_this_machine_loads_in_the_thread_of_its_batches():
         call = workers.submit("loaded", loaded, (*loaded_ahead.BATCHES_NEED, "pandas"))
         assert workers.next_finished() is call
         assert call.result() == [True, True, False]
+
+
+def test_versions_are_known_before_another_thread_imports(monkeypatch):
+    """A worker states them when it joins, and an import at the same time can hide one."""
+    order = []
+    monkeypatch.setattr(loaded_ahead, "get_versions", lambda: order.append("versions"))
+    submit = lambda call: order.append(call.__name__)  # noqa: E731
+    loaded_ahead.dask_setup(SimpleNamespace(executors={"default": SimpleNamespace(submit=submit)}))
+    assert order == ["versions", "load_ahead"]
 
 
 def loaded(names):
