@@ -9,9 +9,9 @@ EXTRAS := cad client excel jobqueue kubernetes pdf s3 tls web
 TOGETHER := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest
 # A process that crashes ends the run: pytest-xdist 3.8 waits for ever for the tests that it was given.
 PARALLEL := --numprocesses auto --max-worker-restart 0 --dist loadfile --no-loadscope-reorder
-# The slow tests wait for half of their time, for heartbeats, kills and browsers: three processes for two cores.
+# The slow tests wait for more than half of their time, for heartbeats, kills and browsers: two processes a core.
 CORES  := $(shell nproc 2>/dev/null || getconf _NPROCESSORS_ONLN)
-CROWD  := --numprocesses $(shell expr \( $(CORES) \* 3 + 1 \) / 2)
+CROWD  := --numprocesses $(shell expr $(CORES) \* 2)
 export MPLBACKEND := Agg
 # The tests start some hundred processes: each would compile all modules again where nobody keeps bytecode.
 unexport PYTHONDONTWRITEBYTECODE
@@ -51,8 +51,8 @@ serve: $(BIN)/clearcap ## pages and an API on this machine, computing 500 C-60; 
 test: $(VENV)/.dev ## prove the parts, one process a core
 	$(TOGETHER) $(PARALLEL)
 
-prove: $(VENV)/.dev ## the slow proofs: what fails while a campaign runs, scale, several hosts, a browser
-	$(TOGETHER) -m "slow and not storm and not alone" $(PARALLEL) $(CROWD)
+prove: $(VENV)/.dev ## the slow proofs: what fails while a campaign runs, scale, several hosts, a browser, six of the storms
+	CLEARCAP_STORMS=$${CLEARCAP_STORMS:-1} $(TOGETHER) -m "slow and not alone" $(PARALLEL) $(CROWD)
 	$(BIN)/python -m pytest tests/campaign/storms -m alone
 
 storms: $(VENV)/.dev ## a hundred campaigns that are killed, paused and robbed of their disk (about an hour on two cores)

@@ -15,6 +15,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of
 os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(TESTS.parent), os.environ.get("PYTHONPATH"))))
 # These files take longest. They start first, so that all processes end at about the same time.
 LONGEST = (
+    "campaign/storms/test_storms.py",
     "system/test_c60.py",  # compiles the engine once for all, while another process tests the reports
     "reporting",
     "campaign/web/journeys",
