@@ -52,15 +52,15 @@ NEARLY_EXACT = [
         0.0925820676249437,
     ),
 ]
-# mm: sample 2301, whose handle creeps for 60 ms
+# mm: sample 8574, whose handle creeps for 40 ms
 CREEPING = (
-    0.09608630592263662,
-    0.058746914439374916,
-    0.06856905537860285,
-    0.07569075034437527,
-    0.06233534022567866,
-    0.07721791268991769,
-    0.06898671651427339,
+    0.10504929383391075,
+    0.0546421410149755,
+    0.05786097791166429,
+    0.06827057002914967,
+    0.07249128103646216,
+    0.04507122231700843,
+    0.06668102852168163,
 )
 
 
@@ -206,11 +206,11 @@ def test_forces_that_hold_a_pose_are_not_denied(clearances):
 
 
 def test_a_creeping_handle_has_time_to_stop():
-    """It comes to rest at 39 ms; with a horizon of 36 ms the message says that, and not that it trembles."""
+    """It comes to rest at 40 ms; with a horizon of 36 ms the message says that, and not that it trembles."""
     values = {f"J{i}": clearance for i, clearance in enumerate(CREEPING, 1)}
     run = simulate(load_mechanism("c60"), values)
     assert run.status == "ok", run.message
-    assert run.certificate.time == pytest.approx(39, abs=1)
+    assert run.certificate.time == pytest.approx(39.5, abs=0.5)
     short = simulate(load_mechanism("c60"), values, horizon=36.0)
     assert short.status == "not_at_rest"
     assert re.search(r"comes to rest at about 3[89](\.\d)? ms: raise simulation.horizon to 4\d", short.message)
