@@ -21,6 +21,7 @@ from benchmarks import (
     hard,
     heaps,
     machine,
+    motions,
     overhead,
     report,
     surface_gaps,
@@ -84,6 +85,8 @@ def main() -> None:
     if "siconos" in parts:
         numbers["siconos"] = against_siconos.measure()
         _show(console, "friction solver against Siconos, from nothing, medians", numbers["siconos"])
+        numbers["siconos_motions"] = motions.measure()
+        _show(console, "whole motions against Siconos' time stepping, m or rad", numbers["siconos_motions"])
     if "builds" in parts:
         costs, moved = builds.measure()
         numbers["builds"] = {"costs": costs, "responses": moved}

@@ -1,9 +1,15 @@
-"""Contacts as rows of the equations of motion: relative velocities, whitened rows, and the effect of impulses."""
+"""Contacts as rows of the equations of motion: relative velocities, whitened rows, and the effect of impulses.
+
+A pin in the middle of its hole has all directions for a normal; its motion chooses one of them.
+"""
 
 import numpy as np
 
 from engine.friction.blocks import ROW
-from engine.jit import kernel
+from engine.jit import inner, kernel
+from engine.kernels.contact_geometry.tangents import cross, transport
+from engine.kernels.model import ON_BALL, RING_BORE
+from engine.kernels.vectors import CENTRED, world_direction
 
 
 @kernel
@@ -37,6 +43,61 @@ def relative_velocity(x, R, a, b, point, frame, twist, i, u):
             r2 += sign * (twist[body, 2] + o0 * d1 - o1 * d0)
     for k in range(3):
         u[i, k] = frame[i, k, 0] * r0 + frame[i, k, 1] * r1 + frame[i, k, 2] * r2
+
+
+@inner
+def aim_centred(contacts, state, work, twist, dt, i):
+    """Turn contact i's normal against the way of a pin in the middle of its hole: it will touch the side ahead.
+
+    `find_contact` gives such a contact a direction of the body, which has nothing to do with the motion. Where a pin
+    crosses its play within one step, how it meets the hole would depend on that direction.
+
+    Parameters
+    ----------
+    contacts : Contacts
+        A ring round its journal, or the centre of a ball in a socket; others are left as they are.
+    state : State
+    work : Scratch
+        ``sites`` is written, and ``u[i]``; ``gap[i]`` is of the present pose.
+    twist : (nb + 1, 6) array
+        The motion.
+    dt : float
+        What is left of the step.
+    i : int
+
+    Returns
+    -------
+    bool
+        Whether the normal was turned: the contact is centred, and moves in ``dt`` by more than rounding does.
+    """
+    kind, radius, hole = contacts.kind[i], contacts.geometry_b[i, 9], 0.0
+    if kind == ON_BALL and radius > 0.0 and contacts.geometry_a[i, 9] == 0.0:
+        hole = radius  # the gap of the centre is that of the ball and its radius
+    elif kind != RING_BORE:
+        return False
+    if hole + contacts.clearance[i] - work.gap[i] > CENTRED * radius:
+        return False
+    a, b, point, frame, u = contacts.a[i], contacts.b[i], work.sites.point, work.sites.frame, work.u
+    outward = -1.0 if kind == ON_BALL else 1.0
+    for k in range(3):  # the middle: no rotation moves it
+        point[i, k] -= outward * radius * frame[i, 0, k]
+    relative_velocity(state.x, state.R, a, b, point, frame, twist, i, u)
+    if kind == RING_BORE:  # T1 is the axis
+        u[i, 1] = 0.0
+    speed = np.sqrt(u[i, 0] * u[i, 0] + u[i, 1] * u[i, 1] + u[i, 2] * u[i, 2])
+    moves = dt * speed > CENTRED * radius
+    if moves:
+        for k in range(3):
+            way = u[i, 0] * frame[i, 0, k] + u[i, 1] * frame[i, 1, k] + u[i, 2] * frame[i, 2, k]
+            frame[i, 0, k] = -way / speed
+        if kind == ON_BALL:
+            row = contacts.geometry_b[i]
+            pole, tangent = world_direction(state.R, b, row, 3), world_direction(state.R, b, row, 6)
+            transport(pole, tangent, frame[i, 0], frame[i, 1])
+        cross(frame[i, 0], frame[i, 1], frame[i, 2])
+    for k in range(3):
+        point[i, k] += outward * radius * frame[i, 0, k]
+    return moves
 
 
 @kernel

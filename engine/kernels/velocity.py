@@ -5,7 +5,7 @@ import numpy as np
 from engine.friction.complementarity import natural_mismatch
 from engine.jit import inner
 from engine.kernels.broad_phase import body_speeds, closing_speed, update_contact
-from engine.kernels.contacts import add_whitened, relative_velocity, whitened_rows
+from engine.kernels.contacts import add_whitened, aim_centred, relative_velocity, whitened_rows
 from engine.lanes import LANES, read, write
 
 
@@ -29,6 +29,8 @@ def free_relative_velocities(contacts, laws, state, work, dt, plain, bounce):
     """
     for i in range(laws.mu.shape[0]):
         if work.broad_phase.near[i]:
+            if not plain:
+                aim_centred(contacts, state, work, work.free, dt, i)
             free_relative_velocity(contacts, laws, state, work, dt, plain, bounce, i)
 
 
@@ -142,6 +144,9 @@ def grow_active_set(contacts, laws, state, work, dt, all_near, bounce):
             if broad_phase.budget[i] > dt * closing_speed(contacts, broad_phase, i):
                 continue
             update_contact(contacts, state, broad_phase, work.sites, i, work.gap)
+            aim_centred(contacts, state, work, state.v, dt, i)
+            free_relative_velocity(contacts, laws, state, work, dt, False, bounce, i)
+        elif not work.active[i] and aim_centred(contacts, state, work, state.v, dt, i):
             free_relative_velocity(contacts, laws, state, work, dt, False, bounce, i)
         a, b = contacts.a[i], contacts.b[i]
         relative_velocity(state.x, state.R, a, b, work.sites.point, work.sites.frame, state.v, i, work.u)

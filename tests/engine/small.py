@@ -2,6 +2,7 @@
 
 import copy
 import tomllib
+from collections.abc import Iterator
 from importlib.resources import files
 from typing import Any
 
@@ -121,7 +122,8 @@ def place(assembly: Assembly, body: int, x: Any, rotation: Rotation) -> None:
 def turned(data: dict[str, Any], rotation: Rotation, shift: Any) -> dict[str, Any]:
     """Describe the same mechanism elsewhere: every body's pose and speed, gravity and world directions moved along.
 
-    Loads must be in body axes, or none.
+    Loads in the world's directions must be numbers, and motions against the world must turn or go on, not start at a
+    point of the world.
     """
     data = copy.deepcopy(data)
     data["gravity"] = rotation.apply(data.get("gravity", [0, 0, 0])).tolist()
@@ -134,7 +136,22 @@ def turned(data: dict[str, Any], rotation: Rotation, shift: Any) -> dict[str, An
         body["origin"] = (rotation.apply(body.get("origin", [0, 0, 0])) + shift).tolist()
         if "velocity" in body:
             body["velocity"] = rotation.apply(body["velocity"]).tolist()
-    for response in data["responses"].values():
-        if response["type"] == "position" and "body" not in response["direction"]:
-            response["direction"]["vector"] = rotation.apply(response["direction"]["vector"]).tolist()
+    for table, key in _in_the_world(data):
+        table[key] = rotation.apply(table[key]).tolist()
     return data
+
+
+def _in_the_world(data: dict[str, Any]) -> Iterator[tuple[dict[str, Any], str]]:
+    """Yield where the world's directions stand: the tables with them, and their keys."""
+    for response in data.get("responses", {}).values():
+        if "body" not in response.get("direction", {"body": ""}):
+            yield response["direction"], "vector"
+        elif "axis" in response and "relative_to" not in response:
+            yield response, "axis"
+    for motion in data.get("motions", {}).values():
+        if "relative_to" not in motion:
+            yield (motion["along"], "direction") if "along" in motion else (motion["about"], "axis")
+    for key in ("force", "torque"):
+        for load in data.get(f"{key}s", {}).values():
+            if load.get("frame", "world") == "world":
+                yield load, key

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from engine import load_mechanism, simulate
-from tests.engine.small import shipped
+from engine.mechanism import Mechanism
+from tests.engine.small import made, shipped
 
 LENGTHS = [f"FC-{i}" for i in range(2, 7)]
 TREMBLING = [
@@ -51,15 +52,15 @@ NEARLY_EXACT = [
         0.0925820676249437,
     ),
 ]
-# mm: sample 2301, whose handle creeps for 60 ms
+# mm: sample 8574, whose handle creeps for 40 ms
 CREEPING = (
-    0.09608630592263662,
-    0.058746914439374916,
-    0.06856905537860285,
-    0.07569075034437527,
-    0.06233534022567866,
-    0.07721791268991769,
-    0.06898671651427339,
+    0.10504929383391075,
+    0.0546421410149755,
+    0.05786097791166429,
+    0.06827057002914967,
+    0.07249128103646216,
+    0.04507122231700843,
+    0.06668102852168163,
 )
 
 
@@ -75,12 +76,41 @@ def fixed():
     return {h: simulate(load_mechanism("c60"), step=h) for h in (5e-3, 2e-3, 1e-3)}
 
 
+def without_friction(*names: str) -> Mechanism:
+    """Return the C-60 with no friction at the contacts and joints whose names begin so, where its moving contact is."""
+    data = shipped("c60")
+    for name, contact in (data["contacts"] | data["joints"]).items():
+        sides = [side["body"] for side in contact.values() if isinstance(side, dict)]
+        if name.startswith(names) and "moving_contact" in sides:
+            del contact["material"]
+            contact["friction"] = 0.0
+    return made(data)
+
+
+PLAYS = np.linspace(0.01, 0.05, 33)  # mm
+
+
+def forces(mechanism: Mechanism) -> np.ndarray:
+    """Return FC-1 and, before and after it, the least and the largest that friction allows, of runs with all plays."""
+    runs = [simulate(mechanism, {f"J{i}": play for i in range(1, 8)}) for play in PLAYS]
+    return np.array([[run.responses[name] for run in runs] for name in ("FC-1_low", "FC-1", "FC-1_high")])
+
+
+def no_play(force: np.ndarray, scatter: float) -> float:
+    """Carry a line through the forces on to no play at all; friction, which holds the plate, scatters them about it."""
+    slope, tight = np.polyfit(PLAYS, force, 1)
+    assert slope < 0
+    assert np.abs(slope * PLAYS + tight - force).max() < scatter
+    return float(tight)
+
+
 def test_contact_force_is_the_couple_over_its_lever():
     """Planar balance of the moving contact about the needle, from the file's numbers alone.
 
     Without friction N = M / lever, about 13.4 N. Friction at C7 acts on the way from the needle to the contact,
-    friction in J7 on the pin's radius; which way either points is not known, so N lies in a band. Play lets the plate
-    turn, which unwinds the spring: the hand calculation is for none.
+    friction in J7 on the pin's radius; which way either points is not known, so N lies in a band. Friction at the axial
+    stops, which no planar balance knows, is left out. Play lets the plate turn, which unwinds the spring: the hand
+    calculation is for none.
     """
     data = shipped("c60")
     spring, contact, joint = data["springs"]["A3"], data["contacts"]["C7"], data["joints"]["J7"]
@@ -92,24 +122,18 @@ def test_contact_force_is_the_couple_over_its_lever():
     normal = np.array(contact["b"]["plane"]["normal"][:2])
     touch = centre - cylinder["radius"] * normal
     lever = abs(normal[0] * touch[1] - normal[1] * touch[0])
-    force = abs(couple) / lever
-    assert force == pytest.approx(13.4, abs=0.1)
+    exact = abs(couple) / lever
+    assert exact == pytest.approx(13.4, abs=0.1)
     mu = {name: table["friction"] for name, table in data["materials"].items()}
     arm = mu[contact["material"]] * abs(normal @ touch) + mu[joint["material"]] * joint["journal"]["radius"]
     low, high = abs(couple) / (lever + arm), abs(couple) / (lever - arm)
     assert high - low < 0.9
-    plays = np.linspace(0.01, 0.05, 33)
-    runs = [simulate(load_mechanism("c60"), {f"J{i}": play for i in range(1, 8)}) for play in plays]
-    least, force, largest = (
-        np.array([run.responses[name] for run in runs]) for name in ("FC-1_low", "FC-1", "FC-1_high")
-    )
+    assert no_play(forces(without_friction("J", "C", "S"))[1], 2e-3) == pytest.approx(exact, rel=5e-3)
+    assert low < no_play(forces(without_friction("S"))[1], 0.4) < high
+    least, force, largest = forces(load_mechanism("c60"))
     assert (least < force).all()
     assert (force < largest).all()
     assert (largest - least).max() < 0.4
-    # a line through them, carried on to no play at all: single runs scatter by 0.13 N, as friction holds the plate
-    slope, tight = np.polyfit(plays, force, 1)
-    assert slope < 0
-    assert low < tight < high
 
 
 def test_every_run_is_certified(nominal, fixed):
@@ -182,11 +206,11 @@ def test_forces_that_hold_a_pose_are_not_denied(clearances):
 
 
 def test_a_creeping_handle_has_time_to_stop():
-    """It comes to rest at 39 ms; with a horizon of 36 ms the message says that, and not that it trembles."""
+    """It comes to rest at 40 ms; with a horizon of 36 ms the message says that, and not that it trembles."""
     values = {f"J{i}": clearance for i, clearance in enumerate(CREEPING, 1)}
     run = simulate(load_mechanism("c60"), values)
     assert run.status == "ok", run.message
-    assert run.certificate.time == pytest.approx(39, abs=1)
+    assert run.certificate.time == pytest.approx(39.5, abs=0.5)
     short = simulate(load_mechanism("c60"), values, horizon=36.0)
     assert short.status == "not_at_rest"
     assert re.search(r"comes to rest at about 3[89](\.\d)? ms: raise simulation.horizon to 4\d", short.message)

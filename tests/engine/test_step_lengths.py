@@ -153,7 +153,6 @@ def placed(shift: list[float], turn: Rotation | None = None) -> Mechanism:
     del data["benches"]  # they have loads in the world's directions
     if turn is not None:
         data = turned(data, turn, np.zeros(3))
-        data["torques"]["latch_hold"]["torque"] = turn.apply(data["torques"]["latch_hold"]["torque"]).tolist()
     for body in data["bodies"].values():
         body["origin"] = np.add(body.get("origin", [0, 0, 0]), shift).tolist()
     return made(data)
