@@ -83,6 +83,7 @@ def test_no_unchecked_folder(tmp_path):
     assert done.stdout == "engine.jit.BuildLocator\n"
 
 
+@pytest.mark.slow
 def test_installations_of_a_build_share_compiled_code(tmp_path):
     """A copy of the engine in another folder loads what the first one has compiled; a changed copy compiles."""
     shutil.copytree(ROOT / "engine", tmp_path / "copy/engine")

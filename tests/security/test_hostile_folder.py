@@ -106,6 +106,7 @@ def environment():
     return {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
 
 
+@pytest.mark.slow
 def test_a_run_is_the_same_there(hostile, tmp_path):
     """One run and its picture; also as ``python -m campaign``, which has found its package before we can act."""
     folder, traces = hostile

@@ -99,6 +99,7 @@ def test_no_plain_connection_to_a_tls_scheduler(tls_scheduler, soon):
         pass
 
 
+@pytest.mark.slow
 def test_a_lost_scheduler_is_reached_anew(tmp_path, monkeypatch):
     """The block ends when the scheduler is lost, a new one fails in time, and works when the scheduler is back."""
     port = free_port()

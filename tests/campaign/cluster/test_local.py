@@ -165,6 +165,7 @@ def struck(signal_number, times):
         thread.join()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("signal_number", "within"), [(signal.SIGKILL, 120.0), (signal.SIGSTOP, 8.0)])
 def test_a_worker_that_ends_or_hangs_while_it_starts(signal_number, within, monkeypatch):
     """Workers are started once more; nothing stays of the first ones."""
@@ -190,6 +191,7 @@ def test_workers_that_never_start(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_termination_waits_until_the_workers_run():
     """SIGTERM while workers start is handled as soon as they can be stopped in order."""
     seen = []

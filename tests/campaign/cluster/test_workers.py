@@ -116,6 +116,7 @@ def stops():
     os.kill(os.getpid(), signal.SIGSTOP)
 
 
+@pytest.mark.slow
 def test_a_worker_of_dask_that_hangs_is_replaced(monkeypatch):
     """Its call says so, and another worker takes its place."""
     monkeypatch.setattr("campaign.cluster.dask_workers.SILENT_AFTER", 4.0)

@@ -68,6 +68,7 @@ def _soon(monkeypatch):
     assert rescued == []
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_soon")
 def test_stopped_from_outside_blames_nobody(store, plan, tmp_path, caplog):
     """A run whose process is stopped for good, twice, is computed in the end."""
@@ -79,6 +80,7 @@ def test_stopped_from_outside_blames_nobody(store, plan, tmp_path, caplog):
     assert caplog.text.count("it hangs or was stopped") == 2
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("_soon")
 def test_a_run_that_always_stops_is_a_row(store, plan, tmp_path, monkeypatch):
     """Time after time, alone in a process of its own: the others go on."""

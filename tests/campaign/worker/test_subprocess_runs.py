@@ -100,6 +100,7 @@ def test_a_child_that_does_not_start_is_no_fault_of_a_run(store, plan, monkeypat
         list(rows_in_subprocess(CampaignAddress.of(store, plan, fake_engine.simulate), range(3), 1))
 
 
+@pytest.mark.slow
 def test_kills_from_outside_blame_nobody(store, plan, tmp_path):
     """A run that is killed three times for no fault of its own is computed in the end."""
     killed = partial(fake_engine.kills_at_first, 3, str(tmp_path / "kills"))

@@ -129,6 +129,7 @@ def test_killed_writer_leaves_whole_parts(remote, plan, seed):
     assert remote.table().equals(whole)
 
 
+@pytest.mark.slow
 def test_server_that_is_killed(monkeypatch, plan):
     """A server that dies is a StoreError that says what to do; with it back, the same call succeeds."""
     with s3_server() as (server, port):
@@ -149,6 +150,7 @@ def test_server_that_is_killed(monkeypatch, plan):
         assert store.survey(plan).missing == [0, 2]
 
 
+@pytest.mark.slow
 def test_server_that_comes_back_in_time(monkeypatch, plan):
     """A server that answers nothing for a moment, in mid-write, costs that moment."""
     with s3_server() as (server, port):
@@ -162,6 +164,7 @@ def test_server_that_comes_back_in_time(monkeypatch, plan):
         assert store.survey(plan).missing == []
 
 
+@pytest.mark.slow
 def test_busy_server(monkeypatch, plan, campaign):
     """Every third request is answered "slow down", and no call fails."""
     with s3_server(busy=3) as (_, port):
@@ -215,6 +218,7 @@ def test_killed_between_copy_and_removal(remote, plan, monkeypatch, caplog):
     assert len(remote.table()) == 25
 
 
+@pytest.mark.slow
 def test_listing_is_never_old(remote, plan):
     """What another process writes is seen at once."""
     assert remote.survey(plan).missing == [0, 1, 2]
