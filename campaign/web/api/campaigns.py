@@ -184,9 +184,10 @@ class CampaignStatus(BaseModel):
 
 
 @router.get("/campaigns/{campaign}/status", responses=described(404))
-def campaign_status(service: TheService, campaign: TheCampaign) -> CampaignStatus:
+def campaign_status(service: TheService, campaign: TheCampaign, who: Asking) -> CampaignStatus:
     """Count the rows of a campaign: state, rows by status, and of one that runs, as its coordinator counts."""
     document = service.statuses.status(campaign)
     if document["heartbeat"]:
         document["heartbeat"]["token"] = ""  # of the coordinator's lease
-    return CampaignStatus(**document)
+    compared = {other: where for other, where in document["comparisons"].items() if who.may_see(other)}
+    return CampaignStatus(**{**document, "comparisons": compared})

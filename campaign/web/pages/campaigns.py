@@ -73,7 +73,7 @@ async def campaign_page(request: Request, service: TheService, campaign: TheCamp
 @router.get("/campaigns/{campaign}/report")
 async def report_page(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
     """Show the report of a campaign in a frame, and its files."""
-    files = await run_in_threadpool(report_files, service, campaign)
+    files = await run_in_threadpool(report_files, service, campaign, who)
     return page(request, "report_frame", files=files, **await frame(request, service, campaign, who))
 
 
