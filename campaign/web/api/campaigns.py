@@ -7,12 +7,13 @@ from typing import Annotated, Any
 from fastapi import Query, Request
 from pydantic import BaseModel, Field, field_validator
 from starlette.concurrency import run_in_threadpool
-from starlette.responses import Response, StreamingResponse
+from starlette.responses import Response
 
 from campaign.store.layout import CAMPAIGN_FILE
 from campaign.web.api.calls import calls
 from campaign.web.api.whose import TheCampaign
 from campaign.web.http.asking import Asking, TheService, Viewer
+from campaign.web.http.event_stream import EventStream
 from campaign.web.http.problems import Refusal, described
 from campaign.web.http.tagged import tagged
 from campaign.web.watch.entry import LISTED_STATES, CampaignEntry
@@ -123,7 +124,7 @@ async def show_campaign(service: TheService, campaign: TheCampaign) -> CampaignE
 
 @router.get(
     "/campaigns/{campaign}/events",
-    response_class=StreamingResponse,
+    response_class=EventStream,
     responses={200: {"content": {"text/event-stream": {"schema": _EVENT}}}, **described(404)},
 )
 async def follow_campaign(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
@@ -134,16 +135,8 @@ async def follow_campaign(request: Request, service: TheService, campaign: TheCa
     limit = service.settings.limits.streams
     if service.streams[who.name] >= limit:
         raise Refusal(429, f"{who.name} has {limit} event streams open; close one", headers={"Retry-After": "5"})
-
-    async def events() -> Any:
-        service.streams[who.name] += 1
-        try:
-            async for event in service.watcher.follow(campaign, request.headers.get("last-event-id", "")[:64]):
-                yield event
-        finally:
-            service.streams[who.name] -= 1
-
-    return StreamingResponse(events(), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"})
+    events = service.watcher.follow(campaign, request.headers.get("last-event-id", "")[:64])
+    return EventStream(request, events, service.streams, who.name)
 
 
 @router.get(

@@ -81,6 +81,15 @@ def known(request: Request) -> Principal:
     return principal
 
 
+def is_still_known(request: Request) -> bool:
+    """Return whether the session or token of a request whose answer goes on has not ended since."""
+    try:
+        known(request)
+    except Refusal:
+        return False
+    return True
+
+
 def _refuse_token(service: Service, address: str) -> None:
     """Refuse a wrong token; from an address that tried many, with 429."""
     wait = service.throttle.attempt(f"token {place_of(address)}")
