@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from fastapi import Query, Request
 from pydantic import BaseModel, Field, field_validator
 from starlette.concurrency import run_in_threadpool
-from starlette.responses import Response
+from starlette.responses import Response, StreamingResponse
 
 from campaign.store.layout import CAMPAIGN_FILE
 from campaign.web.api.calls import calls
@@ -14,7 +14,7 @@ from campaign.web.api.whose import TheCampaign
 from campaign.web.http.asking import Asking, TheService, Viewer
 from campaign.web.http.event_stream import EventStream
 from campaign.web.http.problems import Refusal, described
-from campaign.web.http.tagged import tagged
+from campaign.web.http.tagged import TAGGED, tagged
 from campaign.web.watch.entry import LISTED_STATES, CampaignEntry
 from campaign.web.watch.list_order import LONGEST_CURSOR, ORDERS, after_cursor, cursor_after, in_order
 
@@ -73,7 +73,7 @@ def _fits(entry: CampaignEntry, question: ListQuestion, words: list[str]) -> boo
     return all(word in text for word in words)
 
 
-@router.get("/campaigns", response_model=Listing, responses=described(304))
+@router.get("/campaigns", response_model=Listing, responses=described(*TAGGED))
 async def list_campaigns(
     request: Request,
     service: TheService,
@@ -109,7 +109,7 @@ async def show_campaign(service: TheService, campaign: TheCampaign) -> CampaignE
 
 @router.get(
     "/campaigns/{campaign}/events",
-    response_class=EventStream,
+    response_class=StreamingResponse,
     responses={200: {"content": {"text/event-stream": {"schema": _EVENT}}}, **described(404)},
 )
 async def follow_campaign(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
@@ -127,7 +127,7 @@ async def follow_campaign(request: Request, service: TheService, campaign: TheCa
 @router.get(
     "/campaigns/{campaign}/campaign.toml",
     response_class=Response,
-    responses={200: {"content": {"application/toml": {"schema": {"type": "string"}}}}, **described(304, 404)},
+    responses={200: {"content": {"application/toml": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404)},
 )
 async def campaign_file(request: Request, service: TheService, campaign: TheCampaign) -> Response:
     """Return the campaign file, as it was submitted."""

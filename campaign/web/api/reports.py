@@ -14,7 +14,7 @@ from campaign.web.api.calls import calls
 from campaign.web.api.whose import PATTERN, TheCampaign, the_campaign
 from campaign.web.http.asking import Asking, Engineer, TheService
 from campaign.web.http.problems import Refusal, described
-from campaign.web.http.tagged import tagged
+from campaign.web.http.tagged import TAGGED, tagged
 from campaign.web.jobs.written_reports import written_report
 from campaign.web.web_service import Service
 
@@ -82,7 +82,7 @@ async def write_comparison(
 @router.get(
     "/campaigns/{campaign}/reports/own/{name}",
     response_class=Response,
-    responses={**_FILE, **described(206, 304, 404, 416)},
+    responses={**_FILE, **described(*TAGGED, 404)},
 )
 async def report_file(request: Request, service: TheService, campaign: TheCampaign, name: FileName) -> Response:
     """Return a file of a campaign's report, whole or in parts."""
@@ -92,7 +92,7 @@ async def report_file(request: Request, service: TheService, campaign: TheCampai
 @router.get(
     "/campaigns/{campaign}/reports/against/{other}/{name}",
     response_class=Response,
-    responses={**_FILE, **described(206, 304, 404, 416)},
+    responses={**_FILE, **described(*TAGGED, 404)},
 )
 async def comparison_file(
     request: Request,

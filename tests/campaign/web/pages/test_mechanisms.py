@@ -133,6 +133,14 @@ def test_run_shows_numbers_and_motion(browser):
     assert re.search(r'class="outline" fill="#[0-9A-F]{6}" d="M[\d.]+ ', shown)  # a still picture without scripts
     assert "J1: play 0.0500 mm" in shown
     assert 'name="value:J1" value="0.05"' in shown
+    facts = dict(re.findall(r"<div><dt>([^<]*)</dt><dd>([^<]*)</dd></div>", shown))
+    of_unit = {name.partition(" [")[0]: name.partition(" [")[2].rstrip("]") for name in facts if "[" in name}
+    assert of_unit == {
+        **{"simulated time": "ms", "real time": "s", "max penetration": "mm", "max violation": "mm"},
+        **{"max created energy": "mJ", "created energy": "mJ"},
+    }
+    run = simulate(load_mechanism("c60"), {"J1": 0.05})
+    assert facts["simulated time [ms]"] == f"{run.certificate.time:.4g}"
     preset = client.get("/mechanisms/c60/try?preset=prototype").text
     assert 'name="value:J1" value="0.085"' in preset
     wrong = client.get("/mechanisms/c60/try?set=J99=1")

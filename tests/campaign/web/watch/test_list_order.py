@@ -55,7 +55,9 @@ def test_what_stays_is_on_one_page(order):
 
 def test_long_titles_fit_into_a_cursor():
     """Those that are the same as far as they count are told apart by their ids."""
-    long = [CampaignEntry(campaign=f"c-{i}" + "x" * 90, title="ü" * 5000 + str(9 - i), state="running") for i in range(3)]
+    long = [
+        CampaignEntry(campaign=f"c-{i}" + "x" * 90, title="ü" * 5000 + str(9 - i), state="running") for i in range(3)
+    ]
     cursor = cursor_after(long[0], "title")
     assert len(cursor) < LONGEST_CURSOR
     found = in_order([(each, b"") for each in long], "title")
