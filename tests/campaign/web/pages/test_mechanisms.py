@@ -50,6 +50,15 @@ def test_list_and_page(browser):
     assert client.get("/mechanisms/nothing").status_code == 404
 
 
+def test_pictures_of_the_style_are_there(browser):
+    """What is shown where a picture is still being drawn, among them."""
+    client, log_in = browser
+    log_in("viewer")
+    named = re.findall(r'url\("([^"]*)"\)', client.get("/static/pages.css").text)
+    assert "being_drawn.svg" in named
+    assert {client.get(f"/static/{name}").status_code for name in named} == {200}
+
+
 def test_editor_shows_faults_beside_their_lines(browser):
     client, log_in = browser
     csrf = log_in()
