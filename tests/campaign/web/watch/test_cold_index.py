@@ -74,6 +74,7 @@ def test_first_look_reads_some_and_says_how_many_are_left(full_store, index):
     assert (_known(index), index.unread) == (set(full_store.campaigns()), 0)
 
 
+@also_on_s3
 def test_the_reader_goes_on_by_itself(full_store, index):
     """It reads all, and each campaign once."""
 
