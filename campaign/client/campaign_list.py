@@ -27,7 +27,7 @@ def listed_campaigns(connection: ServerConnection, question: Mapping[str, Any]) 
     UnreachableError
         If the server cannot read the rest of its store.
     """
-    cursor: int | str | None = 0
+    cursor: str | None = ""
     while cursor is not None:
         listing = _whole(connection, {**question, "cursor": cursor, "limit": ON_A_PAGE})
         yield from listing["campaigns"]

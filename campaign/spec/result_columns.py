@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import pyarrow as pa
 
 from engine.mechanism import Mechanism, unit_of
-from engine.mechanism.quantities import Quantity
+from engine.mechanism.quantities import Quantity, UnitSystem
 
 ENERGY_COLUMNS = ("max_created_energy", "created_energy")  # earlier builds did not have them
 CERTIFICATE_COLUMNS = (
@@ -21,9 +21,27 @@ CERTIFICATE_COLUMNS = (
     "attempts",
     "earlier_attempts",
 )
-
+_QUANTITIES = {  # of the numbers of a run's certificate that have a unit
+    "time": "time",
+    "wall_s": "real time",
+    "max_penetration": "length",
+    "max_violation": "length",
+    "max_created_energy": "energy",
+    "created_energy": "energy",
+}
 
 OF_SAMPLERS = {"component": pa.int64(), "log_weight": pa.float64(), "aimed": pa.bool_()}
+
+
+def certificate_units(system: UnitSystem) -> dict[str, str]:
+    """Return the units of those numbers of a run's certificate that have one, by name; see `engine.Certificate`.
+
+    Parameters
+    ----------
+    system : str
+        The mechanism's unit system.
+    """
+    return {name: Quantity(quantity).unit(system) for name, quantity in _QUANTITIES.items()}
 
 
 def results_schema(
@@ -42,7 +60,7 @@ def results_schema(
     of_sampler : tuple of str
         Columns that the sampler adds.
     """
-    length, energy = (Quantity(name).unit(mechanism.units) for name in ("length", "energy"))
+    units = certificate_units(mechanism.units)
     fields = [
         pa.field("sample", pa.int64(), nullable=False),
         *(_number(name, unit_of(mechanism, target), nullable=False) for name, target in targets.items()),
@@ -50,10 +68,10 @@ def results_schema(
         pa.field("status", pa.string(), nullable=False),
         pa.field("message", pa.string(), nullable=False),
         pa.field("steps", pa.int64()),
-        _number("wall_s", "s"),
+        _number("wall_s", units["wall_s"]),
         _number("max_residual", "1"),
-        _number("max_penetration", length),
-        *(_number(name, energy) for name in ENERGY_COLUMNS),
+        _number("max_penetration", units["max_penetration"]),
+        *(_number(name, units[name]) for name in ENERGY_COLUMNS),
         pa.field("settled", pa.bool_(), nullable=False),
         pa.field("attempts", pa.int64(), nullable=False),
         pa.field("earlier_attempts", pa.string(), nullable=False),

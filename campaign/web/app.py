@@ -113,7 +113,10 @@ def _refuse_http(request: Request, error: Exception) -> Response:
 
 def _refuse_form(request: Request, error: RequestValidationError) -> Response:
     """Answer a request whose parameters or body have faults."""
-    faults = [{"keys": [str(part) for part in fault["loc"]], "text": fault["msg"]} for fault in error.errors()[:100]]
+    faults = [
+        {"keys": [str(part) for part in fault["loc"] or ["body"]], "text": fault["msg"]}
+        for fault in error.errors()[:100]
+    ]
     detail = "; ".join(f"{'.'.join(fault['keys'])}: {fault['text']}" for fault in faults[:5])
     return _answer(request, Refusal(422, detail, faults))
 

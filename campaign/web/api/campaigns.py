@@ -1,7 +1,6 @@
 """The campaigns of the store: a list, and each with its state, files and labels."""
 
-from collections.abc import Callable, Iterable
-from datetime import UTC, datetime
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 from fastapi import Query, Request
@@ -13,9 +12,11 @@ from campaign.store.layout import CAMPAIGN_FILE
 from campaign.web.api.calls import calls
 from campaign.web.api.whose import TheCampaign
 from campaign.web.http.asking import Asking, TheService, Viewer
+from campaign.web.http.event_stream import EventStream
 from campaign.web.http.problems import Refusal, described
-from campaign.web.http.tagged import tagged
+from campaign.web.http.tagged import TAGGED, tagged
 from campaign.web.watch.entry import LISTED_STATES, CampaignEntry
+from campaign.web.watch.list_order import LONGEST_CURSOR, ORDERS, after_cursor, cursor_after, in_order
 
 router = calls("campaigns")
 MOST_LISTED = 1000
@@ -23,7 +24,6 @@ _EVENT = {  # of a stream, as OpenAPI describes one
     "type": "object",
     "properties": {"event": {"enum": ["progress", "end"]}, "id": {"type": "string"}, "data": {"type": "string"}},
 }
-_OLDEST = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class Listing(BaseModel):
@@ -46,7 +46,7 @@ class ListQuestion(BaseModel):
     tag: list[str] = Field(default=[], max_length=20, description="Campaigns have all of these")
     state: str | None = Field(None, pattern=f"^({'|'.join(LISTED_STATES)})$")
     archived: bool = Field(False, description="Also those that are archived")
-    sort: str = Field("newest", pattern="^(newest|oldest|title|cpk|yield|state|owner)$")
+    sort: str = Field("newest", pattern=f"^({'|'.join(ORDERS)})$")
 
     @field_validator("state", mode="before")
     @classmethod
@@ -55,25 +55,10 @@ class ListQuestion(BaseModel):
         return value or None
 
 
-_ORDERS: dict[str, tuple[Callable[[CampaignEntry], Any], bool]] = {  # key, and whether it falls
-    "newest": (lambda e: e.submitted_at or _OLDEST, True),
-    "oldest": (lambda e: e.submitted_at or _OLDEST, False),
-    "title": (lambda e: e.title.casefold(), False),
-    "cpk": (lambda e: (e.weakest is None, e.weakest.cpk if e.weakest else 0.0), False),
-    "yield": (lambda e: (e.share_ok is None, e.share_ok or 0.0), False),
-    "state": (lambda e: e.state, False),
-    "owner": (lambda e: e.owner.casefold(), False),
-}
-
-
 def listed(entries: Iterable[tuple[CampaignEntry, bytes]], question: ListQuestion) -> list[tuple[CampaignEntry, bytes]]:
     """Return the entries that fit a question, in its order; equals are in the order of their ids."""
     words = question.search.casefold().split()
-    found = [pair for pair in entries if _fits(pair[0], question, words)]
-    key, falls = _ORDERS[question.sort]
-    found.sort(key=lambda pair: pair[0].campaign)
-    found.sort(key=lambda pair: key(pair[0]), reverse=falls)
-    return found
+    return in_order([pair for pair in entries if _fits(pair[0], question, words)], question.sort)
 
 
 def _fits(entry: CampaignEntry, question: ListQuestion, words: list[str]) -> bool:
@@ -88,21 +73,22 @@ def _fits(entry: CampaignEntry, question: ListQuestion, words: list[str]) -> boo
     return all(word in text for word in words)
 
 
-@router.get("/campaigns", response_model=Listing, responses=described(304))
+@router.get("/campaigns", response_model=Listing, responses=described(*TAGGED))
 async def list_campaigns(
     request: Request,
     service: TheService,
     _: Viewer,
     question: Annotated[ListQuestion, Query()],
-    cursor: Annotated[int, Query(ge=0, le=10**9, description="From the page before")] = 0,
+    cursor: Annotated[str, Query(max_length=LONGEST_CURSOR, description="From the page before")] = "",
     limit: Annotated[int, Query(ge=1, le=MOST_LISTED)] = 100,
 ) -> Response:
     """List campaigns: state, progress, yield, weakest Cpk, owner and tags."""
     if service.watcher.listed_at is None:
         await service.watcher.list_campaigns()
     found = listed(service.watcher.index.entries(), question)
-    page = found[cursor : cursor + limit]
-    following = f'"{cursor + limit}"' if cursor + limit < len(found) else "null"
+    rest = after_cursor(found, question.sort, cursor)
+    page = rest[:limit]
+    following = f'"{cursor_after(page[-1][0], question.sort)}"' if len(rest) > limit else "null"
     body = b'{"campaigns":[%b],"total":%d,"next":%b,"unread":%d}' % (
         b",".join(text for _, text in page), len(found), following.encode(), service.watcher.index.unread
     )  # fmt: skip
@@ -134,22 +120,14 @@ async def follow_campaign(request: Request, service: TheService, campaign: TheCa
     limit = service.settings.limits.streams
     if service.streams[who.name] >= limit:
         raise Refusal(429, f"{who.name} has {limit} event streams open; close one", headers={"Retry-After": "5"})
-
-    async def events() -> Any:
-        service.streams[who.name] += 1
-        try:
-            async for event in service.watcher.follow(campaign, request.headers.get("last-event-id", "")[:64]):
-                yield event
-        finally:
-            service.streams[who.name] -= 1
-
-    return StreamingResponse(events(), media_type="text/event-stream", headers={"X-Accel-Buffering": "no"})
+    events = service.watcher.follow(campaign, request.headers.get("last-event-id", "")[:64])
+    return EventStream(request, events, service.streams, who.name)
 
 
 @router.get(
     "/campaigns/{campaign}/campaign.toml",
     response_class=Response,
-    responses={200: {"content": {"application/toml": {"schema": {"type": "string"}}}}, **described(304, 404)},
+    responses={200: {"content": {"application/toml": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404)},
 )
 async def campaign_file(request: Request, service: TheService, campaign: TheCampaign) -> Response:
     """Return the campaign file, as it was submitted."""
@@ -184,9 +162,10 @@ class CampaignStatus(BaseModel):
 
 
 @router.get("/campaigns/{campaign}/status", responses=described(404))
-def campaign_status(service: TheService, campaign: TheCampaign) -> CampaignStatus:
+def campaign_status(service: TheService, campaign: TheCampaign, who: Asking) -> CampaignStatus:
     """Count the rows of a campaign: state, rows by status, and of one that runs, as its coordinator counts."""
     document = service.statuses.status(campaign)
     if document["heartbeat"]:
         document["heartbeat"]["token"] = ""  # of the coordinator's lease
-    return CampaignStatus(**document)
+    compared = {other: where for other, where in document["comparisons"].items() if who.may_see(other)}
+    return CampaignStatus(**{**document, "comparisons": compared})

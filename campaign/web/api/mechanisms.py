@@ -13,7 +13,7 @@ from campaign.store.mechanism_library import read_mechanism, save_mechanism, sav
 from campaign.web.api.calls import calls
 from campaign.web.http.asking import Engineer, TheService, Viewer
 from campaign.web.http.problems import Refusal, described
-from campaign.web.http.tagged import tagged
+from campaign.web.http.tagged import TAGGED, tagged
 from campaign.web.jobs.mechanisms import MechanismSource, check_text, describe, draw
 from campaign.web.web_service import Service
 from engine.mechanism import library_names
@@ -68,7 +68,7 @@ async def show_mechanism(service: TheService, who: Viewer, name: MechanismName) 
 @router.get(
     "/mechanisms/{name}/text",
     response_class=Response,
-    responses={200: {"content": {"application/toml": {"schema": {"type": "string"}}}}, **described(304, 404)},
+    responses={200: {"content": {"application/toml": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404)},
 )
 async def mechanism_text(
     request: Request,
@@ -90,7 +90,7 @@ async def mechanism_text(
 @router.get(
     "/mechanisms/{name}/picture.svg",
     response_class=Response,
-    responses={200: {"content": {"image/svg+xml": {"schema": {"type": "string"}}}}, **described(304, 404, 409)},
+    responses={200: {"content": {"image/svg+xml": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404, 409)},
 )
 async def mechanism_picture(
     request: Request,

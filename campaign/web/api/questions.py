@@ -14,7 +14,7 @@ from campaign.web.api.calls import calls
 from campaign.web.api.whose import PATTERN, TheCampaign, the_campaign
 from campaign.web.http.asking import Asking, TheService, Viewer
 from campaign.web.http.problems import described
-from campaign.web.http.tagged import tagged
+from campaign.web.http.tagged import TAGGED, tagged
 
 router = calls("questions")
 LONGEST_COSTS = 2**16  # characters
@@ -68,7 +68,9 @@ class CostRequest(BaseModel):
     )
 
 
-@router.get("/campaigns/{campaign}/whatif", response_class=Response, responses={**_WHAT_IF, **described(304, 404, 409)})
+@router.get(
+    "/campaigns/{campaign}/whatif", response_class=Response, responses={**_WHAT_IF, **described(*TAGGED, 404, 409)}
+)
 async def ask_what_if(
     request: Request,
     service: TheService,
@@ -89,7 +91,9 @@ async def post_what_if(
     return _answered(request, await service.answers.what_if(who.name, campaign, wanted.set, preview=wanted.preview))
 
 
-@router.get("/campaigns/{campaign}/histogram", response_class=Response, responses={**_BINS, **described(304, 404, 409)})
+@router.get(
+    "/campaigns/{campaign}/histogram", response_class=Response, responses={**_BINS, **described(*TAGGED, 404, 409)}
+)
 async def ask_histogram(
     request: Request,
     service: TheService,
@@ -103,7 +107,9 @@ async def ask_histogram(
     return _answered(request, await service.answers.histogram(who.name, campaign, response, set, preview=preview))
 
 
-@router.get("/campaigns/{campaign}/advice", response_class=Response, responses={**_ADVICE, **described(304, 404, 409)})
+@router.get(
+    "/campaigns/{campaign}/advice", response_class=Response, responses={**_ADVICE, **described(*TAGGED, 404, 409)}
+)
 async def ask_advice(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
     """Say which tolerances may grow and which must shrink; the document of `clearcap advise --json`."""
     return _answered(request, await service.answers.advise(who.name, campaign))
@@ -122,7 +128,7 @@ async def ask_allocation(
 @router.get(
     "/campaigns/{campaign}/comparisons/{other}",
     response_class=Response,
-    responses={**_COMPARISON, **described(304, 404, 409)},
+    responses={**_COMPARISON, **described(*TAGGED, 404, 409)},
 )
 async def ask_comparison(
     request: Request, service: TheService, campaign: TheCampaign, who: Viewer, other: OtherCampaign

@@ -12,9 +12,9 @@ from campaign.store.files.files import TEMPORARY
 from campaign.store.report_folders import comparisons, report_folder
 from campaign.web.api.calls import calls
 from campaign.web.api.whose import PATTERN, TheCampaign, the_campaign
-from campaign.web.http.asking import Engineer, TheService
+from campaign.web.http.asking import Asking, Engineer, TheService
 from campaign.web.http.problems import Refusal, described
-from campaign.web.http.tagged import tagged
+from campaign.web.http.tagged import TAGGED, tagged
 from campaign.web.jobs.written_reports import written_report
 from campaign.web.web_service import Service
 
@@ -48,11 +48,12 @@ class ReportFiles(BaseModel):
 
 
 @router.get("/campaigns/{campaign}/reports", responses=described(404))
-def report_files(service: TheService, campaign: TheCampaign) -> ReportFiles:
-    """List the files of a campaign's report and comparisons."""
+def report_files(service: TheService, campaign: TheCampaign, who: Asking) -> ReportFiles:
+    """List the files of a campaign's report, and of its comparisons with campaigns that you may see."""
     names = service.store.hasty.files.names(report_folder(campaign))
     others = comparisons(service.store.hasty, campaign)
-    return ReportFiles(files=_written(names), comparisons={other: _written(files) for other, files in others.items()})
+    seen = {other: _written(files) for other, files in others.items() if who.may_see(other)}
+    return ReportFiles(files=_written(names), comparisons=seen)
 
 
 @router.post("/campaigns/{campaign}/report", responses=described(404, 409))
@@ -62,7 +63,7 @@ async def write_report(service: TheService, campaign: TheCampaign, who: Engineer
         raise Refusal(409, f"campaign {campaign} is signed, and its report with it; it is not written again")
     await service.pool.data(who.name, written_report, service.store.files.full_url, campaign)
     service.watcher.hurry(campaign)
-    return await run_in_threadpool(report_files, service, campaign)
+    return await run_in_threadpool(report_files, service, campaign, who)
 
 
 @router.post("/campaigns/{campaign}/comparisons/{other}", responses=described(404, 409))
@@ -75,13 +76,13 @@ async def write_comparison(
     """Write the report that compares a campaign with another."""
     await the_campaign(service, who, other)
     await service.pool.data(who.name, written_report, service.store.files.full_url, campaign, other)
-    return await run_in_threadpool(report_files, service, campaign)
+    return await run_in_threadpool(report_files, service, campaign, who)
 
 
 @router.get(
     "/campaigns/{campaign}/reports/own/{name}",
     response_class=Response,
-    responses={**_FILE, **described(206, 304, 404, 416)},
+    responses={**_FILE, **described(*TAGGED, 404)},
 )
 async def report_file(request: Request, service: TheService, campaign: TheCampaign, name: FileName) -> Response:
     """Return a file of a campaign's report, whole or in parts."""
@@ -91,16 +92,19 @@ async def report_file(request: Request, service: TheService, campaign: TheCampai
 @router.get(
     "/campaigns/{campaign}/reports/against/{other}/{name}",
     response_class=Response,
-    responses={**_FILE, **described(206, 304, 404, 416)},
+    responses={**_FILE, **described(*TAGGED, 404)},
 )
 async def comparison_file(
     request: Request,
     service: TheService,
     campaign: TheCampaign,
+    who: Asking,
     other: Annotated[str, Path(pattern=PATTERN, description="Id of the other campaign")],
     name: FileName,
 ) -> Response:
-    """Return a file of a comparison of two campaigns, whole or in parts."""
+    """Return a file of a comparison of two campaigns, whole or in parts, to those who may see both."""
+    if not who.may_see(other):
+        raise Refusal(404, f"no campaign {other} in the store")
     return await _file(request, service, report_folder(campaign, other), name)
 
 

@@ -16,7 +16,7 @@ from campaign.web.api.calls import calls
 from campaign.web.api.whose import TheCampaign
 from campaign.web.http.asking import Asking, TheService, Viewer
 from campaign.web.http.problems import Refusal, described
-from campaign.web.http.tagged import tagged
+from campaign.web.http.tagged import TAGGED, tagged
 from campaign.web.jobs.samples import draw_sample, replay_document, sample_motion
 from campaign.web.web_service import Service
 from campaign.worker.repeat_row import stored_row
@@ -89,7 +89,7 @@ class ReplayedSample(BaseModel):
     differences: str = Field(description="How this program differs from the one that computed the campaign")
 
 
-@router.get("/campaigns/{campaign}/samples", responses=described(304, 404, 409), response_model=SamplePage)
+@router.get("/campaigns/{campaign}/samples", responses=described(*TAGGED, 404, 409), response_model=SamplePage)
 async def list_samples(
     request: Request,
     service: TheService,
@@ -138,7 +138,7 @@ async def replay(service: TheService, campaign: TheCampaign, who: Viewer, sample
 @router.get(
     "/campaigns/{campaign}/samples/{sample}/plot.svg",
     response_class=Response,
-    responses={200: {"content": {"image/svg+xml": {"schema": {"type": "string"}}}}, **described(304, 404, 409)},
+    responses={200: {"content": {"image/svg+xml": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404, 409)},
 )
 async def plot(request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> Response:
     """Compute a sample again, and draw its curves over time."""
@@ -151,7 +151,7 @@ async def plot(request: Request, service: TheService, campaign: TheCampaign, who
 @router.get(
     "/campaigns/{campaign}/samples/{sample}/motion.gif",
     response_class=Response,
-    responses={200: {"content": {"image/gif": {"schema": {"type": "string"}}}}, **described(304, 404, 409)},
+    responses={200: {"content": {"image/gif": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404, 409)},
 )
 async def motion(request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> Response:
     """Compute a sample again, and draw its motion."""
@@ -164,7 +164,7 @@ async def motion(request: Request, service: TheService, campaign: TheCampaign, w
 @router.get(
     "/campaigns/{campaign}/samples/{sample}/motion.json",
     response_class=Response,
-    responses={200: {"content": {"application/json": {"schema": MOTION}}}, **described(304, 404, 409)},
+    responses={200: {"content": {"application/json": {"schema": MOTION}}}, **described(*TAGGED, 404, 409)},
 )
 async def motion_data(
     request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample

@@ -10,7 +10,7 @@ from campaign.web.api.calls import calls
 from campaign.web.api.mechanisms import LONGEST_TEXT, MechanismName, source_of
 from campaign.web.http.asking import Engineer, TheService
 from campaign.web.http.problems import Refusal, described
-from campaign.web.http.tagged import tagged
+from campaign.web.http.tagged import TAGGED, tagged
 from campaign.web.jobs.mechanisms import MechanismSource, animate_once, simulate_once
 
 router = calls("simulations")
@@ -61,7 +61,7 @@ async def simulate(service: TheService, who: Engineer, wanted: SimulationRequest
 @router.get(
     "/simulations/{name}/motion.gif",
     response_class=Response,
-    responses={200: {"content": {"image/gif": {"schema": {"type": "string"}}}}, **described(304, 404, 409)},
+    responses={200: {"content": {"image/gif": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404, 409)},
 )
 async def motion(
     request: Request,

@@ -11,7 +11,7 @@ from campaign.web.access import Principal, Role
 from campaign.web.access.tokens import Token
 from campaign.web.api.calls import calls
 from campaign.web.api.users import RoleWord
-from campaign.web.http.asking import TheService, Viewer
+from campaign.web.http.asking import TheService, Viewer, lacks_role
 from campaign.web.http.problems import Refusal, described
 from campaign.web.web_service import Service
 
@@ -75,7 +75,7 @@ def list_tokens(
 ) -> TokenList:
     """List your tokens, newest first; an admin also lists those of others."""
     if everyone and not who.may(Role.ADMIN):
-        raise Refusal(403, f"{who.name} is a {who.role.word}; the tokens of others need the role admin: ask an admin")
+        raise lacks_role(who, Role.ADMIN, "to list the tokens of others")
     tokens = service.tokens.all(None if everyone else who.name)
     rest = [token for token in tokens if cursor is None or token.id < cursor]
     following = rest[limit - 1].id if len(rest) > limit else None

@@ -81,6 +81,15 @@ def known(request: Request) -> Principal:
     return principal
 
 
+def is_still_known(request: Request) -> bool:
+    """Return whether the session or token of a request whose answer goes on has not ended since."""
+    try:
+        known(request)
+    except Refusal:
+        return False
+    return True
+
+
 def _refuse_token(service: Service, address: str) -> None:
     """Refuse a wrong token; from an address that tried many, with 429."""
     wait = service.throttle.attempt(f"token {place_of(address)}")
@@ -114,6 +123,12 @@ async def check_form(request: Request, csrf: str) -> None:
         raise Refusal(403, "the form is too old, or not from this server; load the page again")
 
 
+def lacks_role(principal: Principal, role: Role, what: str) -> Refusal:
+    """Return the refusal, 403, of what needs more than somebody's role."""
+    words = f"{principal.name} has the role {principal.role.word}; {what} needs the role {role.word}: ask an admin"
+    return Refusal(403, words)
+
+
 @dataclass(frozen=True)
 class RoleNeeded:
     """Refuse a principal with less than a role, with 403; for use with ``Depends``.
@@ -128,9 +143,7 @@ class RoleNeeded:
     def __call__(self, principal: Annotated[Principal, Depends(asking)]) -> Principal:
         """Return the principal."""
         if not principal.may(self.role):
-            raise Refusal(
-                403, f"{principal.name} is a {principal.role.word}; this needs the role {self.role.word}: ask an admin"
-            )
+            raise lacks_role(principal, self.role, "this")
         return principal
 
 

@@ -16,11 +16,11 @@ from campaign.web.api.submissions import extended
 from campaign.web.api.whose import TheCampaign
 from campaign.web.http.asking import Asking, Engineer, TheService, Viewer
 from campaign.web.pages.rendering import page
+from campaign.web.watch.list_order import ORDERS
 from campaign.web.watch.snapshot import progress_of
 
 router = APIRouter(include_in_schema=False)
 ON_A_PAGE = 50
-SORTS = ("newest", "oldest", "title", "cpk", "yield", "state", "owner")
 
 
 @router.get("/campaigns")
@@ -43,7 +43,7 @@ async def campaigns_page(
     owners = sorted({entry.owner for entry, _ in known if entry.owner})
     states = sorted({entry.state for entry, _ in known})
     following = cursor + ON_A_PAGE if cursor + ON_A_PAGE < len(found) else None
-    values: dict[str, Any] = {"question": question, "entries": entries, "total": len(found), "sorts": SORTS}
+    values: dict[str, Any] = {"question": question, "entries": entries, "total": len(found), "sorts": tuple(ORDERS)}
     values |= {"tags": tags, "owners": owners, "states": states, "cursor": cursor, "following": following}
     values |= {"unread": service.watcher.index.unread}
     return page(request, "campaigns", asked=asked, fault=service.watcher.fault, on_a_page=ON_A_PAGE, **values)
@@ -73,7 +73,7 @@ async def campaign_page(request: Request, service: TheService, campaign: TheCamp
 @router.get("/campaigns/{campaign}/report")
 async def report_page(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
     """Show the report of a campaign in a frame, and its files."""
-    files = await run_in_threadpool(report_files, service, campaign)
+    files = await run_in_threadpool(report_files, service, campaign, who)
     return page(request, "report_frame", files=files, **await frame(request, service, campaign, who))
 
 

@@ -22,6 +22,12 @@ async def home() -> Response:
     return RedirectResponse(HOME, 303)
 
 
+@router.get("/favicon.ico")
+async def icon() -> Response:
+    """Lead to the icon a browser that shows a document, and no page, which would name it."""
+    return RedirectResponse("/static/icon.svg", 308)
+
+
 @router.get("/login")
 async def show_login(request: Request, service: TheService, next: str = HOME) -> Response:
     """Show the form of the login."""

@@ -9,6 +9,7 @@ from fastapi import APIRouter, Query, Request
 from starlette.responses import RedirectResponse, Response
 
 from campaign.errors import CampaignError
+from campaign.spec.result_columns import certificate_units
 from campaign.web.access import Principal, Role
 from campaign.web.api.mechanisms import MechanismName, source_of
 from campaign.web.api.simulations import MOST_VALUES, values_of
@@ -62,7 +63,8 @@ async def trial_page(
     shown: dict[str, Any] = {"name": name, "found": found, "bench": bench, "preset": preset, "tried": tried}
     shown |= {"sliders": sliders, "others": [*others, *[("", "")] * FREE_KEYS], "question": question, "field": FIELD}
     proposed = [each["key"] for each in found["keys"]][:MOST_LISTED]
-    return page(request, "trial", refusal=refusal, proposed=proposed, **shown)
+    shown |= {"proposed": proposed, "certificate_units": certificate_units(found["units"])}
+    return page(request, "trial", refusal=refusal, **shown)
 
 
 async def _typed(request: Request, service: Service, who: Principal, name: str) -> list[tuple[str, str]]:

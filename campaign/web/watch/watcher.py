@@ -4,7 +4,7 @@ import asyncio
 import logging
 import math
 import time
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncGenerator, Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from typing import TypeVar
@@ -189,7 +189,7 @@ class Watcher:
         """Number of open streams."""
         return sum(feed.followers for feed in self._feeds.values())
 
-    async def follow(self, campaign: str, last: str = "") -> AsyncIterator[bytes]:
+    async def follow(self, campaign: str, last: str = "") -> AsyncGenerator[bytes]:
         """Yield the events of a campaign until nothing more happens, the follower leaves, or the server ends.
 
         Parameters

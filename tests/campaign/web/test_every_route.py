@@ -17,7 +17,7 @@ WRITES = [name for name, way in WAYS.items() if way.is_write]
 OPEN_WRITES = {"POST /login"}  # the only way in
 OPEN_READS = {
     *("GET /healthz", "GET /readyz", "GET /metrics"),
-    *("GET /", "GET /help", "GET /login", "GET /login/link", "GET /shared/{secret}"),
+    *("GET /", "GET /favicon.ico", "GET /help", "GET /login", "GET /login/link", "GET /shared/{secret}"),
     *("GET /login/company", "GET /login/company/callback"),
 }
 QUESTIONS = {"whatif", "advice", "advise", "allocate", "allocation", "histogram"}  # sent by POST; they change nothing

@@ -42,7 +42,7 @@ async def compare_page(
     if service.watcher.listed_at is None:
         await service.watcher.list_campaigns()
     entries = [entry for entry, _ in service.watcher.index.entries() if entry.campaign != campaign]
-    files = await run_in_threadpool(report_files, service, campaign)
+    files = await run_in_threadpool(report_files, service, campaign, who)
     values: dict[str, Any] = {"other": other, "comparison": comparison, "fault": fault}
     values |= {"offered": entries[:MOST_OFFERED], "written": files.comparisons.get(other, [])}
     return page(request, "compare", **values, **await frame(request, service, campaign, who))

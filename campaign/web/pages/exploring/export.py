@@ -52,7 +52,7 @@ async def export_page(
     form: Annotated[ExportForm, Query()],
 ) -> Response:
     """Show what can be exported, and the command and the Python lines that do what the form says."""
-    files = await run_in_threadpool(report_files, service, campaign)
+    files = await run_in_threadpool(report_files, service, campaign, who)
     call = f"{PREFIX}/campaigns/{campaign}/rows?{form.query()}"
     name = f"{campaign}.{ENDINGS[form.format]}"
     imports, reader = READERS[form.format]

@@ -81,12 +81,21 @@ def two_more(store, campaign):
 
 
 def test_pages_of_the_list(two_more, client, as_user):
-    headers, seen, cursor = as_user("viewer"), [], "0"
+    headers, seen, cursor = as_user("viewer"), [], ""
     while cursor is not None:
         document = client.get(API, params={"limit": 2, "cursor": cursor}, headers=headers).json()
         seen += [entry["campaign"] for entry in document["campaigns"]]
         cursor = document["next"]
     assert len(seen) == len(set(seen)) == document["total"] == 3
+
+
+@pytest.mark.parametrize("cursor", ["1", "!", "W10", "WyJ0aXRsZSIsMC4wLCIiLCJkZW1vIl0", "x" * 2001])
+def test_a_wrong_cursor_is_refused(client, as_user, cursor):
+    """One that is none, and one of a list in another order."""
+    answer = client.get(API, params={"cursor": cursor}, headers=as_user("viewer"))
+    assert (answer.status_code, "cursor" in answer.json()["detail"]) == (422, True)
+    params = {"cursor": "WyJ0aXRsZSIsMC4wLCIiLCJkZW1vIl0", "sort": "title"}
+    assert client.get(API, params=params, headers=as_user("viewer")).status_code == 200
 
 
 @also_on_s3

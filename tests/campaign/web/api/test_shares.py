@@ -2,6 +2,9 @@
 
 import pytest
 
+from campaign.store.report_folders import report_folder
+from tests.campaign.web.conftest import also_on_s3
+
 
 @pytest.fixture
 def url(reported, service):
@@ -30,6 +33,24 @@ def test_link_from_first_to_last(client, service, as_user, reported, url):
     assert client.get(f"/api/v1/campaigns/{reported}").status_code == 401
     assert client.delete(f"{url}/99", headers=eva).status_code == 404
     assert [entry.detail for entry in service.audit.newest(subject=reported)][-1] == "share 1, 7 days"
+
+
+@also_on_s3
+def test_link_shows_no_comparison_with_another_campaign(client, service, as_user, reported):
+    """What was written of both campaigns is read by users: neither its files nor the other's id come by a link."""
+    other = "demo-0123456789"
+    service.store.files.write(f"{report_folder(reported, other)}/report.html", b"<p>both</p>")
+    _, secret = service.tokens.share(reported, "engineer", "", 60.0)
+    guest, home = {"Authorization": f"Bearer {secret}"}, f"/api/v1/campaigns/{reported}"
+    lists = [f"{home}/reports", f"{home}/status", f"/campaigns/{reported}/report", f"/campaigns/{reported}/export"]
+    for path in lists:
+        assert other in client.get(path, headers=as_user("viewer")).text
+        answer = client.get(path, headers=guest)
+        assert (answer.status_code, other in answer.text) == (200, False), path
+    file = f"{home}/reports/against/{other}/report.html"
+    assert client.get(file, headers=as_user("viewer")).content == b"<p>both</p>"
+    assert client.get(file, headers=guest).status_code == 404
+    assert client.get(f"{home}/reports/own/report.html", headers=guest).status_code == 200
 
 
 def test_links_come_in_pages(client, as_user, url):

@@ -253,6 +253,7 @@ def test_other_bodies_are_refused(computing):
     ):
         answer = client.post("/api/v1/campaigns", content=body, headers={**headers["engineer"], "Content-Type": kind})
         assert answer.status_code == status, (kind, body[:20], answer.text)
+        assert status != 422 or answer.json()["detail"].startswith("body: "), answer.text
 
 
 WRITES = [

@@ -5,7 +5,8 @@ from starlette.applications import Starlette
 from starlette.routing import Route
 from starlette.testclient import TestClient
 
-from campaign.web.http.tagged import tagged
+from campaign.web.http.tagged import TAGGED, tagged
+from tests.campaign.web.routes import all_ways
 
 BODY = bytes(range(100))
 
@@ -50,3 +51,21 @@ def test_part_that_is_not_there(client, wanted):
 
 def test_part_of_another_version(client):
     assert client.get("/", headers={"Range": "bytes=0-9", "If-Range": '"other"'}).content == BODY
+
+
+def test_drawing_by_itself_has_its_styles():
+    """As a page of its own it would lose them by the policy of the pages; it runs and loads nothing."""
+
+    async def drawing(request):
+        return tagged(request, b"<svg/>", "image/svg+xml")
+
+    policy = TestClient(Starlette(routes=[Route("/", drawing)])).get("/").headers["content-security-policy"]
+    assert {"sandbox", "default-src 'none'", "style-src 'unsafe-inline'"} <= set(policy.split("; "))
+
+
+def test_parts_are_documented():
+    """Of each call that promises an ETag, but of rows, which are written while they are sent."""
+    ways = [way for way in all_ways() if 304 in way.route.responses]
+    assert len(ways) > 10
+    without = {way.path for way in ways if not set(TAGGED) <= way.route.responses.keys()}
+    assert without == {"/api/v1/campaigns/{campaign}/rows"}

@@ -20,12 +20,18 @@ const outlined = s.outlineStyle !== 'none' && parseFloat(s.outlineWidth) >= 2;
 const inside = r.bottom > 0 && r.top < innerHeight && r.right > 0 && r.left < innerWidth && r.width > 0;
 return [e.tagName, (outlined || e.tagName === 'IFRAME') && inside, e.outerHTML.slice(0, 150)];
 """
-LOOK = """
-const root = document.documentElement;
-return {title: document.title, headings: document.querySelectorAll('h1').length,
+NARROW, TALL = 130, 5  # px of a table's cell, and lines in it: more in less is hard to read
+LOOK = f"""
+const root = document.documentElement, range = document.createRange();
+const lines = cell => {{ range.selectNodeContents(cell);
+  return new Set([...range.getClientRects()].map(part => Math.round(part.top))).size; }};
+const squeezed = [...document.querySelectorAll('main td, main th')]
+  .filter(cell => cell.clientWidth < {NARROW} && lines(cell) > {TALL});
+return {{title: document.title, headings: document.querySelectorAll('h1').length,
   wide: root.scrollWidth - root.clientWidth, width: innerWidth,
+  squeezed: squeezed.slice(0, 3).map(cell => cell.outerHTML.slice(0, 120)),
   beyond: [...document.querySelectorAll('main *')].filter(e => e.getBoundingClientRect().right > innerWidth + 1
-    && !e.closest('.scroll')).slice(0, 3).map(e => e.outerHTML.slice(0, 120))};
+    && !e.closest('.scroll')).slice(0, 3).map(e => e.outerHTML.slice(0, 120))}};
 """
 REFUSED = "Failed to load resource: the server responded with a status of 4"
 DRAWN = "return [...document.images].every(i => i.complete && i.naturalWidth > 0)"
@@ -152,7 +158,7 @@ class Keyboard:
         self.until(lambda: self.browser.execute_script(DRAWN), "all pictures")
 
     def look(self, *, is_answer: bool = False) -> None:
-        """Check the page: its title, heading, width, messages and requests; and what axe finds.
+        """Check the page: its title, heading, width, cells, messages and requests; and what axe finds.
 
         Parameters
         ----------
@@ -168,6 +174,7 @@ class Keyboard:
         assert told == [], f"{self.path} wrote {told}"
         assert seen["width"] == self.width, f"{self.path} is laid out for {seen['width']} px"
         assert seen["wide"] <= 0, f"{self.path} is {seen['wide']} px wider than its window: {seen['beyond']}"
+        assert seen["squeezed"] == [], f"{self.path} has cells that are narrow and tall: {seen['squeezed']}"
         assert seen["headings"] == 1, f"{self.path} has {seen['headings']} headings h1"
         assert seen["title"].endswith(" – clearcap"), f"{self.path} has the title {seen['title']!r}"
         if is_answer:

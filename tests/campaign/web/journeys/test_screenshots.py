@@ -8,6 +8,7 @@ import io
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -23,6 +24,8 @@ HEIGHTS = {"try": 1500}
 NAMES = ("campaigns", "live", "report", "whatif", "new", "try")
 COLOURS = 256
 MOST_BYTES = 200_000
+BLOCK = 50  # px, of which the shades are compared: figures of another run differ within them
+ALIKE = 0.95  # least correlation of the shades; that of two runs is 0.99, a table that moves on the page makes it 0.9
 SAMPLES = 4000  # of the campaign that is shown while it is computed
 DONE = "return Number(document.querySelector('[data-field=done]').textContent.replace(/\\D/g, ''))"
 FRAMED = "return document.readyState"
@@ -74,11 +77,28 @@ def test_picture_shows_a_page(pictures, name):
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_docs_show_the_page_as_it_is(pictures, name):
+    """A page that was changed needs its picture made anew; no two pages are that alike."""
+    made = {each: _shades(pictures / f"service-{each}.png") for each in NAMES}
+    in_docs = _shades(DOCS / "images" / f"service-{name}.png")
+    alike = {each: np.corrcoef(in_docs, shades)[0, 1] for each, shades in made.items() if shades.size == in_docs.size}
+    assert alike.pop(name) > ALIKE, "make it anew: see the top of this file"
+    assert max(alike.values(), default=0.0) < ALIKE
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_page_of_docs_has_the_picture(name):
     """The docs show a picture that has the size of those made here."""
     assert f"](images/service-{name}.png)" in (DOCS / "service.md").read_text("utf-8")
     with Image.open(DOCS / "images" / f"service-{name}.png") as picture:
         assert picture.size == (WIDTH, HEIGHTS.get(name, HEIGHT))
+
+
+def _shades(path):
+    """Return the mean shade of each block of a picture, one after the other."""
+    with Image.open(path) as picture:
+        size = picture.width // BLOCK, picture.height // BLOCK
+        return np.asarray(picture.convert("L").resize(size, Image.Resampling.BOX), float).ravel()
 
 
 def _until_framed(user):
@@ -92,6 +112,8 @@ def _shoot(user, folder, name):
     """Write what the window shows, when all pictures of the page are drawn."""
     set_width(user.browser, WIDTH, HEIGHTS.get(name, HEIGHT))
     user.until_drawn()
+    alerts = [each.text for each in user.browser.find_elements("css selector", "[role=alert]") if each.text]
+    assert alerts == [], f"{user.path} is shown with {alerts}"
     shot = user.browser.execute_cdp_cmd("Page.captureScreenshot", {"format": "png"})
     picture = Image.open(io.BytesIO(base64.b64decode(shot["data"]))).convert("RGB")
     picture.quantize(COLOURS, kmeans=2, dither=Image.Dither.NONE).save(folder / f"service-{name}.png", optimize=True)

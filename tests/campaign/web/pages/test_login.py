@@ -110,3 +110,9 @@ def test_who_is_not_logged_in_comes_back_after_it(client):
 )
 def test_login_leads_nowhere_else(wanted):
     assert own_path(wanted) == "/campaigns"
+
+
+def test_icon_of_what_is_no_page(client):
+    """A browser asks for it where it shows an answer of the API, to nobody too."""
+    answer = client.get("/favicon.ico", follow_redirects=True)
+    assert (answer.status_code, answer.headers["content-type"]) == (200, "image/svg+xml")

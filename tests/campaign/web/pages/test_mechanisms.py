@@ -50,6 +50,15 @@ def test_list_and_page(browser):
     assert client.get("/mechanisms/nothing").status_code == 404
 
 
+def test_pictures_of_the_style_are_there(browser):
+    """What is shown where a picture is still being drawn, among them."""
+    client, log_in = browser
+    log_in("viewer")
+    named = re.findall(r'url\("([^"]*)"\)', client.get("/static/pages.css").text)
+    assert "being_drawn.svg" in named
+    assert {client.get(f"/static/{name}").status_code for name in named} == {200}
+
+
 def test_editor_shows_faults_beside_their_lines(browser):
     client, log_in = browser
     csrf = log_in()
@@ -133,6 +142,14 @@ def test_run_shows_numbers_and_motion(browser):
     assert re.search(r'class="outline" fill="#[0-9A-F]{6}" d="M[\d.]+ ', shown)  # a still picture without scripts
     assert "J1: play 0.0500 mm" in shown
     assert 'name="value:J1" value="0.05"' in shown
+    facts = dict(re.findall(r"<div><dt>([^<]*)</dt><dd>([^<]*)</dd></div>", shown))
+    of_unit = {name.partition(" [")[0]: name.partition(" [")[2].rstrip("]") for name in facts if "[" in name}
+    assert of_unit == {
+        **{"simulated time": "ms", "real time": "s", "max penetration": "mm", "max violation": "mm"},
+        **{"max created energy": "mJ", "created energy": "mJ"},
+    }
+    run = simulate(load_mechanism("c60"), {"J1": 0.05})
+    assert facts["simulated time [ms]"] == f"{run.certificate.time:.4g}"
     preset = client.get("/mechanisms/c60/try?preset=prototype").text
     assert 'name="value:J1" value="0.085"' in preset
     wrong = client.get("/mechanisms/c60/try?set=J99=1")

@@ -74,6 +74,7 @@ def test_first_look_reads_some_and_says_how_many_are_left(full_store, index):
     assert (_known(index), index.unread) == (set(full_store.campaigns()), 0)
 
 
+@also_on_s3
 def test_the_reader_goes_on_by_itself(full_store, index):
     """It reads all, and each campaign once."""
 
@@ -194,8 +195,8 @@ class Listing:
         """Answer."""
         self.asked.append(params["cursor"])
         left = self.unread.pop(0) if len(self.unread) > 1 else self.unread[0]
-        campaigns = [{"campaign": f"{params['cursor']}"}] if not left else []
-        document = {"campaigns": campaigns, "next": "500" if params["cursor"] == 0 else None, "unread": left}
+        campaigns = [{"campaign": f"after {params['cursor']}"}] if not left else []
+        document = {"campaigns": campaigns, "next": None if params["cursor"] else "500", "unread": left}
         return SimpleNamespace(json=lambda: document)
 
 
@@ -203,8 +204,8 @@ def test_a_program_gets_all_campaigns(monkeypatch):
     """It waits until the server has read them, also if that begins anew between two pages."""
     monkeypatch.setattr(campaign_list.time, "sleep", lambda _: None)
     server = Listing(900, 450, 0, 3, 0)
-    assert [each["campaign"] for each in listed_campaigns(server, {})] == ["0", "500"]
-    assert server.asked == [0, 0, 0, "500", "500"]
+    assert [each["campaign"] for each in listed_campaigns(server, {})] == ["after ", "after 500"]
+    assert server.asked == ["", "", "", "500", "500"]
 
 
 def test_a_program_does_not_wait_for_ever(monkeypatch):

@@ -14,13 +14,14 @@ from campaign.store.layout import HEARTBEAT
 from campaign.web.watch import counted_status
 from campaign.web.watch.counted_status import CountedStatuses
 from tests.campaign.driving import computed
+from tests.campaign.web.conftest import also_on_s3
 
 
 @pytest.fixture
-def counted(campaign, tmp_path, monkeypatch):
+def counted(campaign, storage, tmp_path, monkeypatch):
     """Return the store and plan of a completed campaign, statuses of it, and the ids whose rows were counted."""
     monkeypatch.setattr(local, "RECENT", -1e9)  # a file's own stamp must tell that it has changed
-    store, plan = computed(tmp_path / "runs", campaign, 10)
+    store, plan = computed(storage(tmp_path), campaign, 10)
     write_state(store, plan.campaign_id, "completed")
     counts = []
 
@@ -32,6 +33,7 @@ def counted(campaign, tmp_path, monkeypatch):
     return store, plan, CountedStatuses(store.hasty), counts
 
 
+@also_on_s3
 def test_rows_are_counted_once_until_files_change(counted):
     store, plan, statuses, counts = counted
     expected = progress_report(store, store.plan_header(plan.campaign_id), pytest.fail) | {"remarks": []}

@@ -80,6 +80,7 @@ def test_index_reads_only_what_changed(store, plan, index, exact, monkeypatch):
     assert len(read) == 5
 
 
+@also_on_s3
 def test_index_is_kept_and_can_be_deleted(store, plan, index, exact, tmp_path):
     index.refresh(store, change_tokens(store))
     again = CampaignIndex(tmp_path / "index.sqlite")
