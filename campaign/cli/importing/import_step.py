@@ -140,7 +140,13 @@ def _document(found: "FoundGeometry") -> dict[str, Any]:
             for each in found.balls
         ],
         "stops": [
-            {"name": stop.name, "parts": list(stop.pair.parts), "gap": stop.pair.gap, "area": stop.pair.area}
+            {
+                "name": stop.name,
+                "parts": list(stop.pair.parts),
+                "kinds": [face[number].kind for number in stop.pair.faces],
+                "gap": stop.pair.gap,
+                "area": getattr(stop.pair, "area", None),
+            }
             for stop in found.stops
         ],
         "refused": [
