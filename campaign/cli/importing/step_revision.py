@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     from engine.cad_import.updated_proposal import UpdatedProposal
 
 
-def bring_to_revision(path: Path, step_file: str, recognition: float | None, *, pictures: bool, json: bool) -> None:
+def bring_to_revision(
+    path: Path, step_file: str, recognition: float | None, *, accept_damage: bool, pictures: bool, json: bool
+) -> None:
     """Bring a mechanism file, and the campaign file of its limits, to a new STEP file, and print what changed.
 
     Parameters
@@ -23,6 +25,8 @@ def bring_to_revision(path: Path, step_file: str, recognition: float | None, *, 
         The new revision.
     recognition : float or None
         [mm]; None takes that of the mechanism file.
+    accept_damage : bool
+        Whether what can be read of a damaged file is taken.
     pictures : bool
         Whether both pictures are drawn anew.
     json : bool
@@ -42,7 +46,7 @@ def bring_to_revision(path: Path, step_file: str, recognition: float | None, *, 
     earlier = earlier_revision(path)
     before = named_as_written(find_geometry(earlier.assembly), earlier.text)
     asked = earlier.assembly.recognition if recognition is None else recognition
-    found = named_as_before(found_in_step(step_file, asked), before)
+    found = named_as_before(found_in_step(step_file, asked, accept_damage=accept_damage), before)
     proposed = (
         proposed_mechanism(before, earlier.file, earlier.name),
         proposed_mechanism(found, os.path.relpath(step_file, path.parent), earlier.name),
