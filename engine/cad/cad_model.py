@@ -239,6 +239,8 @@ class CadAssembly:
     """One for each part, in the order of `parts`."""
     cautions: tuple[str, ...] = ()
     """What was left out of the file, and where it contradicts itself, each with what to do."""
+    unreadable: int = 0
+    """How many entities of the file cannot be read, or refer to others that are missing: it is damaged."""
 
     def part(self, name: str) -> CadPart:
         """Return the part of a name; KeyError if there is none."""

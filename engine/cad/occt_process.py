@@ -17,6 +17,19 @@ from engine.errors import CadError
 _TOO_SLOW = "OCCT needs more than {} s to read it; export only the parts of the mechanism"
 
 
+_SHAPES = "its shapes", "repair the parts in the CAD system, and export them again, as AP242 or AP214"
+_LIMITS = "its dimensions", "export it again without PMI, and give the limits in the campaign file"
+_MATERIALS = "names and materials", "export it again without materials, and give each body its density"
+_STAGES = {
+    "size_limits": _LIMITS,
+    "deviation_signs": _LIMITS,
+    "density_unit": _MATERIALS,
+    "document_labels": _MATERIALS,
+    "product_tree": ("its assembly", "export it again, as AP242 or AP214, with fewer levels"),
+}
+"""What the modules of `engine.cad.occt` read, and what to do where they cannot."""
+
+
 @dataclass(frozen=True)
 class ReadingLimits:
     """What reading one CAD file may take."""
@@ -87,7 +100,9 @@ def _crash(ended: "subprocess.CompletedProcess[bytes]", limits: ReadingLimits) -
     if ended.returncode < 0:
         name = signal.Signals(-ended.returncode).name
         return f"OCCT crashed while it read it ({name}); export it again, with other settings or fewer parts"
-    *_, last = ["it said nothing", *ended.stderr.decode(errors="replace").strip().splitlines()]
+    trace = ended.stderr.decode(errors="replace").strip()
+    *_, last = ["it said nothing", *trace.splitlines()]
     if last.startswith(("ImportError", "ModuleNotFoundError")):
         return f"the OCCT that is installed is not the one that is needed ({last}); pip install 'clearcap[cad]'"
-    return f"OCCT failed to read it ({last}); export it again, as AP242 or AP214"
+    what, remedy = next((each for module, each in _STAGES.items() if f"{module}.py" in trace), _SHAPES)
+    return f"what it says of {what} is broken, and OCCT failed to read it ({last}); {remedy}"

@@ -11,11 +11,13 @@ from engine.cad import CadAssembly, CadFace
 from engine.cad.findings import (
     BallInSocket,
     FacingPlanes,
+    FacingRound,
     NearMiss,
     PinInHole,
     ThrustFaces,
     balls_in_sockets,
     facing_planes,
+    facing_rounds,
     pins_in_holes,
     pins_in_slots,
     thrust_faces,
@@ -55,10 +57,19 @@ class FoundBall:
 
 @dataclass(frozen=True, eq=False)
 class FoundStop:
-    """Two plane faces that look at each other, with a name of their own."""
+    """Two faces that look at each other, with a name of their own."""
 
     name: str
-    pair: FacingPlanes
+    pair: FacingPlanes | FacingRound
+
+    @property
+    def sizes(self) -> str:
+        """How far they are apart, and how large is what they share, in words."""
+        gap, about = self.pair.gap, "about " if isinstance(self.pair, FacingRound) and self.pair.is_estimate else ""
+        apart = f"{about}{gap:.4g} mm apart" if gap >= 0 else f"overlapping by {about}{-gap:.4g} mm"
+        if isinstance(self.pair, FacingPlanes):
+            return f"{apart}, {self.pair.area:.4g} mm2 face each other"
+        return f"{apart}, along {self.pair.length:.4g} mm" if self.pair.length else apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +86,7 @@ class FoundGeometry:
     refused : tuple of NearMiss
         Pins and holes, balls and sockets that are no joint.
     stops : tuple of FoundStop
-        Faces that look at each other and are no flanges.
+        Faces that look at each other and are no flanges: planes, then round ones.
     """
 
     assembly: CadAssembly
@@ -115,7 +126,11 @@ def find_geometry(assembly: CadAssembly) -> FoundGeometry:
     found_balls = tuple(FoundBall(*each) for each in zip(names[len(pins) :], balls, strict=True))
     refused += [*pins_in_slots(assembly), *balls_refused]
     taken = {frozenset((flange.bearing_face, flange.journal_face)) for joint in joints for flange in joint.flanges}
-    facing = [pair for pair in facing_planes(assembly, triangles) if frozenset(pair.faces) not in taken]
+    facing: list[FacingPlanes | FacingRound] = [
+        pair for pair in facing_planes(assembly, triangles) if frozenset(pair.faces) not in taken
+    ]
+    held = [frozenset((seat.hole, seat.pin)) for pin in pins for seat in pin.seats]
+    facing += facing_rounds(assembly, triangles, held + [frozenset((ball.socket, ball.ball)) for ball in balls])
     stops = tuple(FoundStop(f"stop-{number}", pair) for number, pair in enumerate(facing, 1))
     return FoundGeometry(assembly, bodies, tuple(joints), found_balls, tuple(refused), stops)
 

@@ -129,13 +129,12 @@ def _no_joint(found: FoundGeometry, miss: NearMiss, number: int, faces: dict[int
 
 def _stop(stop: FoundStop) -> FoundPlace:
     pair = stop.pair
-    apart = f"{pair.gap:.4g} mm apart" if pair.gap >= 0 else f"overlapping by {-pair.gap:.4g} mm"
     return FoundPlace(
         kind="facing",
         name=stop.name,
         parts=pair.parts,
         faces=pair.faces,
         between=" and ".join(pair.parts),
-        sizes=f"{apart}, {pair.area:.4g} mm2 face each other",
+        sizes=stop.sizes,
         ends=np.array([pair.middle, pair.middle + pair.gap * pair.normal]),
     )

@@ -9,10 +9,18 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad_import.found_geometry import FoundGeometry
-from engine.cad_import.names_of_before import NamedPlace, matched, places_of_joints, places_of_stops, renamed
+from engine.cad_import.names_of_before import NamedPlace, matched, places_of_joints, renamed
+from engine.cad_import.proposed_stops import stop_sides
 from engine.cad_import.proposed_text import entries_of
 
 _SAME = 0.5  # mm from where the file says that a stop is
+_STOP_PLACES = (
+    *((kind, "near") for kind in ("plane", "pin", "hole")),
+    *((kind, "centre") for kind in ("sphere", "socket")),
+    *((kind, "point") for kind in ("extruded", "turned")),
+    ("surface", "faces", 0, "near"),
+)
+"""Where the side b of a proposed stop has a point."""
 
 
 def named_as_written(found: FoundGeometry, text: str) -> FoundGeometry:
@@ -33,7 +41,8 @@ def named_as_written(found: FoundGeometry, text: str) -> FoundGeometry:
     count = len(found.joints)
     joints, balls = renamed(found.joints, names[:count]), renamed(found.balls, names[count:])
     stops = [place for kind, name, table in tables if kind == "contacts" for place in _stop(name, table)]
-    of_stops = [replace(place, kind=place.kind[:2]) for place in places_of_stops(found)]
+    proposed = [(stop.name, *stop_sides(found, stop)) for stop in found.stops]
+    of_stops = [place for name, a, b in proposed for place in _stop(name, {"a": a, "b": b})]
     return replace(found, joints=joints, balls=balls, stops=renamed(found.stops, matched(of_stops, stops, _SAME)))
 
 
@@ -58,10 +67,11 @@ def _joint(name: str, table: dict[str, Any]) -> Iterator[NamedPlace]:
 
 
 def _stop(name: str, table: dict[str, Any]) -> Iterator[NamedPlace]:
-    """Return where a stop is in the body with its plane."""
-    point = _point(table, "b", "plane", "near")
-    if point is not None:
-        yield NamedPlace(name, (_body(table, "b"), _body(table, "a")), point)
+    """Return where a stop is in the body that its side b names, and what that side is."""
+    for kind, *where in _STOP_PLACES:
+        point = _point(table, "b", kind, *where)
+        if point is not None:
+            yield NamedPlace(name, (kind, _body(table, "b"), _body(table, "a")), point)
 
 
 def _body(table: dict[str, Any], side: str) -> str:
@@ -69,11 +79,14 @@ def _body(table: dict[str, Any], side: str) -> str:
     return str(entry.get("body")) if isinstance(entry, dict) else ""
 
 
-def _point(table: dict[str, Any], *path: str) -> Array | None:
+def _point(table: dict[str, Any], *path: str | int) -> Array | None:
     """Return a point of a table; None where there is none of three numbers."""
     entry: Any = table
     for key in path:
-        entry = entry.get(key) if isinstance(entry, dict) else None
-    if isinstance(entry, list) and len(entry) == 3 and all(isinstance(x, int | float) for x in entry):
+        if isinstance(key, int):
+            entry = entry[key] if isinstance(entry, list) and key < len(entry) else None
+        else:
+            entry = entry.get(key) if isinstance(entry, dict) else None
+    if isinstance(entry, list | np.ndarray) and len(entry) == 3 and all(isinstance(x, int | float) for x in entry):
         return np.array(entry, float)
     return None

@@ -5,7 +5,7 @@ and what a person has written about that one.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from typing import Any, TypeVar
@@ -13,9 +13,12 @@ from typing import Any, TypeVar
 import numpy as np
 
 from engine.arrays import Array
+from engine.cad.cad_model import CadAssembly, CadPart
 from engine.cad_import.found_geometry import FoundBall, FoundGeometry, FoundJoint, FoundStop
 
 _FAR = 5.0  # mm between two places of a stop that is the same
+_ALIKE = 1e-6  # relative difference of the volumes and inertias of a part that has been renamed
+_SAME_PLACE = 1e-3  # mm between its two centres
 _Found = TypeVar("_Found", FoundJoint, FoundBall, FoundStop)
 
 
@@ -40,15 +43,17 @@ class NamedPlace:
 def named_as_before(found: FoundGeometry, before: FoundGeometry) -> FoundGeometry:
     """Return what was found with the names that the same parts, joints and stops had in an earlier revision.
 
-    Parts of one product, and joints of two parts, are the same as those nearest to them. A stop is the same if it is
-    within 5 mm of an earlier one, with the same normal. All else gets a name that the earlier revision did not have.
+    Parts of one product, and joints of two parts, are the same as those nearest to them. A part of a product that is
+    new is one of a product that has gone, if its solids have the same volume and inertia and are in the same place. A
+    stop is the same if it is within 5 mm of an earlier one, with the same normal. All else gets a name that the earlier
+    revision did not have.
 
     Parameters
     ----------
     found, before : FoundGeometry
         Of the new revision, and of the earlier one.
     """
-    names = matched(_parts(found), _parts(before))
+    names = matched(_parts(found, _former_products(found.assembly, before.assembly)), _parts(before, {}))
     found = replace(found, bodies=dict(zip(found.bodies, names, strict=True)))
     names = matched(places_of_joints(found), places_of_joints(before))
     joints = renamed(found.joints, names[: len(found.joints)])
@@ -57,8 +62,51 @@ def named_as_before(found: FoundGeometry, before: FoundGeometry) -> FoundGeometr
     return replace(found, joints=joints, balls=balls, stops=stops)
 
 
-def _parts(found: FoundGeometry) -> list[NamedPlace]:
-    return [NamedPlace(found.bodies[p.name], (p.product,), p.bounds.mean(axis=0)) for p in found.assembly.parts]
+def _parts(found: FoundGeometry, products: Mapping[str, str]) -> list[NamedPlace]:
+    """Return the parts, each as one of its product, or of the one that a mapping has for the part."""
+    return [
+        NamedPlace(found.bodies[p.name], (products.get(p.name, p.product),), p.bounds.mean(axis=0))
+        for p in found.assembly.parts
+    ]
+
+
+def _former_products(now: CadAssembly, before: CadAssembly) -> dict[str, str]:
+    """Return the earlier product of each part that has been renamed."""
+    new = {part.product for part in now.parts} - {part.product for part in before.parts}
+    gone = {part.product for part in before.parts} - {part.product for part in now.parts}
+    return {
+        part.name: former.product
+        for part in now.parts
+        if part.product in new
+        for former in before.parts
+        if former.product in gone and _is_same(part, former)
+    }
+
+
+def _is_same(part: CadPart, former: CadPart) -> bool:
+    """Return whether two parts have the same solids in the same place."""
+    if not part.solids or len(part.solids) != len(former.solids):
+        return False
+    return all(
+        abs(one.volume - other.volume) <= _ALIKE * abs(other.volume)
+        and float(np.linalg.norm(one.centre - other.centre)) <= _SAME_PLACE
+        and bool(np.all(np.abs(one.inertia - other.inertia) <= _ALIKE * np.abs(other.inertia).max()))
+        for one, other in zip(part.solids, former.solids, strict=True)
+    )
+
+
+def renamed_parts(found: FoundGeometry, before: FoundGeometry) -> list[tuple[str, str, str]]:
+    """Return body, earlier and new name of each part that has another name in a new revision.
+
+    Parameters
+    ----------
+    found : FoundGeometry
+        As `named_as_before` returns it.
+    before : FoundGeometry
+        Of the earlier revision.
+    """
+    parts = {body: part for part, body in found.bodies.items()}
+    return [(body, part, parts[body]) for part, body in before.bodies.items() if parts.get(body, part) != part]
 
 
 def places_of_joints(found: FoundGeometry) -> list[NamedPlace]:

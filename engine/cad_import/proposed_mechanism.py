@@ -5,8 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from engine.cad.cad_model import CadAssembly, CadPart, Solid
-from engine.cad_import.found_geometry import FoundGeometry, FoundStop
+from engine.cad_import.found_geometry import FoundGeometry
 from engine.cad_import.proposed_joints import LAW, all_diameters, ball_lines, joint_lines
+from engine.cad_import.proposed_stops import stop_tables
 from engine.cad_import.toml_lines import key_line, marked, question
 
 _HEAD = """\
@@ -56,7 +57,7 @@ def proposed_mechanism(found: FoundGeometry, file: str, name: str, unloaded: Seq
         lines += joint_lines(found, joint)
     for ball in found.balls:
         lines += ball_lines(found, ball)
-    return "\n".join([*lines, *_stops(found), *_loads(unloaded), *_responses(found)]).rstrip("\n") + "\n"
+    return "\n".join([*lines, *stop_tables(found), *_loads(unloaded), *_responses(found)]).rstrip("\n") + "\n"
 
 
 def largest_part(assembly: CadAssembly) -> CadPart:
@@ -119,36 +120,6 @@ def _density(part: CadPart, solid: Solid) -> float | None:
     """Return the density of a solid as the CAD file has it."""
     material = solid.material or part.material
     return material.density if material else None
-
-
-def _stops(found: FoundGeometry) -> list[str]:
-    """Return the candidates of stops, marked."""
-    if not found.stops:
-        return []
-    text = (
-        "which of these faces are stops, or hold a latch? Remove the marks of those; give more points where a whole"
-        " face rests on one"
-    )
-    lines = [question("contacts", text)]
-    for stop in found.stops:
-        lines += marked(_stop(found, stop))
-        lines.append("")
-    return lines
-
-
-def _stop(found: FoundGeometry, stop: FoundStop) -> list[str]:
-    """Return the table of a stop: a point of the one face against the other."""
-    pair = stop.pair
-    plane, point = pair.parts
-    on_plane = np.round(found.to_body(plane, pair.middle), 6)
-    on_point = np.round(found.to_body(point, pair.middle + pair.gap * pair.normal), 9)
-    state = f"{pair.gap:.4g} mm apart" if pair.gap >= 0 else f"overlapping by {-pair.gap:.4g} mm"
-    return [
-        f"[contacts.{stop.name}]".ljust(36) + f" # {state}, {pair.area:.4g} mm2 face each other",
-        key_line("a", {"body": found.bodies[point], "point": on_point}),
-        key_line("b", {"body": found.bodies[plane], "plane": {"near": on_plane}}),
-        key_line("material", LAW),
-    ]
 
 
 def _loads(unloaded: Sequence[str]) -> list[str]:

@@ -124,7 +124,7 @@ def _plain(data: dict[str, Any], source: str, folder: Path | None) -> dict[str, 
         )
         raise refused(source, [Fault(("cad",), text)], 1)
     try:
-        return with_geometry(data, folder)
+        return with_geometry(data, folder, source)
     except UnresolvedGeometry as error:
         raise refused(source, error.faults, len(error.faults)) from None
 

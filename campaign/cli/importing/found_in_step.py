@@ -7,13 +7,20 @@ if TYPE_CHECKING:
     from engine.cad_import.found_geometry import FoundGeometry
 
 
-def found_in_step(step_file: str, recognition: float) -> "FoundGeometry":
-    """Read a STEP file and find its joints; SpecError if no mechanism can be made of it."""
+def found_in_step(step_file: str, recognition: float, *, accept_damage: bool) -> "FoundGeometry":
+    """Read a STEP file and find its joints; SpecError if no mechanism can be made of it, or if it is damaged."""
     from campaign.errors import SpecError
     from engine.cad import read_step
     from engine.cad_import.found_geometry import find_geometry
 
-    found = find_geometry(read_step(step_file, recognition))
+    assembly = read_step(step_file, recognition)
+    if assembly.unreadable and not accept_damage:
+        raise SpecError(
+            f"{step_file}: is damaged: {assembly.unreadable} of its entities cannot be read, or refer to others that"
+            " are missing, so that parts, faces or limits may be missing too; export or copy it again, or take what"
+            " is left with --accept-damage"
+        )
+    found = find_geometry(assembly)
     if (parts := len(found.assembly.parts)) < 2:
         raise SpecError(
             f"{step_file}: holds {'one part' if parts else 'no parts'}; allowed: two or more, one of them fixed; export"

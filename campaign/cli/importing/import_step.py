@@ -34,6 +34,9 @@ def import_step(
             show_default=False,
         ),
     ] = None,
+    accept_damage: Annotated[
+        bool, typer.Option("--accept-damage", help="Take what can be read of a damaged STEP file.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Propose a mechanism file from a STEP file: parts, joints, play, and what only you know as marked questions."""
@@ -51,7 +54,9 @@ def import_step(
     if (output is None) == (update is None):
         raise SpecError("one of --output and --update is needed; name the mechanism file that is to be written")
     if update is not None:
-        bring_to_revision(update, step_file, recognition, pictures=pictures is True, json=json)
+        bring_to_revision(
+            update, step_file, recognition, accept_damage=accept_damage, pictures=pictures is True, json=json
+        )
         return
     assert output is not None
     campaign = campaign_file(output)
@@ -60,7 +65,8 @@ def import_step(
     drawn = [] if pictures is False else picture_files(output)
     for each in drawn:
         _refuse_existing(each, "import draws into it; leave the pictures out with --no-pictures")
-    found = found_in_step(step_file, RECOGNITION if recognition is None else recognition)
+    asked = RECOGNITION if recognition is None else recognition
+    found = found_in_step(step_file, asked, accept_damage=accept_damage)
     name = _name(output.stem)
     file = os.path.relpath(step_file, output.parent)
     text = proposed_mechanism(found, file, name)
@@ -140,7 +146,13 @@ def _document(found: "FoundGeometry") -> dict[str, Any]:
             for each in found.balls
         ],
         "stops": [
-            {"name": stop.name, "parts": list(stop.pair.parts), "gap": stop.pair.gap, "area": stop.pair.area}
+            {
+                "name": stop.name,
+                "parts": list(stop.pair.parts),
+                "kinds": [face[number].kind for number in stop.pair.faces],
+                "gap": stop.pair.gap,
+                "area": getattr(stop.pair, "area", None),
+            }
             for stop in found.stops
         ],
         "refused": [

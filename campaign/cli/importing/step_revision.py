@@ -12,7 +12,9 @@ if TYPE_CHECKING:
     from engine.cad_import.updated_proposal import UpdatedProposal
 
 
-def bring_to_revision(path: Path, step_file: str, recognition: float | None, *, pictures: bool, json: bool) -> None:
+def bring_to_revision(
+    path: Path, step_file: str, recognition: float | None, *, accept_damage: bool, pictures: bool, json: bool
+) -> None:
     """Bring a mechanism file, and the campaign file of its limits, to a new STEP file, and print what changed.
 
     Parameters
@@ -23,6 +25,8 @@ def bring_to_revision(path: Path, step_file: str, recognition: float | None, *, 
         The new revision.
     recognition : float or None
         [mm]; None takes that of the mechanism file.
+    accept_damage : bool
+        Whether what can be read of a damaged file is taken.
     pictures : bool
         Whether both pictures are drawn anew.
     json : bool
@@ -33,7 +37,7 @@ def bring_to_revision(path: Path, step_file: str, recognition: float | None, *, 
     from engine.cad_import.earlier_revision import earlier_revision
     from engine.cad_import.found_geometry import find_geometry
     from engine.cad_import.names_in_file import named_as_written
-    from engine.cad_import.names_of_before import named_as_before
+    from engine.cad_import.names_of_before import named_as_before, renamed_parts
     from engine.cad_import.open_questions import open_questions
     from engine.cad_import.proposed_mechanism import proposed_mechanism
     from engine.cad_import.updated_proposal import updated_proposal
@@ -42,7 +46,7 @@ def bring_to_revision(path: Path, step_file: str, recognition: float | None, *, 
     earlier = earlier_revision(path)
     before = named_as_written(find_geometry(earlier.assembly), earlier.text)
     asked = earlier.assembly.recognition if recognition is None else recognition
-    found = named_as_before(found_in_step(step_file, asked), before)
+    found = named_as_before(found_in_step(step_file, asked, accept_damage=accept_damage), before)
     proposed = (
         proposed_mechanism(before, earlier.file, earlier.name),
         proposed_mechanism(found, os.path.relpath(step_file, path.parent), earlier.name),
@@ -57,12 +61,22 @@ def bring_to_revision(path: Path, step_file: str, recognition: float | None, *, 
     if drawn:
         draw_found(found, files[path][1].text, step_file, path)
     written = [str(each) for each in (*(file for file in files if changes[file]), *drawn)]
+    renamed = [f"{old} is now {new}; body {body} stays" for body, old, new in renamed_parts(found, before)]
     said = {key: [x for _, u in files.values() for x in getattr(u, key)] for key in ("kept", "gone", "added")}
     if json:
-        print_json({"changes": [line for lines in changes.values() for line in lines], **said, "written": written})
+        print_json(
+            {
+                "changes": [line for lines in changes.values() for line in lines],
+                "renamed": renamed,
+                **said,
+                "written": written,
+            }
+        )
         return
     for line in (line for lines in changes.values() for line in lines):
         print_text(line)
+    for text in renamed:
+        print_text(f"renamed in the STEP file: {text}")
     for text in said["kept"]:
         print_text(f"kept as you wrote it: {text}")
     for table in said["gone"]:

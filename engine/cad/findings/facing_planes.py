@@ -8,8 +8,13 @@ from engine.arrays import Array, Integers
 from engine.cad.cad_model import CadAssembly, CadFace, Coordinates, Millimetres, SquareMillimetres
 from engine.cad.findings.common_area import common_area
 
+REACH = 1.0
+"""Largest gap of faces that could be a stop [mm]."""
+DEEPEST_OVERLAP = 0.1
+"""By which such faces may overlap as posed [mm]."""
+LEAST_AREA = 0.25
+"""That two plane faces share [mm2]: what is less is a sliver, where an edge lies over another."""
 _PARALLEL = 1e-3  # rad
-_DEEPEST_OVERLAP = 0.1  # mm
 _LEAST_SHARE = 1e-3  # of the smaller face: what is less is a corner over an edge
 
 
@@ -29,8 +34,10 @@ class FacingPlanes:
     """Of the first face, to the second, shape (3,)."""
 
 
-def facing_planes(assembly: CadAssembly, triangles: dict[int, Array], reach: float = 1.0) -> list[FacingPlanes]:
+def facing_planes(assembly: CadAssembly, triangles: dict[int, Array]) -> list[FacingPlanes]:
     """Return the plane faces of different parts that look at each other, the smallest gap first.
+
+    The gap is at most 1 mm, and they share at least 0.25 mm2.
 
     Parameters
     ----------
@@ -38,15 +45,13 @@ def facing_planes(assembly: CadAssembly, triangles: dict[int, Array], reach: flo
         In mm.
     triangles : dict
         Of its faces, as `engine.cad.findings.common_area.triangles_by_face` returns them.
-    reach : float
-        Largest gap [mm].
     """
     planes = [face for face in assembly.faces if face.kind == "plane" and face.number in triangles]
     found = []
-    for i, j in _near(planes, triangles, reach).tolist():
+    for i, j in _near(planes, triangles).tolist():
         first, second = planes[i], planes[j]
         area, middle = common_area(triangles[first.number], triangles[second.number], first.axis)
-        if area > _LEAST_SHARE * min(first.area, second.area):
+        if area > max(LEAST_AREA, _LEAST_SHARE * min(first.area, second.area)):
             found.append(
                 FacingPlanes(
                     faces=(first.number, second.number),
@@ -60,7 +65,7 @@ def facing_planes(assembly: CadAssembly, triangles: dict[int, Array], reach: flo
     return sorted(found, key=lambda pair: pair.gap)
 
 
-def _near(planes: list[CadFace], triangles: dict[int, Array], reach: float) -> Integers:
+def _near(planes: list[CadFace], triangles: dict[int, Array]) -> Integers:
     """Return the pairs of planes that could face each other: opposite normals, a small gap, near boxes; (n, 2)."""
     if len(planes) < 2:
         return np.zeros((0, 2), np.int64)
@@ -68,10 +73,10 @@ def _near(planes: list[CadFace], triangles: dict[int, Array], reach: float) -> I
     parts = np.unique([f.part for f in planes], return_inverse=True)[1]
     opposite = np.argwhere((normals @ normals.T < -np.cos(_PARALLEL)) & (parts[:, None] < parts))
     gaps = np.einsum("nk,nk->n", points[opposite[:, 1]] - points[opposite[:, 0]], normals[opposite[:, 0]])
-    opposite = opposite[(gaps <= reach) & (gaps >= -_DEEPEST_OVERLAP)]
+    opposite = opposite[(gaps <= REACH) & (gaps >= -DEEPEST_OVERLAP)]
     corners = [triangles[f.number].reshape(-1, 3) for f in planes]
-    lows = np.array([each.min(axis=0) for each in corners]) - reach
-    highs = np.array([each.max(axis=0) for each in corners]) + reach
+    lows = np.array([each.min(axis=0) for each in corners]) - REACH
+    highs = np.array([each.max(axis=0) for each in corners]) + REACH
     i, j = opposite.T
     near: Integers = opposite[((lows[i] <= highs[j]) & (lows[j] <= highs[i])).all(axis=1)]
     return near

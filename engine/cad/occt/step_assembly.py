@@ -98,6 +98,7 @@ def read_assembly(path: Path, sha256: str, recognition: float) -> CadAssembly:
         limits=tuple(limit for limit, said in contradictions.items() if not said),
         meshes=tuple(here.mesh for here in placed),
         cautions=(*_left_out(document, parts, unclear), *chain.from_iterable(contradictions.values())),
+        unreadable=document.unreadable,
     )
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from engine.arrays import Array
 from engine.cad import CadAssembly, CadEdge, CadFace
+from engine.cad.triangle_distance import distance_to_triangles
 from engine.mechanism.geometry.cad_table import NearPlace, RoundFace
 from engine.mechanism.geometry.plain_numbers import direction, lengths
-from engine.mechanism.geometry.triangle_distance import distance_to_triangles
 
 WITHIN = 0.5
 """How far from its face a point may be [mm], unless the file says otherwise."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from pydantic import ValidationError
@@ -26,7 +27,7 @@ class UnresolvedGeometry(Exception):
         self.faults = faults
 
 
-def with_geometry(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+def with_geometry(data: Mapping[str, Any], folder: Path, source: str) -> dict[str, Any]:
     """Return a mechanism file in which numbers stand for the geometry that it names.
 
     Parameters
@@ -35,6 +36,8 @@ def with_geometry(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
         The file as read, with a table ``cad``.
     folder : Path
         Where the path of the CAD file begins.
+    source : str
+        The mechanism file, as a message calls it.
 
     Returns
     -------
@@ -60,7 +63,8 @@ def with_geometry(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     if assembly.sha256 != table.sha256:
         text = (
             f"{table.file} has another content, with the SHA-256 {assembly.sha256}; allowed: the content that this file"
-            f" was written for; see what changed with clearcap mechanism import {table.file} --update, then name it"
+            f" was written for; see what changed, and bring the file to it, with clearcap mechanism import"
+            f" {quote(str(folder / table.file))} --update {quote(source)}"
         )
         raise UnresolvedGeometry([Fault(("cad", "sha256"), text, table.sha256)])
     plain, tables = without_selectors(data, assembly)

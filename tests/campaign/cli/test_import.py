@@ -1,6 +1,7 @@
 """`clearcap mechanism import`: from a STEP file to files that load, and what `check` says of them."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -201,6 +202,19 @@ def test_pictures_are_not_written_over(folder):
     assert "base-crank" in drawing
     assert "radii 3.05 and 3" in drawing
     assert "stop-1" in drawing
+
+
+def test_a_damaged_file_is_refused_unless_it_is_accepted(folder):
+    """An entity refers to one that is missing: nothing is written, until somebody says that the rest will do."""
+    whole = (folder / "latch.step").read_text("latin-1")
+    missing = re.sub(r"(PRODUCT_RELATED_PRODUCT_CATEGORY\('part',\$,\()#\d+", r"\g<1>#9999999", whole, count=1)
+    (folder / "damaged.step").write_text(missing, "latin-1")
+    words = ["import", "damaged.step", "-o", "damaged.toml", "--no-pictures"]
+    refused = CliRunner().invoke(app, ["mechanism", *words])
+    assert "damaged.step: is damaged: 1 of its entities cannot be read" in str(refused.exception)
+    assert not (folder / "damaged.toml").exists()
+    assert "left out: what 1 of the file's " in clearcap(*words, "--accept-damage")
+    assert (folder / "damaged.toml").exists()
 
 
 def test_one_of_two_options(folder):

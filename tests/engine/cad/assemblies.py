@@ -55,6 +55,7 @@ def full_assembly(random):
         limits=(limits,),
         meshes=(mesh,),
         cautions=("left out",),
+        unreadable=3,
     )
 
 

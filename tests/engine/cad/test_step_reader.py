@@ -143,7 +143,11 @@ def test_steps_without_a_shape(tmp_path, data, said):
         ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", {}, "OCCT crashed while it read it (SIGSEGV)"),
         ("while True: pass", {"seconds": 2}, "OCCT needs more than 2 s to read it"),
         ("__version__ = '7.8'", {}, "is not the one that is needed (ModuleNotFoundError: No module named 'OCP."),
-        ("raise SystemError('geometry')", {}, "OCCT failed to read it (SystemError: geometry)"),
+        (
+            "raise SystemError('geometry')",
+            {},
+            "its shapes is broken, and OCCT failed to read it (SystemError: geometry); repair",
+        ),
         ("x = bytearray(2**40)", {}, "takes more than 4 GiB of memory"),
     ],
 )
@@ -154,6 +158,24 @@ def test_a_reader_that_fails(tmp_path, monkeypatch, program, limits, said):
     (package / "__init__.py").write_text(program)
     monkeypatch.syspath_prepend(str(tmp_path))
     assert said in refusal(LATCH, **limits)
+
+
+@pytest.mark.parametrize(
+    ("module", "said"),
+    [
+        (
+            "size_limits",
+            "its dimensions is broken, and OCCT failed to read it (AttributeError); export it again",
+        ),
+        ("density_unit", "export it again without materials, and give each body its density"),
+        ("triangulation", "repair the parts in the CAD system, and export them again, as AP242 or AP214"),
+    ],
+)
+def test_what_nobody_foresaw_in_a_file(module, said):
+    """The message says what the reader was at, and what to do about it: the name of an error alone teaches nothing."""
+    trace = f'Traceback:\n  File "/x/engine/cad/occt/{module}.py", line 1, in f\n    a.b\nAttributeError\n'
+    ended = subprocess.CompletedProcess([], 1, b"", trace.encode())
+    assert said in engine.cad.occt_process._crash(ended, ReadingLimits())
 
 
 def test_without_occt(monkeypatch):

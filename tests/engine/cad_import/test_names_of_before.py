@@ -7,7 +7,7 @@ import pytest
 
 from engine.cad_import.found_geometry import FoundStop, find_geometry
 from engine.cad_import.names_in_file import named_as_written
-from engine.cad_import.names_of_before import named_as_before
+from engine.cad_import.names_of_before import named_as_before, renamed_parts
 from engine.cad_import.proposed_mechanism import proposed_mechanism
 
 
@@ -85,3 +85,40 @@ def test_the_names_of_a_file(latch, stops):
     again = named_as_before(find_geometry(latch.assembly), named)
     assert (again.bodies["crank"], again.joints[0].name, names(again)) == ("Kurbel", "J1", ["block"])
     assert np.all(again.stops[0].pair.middle == latch.stops[0].pair.middle)
+
+
+def called(latch, old, new, **changes):
+    """Return the latch with another name for a part and its product, and other changes of its solid."""
+    parts = tuple(
+        replace(part, name=new, product=new, solids=tuple(replace(solid, **changes) for solid in part.solids))
+        if part.name == old
+        else part
+        for part in latch.assembly.parts
+    )
+    faces = tuple(replace(face, part=new) if face.part == old else face for face in latch.assembly.faces)
+    meshes = tuple(replace(mesh, part=new) if mesh.part == old else mesh for mesh in latch.assembly.meshes)
+    return find_geometry(replace(latch.assembly, parts=parts, faces=faces, meshes=meshes))
+
+
+def test_a_renamed_part_keeps_its_body(latch):
+    """It is known by its solid: body and joints keep their names, and the new name of the part is in its line alone."""
+    found = named_as_before(called(latch, "crank", "lever"), latch)
+    assert found.bodies["lever"] == "crank"
+    assert [joint.name for joint in found.joints] == [joint.name for joint in latch.joints]
+    assert renamed_parts(found, latch) == [("crank", "crank", "lever")]
+    before, after = (proposed_mechanism(each, "latch.step", "latch").splitlines() for each in (latch, found))
+    [line] = [new for old, new in zip(before, after, strict=True) if old != new]
+    assert line.startswith('part = "lever"')
+
+
+def test_another_part_is_not_a_renamed_one(latch):
+    """One with another volume, or in another place, has a body of its own."""
+    crank = latch.assembly.part("crank").solids[0]
+    for change in (
+        {"volume": 1.001 * crank.volume},
+        {"centre": crank.centre + 0.1},
+        {"inertia": 1.001 * crank.inertia},
+    ):
+        found = named_as_before(called(latch, "crank", "lever", **change), latch)
+        assert found.bodies["lever"] == "lever"
+        assert renamed_parts(found, latch) == []

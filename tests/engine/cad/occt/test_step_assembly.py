@@ -169,6 +169,7 @@ def test_entities_that_are_missing(tmp_path):
     change = (r"(PRODUCT_RELATED_PRODUCT_CATEGORY\('part',\$,\()#\d+", r"\g<1>#9999999")
     damaged = edited(made, tmp_path / "damaged.step", change)
     said = next(text for text in damaged.cautions if "entities" in text)
+    assert damaged.unreadable == 1
     assert said.startswith("what 1 of the file's ")
     assert "they cannot be read, or refer to others that are missing; export or copy it again" in said
 

@@ -214,6 +214,13 @@ def test_faults(load, path, value, key, words):
     assert found[key].line is not None
 
 
+def test_another_content_says_which_command_brings_the_file_to_it(load):
+    """The command is complete: with the STEP file and the mechanism file."""
+    said = faults(load, changed("cad", "sha256", "0" * 64))["cad.sha256"].text
+    command = said.partition("with clearcap mechanism import ")[2].split()
+    assert [each.rpartition("/")[2] for each in command] == ["latch.step", "--update", "latch.toml"]
+
+
 def test_all_faults_at_once(load):
     """A user corrects them in one go."""
     data = changed("joints", "foot", "bearing", "hole", "radius", 3.5)
