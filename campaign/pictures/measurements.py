@@ -93,8 +93,9 @@ def _measured(
     if response.type == "position":
         return _length(mechanism, response)
     if response.type == "velocity":
-        at = _world(mechanism, response.to.body, response.to.point)
-        return "arrow", at, at + _direction(mechanism, response.direction), at, f"speed of a point of {response.to.body}"
+        body, along = response.to.body, _direction(mechanism, response.direction)
+        at = _world(mechanism, body, response.to.point)
+        return "arrow", at, at + along, at, f"speed of a point of {body}"
     if response.type in ("gap", "contact_force"):
         return _of_contact(mechanism, response, contacts)
     if response.type == "joint_force":
