@@ -117,3 +117,11 @@ def test_what_is_true_of_both_tails_is_said_once(far) -> None:
     assert f"below: {note}" not in one_note
     assert f"below: {note}" in two_notes
     assert "above: Another reason." in two_notes
+
+
+def test_a_fit_that_rounding_alone_keeps_from_all_of_the_variance_has_no_row_of_nines(far) -> None:
+    """A sum of two variables gave 99.9999999999999 %."""
+    response = far.responses[0]
+    exact = replace(response, stack=replace(response.stack, shape="linear", explained=1 - 1e-14))
+    text = text_of(render_html(replace(far, responses=(exact,))))
+    assert "a linear fit explains more than 99.99 % of the variance" in text.replace("\u00a0", " ")
