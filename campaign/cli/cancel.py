@@ -14,7 +14,7 @@ def cancel(
     server: ServerUrl = None,
     json: Json = False,
 ) -> None:
-    """Stop a campaign; unfinished runs are given up, finished rows stay, and ``resume`` continues it."""
+    """Stop a campaign; unfinished runs are given up, finished rows stay, and "clearcap resume" continues it."""
     if remote := asked_server(context, server):
         with remote:
             campaign_id = remote.find(campaign)

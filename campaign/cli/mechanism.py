@@ -76,7 +76,8 @@ def show(
         print_text("parameters:")
     for name, entry in document["parameters"].items():
         print_text(f"  {name} = {entry['value']:g} {entry['unit']}")
-    print_text("clearances:")
+    if document["clearances"]:
+        print_text("clearances:")
     for name, entry in document["clearances"].items():
         print_text(f"  {name} = {entry['value']:g} {entry['unit']}")
     print_text("responses:")

@@ -50,7 +50,7 @@ def rerun(
         nothing = {**document, "samples": 0, "before": {}, "after": {}, "repeats": {}}
         print_json(nothing) if json else print_text(f"{plan.campaign_id}: no run {wanted}, nothing to compute")
         raise typer.Exit(1 if status else 0)
-    say(f"computing {len(selected)} rows again")
+    say(f"computing {_rows(len(selected))} again")
     result = compute(opened, plan, selected, where, repeated=repeated)
     if json:
         print_json({**document, **result.to_json()})
@@ -66,4 +66,9 @@ def _print(result: "RerunResult") -> None:
     if result.repeats:
         counts += f"; {sum(result.repeats.values())} repeats with half the step: "
         counts += ", ".join(f"{count} {status}" for status, count in result.repeats.items())
-    print_text(f"{result.samples} rows computed again: {counts}")
+    print_text(f"{_rows(result.samples)} computed again: {counts}")
+
+
+def _rows(count: int) -> str:
+    """Return a number of rows in words."""
+    return f"{count} row{'' if count == 1 else 's'}"

@@ -24,5 +24,5 @@ def plot_measurements(mechanism: Mechanism, path: Path) -> None:
 
 def describe(mechanism: Mechanism, sketch: Sketch) -> str:
     """Return in words what the picture shows."""
-    listed = "; ".join(f"{name}: {title}, {value}" for name, title, value, _ in sketch.legend)
+    listed = "; ".join(f"{name}: {', '.join(filter(None, rest))}" for name, *rest, _ in sketch.legend)
     return f"{mechanism.title or mechanism.name} at its start, with arrows for what is measured. {listed}."

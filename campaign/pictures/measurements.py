@@ -49,7 +49,7 @@ class Measurement:
     point : ndarray, shape (3,)
         The measured point, beside one end or at it.
     value : str
-        At the start pose, with its unit; of a force the body it acts on; of what has no place what it is.
+        Of a length its value at the start pose, with its unit; else what it is, and of which body.
     """
 
     name: str
@@ -93,26 +93,28 @@ def _measured(
     if response.type == "position":
         return _length(mechanism, response)
     if response.type == "velocity":
-        at = _world(mechanism, response.to.body, response.to.point)
-        return "arrow", at, at + _direction(mechanism, response.direction), at, f"of {response.to.body}"
+        body, along = response.to.body, _direction(mechanism, response.direction)
+        at = _world(mechanism, body, response.to.point)
+        return "arrow", at, at + along, at, f"speed of a point of {body}"
     if response.type in ("gap", "contact_force"):
         return _of_contact(mechanism, response, contacts)
     if response.type == "joint_force":
         side = mechanism.joints[response.joint].sides[1]
         at = _world(mechanism, side.body, side.point)
         if response.direction is None:
-            return "point", at, at, at, f"on {side.body}, its magnitude"
-        return "arrow", at, at + _direction(mechanism, response.direction), at, f"on {side.body}"
+            return "point", at, at, at, f"size of the force on {side.body}"
+        return "arrow", at, at + _direction(mechanism, response.direction), at, f"arrow: force on {side.body}"
     if response.type == "spring_force":
         spring: Any = mechanism.springs[response.spring]
         a, b = (_world(mechanism, end.body, end.point) for end in (spring.a, spring.b))
-        return "span", a, b, b, f"of spring {response.spring}"
+        return "span", a, b, b, f"force of spring {response.spring}"
     if response.type == "spring_torque":
         torsion: Any = mechanism.springs[response.spring]
-        return _turn(mechanism, torsion.b, torsion.a, torsion.axis, f"on {torsion.b}")
+        return _turn(mechanism, torsion.b, torsion.a, torsion.axis, f"torque on {torsion.b}")
     if response.type in ("angle", "angular_velocity"):
         against = response.relative_to
-        return _turn(mechanism, response.body, against, response.axis, f"of {response.body}")
+        what = "rotation" if response.type == "angle" else "angular velocity"
+        return _turn(mechanism, response.body, against, response.axis, f"{what} of {response.body}")
     return "none", np.zeros(3), np.zeros(3), np.zeros(3), _without_place(response)
 
 
@@ -143,7 +145,7 @@ def _of_contact(
         return "length", point, point + gap * normal, point, _value_text(mechanism, gap)
     if response.component == "friction":
         return "point", point, point, point, f"friction on {body}"
-    return "arrow", point, point + normal, point, f"on {body}"
+    return "arrow", point, point + normal, point, f"arrow: force on {body}"
 
 
 def _turn(

@@ -26,7 +26,7 @@ class Refused:
     responses : tuple of str
         Of which this is so.
     runs : int
-        Number of new runs that give Cpk (without limits, sigma) of each of them to within 5 %.
+        Number of new runs that give Cpk, or sigma where there are no limits, of each of them to within 5 %.
     """
 
     reason: str

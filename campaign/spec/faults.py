@@ -105,13 +105,15 @@ def _text(error: Mapping[str, Any], keys: list[str], known: list[str]) -> str:
             row = ', each a list [variable, variable, rank correlation], [["J1", "J2", 0.6]]'
             return f"must be a list{row if keys[0] == 'correlations' else ''}"
         case "float_type" | "int_type":
-            return f"must be {'a whole' if error['type'] == 'int_type' else 'a'} number, written without quotes"
+            quoted = ", written without quotes" if isinstance(error["input"], str) else ""
+            return f"must be {'a whole' if error['type'] == 'int_type' else 'a'} number{quoted}"
         case "greater_than" | "greater_than_equal" | "less_than" | "less_than_equal":
-            remedy = "enlarge it" if error["type"].startswith("greater") else "reduce it"
+            remedy = "increase it" if error["type"].startswith("greater") else "reduce it"
             return f"{_must(error)}; {remedy}"
     return _must(error)
 
 
 def _must(error: Mapping[str, Any]) -> str:
     """Return pydantic's own words as a demand."""
-    return str(error["msg"]).replace("Input should be", "must be").replace("String should", "must")
+    text = str(error["msg"]).replace("Input should be", "must be").replace("String should", "must")
+    return text.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")

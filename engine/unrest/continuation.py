@@ -49,6 +49,11 @@ class Continuation:
     impulse: Array
     rested: float | None
 
+    def last(self, count: int) -> "Continuation":
+        """Return the last times of it."""
+        kept = {name: x[-count:] for name, x in vars(self).items() if name != "rested"}
+        return Continuation(**kept, rested=self.rested)
+
 
 def go_on(
     assembly: Assembly,

@@ -21,6 +21,7 @@ from engine.unrest.mover import Mover, find_mover
 from engine.unrest.two_places import held_in_turn
 
 TREMBLES = FINE // 8  # changes of direction in so few steps
+GETS_NOWHERE = 0.1  # share of the way that a body would go at its speed
 TRIALS = (0.5, 0.25, 0.125)  # shares of the step that are tried where something trembles
 PURE = 0.05  # share of a motion's square that makes it more than a displacement, or more than a turn
 NO_LOAD = 1e-6  # share of the loads that act at all
@@ -54,13 +55,15 @@ def unrest(
     fine = go_on(assembly, control, course, seconds, cancel, every_step=True)
     if fine is None or len(fine.time) < 3:
         return ""
+    trial = (assembly, control, course, seconds, cancel)
+    if trembling := _trembling(mechanism, fine, *trial):
+        return trembling
     mover = find_mover(assembly, control, fine.twist, fine.own)
-    if fine.rested is None and len(turns_of(mover.speed)) >= TREMBLES:
-        advice = _shorter_step(mechanism, assembly, control, course, seconds, cancel) or _places(assembly, fine)
-        return f"{_motion(mechanism, assembly, mover, 'trembles')}; {advice}"
-    onward = go_on(assembly, control, course, seconds, cancel)
+    onward = go_on(*trial)
     if onward is None or len(onward.time) < 3:
         return _motion(mechanism, assembly, mover, "goes on")
+    if trembling := _trembling(mechanism, onward.last(FINE), *trial):
+        return trembling
     mover = find_mover(assembly, control, onward.twist, onward.own)
     if onward.rested is not None:
         return f"{_motion(mechanism, assembly, mover, 'still moves')}; " + _longer(mechanism, onward.rested, "comes")
@@ -187,6 +190,33 @@ def _longer(mechanism: Mechanism, rest: float, comes: str) -> str:
     digit = 10.0 ** (math.floor(math.log10(wanted)) - 1)
     horizon = math.ceil(wanted / digit) * digit
     return f"it {comes} to rest at about {rest:.3g} {unit}: raise simulation.horizon to {horizon:.3g}"
+
+
+def _trembling(
+    mechanism: Mechanism,
+    onward: Continuation,
+    assembly: Assembly,
+    control: Control,
+    course: Course,
+    seconds: float,
+    cancel: Cancel | None,
+) -> str:
+    """Return what trembles from step to step in these few times, and what would end it; empty if nothing does."""
+    mover = find_mover(assembly, control, onward.twist, onward.own)
+    span = float(onward.time[-1] - onward.time[0])
+    if onward.rested is not None or span > 2 * FINE * control.longest:  # a motion to and fro between kept times
+        return ""
+    if len(turns_of(mover.speed)) < TREMBLES and not (_stays(onward, mover, span) and held_in_turn(assembly, onward)):
+        return ""
+    advice = _shorter_step(mechanism, assembly, control, course, seconds, cancel) or _places(assembly, onward)
+    return f"{_motion(mechanism, assembly, mover, 'trembles')}; {advice}"
+
+
+def _stays(onward: Continuation, mover: Mover, span: float) -> bool:
+    """Return whether the body gets nowhere at the speed it has: what each step does, its projection undoes."""
+    moved = onward.place[-1, mover.body, :3] - onward.place[0, mover.body, :3]
+    went = float(np.abs(mover.speed).mean()) * float(np.linalg.norm(mover.along)) * span
+    return bool(np.linalg.norm(moved) < GETS_NOWHERE * went)
 
 
 def _shorter_step(

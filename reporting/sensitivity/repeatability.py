@@ -19,7 +19,7 @@ from scipy.special import chdtri, stdtrit
 
 from reporting.arrays import Array
 from reporting.capability.intervals import Interval
-from reporting.capability.moments import location_and_shape
+from reporting.capability.moments import ROUNDING, location_and_shape
 from reporting.capability.precision import precision_of_values
 from reporting.capability.summary import capability
 from reporting.repeats import Repeats
@@ -93,7 +93,7 @@ def repeatability(
     shape = location_and_shape(difference)
     shift, spread = shape["mean"], shape["std"]
     level = max(float(np.abs(first[both]).max()), float(np.abs(second[both]).max()))
-    if spread <= _ROUNDING * level:
+    if spread <= ROUNDING * level:  # the two runs differ as the values of a constant may
         spread = 0.0
     ratios = _ratios(difference, shape, spread, confidence)
     sigma = spread / math.sqrt(2)
@@ -113,9 +113,6 @@ def repeatability(
         shift_interval=(shift - half, shift + half),
         unseen=1 - (1 - confidence) ** (1 / pairs),
     )
-
-
-_ROUNDING = 64 * float(np.finfo(np.float64).eps)  # of differences of two numbers that are the same but for rounding
 
 
 def _ratios(difference: Array, shape: dict[str, float], spread: float, confidence: float) -> Interval | None:

@@ -31,16 +31,24 @@ def index_estimates(
         Of the chosen distribution and of the values' own percentiles.
     tails : iterable of TailShare
     """
-    best, least = fits.of(fits.best), least_ppm(n)
-    estimates = [_by_method(method, best.title if best else "", least) for method in methods if method.method in _NAMES]
+    best, least, known = fits.of(fits.best), least_ppm(n), tuple(methods)
+    title = best.title if best else ""
+    ended = next((m.ppk_interval for m in known if m.method == "percentile" and m.family), None)
+    estimates = [_by_method(method, title, least, ended) for method in known if method.method in _NAMES]
     return *(estimate for estimate in estimates if estimate is not None), *_by_tails(tuple(tails), least)
 
 
 _NAMES = {"z_score": "fitted distribution", "empirical": "percentiles"}
 
 
-def _by_method(method: NonnormalIndices, title: str, least: float) -> IndexEstimate | None:
-    """Return the estimate of a method: its Ppk, or its share where that is too small for a Ppk; None without either."""
+def _by_method(
+    method: NonnormalIndices, title: str, least: float, ended: tuple[float, float] | None
+) -> IndexEstimate | None:
+    """Return the estimate of a method: its Ppk, or its share where that is too small for a Ppk; None without either.
+
+    A distribution that ends before the limit has no share beyond it, however near its end, and the end itself is
+    fitted. So such a share proves no more than `ended`, the interval of Ppk by the percentiles of the distribution.
+    """
     source = f"the fitted distribution ({title})" if method.family else "the values' own percentiles (Cnpk)"
     if method.family == "normal":
         source = "the distributions that the values allow"
@@ -52,6 +60,9 @@ def _by_method(method: NonnormalIndices, title: str, least: float) -> IndexEstim
         low, high = method.ppm_expected_interval
         words = f"{ppm(method.ppm_expected, least)} ppm ({ppm(low, least)} to {ppm(high, least)}) by {source}"
         worst, value, best = (index_of_share(share) for share in (high, method.ppm_expected, low))
+        if ended is not None and ended[0] < worst:
+            worst = ended[0]
+            words += f", Ppk {index(worst)} to {index(ended[1])} by its percentiles,"
         return IndexEstimate(_NAMES[method.method], worst, value, best, words)
     return None
 

@@ -124,10 +124,8 @@ def _tail(side: str, ordered: Array, limit: float, confidence: float) -> TailSha
     note = ""
     if ppm < least:
         low, high = 0.0, max(high, *(_exponential_bound(y, limit - at, n, confidence) for at, y, _ in fits))
-        note = (
-            f"the limit is too far beyond {n} values for a number" if ppm else "the fitted tail ends before the limit"
-        )
-        note = f"{side.capitalize()}: {note}, so there is only an upper bound."
+        why = f"The limit is too far beyond {n} values for a number" if ppm else "The fitted tail ends before the limit"
+        note = f"{why}, so there is only an upper bound."
     return TailShare(
         side=side,
         limit=sign * limit,

@@ -39,14 +39,19 @@ def many_statements(responses: tuple[ResponseAnalysis, ...], confidence: float) 
         return Check("All at once", "info", f"Each interval contains the true value in {level} of campaigns.")
     missing = format_numbers.plain(round(count * (1 - confidence), 1))
     text = (
-        f"Each of the {len(judged)} verdicts and {shares} shares of variables is stated at {level} confidence on its "
-        f"own, so about {missing} of these {count} may be wrong by chance."
+        f"{_counted(len(judged), 'verdict')} and {_counted(shares, 'share')} of variables are each stated at {level} "
+        f"confidence on their own, so about {missing} of these {count} may be wrong by chance."
     )
     if len(certain) > 1:
         together = [r.spec.name for r in certain if _certain_among(r, len(judged), confidence)]
         names = "all certain ones" if len(together) == len(certain) else ", ".join(together) or "none"
         text += f" Verdicts that hold at {level} all at once (Bonferroni): {names}."
     return Check("All at once", "info", text, count * (1 - confidence))
+
+
+def _counted(count: int, what: str) -> str:
+    """Return a number of things in words."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _certain_among(response: ResponseAnalysis, judged: int, confidence: float) -> bool:

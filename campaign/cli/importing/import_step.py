@@ -21,8 +21,8 @@ def import_step(
     recognition: Annotated[
         float | None,
         typer.Option(
-            help="How far a spline may be from the plane or cylinder it is taken for [mm]; default: 1e-4, with --update"
-            " that of the mechanism file.",
+            help="How far a spline may be from the plane or cylinder it is taken for, in mm; default: 1e-4, with"
+            " --update that of the mechanism file.",
             show_default=False,
         ),
     ] = None,

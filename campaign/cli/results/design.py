@@ -68,6 +68,8 @@ def _print(aimed: "AimedCampaign") -> None:
         (f"{100 * aim.share:.1f} %", f"{aim.scale:g}", _centre(aim.centre, aimed.variables), aim.source)
         for aim in aimed.aims
     ]
+    rest = 1.0 - sum(aim.share for aim in aimed.aims)
+    rows.append((f"{100 * rest:.1f} %", "1", _centre((), ()), "production as it is"))
     print_table("components, in standard scores", ("share", "scale", "centre", "aims at"), rows)
 
 

@@ -17,7 +17,7 @@ def repeat(
     where: "Cluster",
     campaign: CampaignId,
     share: Annotated[
-        float, typer.Option(min=0.0, max=1.0, help="Share of the samples to repeat; those that are repeated count.")
+        float, typer.Option(min=0.0, max=1.0, help="Share of the samples to repeat; counting those that already are.")
     ] = 0.1,
     store: StoreUrl = "runs",
     no_report: NoReport = False,

@@ -35,7 +35,7 @@ def report(
 ) -> None:
     """Write the report of a campaign from the rows computed so far; the campaign may be running.
 
-    The exit status is 1 if too few of its runs are ok for a verdict. With ``--server`` the files of the report that the
+    The exit status is 1 if too few of its runs are ok for a verdict. With --server, the files of the report that the
     server has are fetched.
     """
     from campaign.errors import CampaignError, SpecError

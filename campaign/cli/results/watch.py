@@ -21,7 +21,7 @@ def watch(
     server: ServerUrl = None,
     json: Json = False,
 ) -> None:
-    """Follow the progress of a campaign until its coordinator ends; Ctrl-C ends only the following."""
+    """Follow the progress of a campaign until its coordinator ends; Ctrl-C stops only this display."""
     if remote := asked_server(context, server):
         with remote:
             campaign_id = remote.find(campaign)

@@ -53,7 +53,7 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
         of = "any response" if len(each.responses) == len(answers) > 1 else ", ".join(each.responses)
         say(
             f"no answer for {of}: {each.reason}; run a campaign with these distributions:"
-            f" {each.runs} samples give Cpk (without limits, sigma) to within 5 %"
+            f" {each.runs} samples give Cpk, or sigma where there are no limits, to within 5 %"
         )
     if refused:
         raise typer.Exit(1)

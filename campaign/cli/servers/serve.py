@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -68,7 +69,7 @@ def serve(
     It prints a link by which you log in once. It answers this machine only, unless it has a certificate or stands
     behind a proxy.
     """
-    from campaign.errors import SpecError
+    from campaign.errors import SpecError, StoreError
     from campaign.store import open_store
 
     try:
@@ -86,12 +87,15 @@ def serve(
     if proxy and not behind_proxy:
         raise SpecError("--proxy: works only with --behind-proxy; add that, or leave --proxy out")
     https = (https_cert, https_key) if https_cert and https_key else None
-    url = open_store(store).files.full_url
+    files = open_store(store).files
+    if not no_drive and login_link is None:
+        with suppress(StoreError):  # a disk or a server that is out of reach may come back: the coordinator waits
+            files.check_writable()
     options = None if no_drive else tuple(where.options())
     limits, oidc, webhook_hosts = read_configuration(config)
     settings = Settings(
         store,
-        data or _data_folder(url),
+        data or _data_folder(files.full_url),
         host,
         port,
         tuple(name or ()),

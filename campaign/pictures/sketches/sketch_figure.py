@@ -43,8 +43,9 @@ def plot_sketch(sketch: Sketch, heading: str, description: str, path: Path) -> N
         for i, (name, meaning, value, colour) in enumerate(sketch.legend):
             y = 1 - (0.6 + ROW * i) / tall
             figure.text(SHARE + 0.03, y, name, color=colour or INK, fontsize=9, fontweight="bold")
-            figure.text(SHARE + 0.03, y - 0.16 / tall, meaning, color=INK, fontsize=8)
-            figure.text(SHARE + 0.03, y - 0.31 / tall, value, color=MUTED, fontsize=8)
+            lines = [(text, ink) for text, ink in ((meaning, INK), (value, MUTED)) if text]
+            for below, (text, ink) in zip((0.16, 0.31), lines, strict=False):  # no gap where there is no title
+                figure.text(SHARE + 0.03, y - below / tall, text, color=ink, fontsize=8)
         figure.savefig(path, dpi=DPI, metadata=file_metadata(path.suffix, description))
 
 

@@ -30,8 +30,9 @@ from tests.engine.kernels.surface_shapes import sphere_octant
 BAD_INPUT = {
     "unknown campaign": (["run", "c61"], "did you mean 'c60'?"),
     "unreadable campaign": (["run", "."], "cannot be read"),
-    "no samples": (["run", "c60", "--samples", "0"], "samples = 0: must be greater than or equal to 1"),
+    "no samples": (["run", "c60", "--samples", "0"], "samples = 0: must be at least 1"),
     "store not writable": (["run", "c60", "--store", "/proc/here"], "store /proc/here: not writable"),
+    "server of a file": (["serve", "--store", __file__], "not writable (Not a directory)"),
     "store of one process": (["run", "c60", "--store", "memory://x"], "workers cannot reach"),
     "unknown joint": (["simulate", "c60", "--set", "J9=0.05"], "J9: unknown key"),
     "clearance 0": (["simulate", "c60", "--set", "J1=0"], "J1"),

@@ -113,7 +113,7 @@ def test_rerun_of_what_failed(there, monkeypatch):
     table = open_store("runs").table().to_pylist()
     assert {row["sample"] for row in table if row["attempts"] == 2} == {row["sample"] for row in failed}
     begun, _, judged = done.stderr.partition("\n")
-    assert begun == f"clearcap: computing {len(failed)} rows again"
+    assert begun == f"clearcap: computing {len(failed)} row{'s' if len(failed) > 1 else ''} again"
     assert judged.startswith(
         f"clearcap: error: {len(failed)} of 12 runs failed ({len(failed)} not_at_rest); failures.min_ok"
     )

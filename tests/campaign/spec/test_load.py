@@ -26,10 +26,10 @@ FAULTS = {
         ["sampels = 25: unknown key", "did you mean 'samples'?"],
     ),
     "missing key": ("samples = 25", "", ["samples: missing; add it"]),
-    "no samples": ("samples = 25", "samples = 0", ["samples = 0: must be greater than or equal to 1"]),
+    "no samples": ("samples = 25", "samples = 0", ["samples = 0: must be at least 1"]),
     "samples as text": ("samples = 25", 'samples = "25"', ['samples = "25": must be a whole number']),
     "samples as truth": ("samples = 25", "samples = true", ["samples = true: must be a whole number"]),
-    "negative seed": ("seed = 7", "seed = -1", ["seed = -1: must be greater than or equal to 0"]),
+    "negative seed": ("seed = 7", "seed = -1", ["seed = -1: must be at least 0"]),
     "path as name": ('name = "demo"', 'name = "../demo"', ['name = "../demo": allowed: up to 60 letters']),
     "newer format": ("format = 1", "format = 2", ["format = 2: must be 1"]),
     "unknown mechanism": (
@@ -38,7 +38,7 @@ FAULTS = {
         ['mechanism = "c61": c61: no such mech', "c60"],
     ),
     "missing file": ('mechanism = "c60"', 'mechanism = "no.toml"', ["no.toml", "cannot be read"]),
-    "sd zero": ("std = 0.0175", "std = 0.0", ["variables.J1.std = 0.0: must be greater than 0; enlarge it"]),
+    "sd zero": ("std = 0.0175", "std = 0.0", ["variables.J1.std = 0.0: must be greater than 0; increase it"]),
     "sd negative": ("std = 0.0175", "std = -1", ["variables.J1.std = -1: must be greater than 0"]),
     "sd infinite": ("std = 0.0175", "std = inf", ["variables.J1.std = Infinity: must be a finite number"]),
     "sd misspelt": ("std = 0.0175", "sdt = 1.0", ["variables.J1.sdt = 1.0: unknown key", "did you mean 'std'?"]),
@@ -421,7 +421,7 @@ def test_counts_beyond_all_samples_are_refused(campaign_file, key, table):
     campaign_file.write_text(campaign_file.read_text().replace("[responses.FC-1]", text + "\n[responses.FC-1]"))
     with pytest.raises(SpecError) as error:
         load_campaign(str(campaign_file))
-    assert f"{key} = 9223372036854775808: must be less than or equal to 100000000" in str(error.value)
+    assert f"{key} = 9223372036854775808: must be at most 100000000" in str(error.value)
 
 
 def faults_of_file(path):
@@ -456,7 +456,7 @@ def test_a_form_can_mark_its_fields(campaign_file):
         ("variables", "J1", "std"): (-1, 10),
         ("responses", "FC-9"): (None, 20),
     }
-    assert found["samples",].to_json()["remedy"] == "enlarge it"
+    assert found["samples",].to_json()["remedy"] == "increase it"
     campaign_file.write_text(text.replace("samples = 0", 'samples = 3\nsampler = "grid"\ngrid = {J1 = 2, preload = 2}'))
     found = {fault.keys: fault.value for fault in faults_of_file(campaign_file)}
     assert ("variables", "J1", "std") in found

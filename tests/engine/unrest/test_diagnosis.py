@@ -175,6 +175,35 @@ def test_a_step_too_long_for_a_damper_is_named_with_one_that_does():
     assert on_a_guide(horizon=0.2, step=5e-4, body={"velocity": [1e-3, 0, 0]}, dampers=dampers).status == "ok"
 
 
+def in_a_notch(horizon: float, x: float = 0.0) -> Run:
+    """Let a ball without friction fall 0.29 m into a notch of a single profile."""
+    profile = [{"to": to} for to in ([5, -3], [5, 0], [1, 0], [0, -1], [-1, 0], [-5, 0])]
+    notch = {"point": [0, 0, 0], "axis": [0, 0, 1], "along": [1, 0, 0], "start": [-5, -3], "profile": profile}
+    data = small(
+        gravity=[0, -GRAVITY, 0],
+        bodies={"ground": GROUND, "ball": {**BALL, "origin": [x, 0.0, 0.0]}},
+        contacts={
+            "notch": {
+                "a": {"body": "ball", "sphere": {"centre": [0, 0, 0], "radius": 0.5}},
+                "b": {"body": "ground", "extruded": notch},
+                "friction": 0.0,
+            }
+        },
+        responses=coordinates("ball"),
+        simulation={"horizon": horizon},
+    )
+    return simulate(made(data))
+
+
+@pytest.mark.parametrize(("horizon", "x"), [(1.0, 0.1), (0.2, 0.0)])
+def test_a_part_that_gets_nowhere_between_two_flanks_is_no_free_motion(horizon: float, x: float):
+    """It has a steady speed that each projection undoes; or it reaches the notch only after the horizon."""
+    run = in_a_notch(horizon, x)
+    assert run.status == "not_at_rest"
+    assert "ball trembles along" in run.message, run.message
+    assert "contact notch would have to hold at two places at once" in run.message
+
+
 def in_a_groove(**sides: Any) -> Run:
     """Drop a ball into a V-groove, each side of which is given as a primitive of the ground, by name."""
     ball = {"body": "ball", "sphere": {"centre": [0, 0, 0], "radius": 0.005}}

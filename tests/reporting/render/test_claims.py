@@ -103,3 +103,25 @@ def test_a_normal_distribution_has_values_everywhere() -> None:
     notes = " ".join(note for method in a.responses[0].methods for note in method.notes)
     assert "too small for a number" in notes
     assert "outside the range" not in notes
+
+
+def test_what_is_true_of_both_tails_is_said_once(far) -> None:
+    """Where the tails differ, each note has its side."""
+    note = "The limit is too far beyond 500 values for a number, so there is only an upper bound."
+    below, above = (replace(tail, note=note) for tail in far.responses[0].tails)
+    one_note, two_notes = (
+        text_of(render_html(replace(far, responses=(replace(far.responses[0], tails=(below, other)),))))
+        for other in (above, replace(above, note="Another reason."))
+    )
+    assert one_note.count(note) == 1
+    assert f"below: {note}" not in one_note
+    assert f"below: {note}" in two_notes
+    assert "above: Another reason." in two_notes
+
+
+def test_a_fit_that_rounding_alone_keeps_from_all_of_the_variance_has_no_row_of_nines(far) -> None:
+    """A sum of two variables gave 99.9999999999999 %."""
+    response = far.responses[0]
+    exact = replace(response, stack=replace(response.stack, shape="linear", explained=1 - 1e-14))
+    text = text_of(render_html(replace(far, responses=(exact,))))
+    assert "a linear fit explains more than 99.99 % of the variance" in text.replace("\u00a0", " ")

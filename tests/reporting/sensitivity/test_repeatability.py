@@ -77,6 +77,20 @@ def test_equal_runs_scatter_by_nothing():
     assert repeatability(x, x + 1e-3 * np.cos(9 * x), None, None, CONFIDENCE).share is None
 
 
+def test_a_constant_has_no_scatter_to_list():
+    """Its values may differ in the last digits, up to what counts as a constant; real scatter has its sigma named."""
+    spec, table = c60_spec(200), c60_table(200)
+    samples, analysis = read_samples(table, spec), analysis_of(table, spec)
+    for size, named in ((2e-13, False), (1e-6, True)):
+        repeats = repeats_of(table, 2, {r.name: 1e-3 for r in spec.responses})
+        rounding = size * np.random.default_rng(1).normal(size=repeats.sample.size)
+        first = replace(samples, values=samples.values | {"FC-1": np.full_like(samples.values["FC-1"], 3.0)})
+        repeats = replace(repeats, values=repeats.values | {"FC-1": 3.0 + rounding})
+        found = repeatabilities(repeats, first, first, spec, CONFIDENCE)
+        card = repeatable(tuple(replace(r, repeatability=found[r.spec.name]) for r in analysis.responses), repeats)
+        assert ("Sigma of the scatter: FC-1" in card.text) is named, card.text
+
+
 def test_scatter_is_no_interaction():
     """What repeats explain is not called an interaction, nor is a design advised; what they do not explain still is."""
     rng = np.random.default_rng(3)

@@ -1,6 +1,7 @@
 """What the methods without the normal distribution say, in the scale of Cpk."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -56,3 +57,16 @@ def test_a_share_too_small_for_an_index_still_counts() -> None:
     (found,) = index_estimates(500, fits, methods, ())
     assert found.value == math.inf
     assert found.low > 1.33
+
+
+@pytest.mark.parametrize(("ppk", "least"), [((1.25, 1.5), 1.25), ((2.9, 4.4), 2.9)])
+def test_a_fitted_end_near_the_limit_proves_no_class(ppk: tuple[float, float], least: float) -> None:
+    """Of 200 exponential values without a large one Johnson SB had 0 to 0 ppm beyond a limit; 4 700 ppm were true."""
+    x = -np.log1p(-0.93 * (np.arange(200) + 0.5) / 200)
+    fits = fit_families(x, limits=(None, 5.35))
+    assert fits.best == "johnson_sb"
+    given = {"percentile": {"ppk_interval": ppk}, "z_score": {"ppm_expected_interval": (0.0, 0.0)}}
+    methods = [replace(m, **given.get(m.method, {})) for m in supported_indices(x, fits, None, 5.35)]
+    (found,) = index_estimates(200, fits, methods, ())
+    assert (found.low, found.value) == (least, math.inf)
+    assert f"Ppk {ppk[0]:.3f} to {ppk[1]:.3f} by its percentiles" in found.words

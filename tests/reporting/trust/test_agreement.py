@@ -20,7 +20,7 @@ def test_many_statements_are_counted() -> None:
     responses = analysis_of(c60_table(300), c60_spec(300)).responses
     found = many_statements(responses, 0.95)
     assert found.value == (6 + 49) * (1 - 0.95)
-    assert "Each of the 6 verdicts and 49 shares of variables is stated at 95 % confidence on its own" in found.text
+    assert "6 verdicts and 49 shares of variables are each stated at 95 % confidence on their own" in found.text
     assert "about 2.8 of these 55 may be wrong by chance" in found.text
 
 

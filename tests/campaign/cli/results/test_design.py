@@ -1,6 +1,7 @@
 """``clearcap design``: the file that it writes is a campaign, and finds the share that the physics has."""
 
 import json
+import re
 
 import pytest
 from scipy.stats import norm
@@ -20,6 +21,9 @@ def test_it_writes_a_campaign(tmp_path, capsys, monkeypatch):
     assert code == 0
     assert "FC-1 below 11.7" in out
     assert "quadratic" in out
+    shares = [float(each) for each in re.findall(r"^ *([\d.]+) %", out, re.MULTILINE)]
+    assert sum(shares) == pytest.approx(100.0)
+    assert "production as it is" in out
     assert load_campaign(str(tmp_path / "rare.toml")).spec.samples == 500
     code, out, _ = clearcap_here(capsys, monkeypatch, *words, "--json")
     content = json.loads(out)
