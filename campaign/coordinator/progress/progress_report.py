@@ -83,7 +83,7 @@ def progress(store: Store, header: "PlanHeader", say: Say) -> tuple[dict[str, An
     """
     state, counts = state_of(store, header.campaign_id), _count_rows(store, header, say)
     if state["state"] == "completed" and counts["left"]:
-        message = f"{counts['left']} rows were lost after the campaign was completed"
+        message = f"rows lost after the campaign was completed: {counts['left']}"
         state |= {"state": "incomplete", "message": message}
     return _dated(state), counts
 

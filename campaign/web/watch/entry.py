@@ -90,7 +90,7 @@ def _entry(store: Store, campaign_id: str) -> CampaignEntry:
     entry.done, entry.ok = survey.rows, survey.statuses.get("ok", 0)
     entry.failed, entry.left = entry.done - entry.ok, entry.samples - entry.done
     if entry.state == "completed" and entry.left:
-        entry.state, entry.message = "incomplete", f"{entry.left} rows were lost after the campaign was completed"
+        entry.state, entry.message = "incomplete", f"rows lost after the campaign was completed: {entry.left}"
     _add_report(entry, _report(store, campaign_id))
     return entry
 

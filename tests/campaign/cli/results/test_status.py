@@ -33,7 +33,7 @@ def test_rows_lost_after_the_end(store, plan, capsys, monkeypatch):
     command = f"clearcap resume {plan.campaign_id} --store {store.url}"
     assert code == 0
     assert output.startswith(f"{plan.campaign_id}: incomplete, 20 of 25 done, 0 failed, 5 left")
-    assert "5 rows were lost after the campaign was completed" in output
+    assert "rows lost after the campaign was completed: 5" in output
     assert command in output
     assert command in messages
     _, output, _ = clearcap_here(capsys, monkeypatch, "status", "--store", store.url, "--json")
