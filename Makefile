@@ -17,10 +17,10 @@ export MPLBACKEND := Agg
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run serve test prove storms attacks lint audit lock bench clean
+.PHONY: help run serve test prove storms service-on-s3 attacks lint audit lock bench clean
 
 help: ## show these verbs
-	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## (.*)/  make \1|\2/' | column -t -s '|'
+	@grep -hE '^[a-z0-9-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## (.*)/  make \1|\2/' | column -t -s '|'
 
 # The versions of the lock file, which CI has tested: a new release of a library cannot break these two verbs.
 $(BIN)/clearcap: pyproject.toml $(LOCK)
@@ -57,6 +57,9 @@ prove: $(VENV)/.dev ## the slow proofs: what fails while a campaign runs, scale,
 
 storms: $(VENV)/.dev ## a hundred campaigns that are killed, paused and robbed of their disk (about an hour on two cores)
 	$(BIN)/python -m pytest tests/campaign/storms/test_storms.py -m storm --max-worker-restart 0 $(CROWD)
+
+service-on-s3: $(VENV)/.dev ## the tests of the service with their stores on S3 (eight minutes on two cores)
+	CLEARCAP_STORE_OF_TESTS=s3 $(TOGETHER) tests/campaign/web -k s3 $(PARALLEL)
 
 attacks: $(VENV)/.dev ## thousands of odd files and arrays, others each time
 	$(TOGETHER) tests/security -m "not storm and not alone" $(PARALLEL)

@@ -1,8 +1,10 @@
 """A service over a store with one finished campaign, and browsers and programs that ask it.
 
-The store is in a folder. Tests of what depends on where it is also run with a store on S3; those are slow.
+The store is in a folder. Tests of what depends on where it is also run with a store on S3; those are slow. With
+``CLEARCAP_STORE_OF_TESTS=s3``, as `make service-on-s3` has it, all tests have a store on S3 that can have one.
 """
 
+import os
 import shutil
 from contextlib import contextmanager
 from itertools import count
@@ -39,9 +41,19 @@ def also_on_s3(test):
     return test
 
 
+def only_in_a_folder(test):
+    """Never run a test with a store on S3: it does to the store's files what only a file system allows."""
+    test.is_only_in_a_folder = True
+    return test
+
+
 def pytest_generate_tests(metafunc):
     """Choose where the store of a test is."""
     if "storage" in metafunc.fixturenames:
+        is_anywhere = not getattr(metafunc.function, "is_only_in_a_folder", False)
+        if os.environ.get("CLEARCAP_STORE_OF_TESTS") == "s3" and is_anywhere:
+            metafunc.parametrize("storage", ["s3"], indirect=True, scope="session")
+            return
         kinds = [pytest.param("folder", id=pytest.HIDDEN_PARAM)]
         if getattr(metafunc.function, "is_also_on_s3", False):
             kinds.append(pytest.param("s3", marks=pytest.mark.slow))

@@ -1,7 +1,5 @@
 """What every call answers is what its description says, whatever it is asked: never a 5xx, nothing undocumented."""
 
-import shutil
-
 import httpx2
 import pytest
 import schemathesis
@@ -17,7 +15,7 @@ from schemathesis.specs.openapi.checks import (
 
 from campaign.web.access import Role
 from campaign.web.settings import Limits, Settings
-from tests.campaign.web.conftest import URL, serving
+from tests.campaign.web.conftest import URL, copy_store, serving
 from tests.campaign.web.routes import all_ways
 
 pytestmark = pytest.mark.slow
@@ -40,13 +38,13 @@ KNOWN = {"name": "clearance_pendulum", "token": 1, "share": 1, "sample": 3}
 
 
 @pytest.fixture(scope="module")
-def described(finished_store, tmp_path_factory):
+def described(finished_store, storage, tmp_path_factory):
     """Return the description of the API, a client, tokens by role, and the id of the campaign that there is."""
     runs, campaign = finished_store
     folder = tmp_path_factory.mktemp("described")
-    shutil.copytree(runs, folder / "runs")
+    copy_store(runs, address := storage(folder))
     limits = Limits(job_seconds=5.0, failures=10**6)
-    with serving(Settings(str(folder / "runs"), folder / "data", processes=1, limits=limits)) as (service, client):
+    with serving(Settings(address, folder / "data", processes=1, limits=limits)) as (service, client):
         client.timeout = 30.0
         tokens = {role.word: service.tokens.add(role.word, "test", role, 3600.0)[1] for role in Role}
         yield schemathesis.openapi.from_dict(client.app.openapi()), client, tokens, campaign

@@ -1,6 +1,5 @@
 """Every route that the routers have: who may not, who may, from where, and what the audit trail says of it."""
 
-import shutil
 import zlib
 
 import pytest
@@ -9,7 +8,7 @@ from starlette.testclient import TestClient
 from campaign.web.access import Role
 from campaign.web.http.asking import COOKIE
 from campaign.web.settings import Settings
-from tests.campaign.web.conftest import URL, serving
+from tests.campaign.web.conftest import URL, copy_store, serving
 from tests.campaign.web.routes import all_ways
 
 WAYS = {str(way): way for way in all_ways()}
@@ -33,12 +32,12 @@ FOREIGN = {
 
 
 @pytest.fixture(scope="module")
-def everything(finished_store, tmp_path_factory):
+def everything(finished_store, storage, tmp_path_factory):
     """Return a service, a client, and the id of its campaign, for all tests here: what they ask changes nothing."""
     runs, campaign = finished_store
     folder = tmp_path_factory.mktemp("every-route")
-    shutil.copytree(runs, folder / "runs")
-    with serving(Settings(str(folder / "runs"), folder / "data", processes=0)) as (service, client):
+    copy_store(runs, address := storage(folder))
+    with serving(Settings(address, folder / "data", processes=0)) as (service, client):
         yield service, client, campaign
 
 

@@ -1,7 +1,6 @@
 """Hostile names in every field and every path: never a 5xx, and no page contains them as they are."""
 
 import json
-import shutil
 from urllib.parse import quote
 
 import pytest
@@ -10,7 +9,7 @@ from fastapi.routing import APIRoute
 from campaign.web.access import Role
 from campaign.web.http.asking import COOKIE, CSRF_HEADER
 from campaign.web.settings import Limits, Settings
-from tests.campaign.web.conftest import URL, serving
+from tests.campaign.web.conftest import URL, copy_store, serving
 from tests.campaign.web.routes import all_ways
 
 pytestmark = pytest.mark.slow
@@ -37,13 +36,13 @@ ENDING = {"POST /logout", "PUT /api/v1/account/password", "POST /account/passwor
 
 
 @pytest.fixture(scope="module")
-def open_to_all(finished_store, tmp_path_factory):
+def open_to_all(finished_store, storage, tmp_path_factory):
     """Return what asks a way as an admin's program or browser, and the id of the campaign that there is."""
     runs, campaign = finished_store
     folder = tmp_path_factory.mktemp("hostile-names")
-    shutil.copytree(runs, folder / "runs")
+    copy_store(runs, address := storage(folder))
     limits = Limits(job_seconds=5.0, failures=10**6)
-    with serving(Settings(str(folder / "runs"), folder / "data", processes=1, limits=limits)) as (service, client):
+    with serving(Settings(address, folder / "data", processes=1, limits=limits)) as (service, client):
         _, token = service.tokens.add("admin", "test", Role.ADMIN, 3600.0)
 
         def ask(way, *, path=None, body=None, form=None, query=None):

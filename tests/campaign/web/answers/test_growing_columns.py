@@ -19,7 +19,7 @@ from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from engine.private_folder import private_folder
 from tests.campaign.web.answers.conftest import fails_where_wide
-from tests.campaign.web.conftest import also_on_s3
+from tests.campaign.web.conftest import also_on_s3, only_in_a_folder
 
 
 @pytest.fixture
@@ -78,6 +78,7 @@ def test_only_rows_that_came_are_read(growing, folder, tmp_path, exact, read):
         assert grown == content(ColumnCache(other), other, store, plan)
 
 
+@only_in_a_folder
 def test_rows_that_changed_just_now_are_read_again(growing, folder, read):
     """A second change in the same tick of the clock would not be seen."""
     store, plan, compute = growing

@@ -2,6 +2,8 @@
 
 import os
 
+from tests.campaign.web.conftest import only_in_a_folder
+
 
 def test_report_and_comparison_are_written(computing, explored):
     """By engineers; a comparison leaves the campaign's own report as it is."""
@@ -27,6 +29,7 @@ def test_signed_report_is_not_written_again(client, service, reported, as_user):
     assert "signed" in answer.json()["detail"]
 
 
+@only_in_a_folder
 def test_what_else_lies_in_a_report_is_not_listed(client, settings, reported, as_user):
     """A name that no report has, as one that is no UTF-8, stops neither the list nor the page."""
     folder = os.fsencode(f"{settings.store}/{reported}/report")

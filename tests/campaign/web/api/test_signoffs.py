@@ -13,7 +13,7 @@ from campaign.reports.signing.signed_archive import open_archive
 from campaign.reports.signing.verification import verify_export
 from campaign.web.signatory import KEY_FILE
 from campaign.web.web_service import open_service
-from tests.campaign.web.conftest import also_on_s3
+from tests.campaign.web.conftest import also_on_s3, only_in_a_folder
 
 
 @pytest.fixture
@@ -112,6 +112,7 @@ def test_changed_byte_of_the_rows_shows(client, service, campaign, as_user, url,
     assert any("part-000001.parquet" in words for words in found["signoffs"][0]["differences"])
 
 
+@only_in_a_folder
 def test_check_reads_again(client, service, campaign, as_user, url, sign):
     """Files that seem to be as they were are not read, unless that is asked for."""
     path = file_at(service, campaign, "report/report.html")

@@ -11,6 +11,7 @@ from campaign.coordinator.state import write_state
 from campaign.store import open_store
 from campaign.store.layout import HEARTBEAT, SERVICE
 from campaign.web.answers.job_pool import JobPool
+from tests.campaign.web.conftest import only_in_a_folder
 from tests.campaign.web.pages.forms import Page
 
 
@@ -66,6 +67,7 @@ def test_jobs_by_user(show, monkeypatch):
     assert '<th scope="row">eva</th><td class="number">1</td><td class="number">2</td>' in text
 
 
+@only_in_a_folder
 def test_a_store_that_is_away(show, settings, service):
     """The page comes all the same, and says why nothing is known."""
     shutil.rmtree(settings.store)

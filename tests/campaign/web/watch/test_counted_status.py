@@ -14,7 +14,7 @@ from campaign.store.layout import HEARTBEAT
 from campaign.web.watch import counted_status
 from campaign.web.watch.counted_status import CountedStatuses
 from tests.campaign.driving import computed
-from tests.campaign.web.conftest import also_on_s3
+from tests.campaign.web.conftest import also_on_s3, only_in_a_folder
 
 
 @pytest.fixture
@@ -47,6 +47,7 @@ def test_rows_are_counted_once_until_files_change(counted):
     assert len(counts) == 3
 
 
+@only_in_a_folder
 def test_damage_that_changes_no_listing_is_found_after_a_minute(counted, monkeypatch):
     store, plan, statuses, _ = counted
     assert statuses.status(plan.campaign_id)["remarks"] == []
