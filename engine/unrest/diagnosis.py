@@ -215,8 +215,8 @@ def _trembling(
 def _stays(onward: Continuation, mover: Mover, span: float) -> bool:
     """Return whether the body gets nowhere at the speed it has: what each step does, its projection undoes."""
     moved = onward.place[-1, mover.body, :3] - onward.place[0, mover.body, :3]
-    went = float(np.abs(mover.speed).mean()) * float(np.linalg.norm(mover.along)) * span
-    return bool(np.linalg.norm(moved) < GETS_NOWHERE * went)
+    went = float(np.abs(mover.speed).mean()) * math.hypot(*mover.along) * span
+    return math.hypot(*moved) < GETS_NOWHERE * went  # no squares: what runs away may be too fast for them
 
 
 def _shorter_step(
