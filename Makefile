@@ -58,7 +58,7 @@ prove: $(VENV)/.dev ## the slow proofs: what fails while a campaign runs, scale,
 storms: $(VENV)/.dev ## a hundred campaigns that are killed, paused and robbed of their disk (about an hour on two cores)
 	$(BIN)/python -m pytest tests/campaign/storms/test_storms.py -m storm --max-worker-restart 0 $(CROWD)
 
-service-on-s3: $(VENV)/.dev ## the tests of the service with their stores on S3 (eight minutes on two cores)
+service-on-s3: $(VENV)/.dev ## the tests of the service with their stores on S3
 	CLEARCAP_STORE_OF_TESTS=s3 $(TOGETHER) tests/campaign/web -k s3 $(PARALLEL)
 
 attacks: $(VENV)/.dev ## thousands of odd files and arrays, others each time
