@@ -16,6 +16,7 @@ from campaign.errors import CampaignError
 from campaign.version import clearcap_version
 from campaign.web.api import routers
 from campaign.web.http.gate import Gate
+from campaign.web.http.head import Head
 from campaign.web.http.problems import MEDIA_TYPE, Refusal, described, problem, problem_schemas, refusal_of
 from campaign.web.http.request_record import Metrics, Record
 from campaign.web.http.service_gauges import ServiceGauges
@@ -66,6 +67,7 @@ def make_app(service: Service) -> FastAPI:
     app.add_exception_handler(HTTPException, _refuse_http)
     app.add_exception_handler(RequestValidationError, _refuse_form)  # type: ignore[arg-type]  # narrower than Exception
     # the last one added is the first one passed
+    app.add_middleware(Head)
     app.add_middleware(Record, audit=service.audit, metrics=app.state.metrics)
     settings = service.settings
     app.add_middleware(Gate, names=settings.names, limits=settings.limits, secure=not settings.is_local)

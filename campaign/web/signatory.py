@@ -121,6 +121,9 @@ class Signatory:
     def sign(self, campaign: str, who: Principal, comment: str, content: str) -> Signoff:
         """Sign plan, rows and report of a campaign in the name of an approver.
 
+        Who sends the same again, because an answer was lost, gets the sign-off that he has: the last of the campaign,
+        if it is his, with the same comment, and of the same content.
+
         Parameters
         ----------
         campaign : str
@@ -150,6 +153,9 @@ class Signatory:
             last = connection.execute(
                 "SELECT document FROM signoffs WHERE campaign = ? ORDER BY id DESC LIMIT 1", (campaign,)
             ).fetchone()
+            earlier = None if last is None else Signoff.model_validate_json(last["document"])
+            if earlier and (earlier.signer, earlier.comment, earlier.files) == (who.name, comment, files):
+                return earlier
             signoff = Signoff(
                 campaign=campaign,
                 plan=plan,

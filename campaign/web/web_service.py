@@ -7,7 +7,10 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from hashlib import sha256
 
-from campaign.store import Store, open_store
+from campaign.store import Store
+from campaign.store.files.files import Files
+from campaign.store.files.known_outage import KnownOutage
+from campaign.store.files.patience import HASTY
 from campaign.web.access.audit import AuditTrail
 from campaign.web.access.company_login import CompanyLogin
 from campaign.web.access.database import Database
@@ -44,7 +47,7 @@ class Service:
     ----------
     settings : Settings
     store : Store
-        Campaigns, rows and reports: the truth.
+        Campaigns, rows and reports: the truth. Nobody waits for it: an operation is tried once.
     database : Database
         What only the server keeps.
     users, sessions, tokens, audit
@@ -96,17 +99,17 @@ class Service:
         self.users, self.sessions = Users(self.database), Sessions(self.database)
         self.tokens, self.audit = Tokens(self.database), AuditTrail(self.database)
         self.webhooks = WebhookBook(self.database)
-        self.signatory = Signatory(self.database, self.store.hasty)
+        self.signatory = Signatory(self.database, self.store)
         self.streams, self.submitting = Counter(), Counter()
         self._kept, self._flights = KeptAnswers(KEPT_BYTES), SingleFlight()
         limits = self.settings.limits
         taken = JobLimits(limits.job_seconds, 3.0 * limits.job_seconds, limits.job_memory / 2**30)
         quota = Quota(limits.jobs, limits.waiting)
         self.pool = JobPool(self.settings.processes, quota, taken, warm_up_trial, engine_is_compiled)
-        self.answers = Answers(self.pool, self.store.hasty, columns_folder())
+        self.answers = Answers(self.pool, self.store, columns_folder())
         index = CampaignIndex(self.database.path.with_name("index.sqlite"))
         self.watcher = Watcher(self.store, index, is_served=self.settings.coordinate is not None)
-        self.statuses = CountedStatuses(self.store.hasty)
+        self.statuses = CountedStatuses(self.store)
         self.throttle = Throttle(self.settings.limits.failures, self.settings.limits.failures_within)
         oidc = self.settings.oidc
         self.company = CompanyLogin(oidc, self.settings.address) if oidc else None
@@ -160,6 +163,11 @@ class Service:
             self._kept.put(key, known)
         return known
 
+    @property
+    def store_fault(self) -> str:
+        """Why the store cannot be read now; empty if it can."""
+        return self.store.files.fault or self.watcher.fault
+
     def is_signed(self, campaign_id: str) -> bool:
         """Return whether somebody has signed a campaign."""
         return self.database.row("SELECT 1 FROM signoffs WHERE campaign = ?", campaign_id) is not None
@@ -187,4 +195,5 @@ def open_service(settings: Settings) -> Service:
     from engine.private_folder import private_folder
 
     folder = private_folder(settings.data.parent, settings.data.name)
-    return Service(settings, open_store(settings.store), Database(folder / "service.sqlite"))
+    files = Files(settings.store, HASTY, KnownOutage())
+    return Service(settings, Store(files), Database(folder / "service.sqlite"))

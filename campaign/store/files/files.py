@@ -3,11 +3,14 @@
 import re
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from copy import copy
 from itertools import chain, count
 from typing import TYPE_CHECKING, TypeVar
 
 from campaign.errors import SpecError, StoreError, unwritable
+from campaign.store.files.file_name import check_name
+from campaign.store.files.known_outage import KnownOutage
 from campaign.store.files.local import LocalFolder
 from campaign.store.files.odd_file import OddFile
 from campaign.store.files.patience import HASTY, PATIENT, Outage, Patience
@@ -19,7 +22,6 @@ if TYPE_CHECKING:
 
 TEMPORARY = ".tmp"  # ending of files that are being written
 LARGEST = 256 * 2**20  # bytes read into memory at once: ten times the largest file that a store should hold
-LONGEST_NAME = 500  # characters of a name relative to the root
 DEAD_AFTER = 3600.0  # s: no write of one file takes this long
 
 T = TypeVar("T")
@@ -37,6 +39,8 @@ class Files:
         A folder's path, or an fsspec URL.
     patience : Patience
         For how long a fault is tried again.
+    known_outage : KnownOutage, optional
+        Shared by all who ask at once and must not wait.
 
     Attributes
     ----------
@@ -49,11 +53,12 @@ class Files:
         If the URL names no file system that is installed here.
     """
 
-    def __init__(self, url: str, patience: Patience = PATIENT) -> None:
+    def __init__(self, url: str, patience: Patience = PATIENT, known_outage: KnownOutage | None = None) -> None:
         self._private = PrivateUrl(url)
-        self.patience = patience
+        self.patience, self._known_outage = patience, known_outage
         self.local = ("://" not in url and "::" not in url) or url.startswith(("file://", "local://"))
-        self._backend = LocalFolder(re.sub(r"^(file|local)://", "", url)) if self.local else _open_url(self._private)
+        folder = re.sub(r"^(file|local)://", "", url)
+        self._backend = LocalFolder(folder) if self.local else _open_url(self._private, patience)
 
     @property
     def url(self) -> str:
@@ -75,7 +80,13 @@ class Files:
         """The same files for callers that must not wait: each operation is tried once."""
         hasty = copy(self)
         hasty.patience = HASTY
+        hasty._backend = self._backend.within(HASTY.answer)
         return hasty
+
+    @property
+    def fault(self) -> str:
+        """Why the store is known not to answer now; empty if it does, or nobody keeps it in mind."""
+        return self._known_outage.fault if self._known_outage else ""
 
     @property
     def shared(self) -> bool:
@@ -90,12 +101,12 @@ class Files:
         StoreError
             If the name leads out of the root, or no file can have such a name.
         """
-        self._check_name(name)
+        check_name(self.url, name)
         return self._backend.path(name)
 
     def address(self, name: str) -> str:
         """Return the path or URL by which other programs open a file."""
-        self._check_name(name)
+        check_name(self.url, name)
         return self._backend.path(name) if self.local else f"{self.url.rstrip('/')}/{name}"
 
     def check_writable(self) -> None:
@@ -135,8 +146,6 @@ class Files:
         StoreError
             If it cannot be read.
         """
-        if not self.local and (size := self._do(self._backend.size, name, "read", must_exist=must_exist)) > at_most:
-            raise OddFile(f"store {self.url}: {name}", f"has {size} bytes; allowed: up to {at_most}")
         return self._do(lambda path: self._backend.read(path, at_most), name, "read", must_exist=must_exist)
 
     def size(self, name: str) -> int:
@@ -199,7 +208,7 @@ class Files:
 
         Behind a URL it is copied and then removed: if the process is killed between, both exist.
         """
-        self._check_name(new)
+        check_name(self.url, new)
         attempts = count(1)
 
         def move(path: str) -> None:
@@ -227,7 +236,11 @@ class Files:
 
     def _do(self, action: Callable[[str], T], name: str, what: str, *, must_exist: bool = False) -> T:
         """Return the result of an action on a file; after a fault that may pass, try again while patience lasts."""
-        self._check_name(name)
+        check_name(self.url, name)
+        with self._known_outage.asking() if self._known_outage else nullcontext():
+            return self._try(action, name, what, must_exist=must_exist)
+
+    def _try(self, action: Callable[[str], T], name: str, what: str, *, must_exist: bool) -> T:
         outage = Outage(self.url, self.patience)
         for pause in chain(self.patience.pauses(), [None]):
             try:
@@ -249,21 +262,6 @@ class Files:
                 outage.end()
                 return result
         raise AssertionError
-
-    def _check_name(self, name: str) -> None:
-        """Refuse a name that leads out of the root, or that no file can have."""
-        if (
-            len(name) > LONGEST_NAME
-            or not name.isprintable()
-            or name.startswith(("/", "~"))
-            or "\\" in name
-            or ".." in name.split("/")
-        ):
-            shown = name if len(name) <= 60 else name[:57] + "..."
-            raise StoreError(
-                f"store {self.url}: {shown!r} is not a valid file name; names are relative, without .."
-                f" and of at most {LONGEST_NAME} characters"
-            )
 
     def _refuse_secret(self, name: str, content: bytes) -> None:
         """Refuse to write a secret of the URL into the store, where every reader of results would find it."""
@@ -289,11 +287,11 @@ class Files:
         return None if self.has_secrets else error
 
 
-def _open_url(url: PrivateUrl) -> "ObjectStore":
+def _open_url(url: PrivateUrl, patience: Patience) -> "ObjectStore":
     """Open the file system of a URL."""
     from campaign.store.files.object_store import ObjectStore  # imports fsspec, which folders do without
 
     try:
-        return ObjectStore(url.full)
+        return ObjectStore(url.full, patience.answer)
     except (ValueError, ImportError) as error:
         raise SpecError(f"store {url}: {url.redact(str(error))}; name a folder, or a URL fsspec can open") from None

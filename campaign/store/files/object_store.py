@@ -2,13 +2,11 @@
 
 import errno
 import secrets
-import threading
 from contextlib import suppress
+from copy import copy
 from typing import Any
 
-import fsspec
-from fsspec.core import split_protocol
-
+from campaign.store.files.opened_file_system import MANY_FILES, SLOWEST, OpenedFileSystem
 from engine.regular_file import UnfitFile
 
 FINAL = (  # errors that would be the same if the request were repeated
@@ -28,13 +26,12 @@ STAMPED = ("size", "ETag", "LastModified", "mtime", "modify", "created", "md5") 
 class ObjectStore:
     """Files under a URL. Paths are those of the file system, and so are errors.
 
-    The file system is opened at the first use. One that works over a connection of its own (FTP, SFTP) is opened once
-    in each thread, because two threads cannot talk over one connection.
-
     Parameters
     ----------
     url : str
         An fsspec URL, with its secrets.
+    answer_s : float
+        For how long an answer of the server is waited for, besides the time that the bytes of a file take [s].
 
     Raises
     ------
@@ -44,20 +41,21 @@ class ObjectStore:
 
     faults = Exception  # every file system has its own errors
 
-    def __init__(self, url: str) -> None:
-        self._url = url
-        self._opened = threading.local()
-        self._shared: tuple[Any, str] | None = None
+    def __init__(self, url: str, answer_s: float) -> None:
+        self._fs = OpenedFileSystem(url)
+        self._answer_s = answer_s
         self._made: set[str] = set()
-        protocols = [split_protocol(link)[0] or link for link in url.split("::") if "://" in link or link.isalnum()]
-        for protocol in protocols:
-            fsspec.get_filesystem_class(protocol)
-        self.shared = "memory" not in protocols
+        self.shared = self._fs.shared
+
+    def within(self, answer_s: float) -> "ObjectStore":
+        """Return the same files for somebody who waits as long as this for an answer [s]."""
+        other = copy(self)
+        other._answer_s = answer_s
+        return other
 
     def path(self, name: str) -> str:
         """Return the full path of a name; the root's own for an empty one."""
-        root = self._open()[1]
-        return f"{root}/{name}" if name else root
+        return f"{self._fs.root}/{name}" if name else self._fs.root
 
     def is_final(self, error: Exception) -> bool:
         """Return whether an operation that failed like this would fail again."""
@@ -65,7 +63,7 @@ class ObjectStore:
 
     def reopen(self) -> None:
         """Forget the connection of this thread, which may be what is broken."""
-        self._opened = threading.local()
+        self._fs.reopen()
 
     def probe(self) -> None:
         """Write and remove a file."""
@@ -75,20 +73,23 @@ class ObjectStore:
 
     def read(self, path: str, at_most: int) -> bytes:
         """Return a file's content; UnfitFile if it has more bytes."""
+        size = self.size(path)
+        if size > at_most:
+            raise UnfitFile(errno.EFBIG, f"has {size} bytes; allowed: up to {at_most}", path)
         try:
-            content = bytes(self._fs.cat_file(path))
+            content = bytes(self._ask("cat_file", path, carried=size))
         except FileNotFoundError:
             if self._exists(path):  # over FTP every fault has this name
                 raise OSError(errno.EIO, "it is there, but was not sent") from None
             raise
-        if len(content) > at_most:
+        if len(content) > at_most:  # it grew
             raise UnfitFile(errno.EFBIG, f"has {len(content)} bytes; allowed: up to {at_most}", path)
         return content
 
     def size(self, path: str) -> int:
         """Return a file's size in bytes."""
-        self._fs.invalidate_cache()
-        entry = self._fs.info(path)
+        self._fs.forget_listings()
+        entry = self._ask("info", path)
         if entry["type"] != "file":
             raise FileNotFoundError(path)
         return int(entry["size"])
@@ -112,9 +113,9 @@ class ObjectStore:
 
     def _found(self, path: str) -> dict[str, dict[str, Any]]:
         """Return what the file system says of each file below a folder, by its name relative to the folder."""
-        self._fs.invalidate_cache()
+        self._fs.forget_listings()
         try:
-            found = self._fs.find(path, detail=True)
+            found = self._ask_for_many("find", path, detail=True)
         except (FileNotFoundError, NotADirectoryError):
             return {}
         start = len(path.rstrip("/")) + 1
@@ -144,16 +145,16 @@ class ObjectStore:
 
     def move(self, path: str, new: str) -> None:
         """Rename a file; on an object store, which cannot, copy it and remove it."""
-        if not self._fs.async_impl:
-            self._fs.mv(path, new)
+        if not self._fs.is_async:
+            self._ask("mv", path, new)
             return
-        self._fs.cp_file(path, new)
+        self._ask_for_many("cp_file", path, new)
         self.remove(path)
 
     def remove(self, path: str) -> None:
         """Remove a file."""
         try:
-            self._fs.rm_file(path)
+            self._ask("rm_file", path)
         except Exception:  # every file system has its own error for a file that is not there
             if self._exists(path):
                 raise
@@ -161,29 +162,18 @@ class ObjectStore:
     def remove_tree(self, path: str) -> None:
         """Remove a file, or all files whose names begin with a folder."""
         with suppress(FileNotFoundError):
-            self._fs.rm(path, recursive=True)
+            self._ask_for_many("rm", path, recursive=True)
 
     def sweep(self, path: str, ending: str, dead_after: float) -> None:
         """Do nothing: a PUT that does not finish leaves no file."""
 
-    @property
-    def _fs(self) -> Any:
-        """The file system."""
-        return self._open()[0]
+    def _ask(self, operation: str, *arguments: Any, carried: int = 0, **how: Any) -> Any:
+        """Return the answer of the server; ``carried``: how many bytes go with the question or the answer."""
+        return self._fs.ask(operation, *arguments, seconds=self._answer_s + carried / SLOWEST, **how)
 
-    def _open(self) -> tuple[Any, str]:
-        """Return the file system and the root in it."""
-        opened: tuple[Any, str] | None = self._shared or getattr(self._opened, "pair", None)
-        if opened is None:
-            fs, root = fsspec.url_to_fs(self._url, use_listings_cache=False)
-            if hasattr(fs, "max_concurrency"):
-                fs.max_concurrency = 1  # s3fs asks for the size before it reads, to read large files in pieces at once
-            opened = fs, str(root).rstrip("/")
-            if fs.async_impl:
-                self._shared = opened
-            else:
-                self._opened.pair = opened
-        return opened
+    def _ask_for_many(self, operation: str, *arguments: Any, **how: Any) -> Any:
+        """Return the answer of the server to what it answers in many pieces."""
+        return self._fs.ask(operation, *arguments, seconds=self._answer_s + MANY_FILES, **how)
 
     def _exists(self, path: str) -> bool:
         """Return whether there is such a file; a fault is raised, where fsspec's own `exists` says no."""
@@ -196,22 +186,22 @@ class ObjectStore:
     def _put(self, path: str, content: bytes, **how: Any) -> None:
         """Put a file; where there are true folders, make its own first if that was why it failed."""
         try:
-            self._fs.pipe_file(path, content, **how)
+            self._ask("pipe_file", path, content, carried=len(content), **how)
         except FileExistsError:
             raise
         except Exception:
             folder = path.rpartition("/")[0]
-            if self._fs.async_impl or folder in self._made:
+            if self._fs.is_async or folder in self._made:
                 raise
-            self._fs.makedirs(folder, exist_ok=True)
+            self._ask("makedirs", folder, exist_ok=True)
             self._made.add(folder)
-            self._fs.pipe_file(path, content, **how)
+            self._ask("pipe_file", path, content, **how)
 
     def _entries(self, path: str) -> list[dict[str, Any]]:
         """Return what the file system lists in a folder."""
-        self._fs.invalidate_cache()
+        self._fs.forget_listings()
         try:
-            return list(self._fs.ls(path, detail=True))
+            return list(self._ask("ls", path, detail=True))
         except (FileNotFoundError, NotADirectoryError):
             return []
 

@@ -1,4 +1,4 @@
-"""How long operations on a store are tried again: the one policy for every file, in a folder and behind a URL."""
+"""How long operations on a store are waited for and tried again: the one policy, in a folder and behind a URL."""
 
 import logging
 import time
@@ -19,11 +19,14 @@ class Patience:
         From the first fault to the last attempt [s]; 0 for one attempt only.
     first, longest : float
         Pauses between attempts [s]; each is twice as long as the one before.
+    answer : float
+        For how long an attempt waits for a server's answer, besides the time that the bytes of a file take [s].
     """
 
     seconds: float
     first: float = 0.5
     longest: float = 10.0
+    answer: float = 60.0
 
     def pauses(self) -> Iterator[float]:
         """Yield how long to wait before each further attempt [s]; by chance a quarter more or less."""
@@ -34,8 +37,8 @@ class Patience:
 
 
 PATIENT = Patience(180.0)  # for computing: an outage of minutes must not end a night's work
-QUICK = Patience(10.0)  # for commands that only read
-HASTY = Patience(0.0)  # for callers that must not wait: they are ending, or come again by themselves
+QUICK = Patience(10.0, answer=10.0)  # for commands that only read
+HASTY = Patience(0.0, answer=8.0)  # for callers that must not wait: they are ending, or come again by themselves
 
 
 class Outage:

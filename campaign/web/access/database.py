@@ -8,7 +8,6 @@ from pathlib import Path
 
 from campaign.errors import SpecError, StoreError
 
-VERSION = 1
 BUSY = 10.0  # s, for which a writer waits for another process, such as a backup
 OF_DISK = {  # what SQLite says where its disk is full, read-only or broken, or another process holds the file for long
     sqlite3.SQLITE_BUSY,
@@ -60,6 +59,17 @@ CREATE TABLE deliveries (
     body TEXT NOT NULL, attempts INTEGER NOT NULL, next REAL, status TEXT NOT NULL, UNIQUE (webhook, event)
 ) STRICT;
 """
+# The number of a webhook that was deleted is never given again: receivers know news by it.
+NUMBERED_WEBHOOKS = """
+CREATE TABLE numbered_webhooks (
+    id INTEGER PRIMARY KEY AUTOINCREMENT, user TEXT NOT NULL REFERENCES users(name), campaign TEXT, url TEXT NOT NULL,
+    secret TEXT NOT NULL, created REAL NOT NULL
+) STRICT;
+INSERT INTO numbered_webhooks SELECT * FROM webhooks;
+DROP TABLE webhooks;
+ALTER TABLE numbered_webhooks RENAME TO webhooks;
+"""
+VERSIONS = (SCHEMA, NUMBERED_WEBHOOKS)  # what leads from each version of the tables to the next
 
 
 class Database:
@@ -103,23 +113,23 @@ class Database:
             raise SpecError(f"{path}: is no database of a server ({error}); restore it from a backup") from error
 
     def _prepare(self) -> None:
-        """Make the tables of a new file, and check the version of an old one."""
+        """Make the tables of a new file, bring those of an old one up to date, and refuse those of a later clearcap."""
         # a write that was answered survives a loss of power
-        self._connection.executescript(
-            "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = ON;"
-        )
+        settings = "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = OFF;"
+        self._connection.executescript(settings)
         with self.write() as connection:
             version = connection.execute("PRAGMA user_version").fetchone()[0]
-            if version == 0:
-                for statement in filter(str.strip, SCHEMA.split(";\n")):
-                    connection.execute(statement)
-                connection.execute(f"PRAGMA user_version = {VERSION}")
-        if version > VERSION:
+            for statement in ";\n".join(VERSIONS[version:]).split(";\n"):
+                connection.execute(statement)
+            connection.execute(f"PRAGMA user_version = {max(version, len(VERSIONS))}")
+        if version > len(VERSIONS):
             self._connection.close()
             raise SpecError(
-                f"{self.path}: has version {version} of the tables, and this clearcap knows {VERSION}; use the clearcap"
-                " that wrote it, or a later one"
+                f"{self.path}: has version {version} of the tables, and this clearcap knows {len(VERSIONS)}; use the"
+                " clearcap that wrote it, or a later one"
             )
+        # not before: to replace a table deletes its rows for a moment, and with them what belongs to them
+        self._connection.execute("PRAGMA foreign_keys = ON")
 
     @contextmanager
     def write(self) -> Iterator[sqlite3.Connection]:

@@ -37,7 +37,7 @@ class Done(BaseModel):
 @router.post("/campaigns/{campaign}/cancel", responses=described(404))
 def cancel(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
     """End a campaign; finished rows stay, and `resume` continues it."""
-    before = cancel_campaign(service.store.hasty, campaign)
+    before = cancel_campaign(service.store, campaign)
     service.watcher.hurry(campaign)
     note = "it is completed; nothing to cancel" if before == "completed" else "its workers end within some seconds"
     return Done(campaign=campaign, before=before, note=note)
@@ -47,8 +47,8 @@ def cancel(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
 def resume(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
     """Queue a campaign again that was cancelled or interrupted, that failed, or that lost rows."""
     entry = service.watcher.index.entry(campaign)
-    plan = service.store.hasty.plan(campaign)
-    assignment = assign_coordinator(service.store.hasty, plan, [], queue_only=True)
+    plan = service.store.plan(campaign)
+    assignment = assign_coordinator(service.store, plan, [], queue_only=True)
     service.watcher.hurry(campaign)
     note = "a coordinator computes it already" if assignment.kind == "coordinator" else "queued"
     return Done(campaign=campaign, before=entry.state if entry else "planned", note=note)
@@ -69,7 +69,7 @@ class FailedRows(BaseModel):
 @router.post("/campaigns/{campaign}/rerun", responses=described(404, 409))
 def rerun(service: TheService, campaign: TheCampaign, who: Engineer, wanted: FailedRows) -> Done:
     """Compute failed rows again, after their cause is removed: the coordinator that serves the store does it next."""
-    store = service.store.hasty
+    store = service.store
     before = str(state_of(store, campaign)["state"])
     if before in ("running", "queued"):
         raise Refusal(409, f"campaign {campaign} is {before}; wait for its end, or cancel it first")
@@ -102,7 +102,7 @@ class LabelRequest(BaseModel):
 async def label(service: TheService, campaign: TheCampaign, who: Engineer, wanted: LabelRequest) -> CampaignEntry:
     """Change owner, tags and note of a campaign, or archive it."""
     change = LabelChange(wanted.owner, tuple(wanted.add_tags), tuple(wanted.remove_tags), wanted.note, wanted.archived)
-    await asyncio.to_thread(change_labels, service.store.hasty, campaign, change, by=who.name, version=wanted.version)
+    await asyncio.to_thread(change_labels, service.store, campaign, change, by=who.name, version=wanted.version)
     await service.watcher.list_campaigns(campaign)
     entry = service.watcher.index.entry(campaign)
     if entry is None:
@@ -128,7 +128,7 @@ def delete(
         )
     if service.is_signed(campaign):
         raise Refusal(409, f"campaign {campaign} is signed; archive it instead")
-    delete_campaign(service.store.hasty, campaign)
+    delete_campaign(service.store, campaign)
     service.watcher.index.forget(campaign)
     service.watcher.hurry(campaign)
     return Response(status_code=204)

@@ -1,5 +1,6 @@
 """The campaigns of the store: a list, and each with its state, files and labels."""
 
+import json
 from collections.abc import Iterable
 from typing import Annotated, Any
 
@@ -13,7 +14,7 @@ from campaign.web.api.calls import calls
 from campaign.web.api.whose import TheCampaign
 from campaign.web.http.asking import Asking, TheService, Viewer
 from campaign.web.http.event_stream import EventStream
-from campaign.web.http.problems import Refusal, described
+from campaign.web.http.problems import Refusal, described, sendable
 from campaign.web.http.tagged import TAGGED, tagged
 from campaign.web.watch.entry import LISTED_STATES, CampaignEntry
 from campaign.web.watch.list_order import LONGEST_CURSOR, ORDERS, after_cursor, cursor_after, in_order
@@ -36,6 +37,7 @@ class Listing(BaseModel):
         description="Campaigns of the store that are still to be read and not listed yet; ask again until it is 0",
         examples=[0],
     )
+    fault: str = Field(description="Why the store cannot be read now, and the list is an earlier one; empty if it can")
 
 
 class ListQuestion(BaseModel):
@@ -89,8 +91,9 @@ async def list_campaigns(
     rest = after_cursor(found, question.sort, cursor)
     page = rest[:limit]
     following = f'"{cursor_after(page[-1][0], question.sort)}"' if len(rest) > limit else "null"
-    body = b'{"campaigns":[%b],"total":%d,"next":%b,"unread":%d}' % (
-        b",".join(text for _, text in page), len(found), following.encode(), service.watcher.index.unread
+    rows, unread, fault = b",".join(text for _, text in page), service.watcher.index.unread, service.store_fault
+    body = b'{"campaigns":[%b],"total":%d,"next":%b,"unread":%d,"fault":%b}' % (
+        rows, len(found), following.encode(), unread, json.dumps(sendable(fault)).encode()
     )  # fmt: skip
     return tagged(request, body, "application/json")
 
@@ -132,7 +135,7 @@ async def follow_campaign(request: Request, service: TheService, campaign: TheCa
 async def campaign_file(request: Request, service: TheService, campaign: TheCampaign) -> Response:
     """Return the campaign file, as it was submitted."""
     try:
-        content = await run_in_threadpool(service.store.hasty.files.read, f"{campaign}/{CAMPAIGN_FILE}")
+        content = await run_in_threadpool(service.store.files.read, f"{campaign}/{CAMPAIGN_FILE}")
     except FileNotFoundError as error:
         raise Refusal(404, f"{campaign}: has no {CAMPAIGN_FILE} any more; restore it in the store") from error
     return tagged(request, content, "application/toml")

@@ -36,10 +36,11 @@ def readyz(service: TheService) -> Health:
         raise EngineCompiling(compiling_s)
     service.database.row("SELECT 1")
     try:
-        service.store.hasty.campaigns()
+        service.store.folders()
     except Exception as error:
         logger.warning("the store cannot be read: %s", error)  # and not for whoever asks
-        raise Refusal(503, "the store cannot be read; the server's log says why") from error
+        words = "the store cannot be read; the server's log says why"
+        raise Refusal(503, words, headers={"Retry-After": "10"}) from error
     return Health(status="ok")
 
 

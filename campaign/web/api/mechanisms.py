@@ -55,7 +55,7 @@ class SavedVersion(BaseModel):
 @router.get("/mechanisms")
 def list_mechanisms(service: TheService, _: Viewer) -> MechanismNames:
     """List the mechanisms that campaigns may name."""
-    return MechanismNames(shipped=library_names(), saved=saved_mechanisms(service.store.hasty))
+    return MechanismNames(shipped=library_names(), saved=saved_mechanisms(service.store))
 
 
 @router.get("/mechanisms/{name}", responses=described(404, 409))
@@ -80,7 +80,7 @@ async def mechanism_text(
     """Return the text of a mechanism's file."""
     if name in library_names() and version is None:
         return tagged(request, shipped_text(name), "application/toml")
-    saved = await run_in_threadpool(read_mechanism, service.store.hasty, name, version)
+    saved = await run_in_threadpool(read_mechanism, service.store, name, version)
     if saved is None:
         raise Refusal(404, f"no mechanism {name}{'' if version is None else f' of version {version}'}")
     headers = {"X-Version": str(saved.version)}
@@ -110,7 +110,7 @@ async def save(service: TheService, who: Engineer, name: MechanismName, wanted: 
     if name in library_names():
         raise Refusal(409, f"{name} is a shipped mechanism; save yours under another name")
     await service.pool.data(who.name, check_text, MechanismSource(name, wanted.text))
-    store = service.store.hasty
+    store = service.store
     saved = await run_in_threadpool(save_mechanism, store, name, wanted.text, who.name, wanted.version)
     return SavedVersion(name=name, version=saved.version, by=saved.by, at=datetime.fromtimestamp(saved.at, UTC))
 
@@ -137,7 +137,7 @@ async def source_of(service: Service, name: str, **more: Any) -> MechanismSource
     """
     if name in library_names():
         return MechanismSource(name, **more)
-    saved = await run_in_threadpool(read_mechanism, service.store.hasty, name)
+    saved = await run_in_threadpool(read_mechanism, service.store, name)
     if saved is None:
         raise Refusal(404, f"no mechanism {name}; shipped: {', '.join(library_names())}")
     return MechanismSource(name, saved.text, **more)

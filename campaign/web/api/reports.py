@@ -50,8 +50,8 @@ class ReportFiles(BaseModel):
 @router.get("/campaigns/{campaign}/reports", responses=described(404))
 def report_files(service: TheService, campaign: TheCampaign, who: Asking) -> ReportFiles:
     """List the files of a campaign's report, and of its comparisons with campaigns that you may see."""
-    names = service.store.hasty.files.names(report_folder(campaign))
-    others = comparisons(service.store.hasty, campaign)
+    names = service.store.files.names(report_folder(campaign))
+    others = comparisons(service.store, campaign)
     seen = {other: _written(files) for other, files in others.items() if who.may_see(other)}
     return ReportFiles(files=_written(names), comparisons=seen)
 
@@ -117,7 +117,7 @@ async def _file(request: Request, service: Service, folder: str, name: str) -> R
     """Return a file of a report."""
     kind = TYPES.get(name.rpartition(".")[2], "application/octet-stream")
     try:
-        content = await run_in_threadpool(service.store.hasty.files.read, f"{folder}/{name}")
+        content = await run_in_threadpool(service.store.files.read, f"{folder}/{name}")
     except FileNotFoundError as error:
         raise Refusal(404, f"{folder}: has no file {name}; write the report first") from error
     frame = {"Content-Security-Policy": REPORT_POLICY, "X-Frame-Options": "SAMEORIGIN"}

@@ -55,7 +55,7 @@ async def export(
     headers = {"ETag": tag, "Cache-Control": "private, no-cache"}
     if tag in [word.strip().removeprefix("W/") for word in request.headers.get("if-none-match", "").split(",")]:
         return Response(status_code=304, headers=headers)
-    store = service.store.hasty
+    store = service.store
     plan = await run_in_threadpool(store.plan, campaign)
     pieces = await run_in_threadpool(export_rows, store, plan, kind, selection)
     headers["Content-Disposition"] = f'attachment; filename="{campaign}.{ENDINGS[kind]}"'

@@ -105,7 +105,7 @@ async def list_samples(
 @router.get("/campaigns/{campaign}/samples/{sample}", responses=described(404))
 def show_sample(service: TheService, campaign: TheCampaign, sample: Sample) -> StoredSample:
     """Show a sample: its variables, its responses, and its certificate."""
-    store = service.store.hasty
+    store = service.store
     plan = _plan_with(store, campaign, sample)
     row = stored_row(store, plan, sample)
     if row is None:
@@ -129,7 +129,7 @@ def show_sample(service: TheService, campaign: TheCampaign, sample: Sample) -> S
 @router.post("/campaigns/{campaign}/samples/{sample}/replay", responses=described(404, 409))
 async def replay(service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> ReplayedSample:
     """Compute a sample again, and compare it with its row, bit for bit; the document of `clearcap replay --json`."""
-    store = service.store.hasty
+    store = service.store
     await run_in_threadpool(_plan_with, store, campaign, sample)
     content = await service.pool.data(who.name, replay_document, store.files.full_url, campaign, sample)
     return ReplayedSample.model_validate(content)
@@ -142,7 +142,7 @@ async def replay(service: TheService, campaign: TheCampaign, who: Viewer, sample
 )
 async def plot(request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> Response:
     """Compute a sample again, and draw its curves over time."""
-    store = service.store.hasty
+    store = service.store
     await run_in_threadpool(_plan_with, store, campaign, sample)
     content = await service.kept(who.name, draw_sample, store.files.full_url, campaign, sample, "svg")
     return tagged(request, content, "image/svg+xml")
@@ -155,7 +155,7 @@ async def plot(request: Request, service: TheService, campaign: TheCampaign, who
 )
 async def motion(request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> Response:
     """Compute a sample again, and draw its motion."""
-    store = service.store.hasty
+    store = service.store
     await run_in_threadpool(_plan_with, store, campaign, sample)
     content = await service.kept(who.name, draw_sample, store.files.full_url, campaign, sample, "gif")
     return tagged(request, content, "image/gif")
@@ -175,7 +175,7 @@ async def motion_data(
 
 async def motion_of(service: Service, campaign: str, who: Principal, sample: int) -> bytes:
     """Return the motion of a sample as JSON: a `campaign.pictures.moving_drawing.MovingDrawing`."""
-    store = service.store.hasty
+    store = service.store
     await run_in_threadpool(_plan_with, store, campaign, sample)
     return await service.kept(who.name, sample_motion, store.files.full_url, campaign, sample)  # type: ignore[arg-type]
 

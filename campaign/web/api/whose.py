@@ -26,7 +26,7 @@ async def the_campaign(
     """
     if principal.may_see(campaign):
         is_known = service.watcher.index.entry(campaign) is not None
-        if is_known or await run_in_threadpool(service.store.hasty.files.exists, f"{campaign}/{PLAN}"):
+        if is_known or await run_in_threadpool(service.store.files.exists, f"{campaign}/{PLAN}"):
             return campaign
     raise Refusal(404, f"no campaign {campaign} in the store")
 

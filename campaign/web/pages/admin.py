@@ -149,7 +149,7 @@ async def system_page(request: Request, service: TheService, who: Admin) -> Resp
         if service.watcher.listed_at is None:
             await service.watcher.list_campaigns()
             entries = [entry for entry, _ in service.watcher.index.entries()]
-        service.workload = await run_in_threadpool(look_at_work, service.store.hasty, entries, service.workload)
+        service.workload = await run_in_threadpool(look_at_work, service.store, entries, service.workload)
     except StoreError as error:
         fault = str(error)
     values: dict[str, Any] = {
@@ -160,7 +160,7 @@ async def system_page(request: Request, service: TheService, who: Admin) -> Resp
         "followers": service.watcher.followers,
         "limits": asdict(service.settings.limits),
         "store": service.store.url,
-        "fault": fault or service.watcher.fault,
+        "fault": fault or service.store_fault,
         "listed_s": None if service.watcher.listed_at is None else time.monotonic() - service.watcher.listed_at,
         "free": _free_space(service),
         "campaigns": len(entries),

@@ -46,7 +46,7 @@ async def campaigns_page(
     values: dict[str, Any] = {"question": question, "entries": entries, "total": len(found), "sorts": tuple(ORDERS)}
     values |= {"tags": tags, "owners": owners, "states": states, "cursor": cursor, "following": following}
     values |= {"unread": service.watcher.index.unread}
-    return page(request, "campaigns", asked=asked, fault=service.watcher.fault, on_a_page=ON_A_PAGE, **values)
+    return page(request, "campaigns", asked=asked, fault=service.store_fault, on_a_page=ON_A_PAGE, **values)
 
 
 def _chosen(question: ListQuestion) -> ListQuestion:
@@ -65,7 +65,7 @@ async def frame(request: Request, service: TheService, campaign: str, who: Askin
 @router.get("/campaigns/{campaign}")
 async def campaign_page(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
     """Show how far a campaign is; it moves while rows arrive."""
-    seen = await run_in_threadpool(observe, service.store.hasty, campaign)
+    seen = await run_in_threadpool(observe, service.store, campaign)
     shown = await frame(request, service, campaign, who)
     return page(request, "campaign", progress=progress_of(seen, is_served=service.watcher.is_served), **shown)
 

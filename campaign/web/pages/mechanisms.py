@@ -75,7 +75,7 @@ async def mechanism_page(
     listed = [each for each in described["keys"] if keys.lower() in each["key"].lower() or keys == each["short"]]
     if not keys:
         listed = [each for each in listed if each["short"] or each["key"].startswith("parameters.")]
-    found = await run_in_threadpool(read_mechanism, service.store.hasty, name)
+    found = await run_in_threadpool(read_mechanism, service.store, name)
     values: dict[str, Any] = {
         "name": name,
         "found": described,
@@ -96,7 +96,7 @@ async def editor_page(request: Request, service: TheService, who: Engineer, name
     """Show the text of a mechanism; a shipped one is saved under another name."""
     if name in library_names():
         return _editor(request, name, MechanismEdit("", shipped_text(name).decode(), 0))
-    found = await run_in_threadpool(read_mechanism, service.store.hasty, name)
+    found = await run_in_threadpool(read_mechanism, service.store, name)
     if found is None:
         raise Refusal(404, f"no mechanism {name}")
     return _editor(request, name, MechanismEdit(name, found.text, found.version))
@@ -189,6 +189,6 @@ def _schema() -> bytes:
 
 def _saved_texts(service: Service) -> list[SavedMechanism]:
     """Return the newest version of each saved mechanism."""
-    store = service.store.hasty
+    store = service.store
     found = (read_mechanism(store, name, version) for name, version in saved_mechanisms(store).items())
     return [each for each in found if each is not None]

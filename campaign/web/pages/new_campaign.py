@@ -97,7 +97,7 @@ async def new_campaign_page(
     """Show the form, for a new campaign or one that begins with another's file, with some distributions changed."""
     draft = Draft(first_text(mechanism), owner=who.name)
     if start:
-        if not await run_in_threadpool(service.store.hasty.files.exists, f"{start}/{PLAN}"):
+        if not await run_in_threadpool(service.store.files.exists, f"{start}/{PLAN}"):
             raise Refusal(404, f"no campaign {start} in the store")
         url = service.store.files.full_url
         begun = await service.pool.data(who.name, started_from, url, start, tuple(set), samples)
@@ -187,7 +187,7 @@ async def _shown(
     tables: Tables = (draft.form if is_as_sent or found["form"] is None else found["form"]) or {}
     form = CampaignForm(tables, found["faults"], found)
     refusal = Refusal(status, found["detail"], found["faults"]) if found["detail"] else None
-    saved = await run_in_threadpool(saved_mechanisms, service.store.hasty)
+    saved = await run_in_threadpool(saved_mechanisms, service.store)
     values: dict[str, Any] = {"draft": draft, "form": form, "checked": found["checked"]}
     values["cost"] = cost_of(service, found["checked"]) if found["checked"] else None
     values["lines"] = marked_lines(draft.text, found["faults"])

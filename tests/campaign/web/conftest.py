@@ -1,7 +1,7 @@
 """A service over a store with one finished campaign, and browsers and programs that ask it.
 
-The store is in a folder. Tests of what depends on where it is also run with a store on S3; those are slow. With
-``CLEARCAP_STORE_OF_TESTS=s3``, as `make service-on-s3` has it, all tests have a store on S3 that can have one.
+The store is in a folder. With ``CLEARCAP_STORE_OF_TESTS=s3``, as `make service-on-s3` has it, it is on S3 in all tests
+but those that are only for a folder.
 """
 
 import os
@@ -35,12 +35,6 @@ PASSWORD = "correct horse battery"
 _routes = []  # of the first application
 
 
-def also_on_s3(test):
-    """Have a test run with a store on S3 too."""
-    test.is_also_on_s3 = True
-    return test
-
-
 def only_in_a_folder(test):
     """Never run a test with a store on S3: it does to the store's files what only a file system allows."""
     test.is_only_in_a_folder = True
@@ -51,13 +45,9 @@ def pytest_generate_tests(metafunc):
     """Choose where the store of a test is."""
     if "storage" in metafunc.fixturenames:
         is_anywhere = not getattr(metafunc.function, "is_only_in_a_folder", False)
-        if os.environ.get("CLEARCAP_STORE_OF_TESTS") == "s3" and is_anywhere:
-            metafunc.parametrize("storage", ["s3"], indirect=True, scope="session")
-            return
-        kinds = [pytest.param("folder", id=pytest.HIDDEN_PARAM)]
-        if getattr(metafunc.function, "is_also_on_s3", False):
-            kinds.append(pytest.param("s3", marks=pytest.mark.slow))
-        metafunc.parametrize("storage", kinds, indirect=True, scope="session")
+        is_on_s3 = os.environ.get("CLEARCAP_STORE_OF_TESTS") == "s3" and is_anywhere
+        place = "s3" if is_on_s3 else pytest.param("folder", id=pytest.HIDDEN_PARAM)
+        metafunc.parametrize("storage", [place], indirect=True, scope="session")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -35,7 +35,7 @@ async def what_if_page(
     others: Annotated[str, Query(max_length=MOST_SETTINGS * LONGEST_SETTING)] = "",
 ) -> Response:
     """Show what responses would be under other distributions; a sent form leads to the address of its question."""
-    plan = await run_in_threadpool(service.store.hasty.plan, campaign)
+    plan = await run_in_threadpool(service.store.plan, campaign)
     given = {key: text for key, text in request.query_params.items() if key.startswith(FIELD)}
     settings = list(set)
     if given or others:

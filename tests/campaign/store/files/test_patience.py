@@ -26,6 +26,10 @@ class Faulty:
         self._backend, self._left, self._after, self._number = backend, fails, after, number
         self.faults, self.is_final, self.reopen, self.path = OSError, backend.is_final, backend.reopen, backend.path
 
+    def within(self, answer_s):
+        """Return itself: it fails at once."""
+        return self
+
     def __getattr__(self, name):
         def operation(*arguments):
             fails, self._left = self._left > 0, self._left - 1

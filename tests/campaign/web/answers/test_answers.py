@@ -23,7 +23,6 @@ from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from reporting.tolerance.reweighting import weights
 from tests.campaign import fake_engine
-from tests.campaign.web.conftest import also_on_s3
 
 NARROWER = ["J1.std=0.016"]
 COSTS = "[variables.J1]\ncost = 1.0\n[variables.preload]\ncost = 2.0\n"
@@ -51,7 +50,6 @@ def said(*words):
     return json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
 
 
-@also_on_s3
 def test_the_numbers_are_those_of_the_command(filled, asked):
     """The answer is the command's document, to the last bit of each number."""
     store, plan = filled
@@ -83,7 +81,6 @@ def test_refusals_and_advice_are_those_of_the_command(filled, asked, tmp_path):
     assert allocated == said("advise", name, "--cost", str(costs), *place)
 
 
-@also_on_s3
 def test_an_answer_is_kept_until_the_rows_change(growing, asked, monkeypatch):
     """Its bytes and its name stay; with new rows it is another."""
     store, plan, compute = growing
@@ -170,7 +167,6 @@ def test_a_wrong_question_is_the_commands_error(filled, asked):
     assert asked(store, ask).content
 
 
-@also_on_s3
 def test_a_campaign_that_is_not_there_or_empty_is_one_error(growing, asked):
     """And remembered for nobody."""
     store, plan, compute = growing

@@ -12,7 +12,6 @@ from campaign.web.answers import column_cache
 from campaign.web.answers.column_cache import ColumnCache, columns_folder
 from campaign.web.answers.column_file import map_columns
 from campaign.web.answers.rows_version import rows_version
-from tests.campaign.web.conftest import also_on_s3
 
 
 def files(folder):
@@ -27,7 +26,6 @@ def same(found, expected):
     return all(found.values[name].tobytes() == column.tobytes() for name, column in expected.values.items())
 
 
-@also_on_s3
 def test_columns_are_those_of_the_store(filled, folder, monkeypatch):
     """The second time nothing is read from the store; missing values are NaN; nobody can write into them."""
     store, plan = filled
@@ -85,7 +83,6 @@ def test_a_file_of_other_columns_is_not_taken(filled, folder):
         map_columns(path, "1" * 64)
 
 
-@also_on_s3
 def test_a_running_campaign_has_the_columns_of_its_rows_so_far(growing, folder):
     """Without rows there is one message; each version has its rows, and the one before is removed."""
     store, plan, compute = growing

@@ -11,7 +11,6 @@ from campaign.errors import SpecError
 from campaign.store.rows import ROW_GROUP
 from campaign.web.answers import exported_rows
 from campaign.web.answers.exported_rows import FORMATS, RowSelection, export_rows, rows_etag
-from tests.campaign.web.conftest import also_on_s3
 
 
 def read(kind, content):
@@ -24,7 +23,6 @@ def read(kind, content):
     return pyarrow.csv.read_csv(source)
 
 
-@also_on_s3
 @pytest.mark.parametrize("kind", FORMATS)
 def test_all_rows_come_as_they_are_stored(filled, kind):
     """Values, order and nulls are the store's; Arrow and Parquet have units too."""

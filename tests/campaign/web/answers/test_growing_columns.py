@@ -19,7 +19,7 @@ from campaign.worker.batch import run_batch
 from campaign.worker.messages import BatchRequest, CampaignAddress
 from engine.private_folder import private_folder
 from tests.campaign.web.answers.conftest import fails_where_wide
-from tests.campaign.web.conftest import also_on_s3, only_in_a_folder
+from tests.campaign.web.conftest import only_in_a_folder
 
 
 @pytest.fixture
@@ -57,7 +57,6 @@ def replace_rows(store, plan, batch):
     store.record(plan, store.survey(plan, verify=True).parts.values())
 
 
-@also_on_s3
 def test_only_rows_that_came_are_read(growing, folder, tmp_path, exact, read):
     """Whatever their order; what was replaced is read again, and a version without new rows reads none."""
     store, plan, compute = growing

@@ -7,10 +7,8 @@ import pytest
 from campaign.errors import StoreError
 from campaign.store.layout import STOPPED
 from campaign.web.answers.rows_version import rows_version
-from tests.campaign.web.conftest import also_on_s3
 
 
-@also_on_s3
 def test_it_changes_with_rows_and_with_nothing_else(growing):
     """Rows, merged files, the manifest and the end of the campaign count; state and report do not."""
     store, plan, compute = growing
@@ -36,7 +34,6 @@ def test_it_changes_with_rows_and_with_nothing_else(growing):
     assert rows_version(store.hasty, plan.campaign_id) == versions[-1]
 
 
-@also_on_s3
 def test_a_part_of_another_size_counts(own_filled):
     """A file that the manifest knows and that was replaced is another version."""
     store, plan = own_filled

@@ -9,7 +9,7 @@ from campaign.plan import make_plan
 from campaign.web.api.campaigns import ListQuestion, listed
 from campaign.web.watch.conclusions import Weakest
 from campaign.web.watch.entry import CampaignEntry
-from tests.campaign.web.conftest import also_on_s3, serving
+from tests.campaign.web.conftest import serving
 
 API = "/api/v1/campaigns"
 
@@ -24,7 +24,6 @@ def at(plan):
     return f"{API}/{plan.campaign_id}"
 
 
-@also_on_s3
 def test_list(client, as_user, plan):
     answer = client.get(API, headers=as_user("viewer"))
     assert answer.status_code == 200
@@ -98,13 +97,11 @@ def test_a_wrong_cursor_is_refused(client, as_user, cursor):
     assert client.get(API, params=params, headers=as_user("viewer")).status_code == 200
 
 
-@also_on_s3
 def test_status(client, as_user, at):
     document = client.get(at, headers=as_user("viewer")).json()
     assert (document["state"], document["samples"], document["done"]) == ("planned", 25, 0)
 
 
-@also_on_s3
 def test_unknown_campaign(client, as_user):
     headers = as_user("viewer")
     for path in ("", "/events", "/campaign.toml", "/reports", "/reports/own/report.html"):
@@ -120,7 +117,6 @@ def test_odd_names_are_refused(client, as_user, at, name):
     assert client.get(f"{at}/reports/own/{name}", headers=headers).status_code in (404, 422)
 
 
-@also_on_s3
 def test_campaign_file(client, as_user, at, store, plan):
     answer = client.get(f"{at}/campaign.toml", headers=as_user("viewer"))
     assert answer.content == store.files.read(f"{plan.campaign_id}/campaign.toml")
@@ -147,7 +143,6 @@ def test_report_file_cannot_run_scripts(client, as_user, at, store, plan):
     assert client.get(f"{at}/reports/own/other.html", headers=headers).status_code == 404
 
 
-@also_on_s3
 def test_events_of_a_campaign_that_is_over(client, as_user, at, store, plan):
     write_state(store, plan.campaign_id, "cancelled")
     answer = client.get(f"{at}/events", headers=as_user("viewer"))
@@ -156,7 +151,6 @@ def test_events_of_a_campaign_that_is_over(client, as_user, at, store, plan):
     assert answer.text.endswith("event: end\ndata: {}\n\n")
 
 
-@also_on_s3
 def test_cancel_and_resume(client, as_user, at, store, plan):
     write_state(store, plan.campaign_id, "queued")
     answer = client.post(f"{at}/cancel", headers=as_user("engineer"))
@@ -166,7 +160,6 @@ def test_cancel_and_resume(client, as_user, at, store, plan):
     assert state_of(store, plan.campaign_id)["state"] == "queued"
 
 
-@also_on_s3
 def test_labels(client, as_user, at):
     headers = as_user("engineer")
     entry = client.patch(f"{at}/labels", json={"owner": "eva", "add_tags": ["a"], "version": 0}, headers=headers).json()
@@ -178,7 +171,6 @@ def test_labels(client, as_user, at):
     assert client.patch(f"{at}/labels", json={"owners": "eva"}, headers=headers).status_code == 422
 
 
-@also_on_s3
 def test_delete(client, as_user, at, store, plan):
     for role, confirm, status in [
         ("engineer", plan.campaign_id, 403),  # it is another's

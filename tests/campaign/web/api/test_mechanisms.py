@@ -3,7 +3,6 @@
 import pytest
 
 from engine import load_mechanism, simulate
-from tests.campaign.web.conftest import also_on_s3
 
 PENDULUM = "clearance_pendulum"
 
@@ -30,7 +29,6 @@ def test_text(computing):
     assert answer.headers["content-type"] == "application/toml"
 
 
-@also_on_s3
 def test_save_check_and_use(computing):
     client, headers = computing
     text = client.get(f"/api/v1/mechanisms/{PENDULUM}/text", headers=headers("viewer")).text

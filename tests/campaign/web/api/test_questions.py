@@ -7,7 +7,6 @@ from typer.testing import CliRunner
 
 from campaign.cli import app
 from campaign.web.answers.answers import MOST_SETTINGS
-from tests.campaign.web.conftest import also_on_s3
 
 NARROWER = "J1.std=0.018"
 COSTS = "[variables.J1]\ncost = 1.0\n[variables.preload]\ncost = 2.0\n"
@@ -33,7 +32,6 @@ def said(computing_service, explored):
     )
 
 
-@also_on_s3
 def test_what_if_is_the_commands(ask, said):
     """The numbers of the page's call, by address or by body, are those of the command to the bit."""
     answer = ask("whatif", params={"set": [NARROWER, "preload.upper=0.99"]})

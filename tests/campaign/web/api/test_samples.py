@@ -11,7 +11,6 @@ import pytest
 from campaign.reports.replayed import replay_sample
 from campaign.web.answers.exported_rows import FORMATS
 from engine import load_mechanism, read_trajectory
-from tests.campaign.web.conftest import also_on_s3
 
 
 @pytest.fixture
@@ -39,7 +38,6 @@ def read(kind, content):
     return pq.read_table(source) if kind == "parquet" else pyarrow.csv.read_csv(source)
 
 
-@also_on_s3
 @pytest.mark.parametrize("kind", FORMATS)
 def test_rows(get, stored, explored, kind):
     """Each format has the store's numbers; who has the file gets nothing again; a selection is another file."""
@@ -72,7 +70,6 @@ def test_files_are_bounded_by_user(get, computing_service):
     assert (answer.status_code, answer.headers["retry-after"]) == (429, "5")
 
 
-@also_on_s3
 def test_worst_samples_come_first(get, computing_service, explored, stored):
     """In the order of their distance from the limit, in sigmas; pages of them meet."""
     plan = computing_service[0].store.plan(explored[0])
@@ -101,7 +98,6 @@ def test_samples_by_status(get):
     assert get("samples", sort="odd").status_code == 422
 
 
-@also_on_s3
 def test_sample(get, stored):
     shown = get("samples/7").json()
     row = stored.slice(7, 1).to_pylist()[0]
@@ -113,7 +109,6 @@ def test_sample(get, stored):
     assert get("samples/7", campaign="none").status_code == 404
 
 
-@also_on_s3
 def test_replay_says_whether_the_bits_are_the_same(computing, computing_service, explored):
     """Of real runs yes; of rows that a stand-in has computed no."""
     client, headers = computing

@@ -3,7 +3,6 @@
 import pytest
 
 from campaign.store.report_folders import report_folder
-from tests.campaign.web.conftest import also_on_s3
 
 
 @pytest.fixture
@@ -35,7 +34,6 @@ def test_link_from_first_to_last(client, service, as_user, reported, url):
     assert [entry.detail for entry in service.audit.newest(subject=reported)][-1] == "share 1, 7 days"
 
 
-@also_on_s3
 def test_link_shows_no_comparison_with_another_campaign(client, service, as_user, reported):
     """What was written of both campaigns is read by users: neither its files nor the other's id come by a link."""
     other = "demo-0123456789"

@@ -13,7 +13,7 @@ from campaign.reports.signing.signed_archive import open_archive
 from campaign.reports.signing.verification import verify_export
 from campaign.web.signatory import KEY_FILE
 from campaign.web.web_service import open_service
-from tests.campaign.web.conftest import also_on_s3, only_in_a_folder
+from tests.campaign.web.conftest import only_in_a_folder
 
 
 @pytest.fixture
@@ -52,7 +52,6 @@ def test_only_approvers_sign(client, as_user, url):
             assert client.request(method, path, json=body, headers=as_user(role)).status_code == 403
 
 
-@also_on_s3
 def test_signed(client, service, campaign, as_user, url, sign):
     """The document names signer, comment and submitter; it is listed, audited, and exported for verification."""
     viewer = as_user("viewer")
@@ -73,6 +72,15 @@ def test_signed(client, service, campaign, as_user, url, sign):
     proof = verify_export(open_archive(path), key)
     assert (proof.faults, [each.signoff.signer for each in proof.signoffs]) == ([], ["approver", "approver"])
     assert listed["key"] == key
+
+
+def test_the_same_again_is_the_same_sign_off(client, as_user, url, sign):
+    """Whose answer was lost sends it again; another comment, or another's signature between, is a new sign-off."""
+    first = sign("as drawn").json()
+    assert sign("as drawn").json() == first
+    assert sign("and measured").json()["previous"] is not None
+    assert sign("as drawn").json() != first
+    assert len(client.get(url, headers=as_user("viewer")).json()["signoffs"]) == 3
 
 
 def test_four_eyes(client, service, campaign, as_user, url):
@@ -103,7 +111,6 @@ def test_changed_byte_shows(client, service, campaign, as_user, url, sign, name)
     assert any(name in words for words in answer.json()["signoffs"][0]["differences"])
 
 
-@also_on_s3
 def test_changed_byte_of_the_rows_shows(client, service, campaign, as_user, url, sign):
     assert sign().status_code == 201
     change_a_byte(service, f"{campaign}/parts/part-000001.parquet")
@@ -138,7 +145,6 @@ def test_check_reads_again(client, service, campaign, as_user, url, sign):
         assert [name for name in read if "report.html" in name]
 
 
-@also_on_s3
 def test_what_changed_since_he_looked_is_not_signed(client, service, campaign, as_user, url):
     approver = as_user("approver")
     content = client.get(f"{url}/content", headers=approver).json()["content"]
@@ -147,7 +153,6 @@ def test_what_changed_since_he_looked_is_not_signed(client, service, campaign, a
     assert (answer.status_code, "has changed since" in answer.json()["detail"]) == (409, True)
 
 
-@also_on_s3
 def test_only_completed_campaigns_are_signed(client, service, campaign, sign):
     write_state(service.store, campaign, "cancelled")
     answer = sign()

@@ -14,7 +14,7 @@ from campaign.web.api.mechanisms import shipped_text
 from campaign.web.http.asking import COOKIE, CSRF_FIELD
 from campaign.web.settings import Limits, Settings
 from tests.campaign.conftest import SPEC
-from tests.campaign.web.conftest import URL, also_on_s3, serving
+from tests.campaign.web.conftest import URL, serving
 
 LATCH = shipped_text("c60")
 
@@ -83,7 +83,6 @@ def test_faults_of_a_file_that_the_text_names(computing):
     assert any(fault["line"] for fault in inner)
 
 
-@also_on_s3
 def test_submitted_once(computing):
     """A campaign is planned, queued, and its submitter's; the same again changes nothing."""
     service, client, headers = computing
@@ -100,7 +99,6 @@ def test_submitted_once(computing):
     assert service.store.table(made["campaign"]).num_rows == 0  # nothing was simulated
 
 
-@also_on_s3
 def test_planned_and_not_queued_is_queued_by_the_same_again(computing):
     """Whoever planned it was killed before he queued it."""
     service, _, _ = computing
@@ -165,7 +163,6 @@ def test_keys_are_kept_for_a_day(served):
     assert keys.claim("engineer", "k", "b", now=87000.0) is None
 
 
-@also_on_s3
 def test_more_samples(computing):
     """A new campaign of the same spec, with the tags of the first."""
     _, client, headers = computing
@@ -182,7 +179,6 @@ def test_more_samples(computing):
         assert (refused.status_code, f"samples = {samples}" in refused.json()["detail"]) == (422, True)
 
 
-@also_on_s3
 def test_failed_rows_again(computing):
     """A request in the store, which the coordinator that serves it fulfils; refused while it is computed."""
     service, client, headers = computing

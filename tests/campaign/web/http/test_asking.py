@@ -87,7 +87,7 @@ def test_store_that_cannot_be_read(client, service, monkeypatch, caplog):
     def broken(*_, **__):
         raise OSError("/secret/place")
 
-    monkeypatch.setattr(type(service.store), "campaigns", broken)
+    monkeypatch.setattr(type(service.store), "folders", broken)
     answer = client.get("/readyz")
     assert (answer.status_code, "/secret/place" in answer.text) == (503, False)
     assert "/secret/place" in caplog.text

@@ -15,7 +15,6 @@ from campaign.web.jobs.written_reports import written_report
 from engine import MechanismError, simulate
 from engine.mechanism import library_names
 from tests.campaign.driving import computed
-from tests.campaign.web.conftest import also_on_s3
 
 PENDULUM = "clearance_pendulum"
 
@@ -63,7 +62,6 @@ def test_a_posted_text_is_checked():
         check_text(MechanismSource("m", shipped(PENDULUM).replace("[bodies.", "[bodied.", 1)))
 
 
-@also_on_s3
 def test_a_sample_is_repeated_and_reported(campaign_file, storage, tmp_path):
     """The document is the command's; a report is written into the store."""
     store, plan = computed(storage(tmp_path), load_campaign(str(campaign_file), samples=4), 2, simulate)

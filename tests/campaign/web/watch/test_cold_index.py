@@ -24,7 +24,7 @@ from campaign.web.watch.conclusions import Weakest
 from campaign.web.watch.entry import REPORT_DOCUMENT, entry_of
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.watcher import Watcher
-from tests.campaign.web.conftest import also_on_s3, serving
+from tests.campaign.web.conftest import serving
 
 COUNT = 7
 _RESPONSES = [("a", 1.5, [1.4, 1.6]), ("b", 1.1, [1.0, 1.2]), ("c", None, None), ("d", 1.2, [None, 1.25])]
@@ -74,7 +74,6 @@ def test_first_look_reads_some_and_says_how_many_are_left(full_store, index):
     assert (_known(index), index.unread) == (set(full_store.campaigns()), 0)
 
 
-@also_on_s3
 def test_the_reader_goes_on_by_itself(full_store, index):
     """It reads all, and each campaign once."""
 
@@ -109,7 +108,6 @@ def test_a_campaign_that_went_while_it_waited_is_not_waited_for(full_store, inde
     assert index.unread == COUNT - 1
 
 
-@also_on_s3
 def test_a_bug_in_one_campaign_hides_no_other(full_store, index, monkeypatch, caplog):
     """It is in the log, and the list names the campaign as broken."""
     bad = sorted(full_store.campaigns())[0]
@@ -215,7 +213,6 @@ def test_a_program_does_not_wait_for_ever(monkeypatch):
         list(listed_campaigns(Listing(9, 8, 7), {}))
 
 
-@also_on_s3
 def test_few_requests_a_campaign(full_store, monkeypatch):
     """On S3 one listing, and one request for each file that the list knows something from."""
     campaign = sorted(full_store.campaigns())[0]

@@ -14,7 +14,7 @@ from campaign.store.layout import HEARTBEAT
 from campaign.web.watch import counted_status
 from campaign.web.watch.counted_status import CountedStatuses
 from tests.campaign.driving import computed
-from tests.campaign.web.conftest import also_on_s3, only_in_a_folder
+from tests.campaign.web.conftest import only_in_a_folder
 
 
 @pytest.fixture
@@ -33,7 +33,6 @@ def counted(campaign, storage, tmp_path, monkeypatch):
     return store, plan, CountedStatuses(store.hasty), counts
 
 
-@also_on_s3
 def test_rows_are_counted_once_until_files_change(counted):
     store, plan, statuses, counts = counted
     expected = progress_report(store, store.plan_header(plan.campaign_id), pytest.fail) | {"remarks": []}

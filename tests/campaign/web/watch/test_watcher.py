@@ -23,7 +23,6 @@ from campaign.web.watch import watcher as watching
 from campaign.web.watch.entry import entry_of
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.watcher import Watcher
-from tests.campaign.web.conftest import also_on_s3
 
 
 @pytest.fixture
@@ -38,14 +37,12 @@ def finished(finished_store):
     return open_store(str(finished_store[0])), finished_store[1]
 
 
-@also_on_s3
 def test_entry_of_a_finished_campaign(finished):
     entry = entry_of(*finished)
     assert (entry.samples, entry.done, entry.ok, entry.failed, entry.left) == (25, 25, 25, 0, 0)
     assert entry.title == "demo"
 
 
-@also_on_s3
 def test_entry_of_a_broken_campaign(storage, tmp_path):
     store = open_store(storage(tmp_path))
     store.files.write("x-1/plan.json", b"{")
@@ -60,7 +57,6 @@ def exact(monkeypatch):
     monkeypatch.setattr(local, "RECENT", -1e9)
 
 
-@also_on_s3
 def test_index_reads_only_what_changed(store, plan, index, exact, monkeypatch):
     read = []
     monkeypatch.setattr("campaign.web.watch.index.entry_of", lambda s, c: (read.append(c), entry_of(s, c))[1])
@@ -80,7 +76,6 @@ def test_index_reads_only_what_changed(store, plan, index, exact, monkeypatch):
     assert len(read) == 5
 
 
-@also_on_s3
 def test_index_is_kept_and_can_be_deleted(store, plan, index, exact, tmp_path):
     index.refresh(store, change_tokens(store))
     again = CampaignIndex(tmp_path / "index.sqlite")
@@ -175,7 +170,6 @@ def test_no_thread_reads_the_store_after_the_end(store, index, monkeypatch):
     watcher.hurry()
 
 
-@also_on_s3
 def test_index_forgets_what_is_gone(store, plan, index):
     index.refresh(store, change_tokens(store))
     store.files.remove_tree(plan.campaign_id)
@@ -183,7 +177,6 @@ def test_index_forgets_what_is_gone(store, plan, index):
     assert list(index.entries()) == []
 
 
-@also_on_s3
 def test_a_deletion_at_work_does_not_disturb_others(store, plan, index):
     """The store is listed, without the campaign; a deletion that nobody is at is finished."""
     other = make_plan(load_campaign("c60", samples=5))
@@ -259,7 +252,6 @@ def _data(event):
     return json.loads(event.decode().split("data: ")[1])
 
 
-@also_on_s3
 def test_follower_hears_each_change_once(store, plan, index, quick):
     async def act(watcher):
         write_state(store, plan.campaign_id, "queued")

@@ -19,7 +19,6 @@ from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
 from campaign.web.watch.entry import entry_of
 from campaign.web.watch.workload import look_at_work
 from tests.campaign.conftest import SPEC
-from tests.campaign.web.conftest import also_on_s3
 from tests.campaign.web.running import Served, until
 
 BEAT = Heartbeat("", "running", 25, 10, 10, 0, 15, {"ok": 10}, 5.0, 3.0, 4, pid=12)
@@ -54,7 +53,6 @@ def test_nobody_serves(queued):
     assert [each.entry.campaign for each in work.waiting] == [sooner, later]
 
 
-@also_on_s3
 def test_processes_of_this_machine(queued):
     """Who serves and who coordinates is alive while it holds its lease, and is named."""
     store, make = queued

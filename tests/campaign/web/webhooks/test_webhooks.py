@@ -5,6 +5,7 @@ import hashlib
 import hmac
 import json
 import socket
+import sqlite3
 import threading
 import time
 from contextlib import contextmanager
@@ -15,7 +16,7 @@ import pytest
 
 from campaign.errors import SpecError
 from campaign.web.access import Role
-from campaign.web.access.database import Database
+from campaign.web.access.database import SCHEMA, Database
 from campaign.web.access.users import Users
 from campaign.web.watch.conclusions import BelowTarget
 from campaign.web.watch.entry import CampaignEntry
@@ -132,6 +133,40 @@ def test_who_is_told(book):
     book.tell(news_of(ended(), ended(campaign="c60-2")))
     told = {w.id: [d.event.split()[1] for d in book.deliveries(w.id)] for w in (mine, others, of_one, late)}
     assert told == {mine.id: ["c60-2", "c60-1"], others.id: [], of_one.id: ["c60-1"], late.id: ["c60-2"]}
+
+
+def test_no_number_is_given_twice(book):
+    """A receiver knows news by it: those of a new webhook would be those of the deleted one, which it has had."""
+    first = book.add("eva", None, "https://example.com/a", [])
+    book.remove(first.id)
+    assert book.add("eva", None, "https://example.com/a", []).id > first.id
+
+
+def test_earlier_tables_keep_webhooks_and_deliveries(tmp_path):
+    """The file of a server before numbers were kept; it knows the numbers that are in use."""
+    path = tmp_path / "earlier.sqlite"
+    earlier = sqlite3.connect(path, isolation_level=None)
+    earlier.executescript(
+        f"""{SCHEMA}
+        INSERT INTO users (name, role, created) VALUES ('eva', 'engineer', 0.0);
+        INSERT INTO webhooks VALUES (7, 'eva', NULL, 'https://example.com/a', 'secret', 0.0);
+        INSERT INTO deliveries VALUES (3, 7, 'ended', '{{}}', 0, 1.0, 'waiting');
+        PRAGMA user_version = 1;"""
+    )
+    earlier.close()
+    for _ in range(2):
+        database = Database(path)
+        book = WebhookBook(database)
+        assert [(each.id, each.user) for each in book.all()] == [(7, "eva")]
+        assert [(each.id, each.webhook) for each in book.deliveries(7)] == [(3, 7)]
+        assert database.rows("PRAGMA foreign_key_check") == []
+        database.close()
+    database = Database(path)
+    book = WebhookBook(database)
+    book.remove(7)
+    assert database.rows("SELECT * FROM deliveries") == [], "they go with their webhook"
+    assert book.add("eva", None, "https://example.com/b", []).id == 8
+    database.close()
 
 
 def test_nothing_is_sent_for_a_disabled_user(book, database):

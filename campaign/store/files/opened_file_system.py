@@ -1,0 +1,107 @@
+"""The file system that fsspec opens for a URL, and how long its server may take to answer."""
+
+import errno
+import inspect
+import threading
+from typing import Any
+
+import fsspec
+from fsspec.asyn import sync
+from fsspec.core import split_protocol
+
+SLOWEST = 500e3  # bytes/s of the slowest connection to a server
+MANY_FILES = 60.0  # s, longer for an operation that the server answers in many pieces
+
+
+class OpenedFileSystem:
+    """The file system of a URL, opened at the first use.
+
+    One that works over a connection of its own (FTP, SFTP) is opened once in each thread, because two threads cannot
+    talk over one connection.
+
+    Parameters
+    ----------
+    url : str
+        An fsspec URL, with its secrets.
+
+    Attributes
+    ----------
+    shared : bool
+        Whether other processes see the same files.
+
+    Raises
+    ------
+    ValueError, ImportError
+        If no file system of this name is installed.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        self._opened = threading.local()
+        self._for_all_threads: tuple[Any, str] | None = None
+        protocols = [split_protocol(link)[0] or link for link in url.split("::") if "://" in link or link.isalnum()]
+        for protocol in protocols:
+            fsspec.get_filesystem_class(protocol)
+        self.shared = "memory" not in protocols
+
+    @property
+    def root(self) -> str:
+        """Path of the URL in the file system."""
+        return self._pair()[1]
+
+    @property
+    def is_async(self) -> bool:
+        """Whether it is an object store, whose operations need no connection of their own, nor folders."""
+        return bool(self._pair()[0].async_impl)
+
+    def reopen(self) -> None:
+        """Forget the connection of this thread, which may be what is broken."""
+        self._opened = threading.local()
+
+    def ask(self, operation: str, *arguments: Any, seconds: float, **how: Any) -> Any:
+        """Return what an operation of the file system returns.
+
+        Parameters
+        ----------
+        operation : str
+            Name of a method of fsspec.
+        *arguments
+            Its arguments.
+        seconds : float
+            For how long the answer is waited for. Libraries try again by themselves, and of a server that takes
+            connections and says nothing they let go after minutes. Where each thread has a connection of its own, the
+            file system's own limit holds.
+        **how
+            More arguments of the method.
+
+        Raises
+        ------
+        TimeoutError
+            If there is no answer by then; the operation may still be done.
+        """
+        fs, _ = self._pair()
+        coroutine = getattr(fs, f"_{operation}", None)
+        if not (fs.async_impl and inspect.iscoroutinefunction(coroutine)):
+            return getattr(fs, operation)(*arguments, **how)
+        try:
+            return sync(fs.loop, coroutine, *arguments, timeout=seconds, **how)
+        except TimeoutError as error:
+            raise TimeoutError(errno.ETIMEDOUT, f"no answer within {seconds:.0f} s") from error
+
+    def forget_listings(self) -> None:
+        """Have the server list files anew."""
+        self._pair()[0].invalidate_cache()
+
+    def _pair(self) -> tuple[Any, str]:
+        """Return the file system and the root in it."""
+        opened: tuple[Any, str] | None = self._for_all_threads or getattr(self._opened, "pair", None)
+        if opened is None:
+            fs, root = fsspec.url_to_fs(self._url, use_listings_cache=False)
+            if hasattr(fs, "max_concurrency"):
+                fs.max_concurrency = 1  # s3fs asks for the size before it reads, to read large files in pieces at once
+            opened = fs, str(root).rstrip("/")
+            if fs.async_impl:
+                self._for_all_threads = opened
+            else:
+                self._opened.pair = opened
+        return opened
