@@ -12,6 +12,7 @@ from random import Random
 
 import psutil
 
+from campaign.errors import CampaignError
 from campaign.store import Store
 from tests.campaign.storms.modes import Mode
 from tests.campaign.storms.supervisor import Supervisor, processes, words
@@ -154,8 +155,8 @@ class Storm:
     def document(self, name):
         """Return a small file of the campaign; an empty one while it cannot be read."""
         try:
-            return json.loads((self.folder / name).read_bytes())
-        except (OSError, ValueError):
+            return json.loads(self.store.files.hasty.read(f"{self.campaign}/{name}"))
+        except (CampaignError, OSError, ValueError):
             return {}
 
 

@@ -87,7 +87,7 @@ def finished(tmp_path_factory, cheap_passwords):
     service.close()
     with live_server(folder) as server:
         until(
-            lambda: all((server.store / each / "report" / "report.html").exists() for each in ids),
+            lambda: all(server.store.files.exists(f"{each}/report/report.html") for each in ids),
             "the reports",
             REPORTED_WITHIN,
         )

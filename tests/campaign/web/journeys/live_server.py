@@ -12,6 +12,7 @@ from pathlib import Path
 
 import httpx2 as httpx
 
+from campaign.store import Store, open_store
 from tests.bounded import bounded
 from tests.compiled_engine import compile_engine
 
@@ -30,23 +31,18 @@ class LiveServer:
         Its address, without a path.
     login : str
         The link by which its admin logs in once.
-    folder : Path
-        With ``runs`` (the store) and ``data``.
+    store : Store
+        What it serves.
     """
 
     url: str
     login: str
-    folder: Path
-
-    @property
-    def store(self) -> Path:
-        """Folder of the store."""
-        return self.folder / "runs"
+    store: Store
 
 
-def _command(folder: Path, port: str) -> list[str]:
-    words = [sys.executable, "-P", "-m", "campaign", "serve", "--store", str(folder / "runs"), "--port", port]
-    return [*words, "--data", str(folder / "data"), "--workers", str(WORKERS)]
+def _command(store: str, data: Path, port: str) -> list[str]:
+    words = [sys.executable, "-P", "-m", "campaign", "serve", "--store", store, "--port", port]
+    return [*words, "--data", str(data), "--workers", str(WORKERS)]
 
 
 def _free_port() -> str:
@@ -56,14 +52,18 @@ def _free_port() -> str:
 
 
 @contextmanager
-def live_server(folder: Path, *options: str) -> Iterator[LiveServer]:
-    """Serve the store ``runs`` of a folder in the block, and compute what is queued if no option says otherwise."""
+def live_server(folder: Path, *options: str, store: str = "") -> Iterator[LiveServer]:
+    """Serve a store in the block, and compute what is queued if no option says otherwise.
+
+    What only the server keeps is in ``data`` of the folder, and so is the store, in ``runs``, unless another is given.
+    """
+    store = store or str(folder / "runs")
     compile_engine()
     port = _free_port()
     log = folder / "serve.log"
     with log.open("w") as written:
         process = subprocess.Popen(
-            [*_command(folder, port), "--json", *options],
+            [*_command(store, folder / "data", port), "--json", *options],
             stdout=subprocess.PIPE,
             stderr=written,
             text=True,
@@ -78,7 +78,7 @@ def live_server(folder: Path, *options: str) -> Iterator[LiveServer]:
         told = json.loads("".join(lines))
         with httpx.Client(transport=httpx.HTTPTransport(retries=20)) as client:
             client.get(f"{told['address']}/healthz").raise_for_status()
-        yield LiveServer(told["address"], told["login"] or "", folder)
+        yield LiveServer(told["address"], told["login"] or "", open_store(store))
     finally:
         process.send_signal(signal.SIGTERM)
         try:

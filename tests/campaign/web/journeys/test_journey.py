@@ -2,13 +2,13 @@
 
 import re
 import time
-from pathlib import Path
 
 import httpx2 as httpx
 import pytest
 from typer.testing import CliRunner
 
 from campaign.cli import app
+from tests.campaign.store.files.test_s3 import bucket, s3_server
 from tests.campaign.web.journeys.conftest import TEXT
 from tests.campaign.web.journeys.live_server import live_server
 from tests.chromium import needs_axe, needs_chromium
@@ -19,10 +19,20 @@ INSERTED = "<script>top.document.title = document.title = 'run'</script>"
 FRAMED = "return document.querySelector('iframe.report').getBoundingClientRect().height"
 
 
-@pytest.mark.parametrize("width", [1400, 400])
-def test_from_an_empty_store_to_a_signed_report(keyboard, tmp_path, width):
+@pytest.fixture(params=["folder", "s3"])
+def place(request, tmp_path, monkeypatch):
+    """Return the address of a store that is empty, in a folder and on S3."""
+    if request.param == "folder":
+        yield str(tmp_path / "runs")
+        return
+    with s3_server() as (_, port):
+        yield bucket(monkeypatch, port)
+
+
+@pytest.mark.parametrize(("width", "place"), [(1400, "folder"), (400, "s3")], indirect=["place"])
+def test_from_an_empty_store_to_a_signed_report(keyboard, tmp_path, width, place):
     """Each page on the way is looked at; nothing is clicked."""
-    with live_server(tmp_path) as server:
+    with live_server(tmp_path, store=place) as server:
         user = keyboard(server.url, width)
         _log_in(user, server.login, "admin")
         campaign = _submit(user, server)
@@ -33,7 +43,7 @@ def test_from_an_empty_store_to_a_signed_report(keyboard, tmp_path, width):
         _log_in(user, link, "ada")
         _sign(user, campaign)
         _verify(user, campaign, tmp_path)
-        _change(user, server.store / campaign / "report" / "report.html", campaign)
+        _change(user, server.store, campaign)
         user.go("Log out")
         assert user.path == "/login"
         user.look()
@@ -162,9 +172,10 @@ def _verify(user, campaign, folder):
     assert done.exit_code == 0, done.output
 
 
-def _change(user, report: Path, campaign):
+def _change(user, store, campaign):
     """Insert a script into the report: the sign-off shows that it differs, and the page runs nothing of it."""
-    report.write_text(report.read_text("utf-8").replace("</h1>", f"</h1>{INSERTED}", 1), "utf-8")
+    report = f"{campaign}/report/report.html"
+    store.files.write(report, store.files.read(report).replace(b"</h1>", b"</h1>" + INSERTED.encode(), 1))
     user.go("Sign-off", "a")
     assert "signed version differs" in user.text
     assert "report/report.html differs" in user.text
