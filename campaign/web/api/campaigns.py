@@ -165,9 +165,9 @@ class CampaignStatus(BaseModel):
 
 
 @router.get("/campaigns/{campaign}/status", responses=described(404))
-def campaign_status(service: TheService, campaign: TheCampaign, who: Asking) -> CampaignStatus:
+async def campaign_status(service: TheService, campaign: TheCampaign, who: Asking) -> CampaignStatus:
     """Count the rows of a campaign: state, rows by status, and of one that runs, as its coordinator counts."""
-    document = service.statuses.status(campaign)
+    document = await run_in_threadpool(service.statuses.status, campaign)
     if document["heartbeat"]:
         document["heartbeat"]["token"] = ""  # of the coordinator's lease
     compared = {other: where for other, where in document["comparisons"].items() if who.may_see(other)}

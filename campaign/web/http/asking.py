@@ -38,6 +38,11 @@ def address_of(request: Request) -> str:
     return request.client.host if request.client else "unknown"
 
 
+async def answering(request: Request) -> Service:
+    """Return the service that answers, where a call needs it; no dependency takes a thread, of which there are few."""
+    return service_of(request)
+
+
 async def asking(request: Request, _: object = Security(_cookie), __: object = Security(_bearer)) -> Principal:
     """Return who asks.
 
@@ -140,14 +145,14 @@ class RoleNeeded:
 
     role: Role
 
-    def __call__(self, principal: Annotated[Principal, Depends(asking)]) -> Principal:
+    async def __call__(self, principal: Annotated[Principal, Depends(asking)]) -> Principal:
         """Return the principal."""
         if not principal.may(self.role):
             raise lacks_role(principal, self.role, "this")
         return principal
 
 
-def needs_all_campaigns(principal: Annotated[Principal, Depends(asking)]) -> Principal:
+async def needs_all_campaigns(principal: Annotated[Principal, Depends(asking)]) -> Principal:
     """Refuse a shared link, which shows one campaign only: 403."""
     if principal.campaign is not None:
         raise Refusal(403, f"this link shows the campaign {principal.campaign} only; log in to see more")
@@ -159,7 +164,7 @@ Viewer = Annotated[Principal, Depends(needs_all_campaigns)]
 Engineer = Annotated[Principal, Depends(RoleNeeded(Role.ENGINEER))]
 Approver = Annotated[Principal, Depends(RoleNeeded(Role.APPROVER))]
 Admin = Annotated[Principal, Depends(RoleNeeded(Role.ADMIN))]
-TheService = Annotated[Service, Depends(service_of)]
+TheService = Annotated[Service, Depends(answering)]
 
 
 def who_may(calls: Iterable[object]) -> str:

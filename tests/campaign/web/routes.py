@@ -35,20 +35,24 @@ class Way:
         return self.method not in SAFE_METHODS
 
     @property
+    def calls(self):
+        """What is called before it is answered."""
+        return list(_calls(self.route.dependant))
+
+    @property
     def needs_login(self):
         """Whether it asks who asks."""
-        return asking in _calls(self.route.dependant)
+        return asking in self.calls
 
     @property
     def is_open_to_shares(self):
         """Whether it also asks nothing more of whoever came by a shared link."""
-        calls = list(_calls(self.route.dependant))
-        return not any(isinstance(call, RoleNeeded) or call is needs_all_campaigns for call in calls)
+        return not any(isinstance(call, RoleNeeded) or call is needs_all_campaigns for call in self.calls)
 
     @property
     def role(self):
         """The least role that it asks for by itself; a viewer if it names none."""
-        found = [call.role for call in _calls(self.route.dependant) if isinstance(call, RoleNeeded)]
+        found = [call.role for call in self.calls if isinstance(call, RoleNeeded)]
         return max(found, default=Role.VIEWER)
 
     def url(self, **values):

@@ -2,11 +2,14 @@
 
 import dataclasses
 import logging
+from inspect import iscoroutinefunction
 
 from campaign.web.access import Role
+from campaign.web.http.asking import answering, asking
 from campaign.web.http.problems import MEDIA_TYPE
 from campaign.web.http.request_record import MOST_OF_STRANGERS
 from tests.campaign.web.conftest import PASSWORD, URL, serving
+from tests.campaign.web.routes import all_ways
 
 WRONG = {"Authorization": "Bearer clearcap_token_" + "x" * 43}
 
@@ -126,3 +129,10 @@ def test_no_secret_in_log_or_trail(client, service, reported, browse, as_user, c
     assert "clearcap.requests" in caplog.text
     for text in (*lines, trail, client.get("/metrics").text):
         assert [secret for secret in secrets if secret in text] == []
+
+
+def test_no_dependency_takes_a_thread():
+    """FastAPI calls what is no coroutine in a thread: when all threads wait for a store, nobody could even be known."""
+    calls = {call for way in all_ways() for call in way.calls}
+    assert {asking, answering} < calls
+    assert [each for each in calls if not any(map(iscoroutinefunction, (each, type(each).__call__)))] == []
