@@ -71,6 +71,7 @@ def serve(
     """
     from campaign.errors import SpecError, StoreError
     from campaign.store import open_store
+    from campaign.store.files.patience import QUICK
 
     try:
         from campaign.web.configuration import read_configuration
@@ -87,7 +88,7 @@ def serve(
     if proxy and not behind_proxy:
         raise SpecError("--proxy: works only with --behind-proxy; add that, or leave --proxy out")
     https = (https_cert, https_key) if https_cert and https_key else None
-    files = open_store(store).files
+    files = open_store(store, QUICK).files
     if not no_drive and login_link is None:
         with suppress(StoreError):  # a disk or a server that is out of reach may come back: the coordinator waits
             files.check_writable()
