@@ -6,6 +6,7 @@ those of sums over whole lots (cluster-robust, Liang and Zeger 1986), with the d
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -189,8 +190,14 @@ def _threshold_correlation(share: float, correlation: float) -> float:
     """Return the correlation of two events of probability `share`, each a normal value beyond a limit."""
     if correlation <= 0:
         return 0.0
-    points, weights = np.polynomial.hermite_e.hermegauss(_HERMITE_POINTS)
-    weights /= weights.sum()
+    points, weights = _hermite()
     rest = math.sqrt(max(1 - correlation, 1e-12))
     of_lot = ndtr((ndtri(share) + math.sqrt(correlation) * points) / rest)
     return float((weights @ of_lot**2 - (weights @ of_lot) ** 2) / (share * (1 - share)))
+
+
+@lru_cache(maxsize=1)
+def _hermite() -> tuple[Array, Array]:
+    """Return Gauss-Hermite points, and weights with the sum 1, for an expectation over a standard normal value."""
+    points, weights = np.polynomial.hermite_e.hermegauss(_HERMITE_POINTS)
+    return points, weights / weights.sum()

@@ -8,6 +8,7 @@ does not return, at large noncentralities (30,000 samples of Cpk 5 give 2,600).
 import math
 from collections.abc import Callable
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from scipy.special import chdtri, gammaln, ndtr, ndtri
@@ -18,6 +19,8 @@ from reporting.arrays import Array
 _TAIL = 1e-16
 # Beyond this many standard deviations the normal distribution function is 0 or 1 to rounding.
 _NORMAL_REACH = 9.0
+# Of the search for a root, in standard deviations of the estimate: about the error of the first guess.
+_FIRST_STEP = 0.1
 
 
 def noncentral_t_cdf(t: float, nu: float, delta: float) -> float:
@@ -27,12 +30,12 @@ def noncentral_t_cdf(t: float, nu: float, delta: float) -> float:
 
 def noncentrality(t: float, nu: float, probability: float) -> float:
     """Return the noncentrality delta with ``P(T <= t) = probability``, for t >= 0."""
-    from scipy.optimize import brentq  # takes 0.4 s to import, which `import reporting` avoids
-
     if t < 1e-12:  # P(T <= 0) = Phi(-delta)
         return -float(ndtri(probability))
-    high = t * _chi_ends(nu)[1] + _NORMAL_REACH
-    return float(brentq(lambda d: noncentral_t_cdf(t, nu, d) - probability, -_NORMAL_REACH, high, rtol=1e-13))
+    spread = math.sqrt(1 + t * t / (2 * nu))  # of delta, were s normal
+    guess = t - float(ndtri(probability)) * spread
+    within = -_NORMAL_REACH, t * _chi_ends(nu)[1] + _NORMAL_REACH
+    return _root(lambda delta: probability - noncentral_t_cdf(t, nu, delta), guess, spread, within)
 
 
 def cpk_survival(observed: float, n: int, cpk: float) -> float:
@@ -63,13 +66,27 @@ def cpk_survival(observed: float, n: int, cpk: float) -> float:
 
 def cpk_of_survival(observed: float, n: int, probability: float) -> float:
     """Return the Cpk of a process for which ``cpk_survival(observed, n, cpk)`` is `probability`."""
-    from scipy.optimize import brentq
-
     low, high, _ = _chi_ends(n - 1)
     margin = _NORMAL_REACH / (3.0 * math.sqrt(n))
-    least = observed * (low if observed > 0 else high) - margin
-    most = max(observed * high, 0.0) + margin
-    return float(brentq(lambda cpk: cpk_survival(observed, n, cpk) - probability, least, most, rtol=1e-13))
+    within = observed * (low if observed > 0 else high) - margin, max(observed * high, 0.0) + margin
+    spread = math.sqrt(1 / (9 * n) + observed * observed / (2 * (n - 1)))  # of Cpk, were s normal
+    guess = observed + float(ndtri(probability)) * spread
+    return _root(lambda cpk: cpk_survival(observed, n, cpk) - probability, guess, spread, within)
+
+
+def _root(rising: Callable[[float], float], guess: float, spread: float, within: tuple[float, float]) -> float:
+    """Return where a rising function is zero: sought near a guess first, whose error is some part of `spread`."""
+    from scipy.optimize import brentq  # takes 0.4 s to import, which `import reporting` avoids
+
+    near = min(max(guess, within[0]), within[1])
+    value, step = rising(near), _FIRST_STEP * spread
+    while value != 0.0:
+        far = min(near + step, within[1]) if value < 0 else max(near - step, within[0])
+        beyond = rising(far)
+        if value * beyond <= 0 or far == near:
+            return float(brentq(rising, near, far, rtol=1e-13))
+        near, value, step = far, beyond, 4 * step
+    return near
 
 
 def _expectation(g: Callable[[Array], Array], nu: float, centre: float, width: float) -> float:
@@ -78,13 +95,12 @@ def _expectation(g: Callable[[Array], Array], nu: float, centre: float, width: f
     The integral is split at the step; each piece is smooth enough for 40 Gauss points.
     """
     low, high, log_norm = _chi_ends(nu)
-    step = centre + width * np.array([-1.0, 0.0, 1.0])
-    ends = np.concatenate(([low], np.clip(step, low, high), [high]))
-    half = np.diff(ends)[:, None] / 2
+    ends = [low, *(min(max(end, low), high) for end in (centre - width, centre, centre + width)), high]
+    pieces = np.array([((b + a) / 2, (b - a) / 2) for a, b in pairwise(ends) if b > a])
     points, weights = _gauss()
-    u = (ends[:-1] + ends[1:])[:, None] / 2 + half * points
-    log_density = log_norm + (nu - 1) * np.log(np.maximum(u, 1e-300)) - nu * u * u / 2
-    return float(np.sum(half * weights * g(u) * np.exp(log_density)))
+    u = pieces[:, :1] + pieces[:, 1:] * points
+    log_density = log_norm + (nu - 1) * np.log(u) - nu / 2 * u * u
+    return float(pieces[:, 1] @ (g(u) * np.exp(log_density) @ weights))
 
 
 @lru_cache(maxsize=64)
