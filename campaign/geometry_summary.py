@@ -41,8 +41,9 @@ def geometry_provenance(certificate: GeometryCertificate | None) -> dict[str, st
     tilt = max((joint.tilt for joint in joints), default=0.0)
     errors = [face.conversion_error for face in faces if face.conversion_error is not None]
     converted = f", conversion error {max(errors):.3g}" if errors else ""
+    damage = f", damaged: {certificate.unreadable} of its entities are left out" if certificate.unreadable else ""
     return {
-        "CAD file": certificate.file,
+        "CAD file": f"{certificate.file}{damage}",
         "sha256 of the CAD file": certificate.sha256,
         "geometry from it": f"{len(certificate.bodies)} bodies, {len(faces)} faces; largest recognition gap {gap:.3g}"
         f"{converted}, "

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from campaign.cli.named_mechanism import named_mechanism
 from campaign.cli.output import Json, print_json, print_table, print_text, say
 
 if TYPE_CHECKING:
@@ -24,10 +25,10 @@ def bench(
 
     Without arguments it measures all shipped mechanisms.
     """
-    from engine import library_names, load_mechanism
+    from engine import library_names
     from engine.profile.step_times import measure_step_times
 
-    loaded = [load_mechanism(name) for name in mechanisms or library_names()]
+    loaded = [named_mechanism(name) for name in mechanisms or library_names()]
     say("compiling the time loop that measures its stages: about a minute, before the first mechanism")
     measured = []
     for mechanism in loaded:

@@ -30,7 +30,15 @@ def cancel(
         place, command = opened.url, opened.command("resume", campaign_id)
     if json:
         print_json({"campaign": campaign_id, "store": place, "before": before})
-    elif before == "completed":
-        print_text(f"{campaign_id} is completed; nothing to cancel")
     else:
-        print_text(f"{campaign_id} was {before}; continue it with: {command}")
+        print_text(f"{campaign_id} {_what_happens(before, command)}")
+
+
+def _what_happens(before: str, command: str) -> str:
+    """Return what becomes of a campaign that was in a state, and how to continue it."""
+    if before == "completed":
+        return "is completed; there is nothing to cancel"
+    if before == "running":
+        return f"is running and stops within seconds; its finished rows stay. Continue it with: {command}"
+    words = "was cancelled before" if before == "cancelled" else f"is cancelled; it was {before}"
+    return f"{words}. Continue it with: {command}"

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from campaign.cli.importing.import_step import import_step
+from campaign.cli.named_mechanism import named_mechanism
 from campaign.cli.output import Json, print_json, print_text, say
 
 mechanism_app = typer.Typer(help="List, show and check mechanisms.", no_args_is_help=True)
@@ -50,15 +51,15 @@ def show(
     """Show the content of a mechanism: inputs with value and unit, responses, validity conditions."""
     from campaign.errors import SpecError
     from campaign.mechanism_summary import mechanism_summary
-    from engine import load_mechanism
     from engine.mechanism import settable_keys
 
     if pattern and not keys:
         raise SpecError(f"{pattern}: a filter needs --keys; add --keys, or leave the filter out")
-    loaded = load_mechanism(mechanism)
+    loaded = named_mechanism(mechanism)
     loaded = loaded.on_bench(bench) if bench else loaded
     if picture:
         _draw(loaded, picture)
+        say(f"picture: {picture}")
     if keys:
         _print_keys(loaded, pattern, json)
         return
@@ -82,7 +83,8 @@ def show(
         print_text(f"  {name} = {entry['value']:g} {entry['unit']}")
     print_text("responses:")
     for name, entry in document["responses"].items():
-        print_text(f"  {name} [{entry['unit']}]  {entry['title']}")
+        unit = "" if entry["unit"] == "1" else f" [{entry['unit']}]"
+        print_text(f"  {name}{unit}  {entry['title']}")
     for condition in document["validity"]:
         print_text(f"valid only if {condition}")
     print_text(f"{len(settable_keys(loaded))} numbers can be set: --keys lists them")
@@ -96,14 +98,13 @@ def check(mechanism: MechanismName, json: Json = False) -> None:
     """Check a mechanism, also on its test benches and with its presets; warn of what looks wrong but can run."""
     from campaign.geometry_summary import geometry_lines
     from campaign.mechanism_summary import converted_surfaces, mechanism_warnings
-    from engine import load_mechanism
     from engine.cad_import.open_questions import questions_of_file
     from engine.preflight.start_gaps import with_start_gaps
 
     questions = questions_of_file(mechanism)
     for question in () if json else questions:
         print_text(f"question: {mechanism}, line {question.line}: {question.text}")
-    loaded = with_start_gaps(load_mechanism(mechanism))
+    loaded = with_start_gaps(named_mechanism(mechanism))
     warnings, surfaces = mechanism_warnings(loaded), converted_surfaces(loaded)
     if json:
         document = {"mechanism": loaded.name, "ok": True, "digest": loaded.digest(), "warnings": warnings}
@@ -133,10 +134,9 @@ def plain(
     """Write a mechanism with plain numbers in the place of the geometry that it takes from a CAD file."""
     from campaign.cli.output_files import check_output, replacing
     from campaign.spec.plain_mechanism import plain_tables, plain_text
-    from engine import load_mechanism
     from engine.cad_import.open_questions import questions_of_file
 
-    loaded = load_mechanism(mechanism)
+    loaded = named_mechanism(mechanism)
     for question in questions_of_file(mechanism):  # the file that is written has none
         say(f"question: {mechanism}, line {question.line}: {question.text}")
     if output is not None:

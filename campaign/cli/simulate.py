@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from campaign.cli.named_mechanism import named_mechanism
 from campaign.cli.output import Json, print_json, print_text, say
 from campaign.cli.run_files import RunFiles
 
@@ -49,11 +50,11 @@ def simulate(
     """Simulate a mechanism once and print its responses."""
     values = _values(changes or [])
     from campaign.worker.compiling import announced_compilation
-    from engine import Recording, load_mechanism, missing_kernels, set_values, warm_up
+    from engine import Recording, missing_kernels, set_values, warm_up
     from engine import simulate as simulate_once
     from engine.preflight import cautions
 
-    loaded = load_mechanism(mechanism)
+    loaded = named_mechanism(mechanism)
     values = (loaded.preset(preset) if preset else {}) | values
     loaded = loaded.on_bench(bench) if bench else loaded
     if loaded.plot and not (json or plot or trajectory or animation):

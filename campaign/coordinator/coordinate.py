@@ -149,6 +149,7 @@ def _write_failure(store: Store, campaign_id: str, error: BaseException, *, is_s
     is_open = isinstance(error, SystemExit | StoreError | UnreachableError) or (is_interrupted and is_served)
     state = "cancelled" if isinstance(error, Cancelled) else "failed"
     state = "interrupted" if is_open or is_interrupted else state
-    message = "" if isinstance(error, SystemExit) else str(error)  # which has a number only
+    # Of a SystemExit that is a number only, and of a campaign that was cancelled the state says it all.
+    message = "" if isinstance(error, SystemExit | Cancelled) else str(error)
     with suppress(StoreError):
         write_state(store.hasty, campaign_id, state, message, is_open=is_open)

@@ -5,8 +5,9 @@ from typing import Any
 
 from campaign.coordinator.lease import is_coordinated, this_process
 from campaign.store import Store
-from campaign.store.layout import HEARTBEAT, STATE
+from campaign.store.layout import CANCEL, HEARTBEAT, STATE
 
+BEING_CANCELLED = "cancelled; it stops within seconds"
 LATEST = 32_503_680_000.0  # s since 1970: the year 3000
 STATES = ("queued", "running", "completed", "cancelled", "failed", "interrupted")
 
@@ -32,16 +33,18 @@ def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
     What the file says beyond what clearcap writes counts as not said, and ``fault`` names it; otherwise that is None.
     A campaign that is running by its file but has no living coordinator is ``interrupted``, and open like a queued one.
     Without a state in the file the heartbeat says how far the campaign came, and it is open, since nothing says that
-    its report is written; without either it is ``planned``.
+    its report is written; without either it is ``planned``. The ``message`` of one that runs may be that it is being
+    cancelled.
     """
     content = store.read_json(campaign_id, STATE) or {}
     is_written = content.get("state") in STATES
     state = content["state"] if is_written else _state_by_heartbeat(store, campaign_id)
     orphaned = state == "running" and not is_coordinated(store, campaign_id)
     is_lost = not is_written and state == "completed"
+    is_ending = state == "running" and not orphaned and store.files.exists(f"{campaign_id}/{CANCEL}")
     return {
         "state": "interrupted" if orphaned else state,
-        "message": str(content.get("message", "")),
+        "message": BEING_CANCELLED if is_ending else str(content.get("message", "")),
         "since": _date(content.get("since")),
         "open": orphaned or is_lost or state == "queued" or content.get("open") is True,
         "fault": _fault(content),

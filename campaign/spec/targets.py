@@ -94,7 +94,7 @@ def _faults_of(name: str, target: str, values: set[float], mechanism: Mechanism)
         try:
             check(mechanism, {target: value})
         except MechanismError as error:
-            text = f"reaches {target} = {value:g}, which {mechanism.name} refuses: {_reason(error)}"
+            text = f"reaches {target} = {value:g}, which {mechanism.name} refuses: {_reason(error, target)}"
             yield fault(keys, None, f"{text}; or {_remedy(value, values)}")
 
 
@@ -105,7 +105,9 @@ def _remedy(value: float, values: set[float]) -> str:
     return "raise its lower end" if value == min(values) else "lower its upper end"
 
 
-def _reason(error: MechanismError) -> str:
-    """Return the faults of an error of the engine in one line, without its heading."""
+def _reason(error: MechanismError, told: str = "") -> str:
+    """Return the faults of an error of the engine in one line, without its heading; of a key that is told its text."""
+    if told and error.faults:
+        return "; ".join(fault.text if fault.key == told else str(fault) for fault in error.faults)
     heading, *lines = str(error).splitlines()
     return "; ".join(line.strip() for line in lines) or heading

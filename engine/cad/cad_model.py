@@ -242,6 +242,16 @@ class CadAssembly:
     unreadable: int = 0
     """How many entities of the file cannot be read, or refer to others that are missing: it is damaged."""
 
+    @property
+    def damage(self) -> str:
+        """What is wrong with the file, in words and with what to do; empty if all of it can be read."""
+        if not self.unreadable:
+            return ""
+        return (
+            f"is damaged: {self.unreadable} of its entities cannot be read, or refer to others that are missing, so"
+            " that parts, faces or limits may be missing too; export or copy it again"
+        )
+
     def part(self, name: str) -> CadPart:
         """Return the part of a name; KeyError if there is none."""
         for part in self.parts:

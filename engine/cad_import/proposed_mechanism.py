@@ -43,6 +43,7 @@ def proposed_mechanism(found: FoundGeometry, file: str, name: str, unloaded: Seq
         key_line("file", file),
         key_line("sha256", assembly.sha256),
         key_line("recognition", assembly.recognition),
+        *([key_line("accept_damage", True)] if assembly.damage else []),
         "",
         *_simulation(),
         f"[materials.{LAW}]",

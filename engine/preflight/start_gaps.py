@@ -87,6 +87,15 @@ def start_gap_cautions(mechanism: Mechanism) -> Iterator[Caution]:
     certificate, unit = mechanism.geometry, mechanism.unit("length")
     if certificate is None:
         return
+    if certificate.unreadable:
+        yield Caution(
+            "cad.file",
+            None,
+            "1",
+            f"{certificate.file} is damaged, and what {certificate.unreadable} of its entities describe is left out",
+            "",
+            "export it again",
+        )
     if certificate.not_measured:
         yield Caution(
             "geometry",

@@ -118,7 +118,7 @@ def aims(targets: Sequence[Target], dimensions: int) -> tuple[Aim, ...]:
     parts = [
         Aim(AIMED * part / len(found), 1.0, centre, f"{t.name}: {t.by}") for t in found for centre, part in t.centres
     ]
-    wide = Aim(WIDE if parts else AIMED + WIDE, WIDE_SCALE, (0.0,) * dimensions, "what nothing else aims at")
+    wide = Aim(WIDE if parts else AIMED + WIDE, WIDE_SCALE, (0.0,) * dimensions, "rejects that the others miss")
     return (*_merged(parts), wide)
 
 

@@ -14,12 +14,8 @@ def found_in_step(step_file: str, recognition: float, *, accept_damage: bool) ->
     from engine.cad_import.found_geometry import find_geometry
 
     assembly = read_step(step_file, recognition)
-    if assembly.unreadable and not accept_damage:
-        raise SpecError(
-            f"{step_file}: is damaged: {assembly.unreadable} of its entities cannot be read, or refer to others that"
-            " are missing, so that parts, faces or limits may be missing too; export or copy it again, or take what"
-            " is left with --accept-damage"
-        )
+    if assembly.damage and not accept_damage:
+        raise SpecError(f"{step_file}: {assembly.damage}, or take what is left with --accept-damage")
     found = find_geometry(assembly)
     if (parts := len(found.assembly.parts)) < 2:
         raise SpecError(

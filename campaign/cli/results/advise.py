@@ -22,7 +22,11 @@ def advise(
     store: StoreUrl = "runs",
     json: Json = False,
 ) -> None:
-    """Show which tolerances must shrink and which may grow, or with --cost which set of tolerances is cheapest."""
+    """Show which tolerances must shrink and which may grow, or with --cost which set of tolerances is cheapest.
+
+    Exit status 1 if a variable has no answer, or there is no set that reaches the targets; a message then says which
+    and why. The other answers are printed all the same.
+    """
     from dataclasses import asdict
 
     from campaign.reports.cost_file import read_costs
@@ -41,6 +45,8 @@ def advise(
             _print_advice(advised)
         if advised.note:
             say(advised.note)
+        if not _is_answered(advised):
+            raise typer.Exit(1)
         return
     proposal = cheapest_tolerances(opened, plan, read_costs(cost, plan))
     if json:
@@ -50,6 +56,21 @@ def advise(
     if proposal.refusal:
         say(f"no proposal: {proposal.refusal}")
         raise typer.Exit(1)
+
+
+def _is_answered(advised: "ToleranceAdvice") -> bool:
+    """Return whether every question has an answer; say which variables have none."""
+    if not advised.shortfalls and not advised.growth:
+        return False
+    asked = [(f"what lifts {s.response}", (*s.alone, s.together)) for s in advised.shortfalls]
+    unanswered: dict[tuple[str, str], list[str]] = {}
+    for question, found in (*asked, ("how much they may grow", advised.growth)):
+        for each in found:
+            if each is not None and each.refusal:
+                unanswered.setdefault((question, each.refusal), []).append(each.variable)
+    for (question, reason), names in unanswered.items():
+        say(f"no answer for {', '.join(names)} ({question}): {reason}")
+    return not unanswered
 
 
 def _print_advice(advised: "ToleranceAdvice") -> None:
@@ -78,7 +99,7 @@ def _row(advice: "Advice") -> tuple[str, ...]:
         return advice.variable, "no answer", "-", advice.refusal, "-", "-", "-"
     ends = number(advice.cpk, 4), " ".join(advice.settings) or "-", advice.method
     if advice.factor is None:
-        return advice.variable, "no factor", "-", f"{advice.binding}, down to {advice.reach:.3g}", *ends
+        return advice.variable, f"none down to {advice.reach:.3g}", "-", advice.binding or "-", *ends
     low, high = advice.interval
     if not advice.bounded and advice.factor == 1:
         return advice.variable, "1", "-", _end_of(advice), *ends

@@ -69,10 +69,10 @@ def _print(aimed: "AimedCampaign") -> None:
         for aim in aimed.aims
     ]
     rest = 1.0 - sum(aim.share for aim in aimed.aims)
-    rows.append((f"{100 * rest:.1f} %", "1", _centre((), ()), "production as it is"))
+    rows.append((f"{100 * rest:.1f} %", "1", _centre((), ()), "nothing: production itself"))
     print_table("components, in standard scores", ("share", "scale", "centre", "aims at"), rows)
 
 
 def _centre(centre: tuple[float, ...], names: tuple[str, ...]) -> str:
     """Return a centre in words."""
-    return ", ".join(f"{name} {z:+.2f}" for name, z in zip(names, centre, strict=True) if z) or "production's own"
+    return ", ".join(f"{name} {z:+.2f}" for name, z in zip(names, centre, strict=True) if z) or "that of production"

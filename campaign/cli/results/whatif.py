@@ -98,8 +98,11 @@ def _cell(estimate: "Estimate | None") -> str:
 
 def _ppm(answer: "WhatIf") -> str:
     """Return the share out of limits; only its bound where it is below one of the samples that they are worth."""
+    from reporting.format_numbers import ppm
+
     if answer.refusal or answer.ppm is None:
         return "-"
     if answer.ppm.value * answer.effective < 1e6:
-        return f"at most {number(answer.ppm.interval[1], 4)}"
-    return _cell(answer.ppm)
+        return f"at most {ppm(answer.ppm.interval[1])}"
+    low, high = answer.ppm.interval
+    return ppm(answer.ppm.value) if not high > low else f"{ppm(answer.ppm.value)} ({ppm(low)} to {ppm(high)})"

@@ -23,6 +23,9 @@ class CadTable(TableModel):
     recognition: Annotated[Number, Field(ge=0)] = Field(
         default=1e-4, description="the largest gap between a spline and what it is taken for, in mm, a number >= 0"
     )
+    accept_damage: bool = Field(
+        default=False, strict=True, description="true if what can be read of a damaged file is enough"
+    )
 
 
 class NearPlace(TableModel):

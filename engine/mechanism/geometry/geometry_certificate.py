@@ -61,6 +61,9 @@ class GeometryCertificate(TableModel):
     file: str = Field(description="the CAD file")
     sha256: str = Field(description="of its content")
     recognition: Number = Field(description="the largest recognition gap that was allowed, in mm")
+    unreadable: int | None = Field(
+        default=None, description="how many entities of the damaged file were left out; none of a sound file"
+    )
     bodies: dict[str, DrawnBody] = Field(default={}, description="the bodies that are parts")
     faces: dict[str, DrawnFace] = Field(default={}, description="the sides that are faces or edges, by their keys")
     joints: dict[str, DrawnJoint] = Field(default={}, description="the joints whose two sides are faces")

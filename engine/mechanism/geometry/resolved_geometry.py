@@ -67,12 +67,16 @@ def with_geometry(data: Mapping[str, Any], folder: Path, source: str) -> dict[st
             f" {quote(str(folder / table.file))} --update {quote(source)}"
         )
         raise UnresolvedGeometry([Fault(("cad", "sha256"), text, table.sha256)])
+    if assembly.damage and not table.accept_damage:
+        text = f"{assembly.damage}, or take what is left with accept_damage = true beside it"
+        raise UnresolvedGeometry([Fault(("cad", "file"), text, table.file)])
     plain, tables = without_selectors(data, assembly)
     gaps, not_measured = drawn_gaps(folder / table.file, assembly.sha256, tables.pairs, tables.millimetre)
     certificate = GeometryCertificate(
         file=table.file,
         sha256=table.sha256,
         recognition=table.recognition,
+        unreadable=assembly.unreadable or None,
         bodies=tables.bodies,
         faces=tables.faces,
         joints=tables.joints,

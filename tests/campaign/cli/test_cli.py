@@ -63,6 +63,7 @@ BAD_INPUT = {
     "unknown parameter": (["simulate", "lever", "--set", "parameters.lnog=1"], "did you mean 'parameters.long'?"),
     "keys of nothing": (["mechanism", "show", "lever", "--keys", "stifness"], "no key of lever contains this"),
     "filter of nothing": (["mechanism", "show", "lever", "stop"], "a filter needs --keys; add --keys"),
+    "a campaign as mechanism": (["simulate", "c60_corners"], "is a shipped campaign, not a mechanism; compute it with"),
     "unknown mechanism": (["mechanism", "check", "c6"], "did you mean 'c60'?"),
     "no store": (["status", "--store", "runs"], "store runs: no such folder; name the folder"),
     "typo in a status": (["rerun", "c60", "--status", "crased"], "'crased' is not one of"),

@@ -214,7 +214,13 @@ def test_a_damaged_file_is_refused_unless_it_is_accepted(folder):
     assert "damaged.step: is damaged: 1 of its entities cannot be read" in str(refused.exception)
     assert not (folder / "damaged.toml").exists()
     assert "left out: what 1 of the file's " in clearcap(*words, "--accept-damage")
-    assert (folder / "damaged.toml").exists()
+    text = (folder / "damaged.toml").read_text()
+    printed = clearcap("check", "damaged.toml")
+    assert "warning: damaged.toml: cad.file: damaged.step is damaged, and what 1 of its entities describe" in printed
+    (folder / "by_hand.toml").write_text(text.replace("accept_damage = true\n", ""))
+    refused = CliRunner().invoke(app, ["mechanism", "check", "by_hand.toml"])
+    assert "cad.file = 'damaged.step': is damaged: 1 of its entities cannot be read" in str(refused.exception)
+    assert "or take what is left with accept_damage = true beside it" in str(refused.exception)
 
 
 def test_one_of_two_options(folder):

@@ -152,14 +152,30 @@ def test_cancel_and_resume(faked, campaign_file):
     done = json.loads(faked.invoke(app, ["cancel", "--json"]).stdout)
     assert done == {"campaign": campaign_id, "store": "runs", "before": "queued"}
     assert json.loads(faked.invoke(app, ["status", "--json"]).stdout)["state"] == "cancelled"
+    assert f"{campaign_id} was cancelled before. Continue it with: clear" in faked.invoke(app, ["cancel"]).stdout
     words = ["coordinate", campaign_id, "--workers", "1"]
     left = faked.invoke(app, words)
     assert type(left.exception).__name__ == "Cancelled"
     assert left.exception.exit_code == 3
+    assert faked.invoke(app, ["status"]).stdout.count("clearcap resume") == 1
     done = faked.invoke(app, ["resume", "--workers", "1", "--no-report", "--json"])
     assert done.exit_code == 0, done.output
     assert json.loads(done.stdout)["statuses"] == {"ok": 25}
     assert "nothing to cancel" in faked.invoke(app, ["cancel"]).stdout
+
+
+@pytest.mark.parametrize(
+    ("before", "said"),
+    [
+        ("running", "is running and stops within seconds; its finished rows stay. Continue it with: clearcap resume"),
+        ("interrupted", "is cancelled; it was interrupted. Continue it with: clearcap resume"),
+    ],
+)
+def test_what_cancel_says(faked, campaign_file, monkeypatch, before, said):
+    """A campaign that is computed ends a little later; any other is cancelled at once."""
+    (campaign_id,) = faked.invoke(app, ["submit", str(campaign_file), "--queue-only"]).stdout.split()
+    monkeypatch.setattr("campaign.coordinator.cancellation.cancel_campaign", lambda *_: before)
+    assert faked.invoke(app, ["cancel"]).stdout.startswith(f"{campaign_id} {said}")
 
 
 @pytest.mark.parametrize("verb", ["run", "resume", "coordinate", "report"])

@@ -2,6 +2,7 @@
 
 import pytest
 
+from campaign.coordinator.cancellation import cancel_campaign
 from campaign.coordinator.lease import hold_lease
 from campaign.coordinator.state import state_of, write_state
 from campaign.store.layout import HEARTBEAT, STATE
@@ -36,3 +37,15 @@ def test_lost_state_is_that_of_the_heartbeat(store, plan):
     assert (state["state"], state["open"]) == ("interrupted", True)
     write_state(store, plan.campaign_id, "cancelled")
     assert not state_of(store, plan.campaign_id)["open"]
+
+
+def test_a_campaign_that_is_being_cancelled_says_so(store, plan):
+    """From the request until its coordinator has ended; then the state says it."""
+    with hold_lease(store, plan.campaign_id):
+        write_state(store, plan.campaign_id, "running")
+        assert state_of(store, plan.campaign_id)["message"] == ""
+        cancel_campaign(store, plan.campaign_id)
+        state = state_of(store, plan.campaign_id)
+        assert (state["state"], state["message"]) == ("running", "cancelled; it stops within seconds")
+        write_state(store, plan.campaign_id, "cancelled")
+    assert state_of(store, plan.campaign_id)["message"] == ""

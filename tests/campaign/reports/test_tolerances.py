@@ -86,8 +86,19 @@ def test_a_response_that_is_below_does_not_hide_the_others(campaign_file, tmp_pa
     helping = [each for each in (*short.alone, short.together) if each.factor is not None]
     assert helping
     assert all(each.factor < 1.0 and each.cpk == pytest.approx(1.33, abs=0.01) for each in helping)
-    told = CliRunner().invoke(app, ["advise", plan.campaign_id, "--store", store.url]).stdout
-    assert "FC-2 is below Cpk 1.33" in told
+    told = CliRunner().invoke(app, ["advise", plan.campaign_id, "--store", store.url])
+    assert told.exit_code == 0
+    assert "FC-2 is below Cpk 1.33" in told.stdout
+
+
+@pytest.mark.parametrize("form", [[], ["--json"]])
+def test_an_answer_that_is_missing_ends_with_status_1(campaign_file, tmp_path, form):
+    """As of `whatif`: which variables have none, and why; the rest is printed all the same."""
+    store, plan = computed(tmp_path / "s", load_campaign(str(campaign_file), samples=10), 10)
+    told = CliRunner().invoke(app, ["advise", plan.campaign_id, "--store", store.url, *form])
+    assert told.exit_code == 1
+    assert "no answer for J1, preload (how much they may grow): the samples are worth 10 samples" in told.stderr
+    assert "preload" in told.stdout
 
 
 def test_a_constant_has_no_tolerance(campaign_file, tmp_path):

@@ -23,7 +23,7 @@ def test_it_writes_a_campaign(tmp_path, capsys, monkeypatch):
     assert "quadratic" in out
     shares = [float(each) for each in re.findall(r"^ *([\d.]+) %", out, re.MULTILINE)]
     assert sum(shares) == pytest.approx(100.0)
-    assert "production as it is" in out
+    assert "production itself" in out
     assert load_campaign(str(tmp_path / "rare.toml")).spec.samples == 500
     code, out, _ = clearcap_here(capsys, monkeypatch, *words, "--json")
     content = json.loads(out)
