@@ -50,6 +50,16 @@ def index(value: float | None, most: float = math.inf) -> str:
     return fixed(value, 3, (1.0, 1.33))
 
 
+def index_interval(ends: tuple[float | None, float | None], most: float = math.inf) -> str:
+    """Return the interval of a capability index; an end that is None has no bound, and beyond `most` is only larger."""
+    low, high = ends
+    if low is None:
+        return "no bounds" if high is None else f"{index(high, most)} or less"
+    if high is None or low > min(most, MOST_INDEX):
+        return index(low, most) if low > min(most, MOST_INDEX) else f"{index(low, most)} or more"
+    return f"{index(low, most)} to {index(high, most)}"
+
+
 def z_score(value: float | None, most: float = math.inf) -> str:
     """Return a distance in sigmas with three decimals; beyond `most` only that it is larger."""
     return fixed(value, 3) if value is None or value <= most else f"> {most:.2f}"

@@ -26,11 +26,19 @@ from reporting.arrays import Array
 from reporting.capability.noncentral import cpk_of_survival, noncentrality
 
 Interval = tuple[float, float]
+OpenInterval = tuple[float | None, float | None]
+"""An end is None where the values set no bound on that side."""
 
 # Beyond this t the error of the mean is negligible beside that of sigma: the chi-square limits are exact to rounding.
 _LARGE_T = 1e8
 # Beyond this z the ratio of density and tail is z to 0.1 %, and the ratio of two densities loses its digits.
 _LARGE_Z = 30.0
+
+
+def with_ends(interval: OpenInterval) -> Interval:
+    """Return an interval with infinity at an end that has no bound."""
+    low, high = interval
+    return -math.inf if low is None else low, math.inf if high is None else high
 
 
 def cp_interval(cp: float, nu: float, confidence: float) -> Interval:

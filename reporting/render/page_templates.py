@@ -20,6 +20,7 @@ def page_environment(package: str) -> Environment:
     made.filters.update(
         plain=format_numbers.plain,
         index=format_numbers.index,
+        index_interval=format_numbers.index_interval,
         ppm=format_numbers.ppm,
         percent=format_numbers.percent,
         significant=format_numbers.significant,

@@ -8,9 +8,10 @@ import math
 from collections.abc import Iterable
 from dataclasses import replace
 
+from reporting.capability.intervals import OpenInterval, with_ends
 from reporting.capability.shares import least_ppm
 from reporting.capability.verdict import IndexEstimate, index_of_share
-from reporting.format_numbers import index, ppm
+from reporting.format_numbers import index, index_interval, ppm
 from reporting.shape.fits import Fits
 from reporting.shape.nonnormal import NonnormalIndices
 from reporting.shape.tails import TailShare
@@ -41,9 +42,7 @@ def index_estimates(
 _NAMES = {"z_score": "fitted distribution", "empirical": "percentiles"}
 
 
-def _by_method(
-    method: NonnormalIndices, title: str, least: float, ended: tuple[float, float] | None
-) -> IndexEstimate | None:
+def _by_method(method: NonnormalIndices, title: str, least: float, ended: OpenInterval | None) -> IndexEstimate | None:
     """Return the estimate of a method: its Ppk, or its share where that is too small for a Ppk; None without either.
 
     A distribution that ends before the limit has no share beyond it, however near its end, and the end itself is
@@ -53,16 +52,16 @@ def _by_method(
     if method.family == "normal":
         source = "the distributions that the values allow"
     if method.ppk is not None and method.ppk_interval:
-        low, high = method.ppk_interval
-        words = f"Ppk {index(method.ppk)} ({index(low)} to {index(high)}) by {source}"
+        low, high = with_ends(method.ppk_interval)
+        words = f"Ppk {index(method.ppk)} ({index_interval(method.ppk_interval)}) by {source}"
         return IndexEstimate(_NAMES[method.method], low, method.ppk, high, words)
     if method.ppm_expected is not None and method.ppm_expected_interval:
         low, high = method.ppm_expected_interval
         words = f"{ppm(method.ppm_expected, least)} ppm ({ppm(low, least)} to {ppm(high, least)}) by {source}"
         worst, value, best = (index_of_share(share) for share in (high, method.ppm_expected, low))
-        if ended is not None and ended[0] < worst:
-            worst = ended[0]
-            words += f", Ppk {index(worst)} to {index(ended[1])} by its percentiles,"
+        if ended is not None and with_ends(ended)[0] < worst:
+            worst = with_ends(ended)[0]
+            words += f", Ppk {index_interval(ended)} by its percentiles,"
         return IndexEstimate(_NAMES[method.method], worst, value, best, words)
     return None
 

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from scipy.special import ndtri
 
 from reporting.arrays import Array
-from reporting.capability.intervals import Interval, bench
+from reporting.capability.intervals import Interval, OpenInterval, bench
 from reporting.capability.moments import series
 from reporting.capability.shares import PPM
 from reporting.shape.family.distributions import Parameter
@@ -48,8 +48,8 @@ class NonnormalIndices:
         The assumption, in one sentence.
     pp, ppk, ppl, ppu : float or None
         In the place of Cp, Cpk, Cpl, Cpu.
-    pp_interval, ppk_interval, ppl_interval, ppu_interval : (float, float) or None
-        Two-sided.
+    pp_interval, ppk_interval, ppl_interval, ppu_interval : (float or None, float or None) or None
+        Two-sided. An end is None where the values set no bound on that side.
     percentiles : (float, float, float) or None
         Quantiles at `ENDS`, in the unit of the values.
     z_lsl, z_usl, z_bench : float or None
@@ -74,10 +74,10 @@ class NonnormalIndices:
     ppk: float | None = None
     ppl: float | None = None
     ppu: float | None = None
-    pp_interval: Interval | None = None
-    ppk_interval: Interval | None = None
-    ppl_interval: Interval | None = None
-    ppu_interval: Interval | None = None
+    pp_interval: OpenInterval | None = None
+    ppk_interval: OpenInterval | None = None
+    ppl_interval: OpenInterval | None = None
+    ppu_interval: OpenInterval | None = None
     percentiles: tuple[float, float, float] | None = None
     z_lsl: float | None = None
     z_usl: float | None = None
@@ -124,7 +124,7 @@ def fitted_indices(method: str, fit: Fit, lsl: float | None, usl: float | None) 
         ppm_expected=sum(sides) if sides else None,
         ppm_expected_below=below,
         ppm_expected_above=above,
-        notes=(_beyond(fit.family),) if unbounded else (),
+        notes=(_beyond(fit.family),) if unbounded and method == "z_score" else (),
     )
 
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from scipy.special import chdtri, ndtr
 
 from reporting.arrays import Array
-from reporting.capability.intervals import Interval
+from reporting.capability.intervals import Interval, OpenInterval
 from reporting.capability.moments import series
 from reporting.capability.shares import PPM
 from reporting.shape.atoms import ties
@@ -28,11 +28,12 @@ from reporting.shape.parameter_draws import CONDENSED, parameter_draws, weighted
 
 # Families that differ by more in ppm are shown as a range.
 AGREEMENT = 3.0
-# A larger index, or an infinite one where a family ends before the limit, is that of a share below the smallest number.
+# A larger Z-score, in the scale of an index, is that of a share below the smallest number: then the values rule out
+# none, and the interval has no end.
 _FARTHEST = 38.0 / 3
 _ENDS_BEFORE = (
-    "The values do not rule out a distribution that ends before a limit, so an interval has no upper end; "
-    f"{_FARTHEST:.3f} is shown instead."
+    "The values do not rule out a distribution that ends before a limit, or a share beyond it too small for a number: "
+    "an interval has no upper end."
 )
 _UNDEFINED = "No family that the values allow defines this index, so an interval is missing."
 METHODS = ("percentile", "z_score")
@@ -84,10 +85,10 @@ def supported_indices(
     for point in points:
         names = [name for name in ("pp", "ppk", "ppl", "ppu") if getattr(point, name) is not None]
         over_all: dict[str, Any] = {
-            f"{name}_interval": _union(part[f"{point.method} {name}"] for part in parts) for name in names
+            f"{name}_interval": _open(_union(part[f"{point.method} {name}"] for part in parts)) for name in names
         }
         ends = [interval[1] for interval in over_all.values() if interval is not None]
-        notes = (*point.notes, _ENDS_BEFORE) if ends and max(ends) >= _FARTHEST else point.notes
+        notes = (*point.notes, _ENDS_BEFORE) if None in ends else point.notes
         notes = (*notes, _UNDEFINED) if len(ends) < len(names) else notes
         results.append(replace(point, **found, **over_all, ppm_expected_interval=ppm, notes=notes))
     return tuple(results)
@@ -103,7 +104,7 @@ def _intervals(
     with np.errstate(all="ignore"):
         of = centred(fit, list(theta.T[:, :, None]))
         drawn = {
-            f"{method} {name}": np.clip(values, -_FARTHEST, _FARTHEST)
+            f"{method} {name}": _of_known_shares(values) if method == "z_score" else values
             for method in METHODS
             for name, values in indices(method, of, low, high).items()
         }
@@ -114,6 +115,19 @@ def _intervals(
         shares += [of.sf([high])[..., 0]] if high is not None else []
         drawn["ppm"] = PPM * np.asarray(sum(shares))
     return {name: _interval(values, weights, confidence) for name, values in drawn.items()}
+
+
+def _of_known_shares(z: Array) -> Array:
+    """Return Z-scores in the scale of an index; infinite where the share is too small to be a number."""
+    return np.where(np.abs(z) >= _FARTHEST, np.copysign(np.inf, z), z)
+
+
+def _open(interval: Interval | None) -> OpenInterval | None:
+    """Return an interval with None at an end that lies at infinity."""
+    if interval is None:
+        return None
+    low, high = (end if math.isfinite(end) else None for end in interval)
+    return low, high
 
 
 def _interval(values: Array, weights: Array, confidence: float) -> Interval | None:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.stats import norm
 
+from reporting.capability.intervals import with_ends
 from reporting.capability.notes import NOT_NORMAL
 from reporting.capability.shares import nonconforming
 from reporting.capability.summary import capability
@@ -111,7 +112,7 @@ def _of_method(word: str, m: NonnormalIndices | None, true: Truth, *, warned: bo
         ppu = (true.usl - true.median) / (true.high - true.median)
         pp = (true.usl - true.lsl) / (true.high - true.low)
     caution = warned or (m is not None and any("too large" in note for note in m.notes))
-    yield Statement(f"Pp, {word}", m.pp_interval if m else None, pp, caution)
-    yield Statement(f"Ppk, {word}", m.ppk_interval if m else None, min(ppl, ppu), caution)
+    yield Statement(f"Pp, {word}", with_ends(m.pp_interval) if m and m.pp_interval else None, pp, caution)
+    yield Statement(f"Ppk, {word}", with_ends(m.ppk_interval) if m and m.ppk_interval else None, min(ppl, ppu), caution)
     if word.startswith("Z"):
         yield Statement("ppm, fitted", m.ppm_expected_interval if m else None, true.ppm, caution)

@@ -4,7 +4,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from reporting.format_numbers import decimals_for, fixed, grouped, index, percent, plain, ppm, significant, z_score
+from reporting.format_numbers import (
+    decimals_for,
+    fixed,
+    grouped,
+    index,
+    index_interval,
+    percent,
+    plain,
+    ppm,
+    significant,
+    z_score,
+)
 
 
 @pytest.mark.parametrize(
@@ -38,6 +49,22 @@ def test_plain(value, text) -> None:
 )
 def test_index_keeps_its_class(value, text) -> None:
     assert index(value) == text
+
+
+@pytest.mark.parametrize(
+    ("ends", "most", "text"),
+    [
+        ((1.25, 1.5), 100.0, "1.250 to 1.500"),
+        ((1.25, None), 100.0, "1.250 or more"),
+        ((None, 0.9), 100.0, "0.900 or less"),
+        ((None, None), 100.0, "no bounds"),
+        ((1.25, 1.8), 1.52, "1.250 to > 1.52"),
+        ((1.25, None), 1.2, "> 1.20"),
+        ((1.6, 1.8), 1.52, "> 1.52"),
+    ],
+)
+def test_an_interval_without_an_end_shows_none(ends, most, text) -> None:
+    assert index_interval(ends, most) == text
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,15 @@ def test_a_normal_fit_speaks_with_the_interval_of_all_families() -> None:
     assert "by the distributions that the values allow" in found.words
 
 
+def test_an_interval_without_an_upper_end_is_said_in_words() -> None:
+    """The estimate is as good as any above its lower end; no stand-in is printed as if it had been measured."""
+    x = np.random.default_rng(8).normal(size=100)
+    fits = fit_families(x, limits=(-9.0, 9.0))
+    (found,) = index_estimates(100, fits, supported_indices(x, fits, -9.0, 9.0), ())
+    assert found.high == math.inf
+    assert f"({found.low:.3f} or more)" in found.words
+
+
 def test_a_share_too_small_for_an_index_still_counts() -> None:
     """A skewed response 60 sigmas from its lower limit: no Ppk, but at most a tiny share."""
     x = np.random.default_rng(1).gumbel(size=500)

@@ -5,7 +5,7 @@ import pytest
 from scipy import stats
 
 from reporting import capability
-from reporting.capability.intervals import cpk_interval
+from reporting.capability.intervals import cpk_interval, with_ends
 from reporting.shape.fits import AIC_SUPPORT, fit_families
 from reporting.shape.nonnormal import ENDS, fitted_indices
 from reporting.shape.supported_indices import supported_indices
@@ -56,7 +56,8 @@ def test_a_large_offset_costs_no_digits() -> None:
     other = supported_indices(far, fit_families(far), *limits)
     for a, b in zip(one, other, strict=True):
         assert b.ppk == pytest.approx(a.ppk, rel=1e-3)
-        assert b.ppk_interval[1] - b.ppk_interval[0] > 0.1
+        low, high = with_ends(b.ppk_interval)
+        assert high - low > 0.1
 
 
 def test_without_a_family_there_are_no_indices() -> None:
@@ -68,6 +69,26 @@ def test_the_same_values_give_the_same_interval_in_any_order() -> None:
     x = np.random.default_rng(4).gamma(4.0, size=300)
     fits = fit_families(x)
     assert supported_indices(x, fits, None, 14.0) == supported_indices(x[::-1], fits, None, 14.0)
+
+
+def test_an_interval_without_an_upper_end_says_so() -> None:
+    """The values allow a distribution that ends before the limit: no number stands in the place of its upper end."""
+    x = np.random.default_rng(8).normal(size=100)
+    percentile, z_score = supported_indices(x, fit_families(x, limits=(-9.0, 9.0)), -9.0, 9.0)
+    assert z_score.family == "normal"
+    assert z_score.ppk_interval[1] is None
+    assert 1.0 < z_score.ppk_interval[0] < z_score.ppk
+    assert any("no upper end" in note for note in z_score.notes)
+    assert percentile.ppk_interval[0] < percentile.ppk < percentile.ppk_interval[1]
+    assert not any("no upper end" in note for note in percentile.notes)
+
+
+def test_far_limits_cut_no_interval_by_percentiles() -> None:
+    """Earlier all ended at 12.667, below the index itself."""
+    x = np.random.default_rng(8).normal(size=400)
+    percentile, _ = supported_indices(x, fit_families(x, limits=(-90.0, 90.0)), -90.0, 90.0)
+    assert percentile.ppk_interval[0] < percentile.ppk < percentile.ppk_interval[1]
+    assert percentile.ppk > 20
 
 
 SHAPES = {
@@ -94,7 +115,8 @@ def test_intervals_cover_the_truth_whatever_family_is_chosen(shape: str, n: int)
         found = supported_indices(x, fit_families(x, limits=(lsl, usl)), lsl, usl)
         for method, truth, held in zip(found, truths, inside, strict=False):
             if method.ppk_interval:  # a best family that ends before the limit has no Z-score
-                held.append(method.ppk_interval[0] <= truth <= method.ppk_interval[1])
+                low_end, high_end = with_ends(method.ppk_interval)
+                held.append(low_end <= truth <= high_end)
     for held in inside:
         assert len(held) >= 14
         assert np.mean(held) >= 0.8
