@@ -1,20 +1,18 @@
 """report.xlsx: the report's tables as sheets, for those who calculate on."""
 
 import io
-import math
 from collections.abc import Iterable, Sequence
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from reporting.analysis import Analysis
 from reporting.capability.indices import NAMES
+from reporting.capability.verdict import CAPABLE, MARGINAL
+from reporting.render.sheet import SheetWriter
 from reporting.response import ResponseAnalysis
 from reporting.samples import Samples
-
-if TYPE_CHECKING:
-    from xlsxwriter import Workbook
 
 ROWS = 2_000  # samples: a look at them; all of them are in the store
 _WORDS = {"capable": "#E4F3EA", "marginal": "#FDF1D3", "not capable": "#FCE6E1"}
@@ -41,8 +39,10 @@ def render_workbook(analysis: Analysis, samples: Samples) -> bytes:
         # The same samples give the same bytes, whenever they are written.
         about = {"title": analysis.spec.title, "subject": f"campaign {analysis.spec.campaign}"}
         book.set_properties({**about, "created": datetime(2000, 1, 1)})
+        limits = [limit for r in analysis.spec.responses for limit in (r.lsl, r.usl) if limit is not None]
+        writer = SheetWriter(book, (MARGINAL, CAPABLE, *limits), _WORDS)
         for name, (heads, rows) in _tables(analysis, samples).items():
-            _sheet(book, name, heads, rows)
+            writer.write(name, heads, rows)
     return target.getvalue()
 
 
@@ -77,7 +77,7 @@ def _summary(analysis: Analysis) -> Table:
     """Return one row a response."""
     heads = ("response", "unit", "verdict", "certain", "by", "why", "LSL", "USL", "mean", "sigma", "min", "max", "Cp",
              "Cpk", "Cpk low", "Cpk high", "Cc", "ppm observed", "ppm at most", "ppm expected (normal)",
-             "ppm expected", "low", "high", "expected by")  # fmt: skip
+             "ppm expected", "ppm expected low", "ppm expected high", "expected by")  # fmt: skip
     rows = []
     for r in analysis.responses:
         c, spec = r.capability, r.spec
@@ -90,9 +90,9 @@ def _summary(analysis: Analysis) -> Table:
 
 def _repeatability(responses: tuple[ResponseAnalysis, ...]) -> Table:
     """Return how far each response scatters between runs of the same sample with different steps."""
-    heads = ("response", "unit", "pairs", "one run failed", "sigma of the scatter", "low", "high",
-             "share of the variance", "low", "high", "inputs explain at most", "half the step moves the mean by",
-             "low", "high")  # fmt: skip
+    heads = ("response", "unit", "pairs", "one run failed", "sigma of the scatter", "sigma low", "sigma high",
+             "share of the variance", "share low", "share high", "inputs explain at most",
+             "half the step moves the mean by", "move low", "move high")  # fmt: skip
     rows = [
         (r.spec.name, r.spec.unit, f.pairs, f.lost, f.sigma, *(f.sigma_interval or (None, None)), f.share,
          *(f.share_interval or (None, None)), f.removable, f.shift, *(f.shift_interval or (None, None)))
@@ -191,8 +191,9 @@ def _causes(analysis: Analysis) -> Table:
          *(i.total_interval or (None, None)), i.contribution, i.coefficient, i.spearman, i.verdict)
         for r in analysis.responses if r.sensitivity for i in r.sensitivity.influences
     ]  # fmt: skip
-    heads = ("response", "variable", "share alone", "low", "high", "share with interactions", "low", "high",
-             "linear share", "coefficient", "Spearman", "verdict")  # fmt: skip
+    heads = ("response", "variable", "share alone", "alone low", "alone high", "share with interactions",
+             "with interactions low", "with interactions high", "linear share", "coefficient", "Spearman",
+             "verdict")  # fmt: skip
     return heads, rows
 
 
@@ -200,8 +201,9 @@ def _advice(analysis: Analysis) -> Table:
     """Return what must shrink for each response below its target, then what may grow with the others."""
     heads = ("question", "variable", "factor on sigma", "low", "high", "at least", "limited by", "Cpk then", "write",
              "method", "why no more")  # fmt: skip
-    asked = [(f"lift {s.response}", a) for s in analysis.shortfalls for a in (*s.alone, s.together) if a is not None]
-    asked += [(f"keep {', '.join(analysis.kept)}", a) for a in analysis.advice]
+    asked = [(f"bring {s.response} to Cpk {s.target:g}", a) for s in analysis.shortfalls
+             for a in (*s.alone, s.together) if a is not None]  # fmt: skip
+    asked += [(f"keep {', '.join(analysis.kept)} at Cpk {CAPABLE:g}", a) for a in analysis.advice]
     rows = [
         (question, a.variable, a.factor, *a.interval, "" if a.bounded else "yes", a.binding or "", a.cpk,
          " ".join(a.settings), a.method, a.refusal or a.limit)
@@ -241,22 +243,3 @@ def _samples(analysis: Analysis, samples: Samples) -> Table:
     status = np.asarray(samples.statuses)[samples.status[:ROWS]].tolist() if samples.status.size else []
     heads = ("sample", "status", *(name if u in ("", "1") else f"{name} [{u}]" for name, u in units.items()))
     return heads, zip(samples.sample[:ROWS].tolist(), status, *columns, strict=True)
-
-
-def _sheet(book: "Workbook", name: str, heads: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Write one sheet: a head that stays in view, numbers as numbers, an undefined number as an empty cell."""
-    sheet = book.add_worksheet(name)
-    bold = book.add_format({"bold": True, "text_wrap": True, "valign": "top", "bottom": 1})
-    colours = {word: book.add_format({"bg_color": colour}) for word, colour in _WORDS.items()}
-    sheet.freeze_panes(1, 1)
-    for column, head in enumerate(heads):
-        sheet.write_string(0, column, head, bold)
-        sheet.set_column(column, column, 14)
-    last = 0
-    for last, row in enumerate(rows, start=1):
-        for column, value in enumerate(row):
-            if isinstance(value, str):
-                sheet.write_string(last, column, value[:32_000], colours.get(value))
-            elif value is not None and math.isfinite(value):
-                sheet.write_number(last, column, value)
-    sheet.autofilter(0, 0, last, len(heads) - 1)

@@ -10,10 +10,13 @@ from reporting.render.mechanism_figure import mechanism_figure
 from reporting.render.narrow import label_cells
 from reporting.render.templating import as_markup, environment
 from reporting.response import ResponseAnalysis
+from reporting.trust.check import Check
 
 # What fits on the page, in rows and in letters; the rest is counted, and is in the report.
 ROWS, CHECKS, FIELDS, CAUSES = 8, 4, 4, 3
-LONGEST = {"title": 90, "headline": 220, "field": 60, "check": 160, "name": 26}
+LONGEST = {"title": 90, "headline": 220, "field": 60, "name": 26}
+# Letters of all checks together: with `ROWS` rows, and more for each row that is not there, which takes two lines.
+CHECK_LETTERS, LETTERS_OF_A_ROW = 640, 160
 _ORDER = ("no verdict", *WORST_FIRST, "constant", "capable")
 
 
@@ -43,7 +46,7 @@ def render_one_page(analysis: Analysis) -> str:
             shown=[(r, _cut(r.spec.name, "name"), _cut(r.spec.title, "name")) for r in shown],
             others=_counted(others),
             unlimited=len(analysis.responses) - len(limited),
-            concerns=[(check, _cut(check.text, "check")) for check in concerns[:CHECKS]],
+            concerns=_shortened(concerns[:CHECKS], len(shown)),
             more_concerns=len(concerns) - CHECKS,
             checked=len(analysis.trust),
             causes=_causes(ranked),
@@ -78,7 +81,24 @@ def _causes(ranked: list[ResponseAnalysis]) -> list[str]:
     return found[:CAUSES]
 
 
+def _shortened(concerns: list[Check], rows: int) -> list[tuple[Check, str]]:
+    """Return checks with as much of their text as has room beside so many rows; what a short one leaves is others'."""
+    letters, found = CHECK_LETTERS + LETTERS_OF_A_ROW * (ROWS - rows), dict[str, str]()
+    for place, check in enumerate(sorted(concerns, key=lambda check: len(check.text))):
+        found[check.name] = cut(check.text, letters // (len(concerns) - place))
+        letters -= len(found[check.name])
+    return [(check, found[check.name]) for check in concerns]
+
+
 def _cut(words: str, kind: str) -> str:
     """Return words that have room on the page; longer ones end in dots."""
-    most = LONGEST[kind]
-    return words if len(words) <= most else f"{words[: most - 1].rstrip()}…"
+    return cut(words, LONGEST[kind])
+
+
+def cut(words: str, most: int) -> str:
+    """Return a text of at most so many letters; a longer one ends after a whole word, in dots."""
+    if len(words) <= most:
+        return words
+    kept = words[: most - 1]
+    whole = kept if words[most - 1].isspace() else kept.rpartition(" ")[0]
+    return f"{(whole or kept).rstrip(' ,;:.')}…"

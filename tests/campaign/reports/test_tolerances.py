@@ -271,7 +271,7 @@ def test_the_page_and_the_command_say_what_must_shrink(lift, advised):
         assert [a["factor"] for a in page_s["alone"]] == [a.factor for a in short.alone]
     sheet = openpyxl.load_workbook(files["xlsx"])["Advice"]
     in_sheet = {(row[0], row[1]): row[2] for row in sheet.iter_rows(min_row=2, values_only=True)}
-    assert in_sheet[f"lift {found.shortfalls[0].response}", alone.variable] == pytest.approx(alone.factor)
+    assert in_sheet[f"bring {found.shortfalls[0].response} to Cpk 1.33", alone.variable] == pytest.approx(alone.factor)
     words = CliRunner().invoke(app, ["advise", plan.campaign_id, "--store", store.url], env={"COLUMNS": "250"}).stdout
     assert f"that keeps {', '.join(found.kept)} at Cpk 1.33" in words
     assert "its bounds allow no more" in words

@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 from functools import cache
+from html import unescape
 from html.parser import HTMLParser
 
 import pytest
 
 from reporting.analysis import Analysis
 from reporting.drawing import DrawnWords, LegendEntry, MechanismDrawing
-from reporting.render.one_page import ROWS, render_one_page
+from reporting.render.one_page import ROWS, cut, render_one_page
 from tests.reporting.synthetic import analysis_of, c60_spec, c60_table
 
 LONG = "a very long name of something that nobody wants to read to its end, <b>bold</b> & more " * 6
@@ -62,7 +63,7 @@ def crowded(count: int, words: str) -> Analysis:
     return analysis_of(table, spec)
 
 
-@pytest.mark.parametrize(("count", "words"), [(1, ""), (12, LONG)])
+@pytest.mark.parametrize(("count", "words"), [(1, ""), (1, LONG), (5, LONG), (8, LONG), (12, LONG)])
 def test_it_is_one_page_of_a4(count, words) -> None:
     weasyprint = pytest.importorskip("weasyprint")
     page = render_one_page(crowded(count, words))
@@ -84,6 +85,30 @@ def test_it_has_what_is_signed() -> None:
                   "Made by", "Signature", "Content-Security-Policy"):  # fmt: skip
         assert words in page, words
     assert page.count("<dd>name</dd>") == 5  # of twenty lines of the header four, and the author
+
+
+def test_checks_take_the_room_that_there_is() -> None:
+    """With few rows their whole text is there; with many they are cut after a whole word."""
+    spec = c60_spec(200)
+    few, many = analysis_of(c60_table(200), replace(spec, responses=spec.responses[:1])), crowded(12, LONG)
+    concerns = [check for check in few.trust if check.level in ("bad", "attention")]
+    assert 1 <= len(concerns) <= 4
+    page = unescape(render_one_page(few))
+    assert all(check.text in page for check in concerns)
+    for check in many.trust:
+        if check.level in ("bad", "attention") and check.name in ("Failures", "Verdicts"):
+            shown = unescape(render_one_page(many)).split(f"<strong>{check.name}</strong>: ")[1].split("</li>")[0]
+            assert len(shown) < len(check.text)
+            assert check.text.startswith(shown.rstrip("…"))
+            assert check.text[len(shown) - 1] in " ,;:"
+
+
+@pytest.mark.parametrize(
+    ("words", "most", "text"),
+    [("one two", 7, "one two"), ("one two three", 8, "one two…"), ("one. Two", 7, "one…"), ("oneword", 4, "one…")],
+)
+def test_a_text_is_cut_after_a_whole_word(words, most, text) -> None:
+    assert cut(words, most) == text
 
 
 def test_names_are_no_markup() -> None:
