@@ -1,1 +1,1 @@
-"""The service: pages and an HTTP API over a store. Nothing but accounts, audit, sign-offs and an index is kept here."""
+"""The web service: pages and an HTTP API over a store. It keeps only accounts, audit, sign-offs and an index itself."""

@@ -1,4 +1,4 @@
-"""The application: what is answered where."""
+"""The FastAPI application: its routers, middleware and error handlers."""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -32,12 +32,12 @@ Mechanisms, campaigns and their reports over HTTP. Log in as a browser does, or 
 
 
 def make_app(service: Service) -> FastAPI:
-    """Return the application of a service.
+    """Return the FastAPI application of a service.
 
     Parameters
     ----------
     service : Service
-        What answers; it is closed when the application ends.
+        The service that answers requests; it is closed when the application ends.
     """
 
     @asynccontextmanager
@@ -66,7 +66,7 @@ def make_app(service: Service) -> FastAPI:
         app.add_exception_handler(kind, _refuse)
     app.add_exception_handler(HTTPException, _refuse_http)
     app.add_exception_handler(RequestValidationError, _refuse_form)  # type: ignore[arg-type]  # narrower than Exception
-    # the last one added is the first one passed
+    # a request passes the middleware added last first
     app.add_middleware(Head)
     app.add_middleware(Record, audit=service.audit, metrics=app.state.metrics)
     settings = service.settings
@@ -75,7 +75,7 @@ def make_app(service: Service) -> FastAPI:
 
 
 def _described(app: FastAPI) -> dict[str, Any]:
-    """Return the description of the API, OpenAPI 3.1, with the schemas of refusals; it is made once."""
+    """Return the OpenAPI 3.1 description of the API, with the schemas of refusals; it is generated once."""
     if app.openapi_schema is None:
         app.openapi_schema = get_openapi(
             title=app.title,
@@ -92,20 +92,20 @@ def _described(app: FastAPI) -> dict[str, Any]:
 
 
 def _without_frameworks_fault(responses: dict[str, Any]) -> None:
-    """Replace FastAPI's own description of wrong parameters by the one that is sent."""
+    """Replace FastAPI's description of the 422 answer by that of the answer that is really sent."""
     if "application/json" in responses.get("422", {}).get("content", {}):
         responses["422"] = described(422)[422]
 
 
 def _refuse(request: Request, error: Exception) -> Response:
-    """Answer an error of the house."""
+    """Answer an error that clearcap itself raised."""
     refusal = refusal_of(error)
     assert refusal is not None
     return _answer(request, refusal)
 
 
 def _refuse_http(request: Request, error: Exception) -> Response:
-    """Answer what the framework refuses: unknown paths and methods."""
+    """Answer a request that the framework refuses, such as one with an unknown path or method."""
     assert isinstance(error, HTTPException)
     if isinstance(error.__cause__, Refusal):  # while the framework read the body
         return _answer(request, error.__cause__)
@@ -114,7 +114,7 @@ def _refuse_http(request: Request, error: Exception) -> Response:
 
 
 def _refuse_form(request: Request, error: RequestValidationError) -> Response:
-    """Answer a request whose parameters or body have faults."""
+    """Answer a request with invalid parameters or an invalid body."""
     faults = [
         {"keys": [str(part) for part in fault["loc"] or ["body"]], "text": fault["msg"]}
         for fault in error.errors()[:100]

@@ -47,18 +47,18 @@ def read_configuration(path: Path | None) -> tuple[Limits, Oidc | None, tuple[st
     Parameters
     ----------
     path : Path or None
-        A TOML file with the tables ``[limits]``, ``[oidc]`` and ``[webhooks]``; None: the defaults.
+        A TOML file with the tables ``[limits]``, ``[oidc]`` and ``[webhooks]``; None selects the defaults.
 
     Returns
     -------
     (Limits, Oidc or None, tuple of str)
-        The last are the hosts in the server's own network to which webhooks may lead.
+        The limits, the login service, and the hosts in the server's own network that webhooks may address.
 
     Raises
     ------
     SpecError
-        If the file cannot be read, or has faults. The secret of the login service is not part of it: it is read from
-        the environment variable ``CLEARCAP_OIDC_SECRET``.
+        If the file cannot be read or is invalid, or if the secret of the login service is missing. The secret is not
+        part of the file: it is read from the environment variable ``CLEARCAP_OIDC_SECRET``.
     """
     if path is None:
         return Limits(), None, ()
@@ -73,7 +73,7 @@ def read_configuration(path: Path | None) -> tuple[Limits, Oidc | None, tuple[st
 
 
 def _limits(path: Path, table: dict[str, float]) -> Limits:
-    """Return the limits, those of the file in place of the defaults."""
+    """Return the limits: the values of the file, and defaults for the rest."""
     kinds: dict[str, Any] = {f.name: type(f.default) for f in fields(Limits)}
     if unknown := sorted(table.keys() - kinds.keys()):
         raise SpecError(f"--config {path}: limits.{unknown[0]}: no such limit; limits: {', '.join(kinds)}")

@@ -1,4 +1,4 @@
-"""The coordinator that a server starts beside itself, and keeps alive."""
+"""A coordinator process that a server starts and keeps alive."""
 
 import logging
 import os
@@ -15,22 +15,22 @@ from campaign.store import Store
 
 logger = logging.getLogger(__name__)
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 60.0  # s between the end of a coordinator and the start of the next
-SOUND_AFTER = 60.0  # s, after which a coordinator's end no longer counts as a failed start
+SOUND_AFTER = 60.0  # s of run time after which the end of a coordinator no longer counts as a failed start
 END_WITHIN = 30.0  # s
 
 
 class CoordinatorChild:
-    """Keep ``clearcap coordinate`` running: it computes what is queued in the store, also for others.
+    """Keep ``clearcap coordinate`` running, which computes every campaign queued in the store, of other users too.
 
-    If another coordinator serves the store already, that one does the work, and this one waits for its end. It ends
-    with its server, also with one that is killed: whoever stops the next server stops all that computes.
+    If another coordinator already serves the store, that one does the work, and this one waits until it ends. The
+    coordinator ends with its server, even if the server is killed, so stopping a server stops all its computations.
 
     Parameters
     ----------
     store : Store
-        What it serves.
+        The store that the coordinator serves.
     options : sequence of str
-        Options of the command: where to compute.
+        Options of the command, which say where to compute.
     """
 
     def __init__(self, store: Store, options: Sequence[str]) -> None:
@@ -51,7 +51,7 @@ class CoordinatorChild:
         return process is not None and process.poll() is None
 
     def stop(self) -> None:
-        """End the coordinator in order; what it has computed is in the store."""
+        """Shut the coordinator down; the rows it has computed are in the store."""
         self._over.set()
         process = self._process
         if process is not None and process.poll() is None:
@@ -66,14 +66,14 @@ class CoordinatorChild:
             self._thread.join(END_WITHIN)
 
     def _keep_alive(self) -> None:
-        """Start the coordinator again whenever it has ended, later each time it fails at once."""
+        """Restart the coordinator whenever it has ended; double the pause after each early end."""
         pause = FIRST_PAUSE
         while not self._over.is_set():
             begin = time.monotonic()
             self._process = subprocess.Popen(
                 self._words, stdin=subprocess.DEVNULL, cwd=os.sep, env=self._environment, start_new_session=True
             )
-            if self._over.is_set():  # the server ended while it started
+            if self._over.is_set():  # the server ended while the coordinator started
                 self._process.send_signal(signal.SIGTERM)
             status = self._process.wait()
             if self._over.is_set():

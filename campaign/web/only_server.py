@@ -1,4 +1,4 @@
-"""One server for one data folder: a second one would answer with another index, and sign with the same key."""
+"""A lock that allows one server per data folder: a second one would use another index and sign with the same key."""
 
 import fcntl
 import json
@@ -14,14 +14,14 @@ LOCK = "server.lock"
 
 @contextmanager
 def only_server(settings: Settings) -> Iterator[None]:
-    """Be the only server of a data folder in the block; the end of the process ends it too, however it ends.
+    """Hold the lock of a data folder in the block; the end of the process releases it too, however it ends.
 
     Raises
     ------
     SpecError
         If another server uses the folder.
     StoreError
-        If its disk is read-only or broken.
+        If the folder's disk is read-only or broken.
     """
     path = settings.data / LOCK
     with ExitStack() as stack:
@@ -45,7 +45,7 @@ def only_server(settings: Settings) -> Iterator[None]:
 
 
 def _named(text: bytes) -> str:
-    """Return in words which server wrote the lock; empty if it says nothing yet."""
+    """Describe the server that wrote the lock; return an empty string if nothing is written yet."""
     try:
         known = json.loads(text)
         return f" (process {known['process']}, {known['address']})"

@@ -1,4 +1,4 @@
-"""Serve: from settings to an HTTP server that ends in order."""
+"""The HTTP server of a service: its checks, its first login link, and its start."""
 
 import logging
 import socket
@@ -15,7 +15,7 @@ from campaign.web.settings import LOOPBACK, Settings
 from campaign.web.web_service import Service
 
 FIRST_ADMIN = "admin"
-DRAIN = 20  # s, for which requests at work may go on when the server ends
+DRAIN = 20  # s that running requests may take to finish when the server ends
 KEEP_ALIVE = 20  # s without a request, after which a connection is closed
 CONNECTIONS = 1000
 
@@ -23,21 +23,21 @@ logger = logging.getLogger(__name__)
 
 
 class Server(uvicorn.Server):
-    """A server that ends its event streams first, so that it need not wait for them."""
+    """A server that ends its event streams before it shuts down, so that it need not wait for them."""
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """End in order."""
+        """End the event streams, then shut down."""
         self.config.app.state.service.end_streams()  # type: ignore[union-attr]  # it is a FastAPI
         await super().shutdown(sockets)
 
 
 def check_settings(settings: Settings) -> None:
-    """Refuse to serve others without TLS, and to trust a proxy that cannot be checked.
+    """Check that other machines can connect with TLS only, and that trusted proxies can be recognized.
 
     Raises
     ------
     SpecError
-        If other machines could connect without TLS, or a proxy is no address.
+        If other machines could connect without TLS, or a proxy is not given as an address or network.
     """
     for proxy in settings.proxies:
         try:
@@ -54,12 +54,12 @@ def check_settings(settings: Settings) -> None:
 
 
 def login_link(service: Service, user: str = FIRST_ADMIN) -> str:
-    """Return a link by which a user logs in once; the first admin is made if there is no user yet.
+    """Return a one-time login link for a user; create the first admin if there is no user yet.
 
     Raises
     ------
     SpecError
-        If there is no such user.
+        If there is no such user, or the user is disabled.
     """
     if not service.users.all():
         service.users.add(FIRST_ADMIN, Role.ADMIN)
@@ -71,7 +71,7 @@ def login_link(service: Service, user: str = FIRST_ADMIN) -> str:
 
 
 def serve_http(service: Service) -> None:
-    """Answer requests until SIGTERM or Ctrl-C; requests at work are answered first.
+    """Answer requests until SIGTERM or Ctrl-C; running requests are finished first.
 
     Raises
     ------
@@ -83,7 +83,7 @@ def serve_http(service: Service) -> None:
 
 
 def http_server(service: Service) -> Server:
-    """Return what answers requests, once it runs.
+    """Return the server of a service, ready to run.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def http_server(service: Service) -> Server:
 
 
 def _listening(settings: Settings) -> socket.socket:
-    """Return a socket on the port."""
+    """Return a socket that listens on the port of the settings."""
     family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
     listening = socket.socket(family, socket.SOCK_STREAM)
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

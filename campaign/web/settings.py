@@ -1,4 +1,4 @@
-"""What a server is started with."""
+"""The settings of a server."""
 
 import os
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ PORT = 8700
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds of what one request, and one user, may take.
+    """Limits on the resources of one request and of one user.
 
     Attributes
     ----------
@@ -21,9 +21,9 @@ class Limits:
     head_seconds : float
         Time in which the first line and the headers of a request must have arrived [s].
     read_seconds : float
-        Time in which something of an answer must be taken, a KiB for each second [s].
+        Interval between checks of a client that reads an answer: it must have read 1 KiB for each second [s].
     jobs, waiting : int
-        Jobs that a user may have at work, and waiting, at the same time.
+        Jobs of a user that may be running, and waiting, at the same time.
     job_seconds : float
         Longest time of one job [s].
     job_memory : int
@@ -31,13 +31,13 @@ class Limits:
     streams : int
         Event streams that a user may have open at the same time.
     samples : int
-        Most samples of a campaign that is submitted here.
+        Largest number of samples of a campaign submitted to this server.
     running : int
         Campaigns of a user that may be queued or running at the same time.
     failures : int
-        Failed logins from one address, or for one name, within `failures_within` seconds.
+        Failed logins from one address, or for one name, that are allowed within `failures_within`.
     failures_within : float
-        See `failures` [s].
+        Time span of `failures` [s].
     """
 
     body: int = 64 * 1024**2
@@ -62,9 +62,9 @@ class Oidc:
     Attributes
     ----------
     issuer : str
-        Its address; ``/.well-known/openid-configuration`` is read below it.
+        Address of the login service; ``/.well-known/openid-configuration`` is read below it.
     client_id, client_secret : str
-        What the service knows this server by.
+        Credentials of this server at the login service.
     roles_claim : str
         Claim of the identity token that lists the groups of a user.
     roles : dict of str to str
@@ -80,32 +80,32 @@ class Oidc:
 
 @dataclass(frozen=True)
 class Settings:
-    """What a server is started with.
+    """The settings that a server is started with.
 
     Attributes
     ----------
     store : str
         Folder or URL of the store.
     data : Path
-        Folder of accounts, audit trail, sign-offs and index; it is this user's alone.
+        Folder of accounts, audit trail, sign-offs and index; only the user who runs the server may access it.
     host, port
         Where to listen.
     names : tuple of str
         Host names by which the server may be addressed, besides those of loopback.
     https : tuple of Path or None
-        Files of its certificate and key.
+        Files of the server's certificate and key.
     behind_proxy : bool
-        A proxy in front of the server ends TLS, and says in ``X-Forwarded-For`` who asks.
+        Whether a proxy in front of the server ends TLS and passes the client's address in ``X-Forwarded-For``.
     proxies : tuple of str
-        Addresses and networks of that proxy: what others say in these headers counts for nothing.
+        Addresses and networks of that proxy; the header is ignored if it comes from another address.
     coordinate : tuple of str or None
-        Options of the ``clearcap coordinate`` that the server starts and keeps alive; None: it starts none.
+        Options of the ``clearcap coordinate`` that the server starts and keeps alive; None if it starts no coordinator.
     processes : int
-        Processes for what takes processor time: simulations, questions, reports.
+        Number of processes for simulations, questions and reports, which need much processor time.
     limits : Limits
     oidc : Oidc or None
     webhook_hosts : tuple of str
-        Hosts in the server's own network to which webhooks may lead.
+        Hosts in the server's own network that webhooks may address.
     """
 
     store: str
@@ -124,12 +124,12 @@ class Settings:
 
     @property
     def is_local(self) -> bool:
-        """Whether only this machine can connect, without TLS."""
+        """Whether the server has neither TLS nor a proxy, so that only this machine may connect."""
         return self.https is None and not self.behind_proxy
 
     @property
     def workers(self) -> int | None:
-        """Number of workers that the server's coordinator starts; None if they are another's."""
+        """Number of local workers that the server's coordinator starts; None if it starts none on this machine."""
         if self.coordinate is None or "--scheduler" in self.coordinate:
             return None
         if "--workers" in self.coordinate:
@@ -138,7 +138,7 @@ class Settings:
 
     @property
     def address(self) -> str:
-        """The address that a user types, without a path."""
+        """The URL under which users reach the server, without a path."""
         scheme = "http" if self.is_local else "https"
         host = f"[{self.host}]" if ":" in self.host else self.host
         if self.names:

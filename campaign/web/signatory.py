@@ -1,4 +1,4 @@
-"""The server as the notary of sign-offs: its key, the documents that it has signed, and whether they still hold."""
+"""The server's part in sign-offs: its signing key, the documents it has signed, and checks that they still hold."""
 
 import os
 import threading
@@ -30,24 +30,24 @@ from engine.regular_file import read_regular_file
 
 KEY_FILE = "signing_key.pem"
 _LARGEST_KEY = 10_000  # bytes
-_SETTLED = 2.0  # s since the last change of a file, after which a later one shows in its time
-_TURN_WITHIN = 20.0  # s, for which a request waits while another one reads files
-_MOST_DIGESTS = 200_000  # that are remembered
+_SETTLED = 2.0  # s after the last change of a file; from then on, a further change shows in the file's times
+_TURN_WITHIN = 20.0  # s that a request waits while another one reads files
+_MOST_DIGESTS = 200_000  # that are cached
 
 
 @dataclass(frozen=True)
 class KeptSignoff:
-    """A sign-off of this server.
+    """A sign-off kept by this server.
 
     Attributes
     ----------
     number : int
-        Its number among those of its campaign, from 1.
+        Its number among the sign-offs of its campaign, from 1.
     digest : str
         SHA-256 of its document.
     signoff : Signoff
     differences : list of str
-        What differs now from what was signed.
+        Differences between the files as they are now and as they were signed.
     """
 
     number: int
@@ -57,24 +57,24 @@ class KeptSignoff:
 
 
 class Signatory:
-    """Signs campaigns, and says whether what was signed is still there.
+    """Sign campaigns for approvers, and check whether the signed files have changed.
 
     Parameters
     ----------
     database : Database
-        Where sign-offs are kept; the key is a file beside it.
+        The database that keeps the sign-offs; the key is a file beside it.
     store : Store
-        The campaigns.
+        The store of the campaigns.
 
     Attributes
     ----------
     key : Ed25519PrivateKey
-        The key of this server; it is made when there is none.
+        The signing key of this server; it is generated if there is none.
 
     Raises
     ------
     SpecError
-        If the file of the key holds none, or others can read it.
+        If the key file holds no valid key, or other users can read it.
     """
 
     def __init__(self, database: Database, store: Store) -> None:
@@ -90,12 +90,12 @@ class Signatory:
         ----------
         campaign : str
         anew : bool
-            Read every file; otherwise only those that changed since they were last read.
+            Whether to read every file; otherwise only the files changed since they were last read are read.
 
         Raises
         ------
         TimeoutError
-            If another request reads files for long.
+            If another request reads files for more than 20 s.
         """
         with self._reading():
             if anew:
@@ -103,7 +103,7 @@ class Signatory:
             return signed_files(self._store, self._store.plan_header(campaign), self._digest)
 
     def signoffs(self, campaign: str, *, anew: bool = False) -> list[KeptSignoff]:
-        """Return the sign-offs of a campaign, the oldest first, and what differs by now; see `content`."""
+        """Return the sign-offs of a campaign, oldest first, with the differences since then; see `content`."""
         kept = self._kept(campaign)
         if not kept:
             return []
@@ -114,15 +114,15 @@ class Signatory:
         return made
 
     def submitter(self, campaign: str) -> str:
-        """Return who submitted a campaign, as its store says; empty if it does not."""
+        """Return the user who submitted a campaign; an empty string if the store does not say who."""
         user = (self._store.read_json(campaign, SUBMISSION) or {}).get("user")
         return user if isinstance(user, str) else ""
 
     def sign(self, campaign: str, who: Principal, comment: str, content: str) -> Signoff:
-        """Sign plan, rows and report of a campaign in the name of an approver.
+        """Sign the plan, rows and report of a campaign in the name of an approver.
 
-        Who sends the same again, because an answer was lost, gets the sign-off that he has: the last of the campaign,
-        if it is his, with the same comment, and of the same content.
+        An approver who repeats a request, because its answer was lost, gets the existing sign-off: the last one of the
+        campaign, if it has the same signer, comment and content.
 
         Parameters
         ----------
@@ -131,14 +131,14 @@ class Signatory:
             The approver.
         comment : str
         content : str
-            `content_digest` of what he has looked at.
+            `content_digest` of the files that the approver has looked at.
 
         Raises
         ------
         CampaignError
-            If the campaign is not completed and whole, or has changed since he looked.
+            If the campaign is not completed, is damaged, or has changed since the approver looked at it.
         TimeoutError
-            If another request reads files for long.
+            If another request reads files for more than 20 s.
         """
         state = state_of(self._store, campaign)["state"]
         if state != "completed":
@@ -178,7 +178,7 @@ class Signatory:
         return signoff
 
     def export(self, campaign: str) -> Iterator[bytes]:
-        """Yield the bytes of a ZIP with a campaign and its sign-offs; see `stream_export`."""
+        """Yield the bytes of a ZIP file with a campaign and its sign-offs; see `stream_export`."""
         names = signed_names(self._store, self._store.plan_header(campaign))
         return stream_export(self._store, campaign, names, self._kept(campaign), self.key.public_key())
 
@@ -188,7 +188,7 @@ class Signatory:
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
-        """Hold the turn to read files: one request at a time."""
+        """Hold the lock for reading files, because only one request reads at a time."""
         if not self._turn.acquire(timeout=_TURN_WITHIN):
             raise TimeoutError
         try:
@@ -197,7 +197,7 @@ class Signatory:
             self._turn.release()
 
     def _digest(self, store: Store, campaign: str, name: str) -> str:
-        """Return the digest of a file, which is read unless it is as it was when it was last read."""
+        """Return the digest of a file; the file is read only if it may have changed since it was last read."""
         mark = _mark(store, f"{campaign}/{name}")
         known = self._digests.get((campaign, name))
         if known is not None and mark is not None and known[0] == mark:
@@ -210,7 +210,10 @@ class Signatory:
 
 
 def _mark(store: Store, name: str) -> object:
-    """Return what changes with a file; None if nothing does for sure, as just after a change, or behind a URL."""
+    """Return a value that differs after any change of a file.
+
+    None if no value certainly would: just after a change, and for a store behind a URL.
+    """
     if not store.files.local:
         return None
     status = os.lstat(store.files.path(name))
@@ -219,7 +222,7 @@ def _mark(store: Store, name: str) -> object:
 
 
 def _key(path: Path) -> Ed25519PrivateKey:
-    """Return the key in a file, which is made if it is missing."""
+    """Return the key in a file; generate the file if it is missing."""
     if not path.exists():
         made, unfinished = Ed25519PrivateKey.generate(), path.with_suffix(".new")
         unfinished.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""What answers requests: the store, and what only the server keeps."""
+"""The service behind the HTTP calls: the store, the server's own database, and its background tasks."""
 
 import asyncio
 from collections import Counter
@@ -41,39 +41,39 @@ KEPT_BYTES = 64 << 20  # of pictures
 
 @dataclass
 class Service:
-    """What answers requests.
+    """All that the handlers of requests share.
 
     Attributes
     ----------
     settings : Settings
     store : Store
-        Campaigns, rows and reports: the truth. Nobody waits for it: an operation is tried once.
+        Campaigns, rows and reports: the truth. Each operation is tried only once, so that no request waits for it.
     database : Database
-        What only the server keeps.
+        The data that only the server keeps.
     users, sessions, tokens, audit
-        Parts of the database.
+        Access to parts of the database.
     webhooks : WebhookBook
-        Part of the database too.
+        Access to the webhooks in the database.
     signatory : Signatory
         Signs campaigns for approvers.
     throttle : Throttle
-        Failed logins.
+        Counts failed logins.
     company : CompanyLogin or None
         The company's login service.
     watcher : Watcher
-        Looks at the store for all.
+        Reads the store once for all users.
     statuses : CountedStatuses
-        How far campaigns are.
+        The progress of campaigns.
     streams : Counter of str
-        Open event streams by user.
+        Number of open event streams by user.
     submitting : Counter of str
-        Submissions at work, by user.
+        Number of running submissions by user.
     pool : JobPool
-        Processes for what takes processor time.
+        Processes for jobs that need much processor time.
     answers : Answers
-        Questions to the rows of campaigns.
+        Answers questions about the rows of campaigns.
     workload : Workload or None
-        What the page of the administration showed last of campaigns at work.
+        The queue and workers as the administration page showed them last.
     """
 
     settings: Settings
@@ -116,14 +116,14 @@ class Service:
 
     @asynccontextmanager
     async def working(self) -> AsyncIterator[None]:
-        """Keep at work in the block what works beside the requests, such as the coordinator."""
+        """Run the job pool and the background tasks, such as the coordinator, in the block; then close the files."""
         async with self.pool, self._beside():
             yield
         self.close()
 
     @asynccontextmanager
     async def _beside(self) -> AsyncIterator[None]:
-        """Keep the reader of the store, and the coordinator, at work in the block."""
+        """Run the watcher of the store, the webhook sender and the coordinator in the block."""
         sender = WebhookSender(self.webhooks, self.news, self.settings.webhook_hosts)
         beside, child = [asyncio.create_task(each.run()) for each in (self.watcher, sender)], None
         if self.settings.coordinate is not None:
@@ -140,21 +140,21 @@ class Service:
                     await task
 
     def close(self) -> None:
-        """Close the files."""
+        """Close the index and the database."""
         self.watcher.index.close()
         self.database.close()
 
     async def kept(self, user: str, job: Callable[..., bytes], *arguments: object) -> bytes:
-        """Return the bytes of a job that depends on its arguments alone; the last ones are kept.
+        """Return the result of a job that depends on its arguments alone; recent results are cached.
 
         Parameters
         ----------
         user : str
-            Who asks.
+            The user who asks.
         job : callable
             See `JobPool.run`.
         *arguments
-            With the same text if they are equal.
+            Arguments of the job; equal arguments must have the same ``repr``.
         """
         key = sha256(repr((job.__module__, job.__name__, arguments)).encode(errors="surrogatepass")).hexdigest()
         known = self._kept.get(key)
@@ -165,15 +165,15 @@ class Service:
 
     @property
     def store_fault(self) -> str:
-        """Why the store cannot be read now; empty if it can."""
+        """The reason why the store cannot be read now; empty if it can."""
         return self.store.files.fault or self.watcher.fault
 
     def is_signed(self, campaign_id: str) -> bool:
-        """Return whether somebody has signed a campaign."""
+        """Return whether a campaign has a sign-off."""
         return self.database.row("SELECT 1 FROM signoffs WHERE campaign = ?", campaign_id) is not None
 
     def news(self) -> list[CampaignNews]:
-        """Return the news that the states of all campaigns are."""
+        """Return the news of all campaigns that follow from their states."""
         entries = self.watcher.index.entries()
         return [news for entry, _ in entries for news in campaign_news(entry, self.settings.address)]
 
@@ -188,9 +188,9 @@ def open_service(settings: Settings) -> Service:
     Raises
     ------
     FolderError
-        If others could have changed the server's folder.
+        If other users could have changed the server's folder.
     SpecError
-        If the store's URL or the database is wrong.
+        If the store's URL or the database is invalid.
     """
     from engine.private_folder import private_folder
 

@@ -1,4 +1,4 @@
-"""The audit trail: who did what, when. Each entry holds the digest of the one before, so that none can be taken out."""
+"""The audit trail: who did what, when. The digest of an entry covers the previous one, so that a removal shows."""
 
 import hashlib
 import json
@@ -9,7 +9,7 @@ from sqlite3 import Row
 from campaign.web.access.database import Database
 
 _BEGINNING = "0" * 64
-_PAGE = 1000  # entries read at a time: others may ask between
+_PAGE = 1000  # entries read at a time, so that other queries can run in between
 
 
 @dataclass(frozen=True)
@@ -19,19 +19,19 @@ class Entry:
     Attributes
     ----------
     number : int
-        From 1, without gaps.
+        Consecutive number, from 1, without gaps.
     time : float
-        [s since 1970]
+        Time of the action [s since 1970].
     who, how, address : str
-        Who it was, by session, token or share, and from which address.
+        The user, the kind of login (session, token or share), and the client's address.
     action, object : str
-        What was done, as method and route, and to what.
+        The action, as method and route, and the object it was applied to.
     status : int
-        The answer's: below 400 it was done.
+        HTTP status of the answer; below 400 the action was carried out.
     detail : str
-        More about it.
+        Further details.
     digest : str
-        SHA-256 of the digest before and of all fields above.
+        SHA-256 of the previous entry's digest and of all fields above.
     """
 
     number: int
@@ -52,7 +52,7 @@ class AuditTrail:
     Parameters
     ----------
     database : Database
-        Where it is kept.
+        The database that keeps it.
     """
 
     def __init__(self, database: Database) -> None:
@@ -71,8 +71,8 @@ class AuditTrail:
     def newest(
         self, before: int | None = None, subject: str | None = None, who: str | None = None, count: int = 100
     ) -> list[Entry]:
-        """Return entries, newest first: those below the number `before`, of one object, of one user."""
-        own = None if subject is None else f"{subject} "  # "demo-1 3" is of demo-1, as its shared link 3
+        """Return at most `count` entries, newest first, restricted to numbers below `before`, one object and one user."""
+        own = None if subject is None else f"{subject} "  # "demo-1 3", shared link 3 of demo-1, belongs to demo-1
         bounds = [("number < ?", before), ("instr(object || ' ', ?) = 1", own), ("who = ?", who)]
         given = [(condition, value) for condition, value in bounds if value is not None]
         where = f"WHERE {' AND '.join(condition for condition, _ in given)}" if given else ""
@@ -80,7 +80,7 @@ class AuditTrail:
         return [_entry(row) for row in self._database.rows(statement, *(value for _, value in given), count)]
 
     def first_fault(self) -> int | None:
-        """Return the number of the first entry that was changed, or that follows a missing one; None: all are whole."""
+        """Return the number of the first entry that was changed or is missing; None if the trail is intact."""
         before, expected = _BEGINNING, 1
         while rows := self._database.rows(
             "SELECT * FROM audit WHERE number >= ? ORDER BY number LIMIT ?", expected, _PAGE
@@ -94,7 +94,7 @@ class AuditTrail:
 
 
 def _digest(before: str, entry: Entry) -> str:
-    """Return the digest of an entry."""
+    """Return the digest of an entry that follows an entry with the digest `before`."""
     content = {name: value for name, value in asdict(entry).items() if name != "digest"}
     return hashlib.sha256((before + json.dumps(content, sort_keys=True)).encode()).hexdigest()
 

@@ -1,4 +1,4 @@
-"""Log in by a company's login service: OpenID Connect, authorization code with PKCE, state and nonce."""
+"""Login through a company's login service: OpenID Connect, authorization code with PKCE, state and nonce."""
 
 import hmac
 import re
@@ -22,22 +22,22 @@ from campaign.web.access.users import NAME, User, Users
 from campaign.web.settings import Oidc
 
 CALLBACK = "/login/company/callback"
-LOGIN_WITHIN = 600  # s, for which a login that was begun can be ended
-LEEWAY = 60  # s, by which the clocks may differ
+LOGIN_WITHIN = 600  # s in which a login must be completed
+LEEWAY = 60  # s by which the clocks may differ
 TIMEOUT = 10.0  # s, for each answer of the login service
 METADATA_LIVES = 3600.0  # s
 ALGORITHMS = ("RS256", "RS384", "RS512", "PS256", "PS384", "PS512", "ES256", "ES384", "ES512", "EdDSA", "Ed25519")
-MOST_OF_A_NAME = 1000  # users whose names differ by a number only
+MOST_OF_A_NAME = 1000  # users whose names differ only by a number
 
 
 class LoginFault(Exception):
-    """A login by the company's service cannot go on; the message is for the user.
+    """A login through the company's service failed; the message is shown to the user.
 
     Parameters
     ----------
     message : str
     is_outage : bool
-        The service is at fault, and the same may work later.
+        Whether the service is at fault, so that the same login may work later.
     """
 
     def __init__(self, message: str, *, is_outage: bool = False) -> None:
@@ -47,16 +47,16 @@ class LoginFault(Exception):
 
 @dataclass(frozen=True)
 class Identity:
-    """Who somebody is to the login service.
+    """A person's identity according to the login service.
 
     Attributes
     ----------
     subject : str
-        Issuer and its name for him, which never changes.
+        Issuer and its identifier of the person, which never changes.
     name : str
-        What he is called.
+        User name, e-mail address or name of the person.
     role : Role
-        The highest of his groups; viewer if none is mapped.
+        The highest role of the person's groups; viewer if no group has a role.
     """
 
     subject: str
@@ -65,23 +65,23 @@ class Identity:
 
 
 class CompanyLogin:
-    """Logins by a company's service.
+    """Logins through a company's service.
 
     Parameters
     ----------
     oidc : Oidc
-        The service, and what it knows this server by.
+        The service, and this server's credentials there.
     address : str
         This server's address, without a path.
     transport
-        How requests are sent; by default over the network.
+        HTTP transport of the requests; by default the network.
     """
 
     def __init__(self, oidc: Oidc, address: str, transport: Any = None) -> None:
         self._oidc, self._transport = oidc, transport
         self._redirect = address + CALLBACK
         self._states = URLSafeTimedSerializer(secrets.token_bytes(32), salt="company login")
-        self._tls = ssl.create_default_context()  # once: to read all authorities takes a quarter of a second
+        self._tls = ssl.create_default_context()  # once: reading all certificate authorities takes 0.25 s
         self._metadata: tuple[float, dict[str, Any]] | None = None
 
     def begin(self, wanted: str) -> tuple[str, str]:
@@ -90,17 +90,17 @@ class CompanyLogin:
         Parameters
         ----------
         wanted : str
-            Path of this server to go to after it.
+            Path on this server to go to after the login.
 
         Returns
         -------
         (str, str)
-            Where the browser goes, and what its cookie keeps until it comes back.
+            The URL to send the browser to, and the content of a cookie that it keeps until it comes back.
 
         Raises
         ------
         LoginFault
-            If the service does not answer as OpenID Connect says.
+            If the service does not answer as OpenID Connect requires.
         """
         state, nonce, verifier = (secrets.token_urlsafe(32) for _ in range(3))
         endpoint = self._read_metadata()["authorization_endpoint"]
@@ -110,25 +110,25 @@ class CompanyLogin:
         return str(url), kept if isinstance(kept, str) else kept.decode()
 
     def end(self, answer: Mapping[str, str], kept: str) -> tuple[Identity, str]:
-        """End a login.
+        """Complete a login.
 
         Parameters
         ----------
         answer : mapping
-            Parameters with which the service sent the browser back: ``code`` and ``state``, or ``error``.
+            Query parameters with which the service sent the browser back: ``code`` and ``state``, or ``error``.
         kept : str
-            What the browser's cookie kept.
+            Content of the browser's cookie; see `begin`.
 
         Returns
         -------
         (Identity, str)
-            Who he is, and the path that he wanted to go to.
+            The person's identity, and the path that they wanted to go to.
 
         Raises
         ------
         LoginFault
-            If this is not the answer to the login that this browser began, the service refuses, or its token does not
-            prove who he is.
+            If the answer does not belong to the login that this browser began, the service refuses, or its token does
+            not prove the identity.
         """
         try:
             begun = self._states.loads(kept, max_age=LOGIN_WITHIN)
@@ -144,14 +144,14 @@ class CompanyLogin:
         return self._identity(self._claims(answer["code"], begun["nonce"], begun["verifier"])), begun["wanted"]
 
     def _claims(self, code: str, nonce: str, verifier: str) -> Mapping[str, Any]:
-        """Return the claims of the identity token for a code, after proving that they are the service's."""
+        """Exchange a code for an identity token; verify the token and return its claims."""
         metadata = self._read_metadata()
         with self._client() as client:
             try:
                 answer = client.fetch_token(metadata["token_endpoint"], code=code, code_verifier=verifier)
             except OAuthError as error:
                 raise LoginFault("the login service does not accept its own answer; log in again") from error
-            except Exception as error:  # the client has the errors of one of two libraries
+            except Exception as error:  # the client raises errors of one of two libraries
                 raise _outage(error) from error
         token = answer.get("id_token")
         if not isinstance(token, str):
@@ -172,7 +172,7 @@ class CompanyLogin:
         return dict(claims)
 
     def _identity(self, claims: Mapping[str, Any]) -> Identity:
-        """Return who the claims say somebody is."""
+        """Return the identity that the claims of a token state."""
         subject = claims["sub"]
         if not isinstance(subject, str) or not 0 < len(subject) <= 255:
             raise LoginFault("the login service's identity token names no subject")
@@ -183,7 +183,7 @@ class CompanyLogin:
         return Identity(f"{self._oidc.issuer} {subject}", str(name), max([Role.VIEWER, *roles]))
 
     def _read_metadata(self) -> dict[str, Any]:
-        """Return what the service says of itself, at most an hour ago."""
+        """Return the service's metadata document; it is fetched again after an hour."""
         if self._metadata is None or time.monotonic() - self._metadata[0] > METADATA_LIVES:
             document = self._fetch(f"{self._oidc.issuer.rstrip('/')}/.well-known/openid-configuration")
             if document.get("issuer") != self._oidc.issuer:
@@ -201,14 +201,14 @@ class CompanyLogin:
                 answer = client.request("GET", url, withhold_token=True)
                 answer.raise_for_status()
                 document = answer.json()
-            except Exception as error:  # the client has the errors of one of two libraries
+            except Exception as error:  # the client raises errors of one of two libraries
                 raise _outage(error) from error
         if not isinstance(document, dict):
             raise LoginFault("the login service does not speak OpenID Connect; check oidc.issuer", is_outage=True)
         return document
 
     def _client(self) -> Any:
-        """Return a client of the service; it is closed by the block that uses it."""
+        """Return an HTTP client of the service; the block that uses it closes it."""
         return OAuth2Client(
             self._oidc.client_id,
             self._oidc.client_secret,
@@ -222,21 +222,21 @@ class CompanyLogin:
 
 
 def company_user(users: Users, identity: Identity) -> User:
-    """Return the user of an identity: made at his first login; his role follows his groups.
+    """Return the user of an identity; create the user at the first login, and update their role from their groups.
 
     Raises
     ------
     LoginFault
-        If he is disabled here.
+        If the user is disabled on this server.
     CampaignError
-        If he is the last admin and his groups no longer say so.
+        If the user is the last admin and their groups no longer make them one.
     """
     user = users.by_subject(identity.subject)
     if user is None:
         try:
             return users.add(_free_name(users, identity.name), identity.role, subject=identity.subject)
         except CampaignError:
-            user = users.by_subject(identity.subject)  # he logged in twice at the same moment
+            user = users.by_subject(identity.subject)  # the same person logged in twice at the same moment
             if user is None:
                 raise
     if user.is_disabled:
@@ -245,7 +245,7 @@ def company_user(users: Users, identity: Identity) -> User:
 
 
 def _free_name(users: Users, wanted: str) -> str:
-    """Return a name like the one that is wanted, which no user has: nobody becomes another one by his name."""
+    """Return an unused name similar to the wanted one, so that nobody takes over an account by choosing its name."""
     base = re.sub(r"[^A-Za-z0-9._@-]", "-", wanted).lstrip("._@-")[:58] or "user"
     names = [base, *(f"{base}-{number}" for number in range(2, MOST_OF_A_NAME))]
     return next(name for name in names if NAME.fullmatch(name) and users.get(name) is None)
@@ -256,5 +256,5 @@ def _audience(client_id: str) -> dict[str, Any]:
 
 
 def _outage(error: Exception) -> LoginFault:
-    """Return the fault of a service that does not answer; its own words may quote secrets, so they are left out."""
+    """Return the fault for a service that does not answer, without the error's text, which may quote secrets."""
     return LoginFault(f"the login service does not answer ({type(error).__name__}); try again later", is_outage=True)

@@ -1,4 +1,4 @@
-"""The SQLite file of a server: what is true of it alone, and nowhere in the store."""
+"""The SQLite file of a server: the data that only the server has, and that is not in the store."""
 
 import sqlite3
 import threading
@@ -8,8 +8,8 @@ from pathlib import Path
 
 from campaign.errors import SpecError, StoreError
 
-BUSY = 10.0  # s, for which a writer waits for another process, such as a backup
-OF_DISK = {  # what SQLite says where its disk is full, read-only or broken, or another process holds the file for long
+BUSY = 10.0  # s that a writer waits for another process, such as a backup
+OF_DISK = {  # SQLite's error codes for a full, read-only or broken disk, or a file that another process keeps locked
     sqlite3.SQLITE_BUSY,
     sqlite3.SQLITE_CANTOPEN,
     sqlite3.SQLITE_FULL,
@@ -59,7 +59,7 @@ CREATE TABLE deliveries (
     body TEXT NOT NULL, attempts INTEGER NOT NULL, next REAL, status TEXT NOT NULL, UNIQUE (webhook, event)
 ) STRICT;
 """
-# The number of a webhook that was deleted is never given again: receivers know news by it.
+# The number of a deleted webhook is never reused, because receivers recognize repeated news by it.
 NUMBERED_WEBHOOKS = """
 CREATE TABLE numbered_webhooks (
     id INTEGER PRIMARY KEY AUTOINCREMENT, user TEXT NOT NULL REFERENCES users(name), campaign TEXT, url TEXT NOT NULL,
@@ -69,23 +69,23 @@ INSERT INTO numbered_webhooks SELECT * FROM webhooks;
 DROP TABLE webhooks;
 ALTER TABLE numbered_webhooks RENAME TO webhooks;
 """
-VERSIONS = (SCHEMA, NUMBERED_WEBHOOKS)  # what leads from each version of the tables to the next
+VERSIONS = (SCHEMA, NUMBERED_WEBHOOKS)  # statements that upgrade each version of the tables to the next
 
 
 class Database:
-    """One SQLite file, used by all threads of a server: one writes at a time, and reading waits for no write.
+    """An SQLite file shared by all threads of a server: one thread writes at a time, and readers wait for no writer.
 
     Parameters
     ----------
     path : Path
-        The file; it is made if it is missing. Only this user can read it.
+        The file; it is created if it is missing, readable by its owner only.
 
     Raises
     ------
     SpecError
-        If the file is of a later version, or no database.
+        If the file was written by a later version, or is not a database.
     StoreError
-        Here and later, if its disk is full, read-only or broken.
+        If the file's disk is full, read-only or broken; the methods raise it too.
     """
 
     def __init__(self, path: Path) -> None:
@@ -99,7 +99,7 @@ class Database:
         self._connection.row_factory = sqlite3.Row
         try:
             self._prepare()
-            # a connection of its own: who reads does not wait until the disk has what others write
+            # a separate connection, so that readers need not wait for the disk writes of others
             self._reader = sqlite3.connect(path, timeout=BUSY, isolation_level=None, check_same_thread=False)
             self._reader.row_factory = sqlite3.Row
             self._reader.execute("PRAGMA query_only = ON")
@@ -113,8 +113,8 @@ class Database:
             raise SpecError(f"{path}: is no database of a server ({error}); restore it from a backup") from error
 
     def _prepare(self) -> None:
-        """Make the tables of a new file, bring those of an old one up to date, and refuse those of a later clearcap."""
-        # a write that was answered survives a loss of power
+        """Create the tables of a new file, upgrade those of an old one, and refuse those of a later clearcap."""
+        # a write that a client was told of survives a power failure
         settings = "PRAGMA journal_mode = WAL; PRAGMA synchronous = FULL; PRAGMA foreign_keys = OFF;"
         self._connection.executescript(settings)
         with self.write() as connection:
@@ -128,14 +128,14 @@ class Database:
                 f"{self.path}: has version {version} of the tables, and this clearcap knows {len(VERSIONS)}; use the"
                 " clearcap that wrote it, or a later one"
             )
-        # not before: to replace a table deletes its rows for a moment, and with them what belongs to them
+        # only now: an upgrade that replaces a table deletes its rows for a moment, and would cascade to other tables
         self._connection.execute("PRAGMA foreign_keys = ON")
 
     @contextmanager
     def write(self) -> Iterator[sqlite3.Connection]:
-        """Hold a transaction in the block: all of it is kept, or, after an exception, nothing.
+        """Run the block in a transaction, which is committed as a whole, or rolled back after an exception.
 
-        What the block has written is seen by its connection, and by `rows` after the block.
+        Inside the block its connection sees what it has written; `rows` sees it after the block.
         """
         with self._writing, self._faults_of_the_disk():
             try:
@@ -149,9 +149,9 @@ class Database:
                 raise
 
     def note(self, statement: str, *values: object) -> None:
-        """Write what may get lost: nothing is written if another writes now, or the disk takes nothing.
+        """Write something that may get lost; write nothing if another thread or process is writing or the disk fails.
 
-        Whoever only reads, and of whom it is noted, is answered all the same, and at once.
+        A request that only reads, but whose time of use is noted, is thus answered at once in any case.
         """
         if not self._writing.acquire(blocking=False):
             return
@@ -169,7 +169,7 @@ class Database:
             return self._reader.execute(statement, values).fetchall()
 
     def row(self, statement: str, *values: object) -> sqlite3.Row | None:
-        """Return the first row of a query; None if there is none."""
+        """Return the first row of a query; None if it has no rows."""
         rows = self.rows(statement, *values)
         return rows[0] if rows else None
 
@@ -181,7 +181,7 @@ class Database:
 
     @contextmanager
     def _faults_of_the_disk(self) -> Iterator[None]:
-        """Raise StoreError in place of what SQLite says of a disk."""
+        """Turn SQLite's errors about the disk into StoreError."""
         try:
             yield
         except sqlite3.OperationalError as error:
@@ -190,10 +190,10 @@ class Database:
             raise self._unusable(error) from error
 
     def _unusable(self, error: Exception) -> StoreError:
-        """Return what to say of a file that cannot be used now."""
+        """Return the error for a file that cannot be used now."""
         return StoreError(f"{self.path}: cannot be used now ({error}); free or repair its disk, then try again")
 
 
 def _is_of_disk(error: sqlite3.DatabaseError) -> bool:
-    """Return whether an error is one of the disk, and not of the file's content."""
+    """Return whether an error is due to the disk and not to the file's content."""
     return getattr(error, "sqlite_errorcode", 0) & 0xFF in OF_DISK

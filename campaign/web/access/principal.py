@@ -1,11 +1,11 @@
-"""Who asks, and what he may do."""
+"""The principal of a request, who makes it, and the roles that say what they may do."""
 
 from dataclasses import dataclass
 from enum import IntEnum
 
 
 class Role(IntEnum):
-    """What a user may do; each role includes those before it.
+    """A role, which says what a user may do; each role includes the previous ones.
 
     A viewer reads. An engineer also simulates, submits and ends campaigns. An approver also signs. An admin also
     manages users and reads the audit trail.
@@ -18,12 +18,12 @@ class Role(IntEnum):
 
     @property
     def word(self) -> str:
-        """The role as it is written."""
+        """The name of the role as files and messages spell it, such as ``viewer``."""
         return self.name.lower()
 
     @classmethod
     def of(cls, word: str) -> "Role":
-        """Return the role with a name; ValueError if there is none."""
+        """Return the role with the name `word`; raise ValueError if there is none."""
         for role in cls:
             if role.word == word:
                 return role
@@ -32,20 +32,20 @@ class Role(IntEnum):
 
 @dataclass(frozen=True)
 class Principal:
-    """Who asks.
+    """The user or shared link in whose name a request is made.
 
     Attributes
     ----------
     name : str
-        Name of the user; of a share: ``share N``.
+        Name of the user; ``share N`` for a shared link.
     role : Role
-        What he may do.
+        What the principal may do.
     kind : str
-        How he showed who he is: ``session``, ``token`` or ``share``.
+        How the principal was identified: by a ``session``, ``token`` or ``share``.
     campaign : str or None
-        The only campaign that he may see; None: all.
+        The only campaign that the principal may see; None if they may see all.
     csrf : str
-        What forms and scripts of a session must send with each write; empty for tokens.
+        CSRF token that forms and scripts of a session must send with each write; empty for tokens.
     """
 
     name: str
@@ -55,9 +55,9 @@ class Principal:
     csrf: str = ""
 
     def may(self, role: Role) -> bool:
-        """Return whether he may do what `role` may do."""
+        """Return whether the principal may do what `role` may do."""
         return self.role >= role
 
     def may_see(self, campaign_id: str) -> bool:
-        """Return whether he may see a campaign."""
+        """Return whether the principal may see a campaign."""
         return self.campaign in (None, campaign_id)

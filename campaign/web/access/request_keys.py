@@ -1,4 +1,4 @@
-"""Keys of requests that may be sent twice: a client that lost an answer sends the same key and gets the same answer."""
+"""Idempotency keys: a client that lost an answer repeats the request with the same key and gets the same answer."""
 
 import time
 
@@ -10,11 +10,11 @@ _IN_WORK = 0  # status of a request that is not answered yet
 
 
 class KeyTaken(SpecError):
-    """The key was sent with another content before."""
+    """The key was sent before, with different content."""
 
 
 class RequestKeys:
-    """The keys of a server's database, each a user's own.
+    """The idempotency keys in a server's database; each user has their own.
 
     Parameters
     ----------
@@ -25,22 +25,27 @@ class RequestKeys:
         self._database = database
 
     def claim(self, user: str, key: str, question: str, now: float | None = None) -> tuple[int, str] | None:
-        """Note that a request begins; return status and text of its answer if it was answered before.
+        """Note that a request begins; return the status and text of its answer if it was answered before.
 
-        A request that was begun and not answered, because the server was killed, begins again.
+        A request that was begun but not answered, because the server was killed, may begin again.
 
         Parameters
         ----------
         user, key : str
         question : str
-            Digest of what was sent.
+            Digest of the request's content.
         now : float, optional
-            By default the clock [s since 1970].
+            Current time [s since 1970]; by default that of the system clock.
+
+        Returns
+        -------
+        (int, str) or None
+            None if the request is to be carried out.
 
         Raises
         ------
         KeyTaken
-            If the key was sent with another content within a day.
+            If the key was sent with different content within the last day.
         """
         at = time.time() if now is None else now
         with self._database.write() as connection:
@@ -58,7 +63,7 @@ class RequestKeys:
         return None if found["status"] == _IN_WORK else (found["status"], found["answer"])
 
     def keep(self, user: str, key: str, status: int, answer: str) -> tuple[int, str]:
-        """Keep the answer to a request; return the one that was kept first, if it was sent twice at the same time."""
+        """Keep the answer to a request and return it; if the request was sent twice at once, return the first answer."""
         with self._database.write() as connection:
             connection.execute(
                 "UPDATE idempotency SET status = ?, answer = ? WHERE key = ? AND user = ? AND status = ?",
@@ -68,7 +73,7 @@ class RequestKeys:
         return (status, answer) if kept is None else (kept["status"], kept["answer"])
 
     def release(self, user: str, key: str) -> None:
-        """Forget a key whose request was refused: corrected, it may be sent with the same key."""
+        """Forget the key of a refused request, so that the corrected request may use the same key."""
         with self._database.write() as connection:
             connection.execute(
                 "DELETE FROM idempotency WHERE key = ? AND user = ? AND status = ?", (key, user, _IN_WORK)

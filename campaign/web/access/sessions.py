@@ -1,4 +1,4 @@
-"""Sessions of browsers: begun by a password, a one-time link, the login service, or a shared link."""
+"""Browser sessions, which begin with a password, a one-time link, the login service, or a shared link."""
 
 import secrets
 import time
@@ -9,8 +9,8 @@ from campaign.web.access.secret_words import digest, new_secret
 
 IDLE = 12 * 3600.0  # s without a request, after which a session ends
 LONGEST = 7 * 24 * 3600.0  # s
-LINK_LIVES = 15 * 60.0  # s, for which a one-time link can be used
-SEEN_EVERY = 60.0  # s between two notes of a session's last request
+LINK_LIVES = 15 * 60.0  # s that a one-time link can be used
+SEEN_EVERY = 60.0  # s between two updates of the time of a session's last request
 
 
 class Sessions:
@@ -19,14 +19,14 @@ class Sessions:
     Parameters
     ----------
     database : Database
-        Where they are kept.
+        The database that keeps them.
     """
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def begin(self, user: str | None = None, share: int | None = None) -> str:
-        """Begin a session of a user, or of a shared link; return the secret for its cookie."""
+        """Begin a session of a user or of a shared link; return the secret for its cookie."""
         secret, now = new_secret("session"), time.time()
         with self._database.write() as connection:
             connection.execute("DELETE FROM sessions WHERE seen < ? OR created < ?", (now - IDLE, now - LONGEST))
@@ -37,7 +37,7 @@ class Sessions:
         return secret
 
     def principal(self, secret: str) -> Principal | None:
-        """Return whose session a cookie stands for; None if it has ended, or never was."""
+        """Return the principal of the session with a cookie; None if there is no such session or it has ended."""
         now = time.time()
         row = self._database.row(
             "SELECT s.digest, s.csrf, s.seen, s.share, u.name, u.role, h.campaign"
@@ -60,20 +60,20 @@ class Sessions:
             connection.execute("DELETE FROM sessions WHERE digest = ?", (digest(secret),))
 
     def end_all(self, user: str) -> None:
-        """End all sessions of a user, and the one-time links that he has not used."""
+        """End all sessions of a user, and the user's unused one-time links."""
         with self._database.write() as connection:
             connection.execute("DELETE FROM sessions WHERE user = ?", (user,))
             connection.execute("DELETE FROM login_links WHERE user = ?", (user,))
 
     def count(self, user: str) -> int:
-        """Return how many sessions of a user have not ended."""
+        """Return the number of a user's open sessions."""
         now = time.time()
         statement = "SELECT count(*) FROM sessions WHERE user = ? AND seen > ? AND created > ?"
         row = self._database.row(statement, user, now - IDLE, now - LONGEST)
         return int(row[0]) if row else 0
 
     def new_link(self, user: str) -> str:
-        """Return the secret of a link by which a user logs in once, within fifteen minutes."""
+        """Return the secret of a link that logs a user in once, within fifteen minutes."""
         secret, now = new_secret("login"), time.time()
         with self._database.write() as connection:
             connection.execute("DELETE FROM login_links WHERE expires < ?", (now,))
@@ -81,7 +81,7 @@ class Sessions:
         return secret
 
     def use_link(self, secret: str) -> str | None:
-        """Return the user of a one-time link, which ends; None if it was used, is too old, or he is disabled."""
+        """Use up a one-time link and return its user; None if it was used, has expired, or the user is disabled."""
         with self._database.write() as connection:
             row = connection.execute(
                 "DELETE FROM login_links WHERE digest = ? RETURNING expires, (SELECT name FROM users"

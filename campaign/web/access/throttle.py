@@ -1,4 +1,4 @@
-"""Slow down guessing of passwords and tokens: after some failures nothing more is checked for a while."""
+"""A throttle that slows down guessing of passwords and tokens: after some failures no more are checked for a while."""
 
 import ipaddress
 import threading
@@ -6,11 +6,11 @@ import time
 from collections import OrderedDict, deque
 from collections.abc import Callable
 
-MOST_KEYS = 10_000  # names and addresses that are remembered; the oldest are forgotten
+MOST_KEYS = 10_000  # names and addresses that are kept; the oldest are dropped
 
 
 def place_of(address: str) -> str:
-    """Return what counts as one place that guesses: an IPv4 address, or the /64 that one IPv6 host has as a whole."""
+    """Return the key that counts as one guesser: an IPv4 address, or the /64 network that an IPv6 host may own."""
     try:
         parsed = ipaddress.ip_address(address)
     except ValueError:
@@ -19,15 +19,16 @@ def place_of(address: str) -> str:
 
 
 class Throttle:
-    """Failures by name or address, in memory.
+    """Failures by key, a name or an address, kept in memory.
 
     Parameters
     ----------
     failures : int
-        Failures within `seconds` after which a key has to wait.
+        Number of failures within `seconds` after which a key has to wait.
     seconds : float
+        Time span of `failures` [s].
     clock : callable
-        The time [s].
+        Returns the current time [s].
     """
 
     def __init__(self, failures: int, seconds: float, clock: Callable[[], float] = time.monotonic) -> None:
@@ -36,14 +37,15 @@ class Throttle:
         self._lock = threading.Lock()
 
     def wait(self, *keys: str) -> float:
-        """Return for how long any of the keys still has to wait [s]; 0 if none has to."""
+        """Return the longest time that any of the keys still has to wait [s]; 0 if none has to."""
         with self._lock:
             return self._wait(keys)
 
     def attempt(self, *keys: str) -> float:
-        """Note an attempt of each key as a failure, until it is taken back; return for how long one has to wait [s].
+        """Note an attempt of each key as a failure until it is taken back; return the time to wait [s], see `wait`.
 
-        Attempts at the same time cannot all pass before the first has failed. Nothing is noted if one has to wait.
+        Counting an attempt at once stops many simultaneous attempts from passing before the first one has failed.
+        Nothing is noted if one of the keys has to wait.
         """
         with self._lock:
             wait = self._wait(keys)

@@ -1,4 +1,4 @@
-"""Tokens of the API, and shared links: secrets that stand for a user, or for the sight of one campaign."""
+"""API tokens, which act for a user, and shared links, which show one campaign."""
 
 import time
 from dataclasses import dataclass
@@ -10,24 +10,24 @@ from campaign.web.access.secret_words import digest, new_secret
 
 LONGEST_TOKEN = 366 * 24 * 3600.0  # s
 LONGEST_SHARE = 90 * 24 * 3600.0  # s
-USED_EVERY = 60.0  # s between two notes of a token's last use
+USED_EVERY = 60.0  # s between two updates of the time of a token's last use
 
 
 @dataclass(frozen=True)
 class Token:
-    """A token as it is listed: never its secret.
+    """A token as lists show it, without its secret.
 
     Attributes
     ----------
     id : int
     user, name : str
-        Whose it is, and what he calls it.
+        The user it belongs to, and the name that they gave it.
     role : Role
-        What it may do; never more than its user.
+        Its role; it never permits more than the role of its user.
     created, expires : float
-        [s since 1970]
+        Times of its creation and expiry [s since 1970].
     used, revoked : float or None
-        When it was last used, and when it was revoked [s since 1970].
+        Times of its last use and of its revocation [s since 1970].
     """
 
     id: int
@@ -47,19 +47,19 @@ class Token:
 
 @dataclass(frozen=True)
 class SharedLink:
-    """A shared link as it is listed: never its secret.
+    """A shared link as lists show it, without its secret.
 
     Attributes
     ----------
     id : int
     campaign : str
-        The only campaign that can be seen by it.
+        The only campaign that it shows.
     by, note : str
-        Who shared it, and for whom.
+        The user who shared it, and a note, such as for whom.
     created, expires : float
-        [s since 1970]
+        Times of its creation and expiry [s since 1970].
     revoked : float or None
-        When it was revoked [s since 1970].
+        Time of its revocation [s since 1970].
     """
 
     id: int
@@ -77,19 +77,19 @@ class SharedLink:
 
 
 class Tokens:
-    """Tokens and shared links of a server.
+    """The tokens and shared links of a server.
 
     Parameters
     ----------
     database : Database
-        Where they are kept.
+        The database that keeps them.
     """
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def add(self, user: str, name: str, role: Role, seconds: float) -> tuple[Token, str]:
-        """Make a token; return it and its secret, which is not kept."""
+        """Create a token that lives `seconds` [s]; return it and its secret, which is not kept."""
         secret, now = new_secret("token"), time.time()
         with self._database.write() as connection:
             row = connection.execute(
@@ -99,20 +99,20 @@ class Tokens:
         return _token(row), secret
 
     def all(self, user: str | None = None) -> list[Token]:
-        """Return the tokens of a user, or of all, newest first."""
+        """Return the tokens of a user, or of all users, newest first."""
         where = "" if user is None else " WHERE user = ?"
         rows = self._database.rows(f"SELECT * FROM tokens{where} ORDER BY id DESC", *([] if user is None else [user]))
         return [_token(row) for row in rows]
 
     def revoke(self, token_id: int) -> None:
-        """End a token; nothing happens if it has ended."""
+        """Revoke a token; do nothing if it is revoked already."""
         with self._database.write() as connection:
             connection.execute(
                 "UPDATE tokens SET revoked = ? WHERE id = ? AND revoked IS NULL", (time.time(), token_id)
             )
 
     def share(self, campaign: str, by: str, note: str, seconds: float) -> tuple[SharedLink, str]:
-        """Make a link to one campaign; return it and its secret, which is not kept."""
+        """Create a link to one campaign that lives `seconds` [s]; return it and its secret, which is not kept."""
         secret, now = new_secret("share"), time.time()
         with self._database.write() as connection:
             row = connection.execute(
@@ -128,7 +128,7 @@ class Tokens:
         return [_shared_link(row) for row in rows]
 
     def revoke_share(self, campaign: str, share_id: int) -> bool:
-        """End a shared link and the sessions that it began; return whether the campaign has such a link."""
+        """Revoke a shared link and end the sessions it began; return whether the campaign has such a link."""
         with self._database.write() as connection:
             changed = connection.execute(
                 "UPDATE shares SET revoked = coalesce(revoked, ?) WHERE id = ? AND campaign = ?",
@@ -139,14 +139,14 @@ class Tokens:
         return bool(changed)
 
     def shared(self, secret: str) -> SharedLink | None:
-        """Return what a link shows; None if it has ended, or never was."""
+        """Return the shared link with a secret; None if there is none, or it was revoked or has expired."""
         row = self._database.row(
             "SELECT * FROM shares WHERE digest = ? AND revoked IS NULL AND expires > ?", digest(secret), time.time()
         )
         return _shared_link(row) if row else None
 
     def principal(self, secret: str) -> Principal | None:
-        """Return whom a token or a link stands for; None if it has ended, or never was."""
+        """Return the principal of a token or shared link; None if there is none, or it was revoked or has expired."""
         if share := self.shared(secret):
             return Principal(f"share {share.id}", Role.VIEWER, "share", share.campaign)
         now = time.time()
@@ -163,12 +163,12 @@ class Tokens:
 
 
 def _token(row: Row) -> Token:
-    """Return a token from its row."""
+    """Return the token of a database row."""
     times = (row["created"], row["expires"], row["used"], row["revoked"])
     return Token(row["id"], row["user"], row["name"], Role.of(row["role"]), *times)
 
 
 def _shared_link(row: Row) -> SharedLink:
-    """Return a shared link from its row."""
+    """Return the shared link of a database row."""
     times = (row["created"], row["expires"], row["revoked"])
     return SharedLink(row["id"], row["campaign"], row["by"], row["note"], *times)

@@ -1,4 +1,4 @@
-"""Users of a server: by name and password, or by a company's login service."""
+"""The users of a server, who log in with a password, a one-time link, or a company's login service."""
 
 import re
 import threading
@@ -14,8 +14,8 @@ from campaign.web.access.secret_words import hash_password, is_password
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._@-]{0,63}")
 SHORTEST_PASSWORD = 12
 LONGEST_PASSWORD = 1024
-CHECKS = 2  # passwords that are checked at the same time: each takes 32 MiB and 0.1 s of a processor
-CHECK_WITHIN = 2.0  # s, for which one more waits for its turn
+CHECKS = 2  # passwords that are checked at the same time: each takes 32 MiB and 0.1 s of processor time
+CHECK_WITHIN = 2.0  # s that a further check waits for its turn
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,9 @@ class User:
     created : float
         When the user was added [s since 1970].
     is_disabled : bool
-        The user can neither log in nor use tokens.
+        Whether the user can neither log in nor use tokens.
     has_password : bool
-        He can log in with a password.
+        Whether the user can log in with a password.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Users:
     Parameters
     ----------
     database : Database
-        Where they are kept.
+        The database that keeps them.
     """
 
     def __init__(self, database: Database) -> None:
@@ -55,7 +55,7 @@ class Users:
         self._turns = threading.BoundedSemaphore(CHECKS)
 
     def all(self) -> list[User]:
-        """Return all users by name."""
+        """Return all users, sorted by name."""
         return [_user(row) for row in self._database.rows("SELECT * FROM users ORDER BY name")]
 
     def get(self, name: str) -> User | None:
@@ -74,12 +74,12 @@ class Users:
         password : str, optional
             Without one the user logs in by a link or the login service.
         subject : str, optional
-            Who he is to the login service.
+            Issuer and identifier of the user at the login service; see `Identity`.
 
         Raises
         ------
         SpecError
-            If the name is not allowed, or the password too short.
+            If the name is not allowed, or the password is too short or too long.
         CampaignError
             If the name is taken.
         """
@@ -104,16 +104,16 @@ class Users:
     def change(
         self, name: str, *, role: Role | None = None, password: str | None = None, disabled: bool | None = None
     ) -> User:
-        """Change a user; what is None stays.
+        """Change a user; an argument that is None leaves its property unchanged.
 
-        His sessions and one-time links end when he gets another password or is disabled.
+        The user's sessions and one-time links end when the password changes or the user is disabled.
 
         Raises
         ------
         SpecError
-            If there is no such user, or the password is too short.
+            If there is no such user, or the password is too short or too long.
         CampaignError
-            If no admin would be left.
+            If no enabled admin would be left.
         """
         if self.get(name) is None:
             raise SpecError(f"name = {name!r:.80}: there is no user of this name")
@@ -136,12 +136,12 @@ class Users:
         return user
 
     def by_password(self, name: str, password: str) -> User | None:
-        """Return the user with a name and a password; None if they do not belong together.
+        """Return the user with a name and a password; None if the password is wrong or there is no such user.
 
         Raises
         ------
         TimeoutError
-            If too many passwords are being checked to take another one.
+            If too many other passwords are being checked.
         """
         row = self._database.row("SELECT * FROM users WHERE name = ? AND NOT disabled", name)
         if not self._turns.acquire(timeout=CHECK_WITHIN):
@@ -153,19 +153,19 @@ class Users:
         return _user(row) if row and is_right else None
 
     def by_subject(self, subject: str) -> User | None:
-        """Return the user whom the login service knows as `subject`, even if he is disabled; None if there is none."""
+        """Return the user whom the login service knows as `subject`, even a disabled one; None if there is none."""
         row = self._database.row("SELECT * FROM users WHERE subject = ?", subject)
         return _user(row) if row else None
 
 
 def _checked(password: str) -> str:
-    """Return a password that is long enough to be kept."""
+    """Return a password if its length is allowed; raise SpecError otherwise."""
     if not SHORTEST_PASSWORD <= len(password) <= LONGEST_PASSWORD:
         raise SpecError(f"password: has {len(password)} characters; allowed: {SHORTEST_PASSWORD} to {LONGEST_PASSWORD}")
     return password
 
 
 def _user(row: Row) -> User:
-    """Return a user from his row."""
+    """Return the user of a database row."""
     has_password = row["password"] is not None
     return User(row["name"], Role.of(row["role"]), row["created"], bool(row["disabled"]), has_password)
