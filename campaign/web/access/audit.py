@@ -71,7 +71,7 @@ class AuditTrail:
     def newest(
         self, before: int | None = None, subject: str | None = None, who: str | None = None, count: int = 100
     ) -> list[Entry]:
-        """Return at most `count` entries, newest first, restricted to numbers below `before`, one object and one user."""
+        """Return up to `count` entries, newest first: those numbered below `before`, of one object, by one user."""
         own = None if subject is None else f"{subject} "  # "demo-1 3", shared link 3 of demo-1, belongs to demo-1
         bounds = [("number < ?", before), ("instr(object || ' ', ?) = 1", own), ("who = ?", who)]
         given = [(condition, value) for condition, value in bounds if value is not None]

@@ -63,7 +63,7 @@ class RequestKeys:
         return None if found["status"] == _IN_WORK else (found["status"], found["answer"])
 
     def keep(self, user: str, key: str, status: int, answer: str) -> tuple[int, str]:
-        """Keep the answer to a request and return it; if the request was sent twice at once, return the first answer."""
+        """Keep the answer to a request and return it; return the first one if the request was sent twice at once."""
         with self._database.write() as connection:
             connection.execute(
                 "UPDATE idempotency SET status = ?, answer = ? WHERE key = ? AND user = ? AND status = ?",

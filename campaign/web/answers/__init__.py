@@ -1,1 +1,1 @@
-"""Answers of the service: columns kept ready, questions to them, and the processes that compute."""
+"""Answers to questions about samples: cached columns, the questions, and the processes that compute."""

@@ -1,4 +1,4 @@
-"""Questions to the campaigns of a store, answered with the command's numbers: computed once, then kept as bytes."""
+"""Answers to questions about campaigns, with the numbers of the command line; each is computed once and cached."""
 
 import asyncio
 import hashlib
@@ -27,11 +27,11 @@ from campaign.web.answers.questions import (
 from campaign.web.answers.rows_version import rows_version
 from campaign.web.answers.sample_page import samples_answer
 
-KEPT_BYTES = 64 << 20  # of all answers
-MOST_SETTINGS, LONGEST_SETTING = 200, 1000  # in a question; characters
-FRESH_FOR = 1.0  # s, in which a campaign is not looked at again
-LOOKING_SHARE = 0.05  # of the time, that looking at a campaign may take
-_OF_A_QUESTION = 2.0  # for so many times as long as a question took, the rows stay those that it was asked of
+KEPT_BYTES = 64 << 20  # size of all cached answers
+MOST_SETTINGS, LONGEST_SETTING = 200, 1000  # settings in a question; characters in a setting
+FRESH_FOR = 1.0  # s in which a campaign is not looked at again
+LOOKING_SHARE = 0.05  # share of the time that looking at a campaign may take
+_OF_A_QUESTION = 2.0  # the version of the rows is not checked again for this multiple of a question's computing time
 
 
 @dataclass(frozen=True)
@@ -41,9 +41,9 @@ class Answer:
     Attributes
     ----------
     content : bytes
-        JSON.
+        The answer as JSON.
     etag : str
-        Names the rows, the question and the version of the program; in quotes, as HTTP wants it.
+        ETag of the rows, the question and the version of the program, in quotes, as HTTP requires.
     """
 
     content: bytes
@@ -52,27 +52,27 @@ class Answer:
 
 @dataclass
 class _Version:
-    """Which rows a campaign has, and until when that is taken for true."""
+    """The version of a campaign's rows, and the time until which it is not checked again."""
 
     name: str
     until: float
 
 
 class Answers:
-    """Answers questions to the campaigns of a store, in one event loop.
+    """Answer questions about the campaigns of a store, in one event loop.
 
     Parameters
     ----------
     pool : JobPool
         The processes that compute.
     store : Store
-        Where the campaigns are.
+        The store of the campaigns.
     folder : Path
-        Of the columns; see `campaign.web.answers.column_cache.columns_folder`.
+        Folder of the cached columns; see `campaign.web.answers.column_cache.columns_folder`.
     at_most : int
-        Bytes of the files in the folder.
+        Largest size of the files in the folder [bytes].
     kept_bytes : int
-        Bytes of the answers that are kept.
+        Largest size of the cached answers [bytes].
     """
 
     def __init__(
@@ -89,13 +89,13 @@ class Answers:
         Parameters
         ----------
         user : str
-            Who asks.
+            The user who asks.
         campaign : str
-            Its whole id.
+            Full id of the campaign.
         settings : sequence of str
-            Each ``VARIABLE.KEY=VALUE``.
+            Changes of distributions, each ``VARIABLE.KEY=VALUE``.
         preview : bool
-            Ask only the first 100,000 samples. If there are more, the document has
+            Whether to use only the first 100,000 samples. If there are more, the document has
             ``"preview": {"rows": 100000, "of": ...}``; without this key it is exact.
 
         Raises
@@ -112,7 +112,7 @@ class Answers:
     async def histogram(
         self, user: str, campaign: str, response: str, settings: Sequence[str] = (), *, preview: bool = False
     ) -> Answer:
-        """Return the bins of a response before and after a change; see `questions.histogram_answer`, and `what_if`."""
+        """Return the bins of a response before and after a change; see `questions.histogram_answer` and `what_if`."""
         checked = _checked(settings) if settings else ()
         return await self._ask(user, histogram_answer, [campaign], response, checked, preview)
 
@@ -124,17 +124,17 @@ class Answers:
         return await self._ask(user, histograms_answer, [campaign], checked, preview)
 
     async def advise(self, user: str, campaign: str) -> Answer:
-        """Return the document of ``clearcap advise CAMPAIGN --json``; errors as of `what_if`."""
+        """Return the document of ``clearcap advise CAMPAIGN --json``; it raises the errors of `what_if`."""
         return await self._ask(user, advice_answer, [campaign])
 
     async def allocate(self, user: str, campaign: str, costs: str | Mapping[str, Any]) -> Answer:
-        """Return the document of ``clearcap advise CAMPAIGN --cost FILE --json``, of a cost file's text or tables."""
+        """Return the document of ``clearcap advise CAMPAIGN --cost FILE --json`` for a cost file's text or tables."""
         return await self._ask(user, allocation_answer, [campaign], costs)
 
     async def compare(self, user: str, campaign: str, other: str) -> Answer:
-        """Return two campaigns side by side, as ``capability.json`` of a report against the other does.
+        """Return the comparison of two campaigns that is in ``capability.json`` of a report against the other one.
 
-        The document is ``{"campaign", "store", "comparison": {...}}``; errors as of `what_if`.
+        The document is ``{"campaign", "store", "comparison": {...}}``; the errors are those of `what_if`.
         """
         return await self._ask(user, comparison_answer, [campaign, other])
 
@@ -143,7 +143,10 @@ class Answers:
         return await self._ask(user, samples_answer, [campaign], sort, status, cursor, count)
 
     async def version(self, campaign: str) -> str:
-        """Return which rows a campaign has, at most a second or twenty times the time of looking old.
+        """Return the version of a campaign's rows.
+
+        It is looked up again after a second, or after twenty times the duration of the last look, if that is longer.
+        After a question was computed, it is kept for twice the computing time.
 
         Raises
         ------
@@ -158,7 +161,7 @@ class Answers:
         return known.name
 
     async def _look(self, campaign: str) -> bytes:
-        """Find out which rows a campaign has; remember it."""
+        """Look up and cache the version of a campaign's rows."""
         begun = monotonic()
         name = await asyncio.to_thread(rows_version, self._store, campaign)
         now = monotonic()
@@ -168,7 +171,7 @@ class Answers:
         return name.encode()
 
     async def _ask(self, user: str, question: Callable[..., Any], campaigns: Sequence[str], *rest: Any) -> Answer:
-        """Return the answer to a question to some campaigns, kept or computed."""
+        """Return the answer to a question about some campaigns, from the cache or computed."""
         versions = [await self.version(campaign) for campaign in campaigns]
         asked = [self._program, self._store.url, question.__name__, *campaigns, *versions, *rest]
         key = hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()
@@ -179,19 +182,19 @@ class Answers:
         return Answer(content, f'"{key[:32]}"')
 
     def _rows(self, campaign: str, version: str) -> AskedRows:
-        """Return what names the rows of a campaign to a worker."""
+        """Return the description of a campaign's rows for a worker."""
         return AskedRows(self._store.files.full_url, campaign, version, str(self._folder), self._at_most)
 
     def _computing(
         self, key: str, user: str, question: Callable[..., Any], rows: list[AskedRows], rest: Sequence[Any]
     ) -> Callable[[], Coroutine[None, None, bytes]]:
-        """Return what computes an answer and keeps it."""
+        """Return a function that computes an answer and caches it."""
 
         async def compute() -> bytes:
             begun = monotonic()
             content = await self._pool.run(user, question, *rows, *rest)
             self._kept.put(key, content)
-            # while rows arrive, the next question of a user who moves a slider is not again the first of its rows
+            # keep the version while rows arrive: otherwise each step of a slider would have to load new rows
             until = monotonic() + _OF_A_QUESTION * (monotonic() - begun)
             for asked in rows:
                 known = self._versions.get(asked.campaign)
@@ -203,7 +206,7 @@ class Answers:
 
 
 def _checked(settings: Sequence[str]) -> tuple[str, ...]:
-    """Return settings if there are some, not too many, and none too long."""
+    """Return settings after checking that there are some, not too many, and none too long."""
     if not settings:
         raise SpecError("no --set is given, so no distribution changes; write for example --set J1.std=0.01")
     if len(settings) > MOST_SETTINGS or any(len(setting) > LONGEST_SETTING for setting in settings):

@@ -1,4 +1,4 @@
-"""A private folder with the columns of campaigns, one mapped file for each; it may be deleted at any time."""
+"""A private folder with the columns of campaigns, one memory-mapped file each; it may be deleted at any time."""
 
 import fcntl
 import hashlib
@@ -18,8 +18,8 @@ from campaign.web.answers.growing_columns import SourcedColumns, grown_columns
 from engine import FolderError
 from engine.private_folder import private_folder
 
-USUAL_SIZE = 4 << 30  # bytes: thirty campaigns of a million rows
-ABANDONED_AFTER = 3600.0  # s: no file takes so long to write
+USUAL_SIZE = 4 << 30  # bytes; enough for thirty campaigns of a million rows
+ABANDONED_AFTER = 3600.0  # s; no file takes this long to write
 _ENDING = ".columns"
 logger = logging.getLogger(__name__)
 
@@ -30,12 +30,12 @@ def columns_folder() -> Path:
     Raises
     ------
     SpecError
-        If somebody else could have filled it, or it cannot be made.
+        If another user could have written to it, or it cannot be created.
     """
     try:
         cache = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
         return private_folder(cache, "clearcap", "columns")
-    except (FolderError, OSError, RuntimeError) as error:  # RuntimeError: this user has no home
+    except (FolderError, OSError, RuntimeError) as error:  # RuntimeError: this user has no home folder
         raise SpecError(
             f"the columns of campaigns cannot be kept: {error}; name a folder in which only you can write with"
             " XDG_CACHE_HOME"
@@ -43,31 +43,31 @@ def columns_folder() -> Path:
 
 
 class ColumnCache:
-    """Keeps the columns of campaigns that questions read.
+    """Cache of the columns of campaigns that questions read.
 
     Parameters
     ----------
     folder : Path
-        This user's alone; see `columns_folder`.
+        A folder that only this user can access; see `columns_folder`.
     at_most : int
-        Bytes of all files together. Beyond that, those go that were not used for longest.
+        Largest size of all files together [bytes]; beyond it the least recently used files are removed.
     """
 
     def __init__(self, folder: Path, at_most: int = USUAL_SIZE) -> None:
         self._folder, self._at_most = folder, at_most
 
     def columns(self, store: Store, plan: Plan, version: str) -> SampleColumns:
-        """Return the columns of a campaign, from their file; what no sound file has, from the store.
+        """Return the columns of a campaign, from their file if there is an intact one, otherwise from the store.
 
         Parameters
         ----------
         store : Store
-            Where the campaign is.
+            The store of the campaign.
         plan : Plan
             The campaign.
         version : str
-            Of its rows; see `campaign.web.answers.rows_version`. The file of an earlier version is
-            replaced: rows whose parts are as they were are taken from it.
+            Version of its rows; see `campaign.web.answers.rows_version`. The file of an earlier version is replaced;
+            rows whose parts have not changed are taken from it.
 
         Raises
         ------
@@ -78,7 +78,7 @@ class ColumnCache:
         """
         place = hashlib.sha256(f"{store.url}\n{plan.campaign_id}".encode()).hexdigest()[:16]
         path = self._folder / f"{place}-{version[:32]}{_ENDING}"
-        with self._only_one(place):  # of several processes that ask for the same columns, one builds them
+        with self._only_one(place):  # if several processes need the same columns, one of them builds them
             if (kept := self._kept(path, version)) is not None:
                 return kept.columns
             sourced = grown_columns(store, plan, self._earlier(place))
@@ -89,11 +89,11 @@ class ColumnCache:
                 return sourced.columns
             self._remove_superseded(path, place)
             self._remove_oldest()
-            # the columns that were read are given back to the system at once; those of the file cost none of it
+            # mapped columns take no memory of this process, so that of the columns read from the store is freed
             return map_columns(path, version, just_written=True).columns if path.exists() else sourced.columns
 
     def _kept(self, path: Path, version: str | None) -> SourcedColumns | None:
-        """Return what is in a file; None if it is not there or not sound."""
+        """Return the columns in a file; None if the file is missing or damaged."""
         try:
             sourced = map_columns(path, version)
             os.utime(path)
@@ -105,24 +105,24 @@ class ColumnCache:
         return sourced
 
     def _earlier(self, place: str) -> SourcedColumns | None:
-        """Return the columns of an earlier version of the rows; None if there are none."""
+        """Return the columns of an earlier version of the rows; None if there is no intact file of them."""
         return next(filter(None, (self._kept(path, None) for path in self._folder.glob(f"{place}-*{_ENDING}"))), None)
 
     @contextmanager
     def _only_one(self, place: str) -> Iterator[None]:
-        """Hold a lock on the columns of a campaign; there are sixteen, so that their files need not be removed."""
+        """Hold a lock on the columns of a campaign; there are only sixteen lock files, so they are never removed."""
         with open(self._folder / f"{place[0]}.lock", "wb") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             yield
 
     def _remove_superseded(self, path: Path, place: str) -> None:
-        """Remove the files of earlier versions; who has mapped one keeps it."""
+        """Remove the files of earlier versions; a process that has mapped one can still read it."""
         for other in self._folder.glob(f"{place}-*{_ENDING}"):
             if other != path:
                 other.unlink(missing_ok=True)
 
     def _remove_oldest(self) -> None:
-        """Remove what was not used for longest until the rest is within bounds, and what a killed process left."""
+        """Remove the least recently used files until the rest is small enough, and leftovers of killed processes."""
         found = []
         for path in self._folder.iterdir():
             with suppress(FileNotFoundError):

@@ -1,7 +1,7 @@
-"""One file with the columns of a campaign that questions read: it is mapped into memory, not read.
+"""A file with the columns of a campaign that questions read; it is mapped into memory, not read.
 
-It is an Arrow file with one batch of rows, and the SHA-256 of it behind. A file that is cut short, changed or another's
-is found out when it is opened, and so costs no more than building it again.
+It is an Arrow file with one batch of rows, followed by its SHA-256. A truncated or changed file, or one with other
+columns, is detected when it is opened, and is then built again.
 """
 
 import hashlib
@@ -24,21 +24,21 @@ _KEY, _SOURCES = b"clearcap.columns", b"clearcap.sources"
 
 
 def write_columns(path: Path, key: str, sourced: SourcedColumns) -> None:
-    """Write a file of columns, whole or not at all, replacing an earlier one.
+    """Write a file of columns atomically, replacing an earlier one.
 
     Parameters
     ----------
     path : Path
         The file.
     key : str
-        What the columns are; who opens the file must ask for the same.
+        Identifies the columns; `map_columns` must be given the same key.
     sourced : SourcedColumns
-        The columns, and what they come from.
+        The columns and their sources.
 
     Raises
     ------
     OSError
-        If it cannot be written.
+        If the file cannot be written.
     """
     columns = sourced.columns
     arrays = {_NUMBER: _as_it_is(pa.int64(), columns.number)}
@@ -61,23 +61,23 @@ def write_columns(path: Path, key: str, sourced: SourcedColumns) -> None:
 
 
 def map_columns(path: Path, key: str | None, *, just_written: bool = False) -> SourcedColumns:
-    """Return the columns in a file; their memory is the file's, and cannot be written.
+    """Map a file of columns into memory and return them; the arrays are read-only.
 
     Parameters
     ----------
     path : Path
         The file.
     key : str or None
-        What the columns must be; None: anything.
+        Key that the columns must have; None accepts any.
     just_written : bool
-        This process has written the file a moment ago: its digest is not checked.
+        Whether this process has just written the file, so that its digest need not be checked.
 
     Raises
     ------
     OSError
-        If it cannot be opened.
+        If the file cannot be opened.
     ValueError
-        If it is damaged, or holds other columns.
+        If the file is damaged, or holds other columns.
     """
     with pa.memory_map(str(path)) as source:
         content = source.read_buffer()
@@ -98,10 +98,10 @@ def map_columns(path: Path, key: str | None, *, just_written: bool = False) -> S
 
 
 def _is_sound(content: memoryview, end: int) -> bool:
-    """Return whether a file is as it was written: its digest follows from byte ``end`` on."""
+    """Return whether a file is intact; its digest begins at byte ``end``."""
     return hashlib.sha256(content[:end]).digest() == content[end:].tobytes()
 
 
 def _as_it_is(kind: pa.DataType, values: NDArray[np.generic]) -> pa.Array:
-    """Return numbers as an Arrow array, without a copy or a look at each: NaN stays NaN."""
+    """Return numbers as an Arrow array without copying or inspecting them, so that NaN stays NaN."""
     return pa.Array.from_buffers(kind, values.size, [None, pa.py_buffer(np.ascontiguousarray(values))])

@@ -1,4 +1,4 @@
-"""Compiling the engine when the server starts: by one process, announced, while whoever asks is told to come again."""
+"""Compilation of the engine when the server starts: one process compiles while users are asked to try again later."""
 
 import asyncio
 import logging
@@ -14,17 +14,17 @@ TO_WARM_UP = JobLimits(processor_s=600.0, wall_s=900.0)  # the engine may have t
 USUAL_S, LEAST_S = (
     30.0,
     5.0,
-)  # s that compiling takes on a machine of one's own; least between two questions whether it is over
+)  # s that compiling takes on a dedicated machine; shortest time after which users are asked to try again [s]
 logger = logging.getLogger(__name__)
 
 
 class EngineCompiling(JobPostponed):
-    """A job waits for the engine, which is being compiled.
+    """A job cannot run yet, because the engine is being compiled.
 
     Attributes
     ----------
     retry_after_s : int
-        When to ask again [s].
+        Time after which to try again [s].
     """
 
     def __init__(self, seconds: float) -> None:
@@ -36,14 +36,14 @@ class EngineCompiling(JobPostponed):
 
 
 class Compilation:
-    """Warms processes up, and sees to it that only one of them compiles; the others load what it has compiled.
+    """Warm processes up so that only one of them compiles the engine and the others load the compiled code.
 
     Parameters
     ----------
     warm_up : callable or None
-        The job that compiles and loads the engine; None if processes need none.
+        The job that compiles and loads the engine; None if processes need no warm-up.
     is_compiled : callable or None
-        The job that returns whether warming up will only load; None if nothing is ever compiled.
+        The job that returns whether warming up will only load compiled code; None if nothing is ever compiled.
     """
 
     def __init__(self, warm_up: Callable[[], Any] | None, is_compiled: Callable[[], bool] | None) -> None:
@@ -54,17 +54,17 @@ class Compilation:
 
     @property
     def seconds(self) -> float | None:
-        """For how long the engine has been compiled so far [s]; None if it is not being compiled."""
+        """Time that the engine has been compiling so far [s]; None if it is not being compiled."""
         since = self._since
         return None if since is None else monotonic() - since
 
     async def warm(self, process: JobProcess) -> None:
-        """Warm a process up; errors are those of `JobProcess.ask`."""
+        """Warm a process up; raise the errors of `JobProcess.ask`."""
         if self._warm_up is None:
             return
         if not await self._loads_only(process):
             async with self._one:
-                if not await self._loads_only(process):  # unless another one has compiled it meanwhile
+                if not await self._loads_only(process):  # no other process has compiled it meanwhile
                     await self._compile(process, self._warm_up)
                     return
         await process.ask(self._warm_up, (), TO_WARM_UP)
@@ -75,7 +75,7 @@ class Compilation:
         Raises
         ------
         EngineCompiling
-            As soon as the engine is being compiled, if the process is not warm by then.
+            If the engine is being compiled and the process is not warm yet.
         """
         if task.done():
             return await task
@@ -93,7 +93,7 @@ class Compilation:
         return self._is_compiled is None or await process.ask(self._is_compiled, (), TO_WARM_UP) == b"true"
 
     async def _compile(self, process: JobProcess, warm_up: Callable[[], Any]) -> None:
-        """Compile the engine and say so; while it lasts, it is known for how long."""
+        """Compile the engine and log it; meanwhile, `seconds` returns the time so far."""
         self._since = start = monotonic()
         self._begun.set()
         logger.info(

@@ -1,4 +1,4 @@
-"""Rows of a campaign as Arrow, Parquet or CSV, made while they are sent: some ten thousand rows are in memory."""
+"""Rows of a campaign as Arrow, Parquet or CSV, generated while they are sent, some ten thousand rows at a time."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from campaign.plan import Plan
 from campaign.store import Store
 from campaign.version import clearcap_version
 
-# What a file of each kind is called, and its media type.
+# The media type of each format.
 FORMATS = {
     "arrow": "application/vnd.apache.arrow.stream",
     "parquet": "application/vnd.apache.parquet",
@@ -24,16 +24,16 @@ FORMATS = {
 
 @dataclass(frozen=True)
 class RowSelection:
-    """Which rows and columns.
+    """A selection of rows and columns.
 
     Attributes
     ----------
     columns : tuple of str
-        Names of columns, in this order; all if it is empty.
+        Names of the columns, in this order; empty selects all.
     first, last : int or None
-        Least and largest sample.
+        Smallest and largest sample number.
     statuses : tuple of str
-        Statuses of runs; all if it is empty.
+        Statuses of the runs; empty selects all.
     """
 
     columns: tuple[str, ...] = ()
@@ -43,16 +43,16 @@ class RowSelection:
 
 
 def rows_etag(version: str, kind: str, selection: RowSelection) -> str:
-    """Return what names the bytes of an export, in quotes: rows, format, selection, and what writes them.
+    """Return the ETag of an export, in quotes: a digest of rows, format, selection, and versions of the software.
 
     Parameters
     ----------
     version : str
-        Of the rows; see `campaign.web.answers.rows_version`.
+        Version of the rows; see `campaign.web.answers.rows_version`.
     kind : str
         One of `FORMATS`.
     selection : RowSelection
-        What is exported.
+        The exported rows and columns.
     """
     import hashlib
 
@@ -66,28 +66,28 @@ def export_rows(
     kind: str,
     selection: RowSelection = RowSelection(),  # it is immutable
 ) -> Iterator[bytes]:
-    """Return the bytes of a file of rows, in the order of the samples, a piece at a time.
+    """Return the bytes of a file of rows, in the order of the samples, as an iterator of pieces.
 
-    The first piece is made before this function returns, so that what is wrong is said before anything is sent.
+    The first piece is generated before this function returns, so that errors are raised before anything is sent.
 
     Parameters
     ----------
     store : Store
-        Where the campaign is.
+        The store of the campaign.
     plan : Plan
         The campaign.
     kind : str
         ``arrow`` (a stream of batches, not a file), ``parquet`` or ``csv``. Arrow and Parquet keep the units in the
         metadata of the columns.
     selection : RowSelection
-        Which rows and columns; missing batches are left out.
+        The rows and columns; missing batches are left out.
 
     Raises
     ------
     SpecError
-        If there is no such format or column, or the range is empty.
+        If there is no such format or column, a column is named twice, or the range is empty.
     StoreError
-        If the store cannot be read; later, while the pieces are made, too.
+        If the store cannot be read; the iterator may raise it too.
     """
     if kind not in FORMATS:
         raise SpecError(f"format {kind}: unknown; allowed: {', '.join(FORMATS)}")
@@ -118,7 +118,7 @@ def _pieces(store: Store, plan: Plan, kind: str, names: list[str], selection: Ro
 
 
 def _selected(store: Store, plan: Plan, names: list[str], selection: RowSelection) -> Iterator[pa.Table]:
-    """Yield the rows and columns that are selected; reading stops behind the last sample."""
+    """Yield the selected rows and columns; reading stops after the last sample."""
     read = list(dict.fromkeys(["sample", *(["status"] if selection.statuses else []), *names]))
     for table in store.stream(plan, read):
         numbers = table["sample"].to_numpy()
@@ -135,7 +135,7 @@ def _selected(store: Store, plan: Plan, names: list[str], selection: RowSelectio
 
 
 class _Pieces:
-    """A file to be written that hands on what is written."""
+    """A writable file that keeps what is written until it is taken."""
 
     closed = False
 
@@ -144,34 +144,34 @@ class _Pieces:
         self._size = 0
 
     def write(self, content: Any) -> int:
-        """Keep what is written until it is taken."""
+        """Keep `content` until it is taken; return its size [bytes]."""
         self._written.append(bytes(content))
         self._size += len(self._written[-1])
         return len(self._written[-1])
 
     def tell(self) -> int:
-        """Return how much was written in all."""
+        """Return the number of bytes written in total."""
         return self._size
 
     def flush(self) -> None:
-        """Do nothing: everything is here already."""
+        """Do nothing, because nothing is buffered elsewhere."""
 
     def close(self) -> None:
-        """Do nothing: what was written last is still to be taken."""
+        """Do nothing, because the last bytes have not been taken yet."""
 
     def writable(self) -> bool:
-        """Return that it can be written."""
+        """Return True: the file is writable."""
         return True
 
     def take(self) -> bytes:
-        """Return what was written since the last time."""
+        """Return the bytes written since the last call."""
         content = b"".join(self._written)
         self._written.clear()
         return content
 
 
 class _TableWriter(Protocol):
-    """What Arrow, Parquet and CSV writers have in common."""
+    """The common interface of Arrow, Parquet and CSV writers."""
 
     def __enter__(self) -> "_TableWriter": ...
 
@@ -182,7 +182,7 @@ class _TableWriter(Protocol):
 
 
 def _writer(kind: str, sink: _Pieces, schema: pa.Schema) -> _TableWriter:
-    """Return what writes tables in a format."""
+    """Return a writer of tables in a format."""
     file = pa.PythonFile(sink, "w")
     match kind:
         case "arrow":

@@ -1,7 +1,7 @@
-"""Columns of a campaign that is still computed: those of an earlier look grow by the rows that came since.
+"""Columns of a running campaign, which are extended by the rows that were stored since the last look.
 
-What each batch's rows come from is kept beside the columns. Where that is as it was, the rows are too; only the rest is
-read from the store. So the columns are always those that reading all rows would give, to the bit.
+The source of each batch's rows is kept beside the columns. Batches with an unchanged source have unchanged rows; only
+the other batches are read from the store. The columns are bit for bit those that reading all rows would give.
 """
 
 import hashlib
@@ -16,17 +16,17 @@ from campaign.store import Store
 from campaign.store.parts import folder
 from campaign.store.rows import holders
 
-Sources = Mapping[int, str]  # of each batch that has files: a digest of their names and stamps
+Sources = Mapping[int, str]  # for each batch with files, a digest of their names and stamps
 
 
 @dataclass(frozen=True)
 class SourcedColumns:
-    """Columns, and what they come from.
+    """Columns and their sources.
 
     Attributes
     ----------
     columns : SampleColumns
-        The samples, in their order.
+        The samples, sorted by number.
     sources : dict of int to str
         See `sources_of`.
     """
@@ -36,16 +36,16 @@ class SourcedColumns:
 
 
 def grown_columns(store: Store, plan: Plan, earlier: SourcedColumns | None) -> SourcedColumns:
-    """Return the columns of a campaign as they are now.
+    """Return the current columns of a campaign.
 
     Parameters
     ----------
     store : Store
-        Where it is.
+        The store of the campaign.
     plan : Plan
         The campaign.
     earlier : SourcedColumns or None
-        What an earlier look returned; None: all rows are read.
+        Result of an earlier call; None if all rows are to be read.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def grown_columns(store: Store, plan: Plan, earlier: SourcedColumns | None) -> S
     StoreError
         If the store cannot be read.
     """
-    sources = sources_of(store, plan)  # before the rows: what is replaced meanwhile is read again the next time
+    sources = sources_of(store, plan)  # before the rows, so that batches replaced meanwhile are read again next time
     kept = {} if earlier is None or list(earlier.columns.values) != column_names(plan) else earlier.sources
     same = {batch for batch, source in kept.items() if sources.get(batch) == source}
     columns = samples_in(plan, store.stream(plan, ["sample", *column_names(plan)], sources.keys() - same))
@@ -66,7 +66,7 @@ def grown_columns(store: Store, plan: Plan, earlier: SourcedColumns | None) -> S
 
 
 def sources_of(store: Store, plan: Plan) -> Sources:
-    """Return of each batch a digest of what its rows come from: files with their stamps, and where the table ends."""
+    """Return for each batch a digest of its rows' source: the files with their stamps, and the end of the table."""
     stamps, end = store.files.stamps(folder(plan)), store.end(plan)
     sources = {}
     for batch, names in sorted(holders(plan, stamps).items()):
@@ -84,7 +84,7 @@ def _rows_of(plan: Plan, columns: SampleColumns, batches: set[int]) -> SampleCol
 
 
 def _merged(some: SampleColumns, others: SampleColumns) -> SampleColumns:
-    """Return samples of different batches in their order."""
+    """Return the samples of two sets of batches, sorted by number."""
     number = np.concatenate([some.number, others.number])
     order = np.argsort(number, kind="stable")
     values = {name: np.concatenate([column, others.values[name]])[order] for name, column in some.values.items()}

@@ -1,8 +1,8 @@
-"""The process that computes jobs, one after the other, which `campaign.web.answers.job_process` starts.
+"""The process that computes jobs one after the other; `campaign.web.answers.job_process` starts it.
 
-It reads jobs from its standard input, each a pickle. It answers on what was its standard output with a line of JSON and
-the bytes that this line announces: whoever asks needs not unpickle anything that a process sends which has read what
-strangers wrote. When its input is closed, it ends at once.
+It reads pickled jobs from its standard input. It answers on its original standard output, with a line of JSON and the
+number of bytes that this line announces. The server thus never unpickles data from a process that has read content from
+strangers. The process ends as soon as its input is closed.
 """
 
 import json
@@ -30,9 +30,9 @@ Job = tuple[Callable[..., Any], tuple[Any, ...], JobLimits]
 
 def main() -> None:
     """Compute jobs until standard input is closed."""
-    for from_a_terminal in (signal.SIGINT, signal.SIGHUP):  # they are for the process that serves
+    for from_a_terminal in (signal.SIGINT, signal.SIGHUP):  # the server process handles them
         signal.signal(from_a_terminal, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # it may hold the secrets of a store
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # a core dump could contain the secrets of a store
     requests, answers = _take_pipes()
     jobs: queue.SimpleQueue[Job] = queue.SimpleQueue()
     threading.Thread(target=_read, args=(requests, jobs), name="jobs", daemon=True).start()
@@ -41,7 +41,7 @@ def main() -> None:
 
 
 def _take_pipes() -> tuple[BinaryIO, BinaryIO]:
-    """Return the pipes from and to the parent; what jobs read is empty, and what they print goes to standard error."""
+    """Return the pipes from and to the parent; give jobs an empty standard input and send their output to stderr."""
     requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
@@ -51,19 +51,19 @@ def _take_pipes() -> tuple[BinaryIO, BinaryIO]:
 
 
 def _read(requests: BinaryIO, jobs: "queue.SimpleQueue[Job]") -> None:
-    """Put each request into the queue; end the process when there are no more, also amid a job."""
+    """Put each request into the queue; end the process when the input ends, even during a job."""
     try:
         while True:
             jobs.put(pickle.load(requests))
     except EOFError:
         os._exit(0)
-    except BaseException:  # a thread's error ends nothing by itself
+    except BaseException:  # an error in a thread does not end the process by itself
         traceback.print_exc()
         os._exit(1)
 
 
 def _answer(job: Callable[..., Any], arguments: tuple[Any, ...], limits: JobLimits) -> tuple[dict[str, Any], bytes]:
-    """Return the head and the content of the answer to a job."""
+    """Compute a job and return the head and the content of its answer."""
     try:
         with memory_limit(limits.memory_gib):
             _limit_processor_time(limits.processor_s)
@@ -74,7 +74,7 @@ def _answer(job: Callable[..., Any], arguments: tuple[Any, ...], limits: JobLimi
     except CampaignError as error:
         return _failure(_kind(error), str(error), error), b""
     except Exception as error:
-        from engine import EngineError  # by now it is loaded, if a job can have raised it
+        from engine import EngineError  # already loaded if a job can have raised it
 
         if isinstance(error, EngineError):
             return _failure("SpecError", str(error), error), b""
@@ -89,7 +89,7 @@ def _answer(job: Callable[..., Any], arguments: tuple[Any, ...], limits: JobLimi
 
 
 def _limit_processor_time(seconds: float) -> None:
-    """Let the system end this process when it has taken so much more processor time."""
+    """Let the system end this process after `seconds` more of processor time [s]."""
     used = resource.getrusage(resource.RUSAGE_SELF)
     hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
     limit = math.ceil(used.ru_utime + used.ru_stime + seconds)
@@ -97,17 +97,17 @@ def _limit_processor_time(seconds: float) -> None:
 
 
 def _json(answer: Any) -> bytes:
-    """Return plain data as JSON; a number that is not finite becomes null."""
+    """Return plain data as JSON; numbers that are not finite become null."""
     return json.dumps(json_values(answer), ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
 
 
 def _kind(error: CampaignError) -> str:
-    """Return the name of an error's class among those of the campaign."""
+    """Return the name of an error's nearest class that is defined in `campaign.errors`."""
     return next(base.__name__ for base in type(error).__mro__ if base.__module__ == CampaignError.__module__)
 
 
 def _failure(kind: str, message: str, error: Exception | None = None) -> dict[str, Any]:
-    """Return the head of an answer that is an error."""
+    """Return the head of an answer that reports an error."""
     faults = getattr(error, "faults", None)
     if faults is not None:
         faults = [asdict(fault) if is_dataclass(fault) and not isinstance(fault, type) else fault for fault in faults]
@@ -119,5 +119,5 @@ def _send(answers: BinaryIO, head: dict[str, Any], content: bytes) -> None:
     try:
         answers.write(json.dumps(head, default=str).encode() + b"\n" + content)
         answers.flush()
-    except BrokenPipeError:  # the process that serves has ended
+    except BrokenPipeError:  # the server process has ended
         os._exit(1)

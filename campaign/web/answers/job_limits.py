@@ -1,4 +1,4 @@
-"""What a job may take, and how it ends if it takes more."""
+"""Resource limits of a job, and the errors of jobs that end without an answer."""
 
 from dataclasses import dataclass
 
@@ -7,16 +7,16 @@ from campaign.errors import CampaignError
 
 @dataclass(frozen=True)
 class JobLimits:
-    """What one job may take.
+    """Resource limits of one job.
 
     Attributes
     ----------
     processor_s : float
         Processor time [s].
     wall_s : float
-        Time from when it begins [s].
+        Wall-clock time since its start [s].
     memory_gib : float
-        Memory of its process [GiB], mapped files apart.
+        Memory of its process, without mapped files [GiB].
     answer_mib : float
         Size of its answer [MiB].
     """
@@ -28,12 +28,12 @@ class JobLimits:
 
 
 class JobFailed(CampaignError):
-    """A job ended without an answer, for a reason of the server's own: its process ended, or it has a bug."""
+    """A job ended without an answer for an internal reason: its process ended, or it has a bug."""
 
 
 class JobTooLarge(JobFailed):
-    """A job needs more processor time or memory, or a larger answer, than it may have: its user asks for too much."""
+    """A job exceeded its processor time, memory or answer size, because its user asked for too much."""
 
 
 class JobPostponed(JobFailed):
-    """A job cannot be computed now: no process could be started, or it waits too long for the machine or the store."""
+    """A job cannot be computed now: no process could be started, or it waited too long for the machine or the store."""

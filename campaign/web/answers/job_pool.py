@@ -1,8 +1,8 @@
-"""Processes for jobs that take processor time, so that the process that serves stays responsive.
+"""A pool of processes for jobs that need processor time, so that the server process stays responsive.
 
-They are few, stay warm, and are replaced when a job takes too much, ends its process, or is cancelled. They are the
-project's own and not a library's, because a job needs limits of its own, a process an environment without the service's
-secrets, and its answer must not be unpickled; what a library would still do is less than what it would bring.
+The processes are few, stay warm, and are replaced when a job exceeds its limits, ends its process, or is cancelled. No
+library is used, because each job needs its own limits, each process an environment without the secrets of the service,
+and answers must not be unpickled; the little that a library could still do is not worth the dependency.
 """
 
 import asyncio
@@ -24,21 +24,21 @@ logger = logging.getLogger(__name__)
 
 
 class JobPool:
-    """Processes that compute jobs, one each at a time; an asynchronous context, in one event loop.
+    """A pool of processes that compute one job each at a time; an asynchronous context manager in one event loop.
 
     Parameters
     ----------
     processes : int
-        How many.
+        Number of processes.
     quota : Quota
-        What each user may ask for at a time.
+        Number of jobs that each user may have at a time.
     limits : JobLimits
-        What a job may take, unless it says otherwise.
+        Default limits of a job.
     warm_up : callable, optional
-        What each process does before its first job, such as `engine.warm_up`.
+        Job that each process runs before its first job, such as `engine.warm_up`.
     is_compiled : callable, optional
-        Job that returns whether warming up only loads; if it will compile, one process does and jobs are refused
-        meanwhile.
+        Job that returns whether warming up only loads compiled code; if it does not, one process compiles, and jobs are
+        refused meanwhile.
     """
 
     def __init__(
@@ -53,11 +53,11 @@ class JobPool:
         self._compilation = Compilation(warm_up, is_compiled)
         self._turns = Turns(processes, quota)
         self._count = processes
-        self._idle: list[asyncio.Task[JobProcess]] = []  # last in, first out: what it has mapped may serve again
+        self._idle: list[asyncio.Task[JobProcess]] = []  # last in, first out: its mapped columns may be used again
         self._all: set[asyncio.Task[JobProcess]] = set()
 
     async def __aenter__(self) -> "JobPool":
-        """Start the processes; they warm up meanwhile."""
+        """Start the processes, which warm up in the background."""
         for _ in range(self._count):
             self._start()
         return self
@@ -72,52 +72,52 @@ class JobPool:
 
     @property
     def running(self) -> int:
-        """Number of jobs that run."""
+        """Number of running jobs."""
         return self._turns.running
 
     @property
     def waiting(self) -> int:
-        """Number of jobs that wait for their turn."""
+        """Number of jobs waiting for their turn."""
         return self._turns.waiting
 
     @property
     def compiling_s(self) -> float | None:
-        """For how long the engine has been compiled so far [s]; None if it is not being compiled."""
+        """Time that the engine has been compiling so far [s]; None if it is not being compiled."""
         return self._compilation.seconds
 
     @property
     def by_user(self) -> dict[str, tuple[int, int]]:
-        """Number of jobs that run, and of those that wait, of each user who has some."""
+        """Numbers of running and of waiting jobs, for each user with jobs."""
         return self._turns.by_user
 
     async def run(self, user: str, job: Callable[..., Any], *arguments: Any, limits: JobLimits | None = None) -> bytes:
-        """Compute a job in one of the processes when it is the user's turn; cancelling this call ends it.
+        """Compute a job in one of the processes when it is the user's turn; cancelling this call ends the job.
 
         Parameters
         ----------
         user : str
-            Who asks.
+            The user who asks.
         job : callable
-            A function of a module, which returns plain data or bytes.
+            A module-level function that returns plain data or bytes.
         *arguments
-            What it is called with.
+            Arguments of the function.
         limits : JobLimits, optional
-            What it may take.
+            Limits of the job; by default those of the pool.
 
         Returns
         -------
         bytes
-            As the job returned them, or JSON of its plain data; numbers that are not finite are null.
+            The bytes that the job returned, or its plain data as JSON; numbers that are not finite are null.
 
         Raises
         ------
         Busy
-            If too many jobs wait already; it says when to try again.
+            If too many jobs are waiting already; it says when to try again.
         CampaignError
-            What the job raised; its attribute ``faults`` is None or the faults of an input as data.
+            The error that the job raised; its attribute ``faults`` is None or the faults of an input as data.
         JobFailed
-            If the job ended its process or has a bug; `JobTooLarge` if it took more than it may, `JobPostponed` if no
-            process could be started for it or it waited too long, `EngineCompiling` while the engine is compiled.
+            If the job ended its process or has a bug; `JobTooLarge` if it exceeded its limits, `JobPostponed` if no
+            process could be started for it or it waited too long, `EngineCompiling` while the engine is being compiled.
         """
         async with self._turns.turn(user):
             task = self._take()
@@ -151,13 +151,13 @@ class JobPool:
         return json.loads(await self.run(user, job, *arguments, limits=limits))
 
     def _start(self) -> None:
-        """Start a process, which is idle once it is warm."""
+        """Start a process that becomes idle; jobs that get it wait until it is warm."""
         task = asyncio.get_running_loop().create_task(self._warm_process())
         self._all.add(task)
         self._idle.append(task)
 
     async def _warm_process(self) -> JobProcess:
-        """Return a process that has warmed up."""
+        """Start a process, warm it up and return it."""
         process = await JobProcess.start()
         try:
             await self._compilation.warm(process)
@@ -167,12 +167,12 @@ class JobPool:
         return process
 
     def _take(self) -> "asyncio.Task[JobProcess]":
-        """Take an idle process, if possible one that is warm; one that has ended meanwhile is replaced.
+        """Take an idle process, preferably a warm one; processes that have ended are replaced first.
 
         Raises
         ------
         JobPostponed
-            If there is none, because the pool has ended.
+            If there is no process, because the pool has ended.
         """
         for task in [task for task in self._idle if task.done() and not _is_alive(task)]:
             self._idle.remove(task)
@@ -184,18 +184,18 @@ class JobPool:
         return warm
 
     def _replace(self, task: "asyncio.Task[JobProcess]") -> None:
-        """Start a process in place of one that has ended."""
+        """Replace a process that has ended by a new one, unless the pool has ended."""
         self._all.discard(task)
         if self._count:
             self._start()
 
     async def _end(self, task: "asyncio.Task[JobProcess]") -> None:
-        """End a process, also one that is still warming up."""
+        """End a process, even one that is still warming up."""
         task.cancel()
         with suppress(asyncio.CancelledError, CampaignError, OSError):
             await (await task).end()
 
 
 def _is_alive(task: "asyncio.Task[JobProcess]") -> bool:
-    """Return whether the process that a finished task has started runs."""
+    """Return whether the process that a finished task has started is alive."""
     return not task.cancelled() and task.exception() is None and task.result().alive

@@ -1,4 +1,4 @@
-"""A process that computes jobs, seen from the one that serves: start it, ask it, end it."""
+"""The server's handle to a process that computes jobs: start it, send it jobs, end it."""
 
 import asyncio
 import json
@@ -18,27 +18,27 @@ from campaign.web.answers import job_limits
 from campaign.web.answers.job_child import COMMAND
 from campaign.web.answers.job_limits import JobFailed, JobLimits, JobPostponed, JobTooLarge
 
-# What a process needs of the environment; whatever else the service has there, secrets of its own too, it does not get.
+# Environment variables that a job process needs; it does not get the others, some of which are secrets of the service.
 _PASSED_ON = re.compile(
     r"PATH|HOME|USER|LANG|LC_.*|TZ|TMPDIR|LD_LIBRARY_PATH|PYTHON.*|VIRTUAL_ENV|XDG_CACHE_HOME|NUMBA_.*|MPLBACKEND"
     r"|CLEARCAP_TEMPORARY_CACHE|(HTTPS?|NO|ALL)_PROXY|SSL_CERT_(FILE|DIR)|AWS_.*|FSSPEC_.*|GOOGLE_APPLICATION_CREDENTIALS"
     r"|AZURE_STORAGE_.*",
     re.IGNORECASE,
 )
-# Arrays of a million numbers come from memory that was given back a moment ago. With fresh pages for each, as glibc
-# chooses by itself, a question to a million samples takes half as much again.
+# These settings let arrays of a million numbers reuse memory that was just freed. With fresh pages for each array, the
+# default of glibc, a question about a million samples takes half as long again.
 _REUSED_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(256 << 20), "MALLOC_TRIM_THRESHOLD_": str(512 << 20)}
 _ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 _LARGEST_HEAD = 2**20  # bytes of the line before an answer
 
 
 def job_environment(environment: Mapping[str, str] | None = None) -> dict[str, str]:
-    """Return the environment of a process that computes jobs: what paths, languages and stores need, and no more.
+    """Return the environment of a job process, with only the variables that paths, locales and stores need.
 
     Parameters
     ----------
     environment : mapping of str to str, optional
-        That of the service; by default this process's.
+        Environment of the service; by default that of this process.
     """
     given = python_environment() if environment is None else environment
     return {name: value for name, value in given.items() if _PASSED_ON.fullmatch(name)} | _ONE_THREAD | _REUSED_MEMORY
@@ -50,7 +50,7 @@ class JobProcess:
     Parameters
     ----------
     process : asyncio.subprocess.Process
-        Which `start` has started.
+        The process, started by `start`.
     """
 
     def __init__(self, process: Process) -> None:
@@ -58,7 +58,7 @@ class JobProcess:
 
     @classmethod
     async def start(cls) -> "JobProcess":
-        """Start a process; it leads a session of its own, so that what jobs start ends with it."""
+        """Start a process as the leader of its own session, so that processes started by jobs can be ended with it."""
         process = await asyncio.create_subprocess_exec(
             *COMMAND, stdin=PIPE, stdout=PIPE, env=job_environment(), start_new_session=True, limit=_LARGEST_HEAD
         )
@@ -71,20 +71,20 @@ class JobProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether it has not ended, as far as is known."""
+        """Whether the process is not known to have ended."""
         return self._process.returncode is None
 
     async def ask(self, job: Callable[..., Any], arguments: tuple[Any, ...], limits: JobLimits) -> bytes:
-        """Return the answer to a job: bytes, or JSON of plain data.
+        """Compute a job and return its answer: bytes, or plain data as JSON.
 
         After `JobFailed`, TimeoutError or a cancellation the process must be ended.
 
         Raises
         ------
         CampaignError
-            What the job raised. An attribute ``faults`` has the faults of an input as data, None if there are none.
+            The error that the job raised; its attribute ``faults`` is None or the faults of an input as data.
         JobFailed
-            If its process ended; `JobTooLarge` if it took more than it may, `JobPostponed` if it waited too long.
+            If the process ended; `JobTooLarge` if the job exceeded its limits, `JobPostponed` if it waited too long.
         """
         stdin, stdout = self._process.stdin, self._process.stdout
         assert stdin is not None
@@ -109,7 +109,7 @@ class JobProcess:
         return content
 
     async def end(self) -> None:
-        """Kill the process, and what its job has started."""
+        """Kill the process and the processes that its job has started."""
         if self.alive:
             with suppress(ProcessLookupError):
                 os.killpg(self._process.pid, signal.SIGKILL)
@@ -118,7 +118,7 @@ class JobProcess:
             self._process.stdin.close()
 
     async def _why_ended(self, limits: JobLimits) -> JobFailed:
-        """Return the error of a job whose process has ended."""
+        """Return the error for a job whose process has ended."""
         status = await self._process.wait()
         if status == -signal.SIGXCPU:
             return JobTooLarge(f"it takes more than {limits.processor_s:g} s of processor time; ask for less")
@@ -127,6 +127,6 @@ class JobProcess:
 
 
 def _error(kind: str) -> type[CampaignError]:
-    """Return a class of errors by its name."""
+    """Return the error class with a name; `JobFailed` if there is none."""
     found = getattr(job_limits, kind, None) or getattr(errors, kind, JobFailed)
     return found if isinstance(found, type) and issubclass(found, CampaignError) else JobFailed

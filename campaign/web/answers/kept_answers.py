@@ -1,4 +1,4 @@
-"""Answers that are kept as bytes, and questions that are computed once when they are asked at the same time."""
+"""A cache of answers as bytes, and a way to compute an answer once for simultaneous equal questions."""
 
 import asyncio
 from collections import OrderedDict
@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 from campaign.web.answers.turns import Busy
 
-_OVERHEAD = 500  # bytes of the key and its place
+_OVERHEAD = 500  # bytes of the key and its entry
 
 
 class KeptAnswers:
-    """The answers that were asked for last.
+    """A cache of the most recently used answers.
 
     Parameters
     ----------
     at_most : int
-        Bytes of all answers together.
+        Largest size of all answers together [bytes].
     """
 
     def __init__(self, at_most: int) -> None:
@@ -24,14 +24,14 @@ class KeptAnswers:
         self._answers: OrderedDict[str, bytes] = OrderedDict()
 
     def get(self, key: str) -> bytes | None:
-        """Return an answer, None if it is not kept."""
+        """Return an answer; None if it is not in the cache."""
         found = self._answers.get(key)
         if found is not None:
             self._answers.move_to_end(key)
         return found
 
     def put(self, key: str, answer: bytes) -> None:
-        """Keep an answer; those that were not asked for longest go."""
+        """Keep an answer; drop the least recently used ones if the cache is full."""
         self._size -= _size(self._answers.pop(key, None))
         self._answers[key] = answer
         self._size += _size(answer)
@@ -41,31 +41,32 @@ class KeptAnswers:
 
 
 def _size(answer: bytes | None) -> int:
-    """Return what an answer takes [bytes]."""
+    """Return the memory that an answer takes [bytes]."""
     return 0 if answer is None else len(answer) + _OVERHEAD
 
 
 @dataclass
 class _Flight:
-    """A computation under way, and how many wait for it."""
+    """A computation in progress, and the number of calls that wait for it."""
 
     task: "asyncio.Task[bytes]"
     waiting: int = 0
 
 
 class SingleFlight:
-    """Computes an answer once for all who ask at the same time, and cancels it when none of them waits."""
+    """Compute an answer once for simultaneous equal questions; cancel it when nobody waits for it any more."""
 
     def __init__(self) -> None:
         self._flights: dict[str, _Flight] = {}
 
     async def once(self, key: str, compute: Callable[[], Coroutine[None, None, bytes]]) -> bytes:
-        """Return the outcome of ``compute``, or that of an equal computation that is under way.
+        """Return the result of ``compute``, or that of a computation in progress with the same key.
 
         Raises
         ------
         Busy
-            If this call's own computation may not wait. That another's may not is no reason: it is tried again.
+            If this call's own computation is refused. If another user's computation, which this call waited for, is
+            refused, this call tries again.
         """
         while True:
             flight = self._flights.get(key)
@@ -86,6 +87,6 @@ class SingleFlight:
                     self._forget(key, flight.task)
 
     def _forget(self, key: str, task: "asyncio.Task[bytes]") -> None:
-        """Let the next who asks compute anew."""
+        """Drop a finished computation, so that the next call computes again."""
         if key in self._flights and self._flights[key].task is task:
             del self._flights[key]

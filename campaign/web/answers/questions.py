@@ -1,7 +1,7 @@
-"""Questions to the samples of a campaign, as a worker process answers them: plain data in, plain data out.
+"""Questions about the samples of a campaign, as a worker process answers them, with plain data in and out.
 
-A worker keeps the plans and the mapped columns of the campaigns that were asked last, so that a question costs what its
-arithmetic costs.
+A worker keeps the plans and mapped columns of the campaigns that were used last, so that a question takes only as long
+as its arithmetic.
 """
 
 from collections.abc import Mapping
@@ -26,24 +26,24 @@ from reporting import ReportError, capability
 from reporting.shape.histogram import histogram
 from reporting.tolerance.reweighting import Weights, weights
 
-PREVIEW_ROWS = 100_000  # of a million, they give Cpk to within 0.001
+PREVIEW_ROWS = 100_000  # these rows give the Cpk of a million rows to within 0.001
 KEPT_CAMPAIGNS = 8  # plans and mapped columns that a worker keeps
 
 
 @dataclass(frozen=True)
 class AskedRows:
-    """The rows that are asked.
+    """The rows that a question is about.
 
     Attributes
     ----------
     store : str
-        Path or URL of the store, with what access takes.
+        Path or URL of the store, including what is needed for access.
     campaign : str
         Id of the campaign.
     version : str
-        Of its rows; see `campaign.web.answers.rows_version`.
+        Version of its rows; see `campaign.web.answers.rows_version`.
     folder : str
-        Of the cache of columns.
+        Folder of the cache of columns.
     at_most : int
         Largest size of the cache [bytes].
     """
@@ -57,7 +57,7 @@ class AskedRows:
 
 @dataclass(frozen=True)
 class _Opened:
-    """A campaign that a worker has open: where it is, its plan and its columns."""
+    """A campaign that a worker has opened: the URL of its store, its plan and its columns."""
 
     url: str
     plan: Plan
@@ -66,7 +66,7 @@ class _Opened:
 
 @lru_cache(maxsize=KEPT_CAMPAIGNS)
 def _opened(rows: AskedRows) -> _Opened:
-    """Return a campaign with its columns; a newer version of its rows is another."""
+    """Return a campaign with its columns; each version of its rows has its own cache entry."""
     store = open_store(rows.store, QUICK)
     plan = store.plan(rows.campaign)
     return _Opened(store.url, plan, ColumnCache(Path(rows.folder), rows.at_most).columns(store, plan, rows.version))
@@ -80,9 +80,9 @@ def what_if_answer(rows: AskedRows, settings: tuple[str, ...], preview: bool) ->
     rows : AskedRows
         The samples.
     settings : tuple of str
-        Each ``VARIABLE.KEY=VALUE``.
+        Changes of distributions, each ``VARIABLE.KEY=VALUE``.
     preview : bool
-        Take only the first 100,000 samples. If there are more, the document says so under ``preview``.
+        Whether to use only the first 100,000 samples. If there are more, the document says so under ``preview``.
     """
     opened = _opened(rows)
     columns, mark = _asked(opened.columns, preview)
@@ -91,15 +91,15 @@ def what_if_answer(rows: AskedRows, settings: tuple[str, ...], preview: bool) ->
 
 
 def histogram_answer(rows: AskedRows, response: str, settings: tuple[str, ...], preview: bool) -> dict[str, Any]:
-    """Return the bins of a response as it is and under changed distributions.
+    """Return the bins of a response, as sampled and under changed distributions.
 
     Returns
     -------
     dict
         ``response``, ``unit``, ``lsl``, ``usl``; ``edges`` (k + 1); ``before``, the number of samples in each bin (k);
-        ``after``, the same as the new distributions weight them, null without settings or where they refuse, with the
-        reason in ``refusal``. The sum of both is the number of samples with a value. ``mean``, ``std`` and ``cpk`` are
-        those of the samples as they are.
+        ``after``, the same with the weights of the new distributions, null without settings or if no weights are
+        possible, with the reason in ``refusal``. Both ``before`` and ``after`` add up to the number of samples with a
+        value. ``mean``, ``std`` and ``cpk`` are those of the samples without weights.
     """
     opened = _opened(rows)
     plan, (columns, mark) = opened.plan, _asked(opened.columns, preview)
@@ -111,7 +111,7 @@ def histogram_answer(rows: AskedRows, response: str, settings: tuple[str, ...], 
 
 
 def histograms_answer(rows: AskedRows, settings: tuple[str, ...], preview: bool) -> dict[str, Any]:
-    """Return ``campaign``, ``set`` and ``histograms``, of each response what `histogram_answer` says of it."""
+    """Return ``campaign``, ``set`` and ``histograms``, the bins of each response; see `histogram_answer`."""
     opened = _opened(rows)
     plan, (columns, mark) = opened.plan, _asked(opened.columns, preview)
     found = _weights(plan, columns, settings)
@@ -120,7 +120,7 @@ def histograms_answer(rows: AskedRows, settings: tuple[str, ...], preview: bool)
 
 
 def _weights(plan: Plan, columns: SampleColumns, settings: tuple[str, ...]) -> Weights | None:
-    """Return the weights of the samples under settings; None without any."""
+    """Return the weights of the samples under settings; None without settings."""
     if not settings:
         return None
     try:
@@ -130,7 +130,7 @@ def _weights(plan: Plan, columns: SampleColumns, settings: tuple[str, ...]) -> W
 
 
 def _bins(plan: Plan, columns: SampleColumns, response: str, found: Weights | None) -> dict[str, Any]:
-    """Return the bins of a response as it is and as weights make it."""
+    """Return the bins of a response with and without weights."""
     values, limits = columns.values[response], limits_of(plan)[response]
     finite = np.isfinite(values)
     bins, now = histogram(values[finite], *limits), capability(values, *limits)
@@ -162,7 +162,7 @@ def advice_answer(rows: AskedRows) -> dict[str, Any]:
 
 
 def allocation_answer(rows: AskedRows, costs: Mapping[str, Any] | str) -> dict[str, Any]:
-    """Return the document of ``clearcap advise --cost FILE --json``, for the text or the tables of a cost file."""
+    """Return the document of ``clearcap advise --cost FILE --json`` for the text or the tables of a cost file."""
     opened = _opened(rows)
     try:
         tables = parse_toml(costs.encode("utf-8", "surrogateescape")) if isinstance(costs, str) else costs
@@ -173,8 +173,8 @@ def allocation_answer(rows: AskedRows, costs: Mapping[str, Any] | str) -> dict[s
 
 
 def comparison_answer(rows: AskedRows, other: AskedRows) -> dict[str, Any]:
-    """Return two campaigns side by side; see `campaign.reports.campaign_comparison`."""
-    from campaign.reports.campaign_comparison import comparison_document  # loads what only reports need
+    """Return the comparison of two campaigns; see `campaign.reports.campaign_comparison`."""
+    from campaign.reports.campaign_comparison import comparison_document  # loads packages that only reports need
 
     if rows.campaign == other.campaign:
         raise SpecError(f"{other.campaign}: is the campaign itself; name another one to compare with")
@@ -183,7 +183,7 @@ def comparison_answer(rows: AskedRows, other: AskedRows) -> dict[str, Any]:
 
 
 def _asked(columns: SampleColumns, preview: bool) -> tuple[SampleColumns, dict[str, Any]]:
-    """Return the samples that a question takes, and what its document says if these are not all."""
+    """Return the samples that a question uses, and the ``preview`` entry of its document if these are not all."""
     total = columns.number.size
     if not preview or total <= PREVIEW_ROWS:
         return columns, {}

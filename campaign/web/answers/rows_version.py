@@ -1,4 +1,4 @@
-"""A version of the rows of a campaign: it changes with every row, and is known without reading rows."""
+"""The version of a campaign's rows, which changes with every new row and is found without reading rows."""
 
 import hashlib
 
@@ -8,17 +8,17 @@ from campaign.store.layout import MANIFEST, PARTS, PLAN, STOPPED
 
 
 def rows_version(store: Store, campaign: str) -> str:
-    """Return a digest of what determines the rows of a campaign: plan, manifest, files of rows, end.
+    """Return a digest of all that determines the rows of a campaign: its plan, manifest, files of rows, and end.
 
-    The manifest names each file with its size and digest. Files that it does not know yet count with name and size, as
-    they do for a survey. Merging files changes the version though the rows stay.
+    The manifest lists each file with its size and digest. Files that it does not list yet are identified by name and
+    size, as in a survey. Merging files changes the version, although the rows stay the same.
 
     Parameters
     ----------
     store : Store
-        Where the campaign is.
+        The store of the campaign.
     campaign : str
-        Its whole id.
+        Full id of the campaign.
 
     Returns
     -------

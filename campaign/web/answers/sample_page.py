@@ -1,4 +1,4 @@
-"""A page of the samples of a campaign, the worst first or by number, as a worker process makes it."""
+"""A page of the samples of a campaign, sorted by margin or by number, as a worker process computes it."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -17,7 +17,7 @@ from engine.arrays import Array
 
 SORTS = ("margin", "sample")
 OK, FAILED = "ok", "failed"
-STATUSES = (OK, FAILED, *FailedStatus)  # "failed" are all that are not ok
+STATUSES = (OK, FAILED, *FailedStatus)  # "failed" stands for all that are not ok
 
 
 def samples_answer(rows: AskedRows, sort: str, status: str | None, cursor: int, count: int) -> dict[str, Any]:
@@ -28,24 +28,25 @@ def samples_answer(rows: AskedRows, sort: str, status: str | None, cursor: int, 
     rows : AskedRows
         The samples.
     sort : str
-        ``margin``: the worst first, those without a value last; or ``sample``.
+        ``margin``, smallest first and samples without a margin last, or ``sample``, by number.
     status : str or None
-        One of `STATUSES`; None: all.
+        One of `STATUSES`; None selects all samples.
     cursor, count : int
-        How many samples are left out, and how many are returned.
+        Number of samples to skip, and largest number of samples to return.
 
     Returns
     -------
     dict
         ``samples``, each with ``sample``, ``status``, ``message``, ``responses``, ``margin`` and ``nearest``;
         ``total``, the number of samples with this status; ``next``, the cursor of the next page or None. The margin is
-        the least distance of a response from its limit, in standard deviations of this response among the samples,
-        below 0 outside; ``nearest`` is that response. Both are None where no response has a limit and a value.
+        the smallest distance of a response from its limit, in standard deviations of that response over the samples,
+        negative outside the limits; ``nearest`` is that response. Without a response that has a limit and a value, the
+        margin is NaN (null as JSON) and ``nearest`` is None.
 
     Raises
     ------
     SpecError
-        If there is no such order or status.
+        If there is no such sort order or status.
     StoreError
         If the store cannot be read.
     """
@@ -74,7 +75,7 @@ def samples_answer(rows: AskedRows, sort: str, status: str | None, cursor: int, 
 
 
 def _check(sort: str, status: str | None) -> None:
-    """Refuse an unknown order or status."""
+    """Raise SpecError for an unknown sort order or status."""
     if sort not in SORTS:
         raise SpecError(f"sort = {sort!r:.40}; allowed: {', '.join(SORTS)}")
     if status is not None and status not in STATUSES:
@@ -82,7 +83,7 @@ def _check(sort: str, status: str | None) -> None:
 
 
 def _having(table: pa.Table, status: str | None) -> Any:
-    """Return which rows have a status, as booleans of shape (n,)."""
+    """Return a boolean mask of the rows with a status, shape (n,)."""
     if status is None:
         return np.ones(table.num_rows, bool)
     found = table["status"].to_numpy() == (OK if status == FAILED else status)
@@ -90,7 +91,7 @@ def _having(table: pa.Table, status: str | None) -> Any:
 
 
 def _margins(plan: Plan, values: Mapping[str, Array]) -> tuple[Array, Any]:
-    """Return the least distance of each sample from a limit [sigmas], and the number of its response."""
+    """Return the smallest distance of each sample from a limit [sigmas], and the index of the response, both (n,)."""
     distances = []
     for name, (lsl, usl) in limits_of(plan).items():
         x = values[name]

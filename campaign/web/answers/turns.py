@@ -1,4 +1,4 @@
-"""Whose turn it is: a limit of jobs in all and of each user, users in rotation, and a limit to who may wait."""
+"""Turns of users: limits on running and waiting jobs, in total and for each user, with the users in rotation."""
 
 import asyncio
 import math
@@ -10,17 +10,17 @@ from time import monotonic
 
 from campaign.errors import CampaignError
 
-_USUAL_JOB = 1.0  # s, before any has ended
-_MEMORY = 0.2  # share of the last job in the mean time of a job
+_USUAL_JOB = 1.0  # s; assumed duration of a job before one has ended
+_MEMORY = 0.2  # weight of the last job in the mean duration of a job
 
 
 class Busy(CampaignError):
-    """A user has as many jobs waiting as he may, or all users together have.
+    """A user, or all users together, have as many jobs waiting as is allowed.
 
     Attributes
     ----------
     retry_after_s : int
-        When to try again [s], at least 1.
+        Time after which to try again [s], at least 1.
     """
 
     def __init__(self, message: str, retry_after_s: int) -> None:
@@ -33,16 +33,16 @@ class Busy(CampaignError):
 
 @dataclass(frozen=True)
 class Quota:
-    """What users may ask for at a time.
+    """Limits on the number of jobs at a time.
 
     Attributes
     ----------
     at_once : int
-        Jobs of a user that run at the same time.
+        Running jobs of a user.
     waiting : int
-        Jobs of a user that wait for their turn.
+        Waiting jobs of a user.
     waiting_in_all : int
-        Jobs of all users that wait.
+        Waiting jobs of all users.
     """
 
     at_once: int = 2
@@ -52,21 +52,21 @@ class Quota:
 
 @dataclass
 class _UserJobs:
-    """Jobs of one user: how many run, and those that wait for their turn."""
+    """The jobs of one user: the number of running ones, and the waiting ones."""
 
     running: int = 0
     waiting: "deque[asyncio.Future[None]]" = field(default_factory=deque)
 
 
 class Turns:
-    """Gives turns in one event loop.
+    """Give turns to the jobs of users, in one event loop.
 
     Parameters
     ----------
     places : int
-        Jobs that run at the same time.
+        Number of jobs that run at the same time.
     quota : Quota
-        What each user may ask for.
+        Limits of each user.
     """
 
     def __init__(self, places: int, quota: Quota) -> None:
@@ -76,17 +76,17 @@ class Turns:
 
     @property
     def waiting(self) -> int:
-        """Number of jobs that wait."""
+        """Number of waiting jobs."""
         return sum(len(jobs.waiting) for jobs in self._users.values())
 
     @property
     def running(self) -> int:
-        """Number of jobs that run."""
+        """Number of running jobs."""
         return self._places - self._free
 
     @property
     def by_user(self) -> dict[str, tuple[int, int]]:
-        """Number of jobs that run, and of those that wait, of each user who has some."""
+        """Numbers of running and of waiting jobs, for each user with jobs."""
         return {user: (jobs.running, len(jobs.waiting)) for user, jobs in self._users.items()}
 
     @asynccontextmanager
@@ -96,7 +96,7 @@ class Turns:
         Raises
         ------
         Busy
-            If too many jobs wait already.
+            If too many jobs are waiting already.
         """
         jobs = self._users.setdefault(user, _UserJobs())
         ready = asyncio.get_running_loop().create_future()
@@ -121,7 +121,7 @@ class Turns:
             self._leave(user, jobs)
 
     def _check_room(self, user: str, jobs: _UserJobs) -> None:
-        """Raise Busy if one more job may not wait."""
+        """Raise Busy if no further job may wait."""
         mine, all_jobs = len(jobs.waiting), self.waiting
         if mine < self._quota.waiting and all_jobs < self._quota.waiting_in_all:
             return
@@ -134,7 +134,7 @@ class Turns:
         raise Busy(f"{whose}, as many as may (limit {limit}); try again in {seconds} s", seconds)
 
     def _give(self) -> None:
-        """Give the free places to users in rotation; who gets one is last."""
+        """Give the free places to users in rotation; a user who gets one becomes the last."""
         while self._free:
             user = next(
                 (u for u, jobs in self._users.items() if jobs.waiting and jobs.running < self._quota.at_once), None
@@ -143,7 +143,7 @@ class Turns:
                 return
             jobs = self._users[user]
             ready = jobs.waiting.popleft()
-            if ready.cancelled():  # its job was given up a moment ago
+            if ready.cancelled():  # the job was cancelled a moment ago
                 self._forget_idle(user, jobs)
                 continue
             self._users[user] = self._users.pop(user)
@@ -152,7 +152,7 @@ class Turns:
             ready.set_result(None)
 
     def _leave(self, user: str, jobs: _UserJobs) -> None:
-        """Take back a place; its user is last in the rotation."""
+        """Take back a place; its user becomes the last in the rotation."""
         jobs.running -= 1
         self._free += 1
         self._users[user] = self._users.pop(user)
@@ -160,6 +160,6 @@ class Turns:
         self._give()
 
     def _forget_idle(self, user: str, jobs: _UserJobs) -> None:
-        """Forget a user without jobs."""
+        """Drop a user without jobs."""
         if not jobs.running and not jobs.waiting:
             self._users.pop(user, None)

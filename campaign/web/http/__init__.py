@@ -1,1 +1,1 @@
-"""What every request passes and every answer has: limits, headers, who asks, problems, audit, metrics."""
+"""Middleware and dependencies of every request: limits, headers, authentication, problem details, audit, metrics."""

@@ -1,4 +1,4 @@
-"""Who asks: the cookie of a session or a token, and whether a write comes from this server's own pages."""
+"""Authentication of requests by session cookie or token, and checks that a write comes from this server's own pages."""
 
 import hmac
 from collections.abc import Iterable
@@ -15,7 +15,7 @@ from campaign.web.http.problems import Refusal
 from campaign.web.web_service import Service
 
 COOKIE = "__Host-clearcap"
-SHARE_COOKIE = "__Host-clearcap-share"  # of its own, so that a shared link ends nobody's session
+SHARE_COOKIE = "__Host-clearcap-share"  # a separate cookie, so that opening a shared link ends nobody's session
 CSRF_FIELD = "csrf"
 CSRF_HEADER = "x-csrf-token"
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
@@ -28,23 +28,23 @@ _bearer = HTTPBearer(scheme_name="token", description="A token, or the secret of
 
 
 def service_of(request: Request) -> Service:
-    """Return the service that answers."""
+    """Return the service that answers a request."""
     service: Service = request.app.state.service
     return service
 
 
 def address_of(request: Request) -> str:
-    """Return the address that a request came from; behind a proxy the one that the proxy names."""
+    """Return the client address of a request; behind a proxy, the one that the proxy reports."""
     return request.client.host if request.client else "unknown"
 
 
 async def answering(request: Request) -> Service:
-    """Return the service that answers, where a call needs it; no dependency takes a thread, of which there are few."""
+    """Return the service, as a dependency of a call; it is async, because others would take one of the few threads."""
     return service_of(request)
 
 
 async def asking(request: Request, _: object = Security(_cookie), __: object = Security(_bearer)) -> Principal:
-    """Return who asks.
+    """Return the principal of a request, as a dependency of a call.
 
     Raises
     ------
@@ -53,7 +53,7 @@ async def asking(request: Request, _: object = Security(_cookie), __: object = S
     """
     principal = known(request)
     if not request.headers.get("authorization") and request.method not in SAFE_METHODS:
-        request.state.who, request.state.how = principal.name, "a page in his name"  # of a refusal's audit entry
+        request.state.who, request.state.how = principal.name, "a page in his name"  # for the audit entry of a refusal
         check_origin(request)
         await check_form(request, principal.csrf)
     request.state.principal = principal
@@ -61,7 +61,7 @@ async def asking(request: Request, _: object = Security(_cookie), __: object = S
 
 
 def known(request: Request) -> Principal:
-    """Return whose session or token a request has, before anything of its body is read.
+    """Return the principal of a request's session or token, without reading the body.
 
     Raises
     ------
@@ -87,7 +87,7 @@ def known(request: Request) -> Principal:
 
 
 def is_still_known(request: Request) -> bool:
-    """Return whether the session or token of a request whose answer goes on has not ended since."""
+    """Return whether the session or token of a request is still valid, for an answer that lasts long."""
     try:
         known(request)
     except Refusal:
@@ -96,14 +96,14 @@ def is_still_known(request: Request) -> bool:
 
 
 def _refuse_token(service: Service, address: str) -> None:
-    """Refuse a wrong token; from an address that tried many, with 429."""
+    """Count a wrong token; raise a refusal with 429 if its address has sent many."""
     wait = service.throttle.attempt(f"token {place_of(address)}")
     if wait:
         raise Refusal(429, f"many wrong tokens; wait {wait:.0f} s", headers={"Retry-After": f"{wait + 1:.0f}"})
 
 
 def check_origin(request: Request) -> None:
-    """Refuse a write by a browser that does not come from this server's own pages: 403."""
+    """Refuse with 403 a browser's write that does not come from this server's own pages."""
     site, origin = request.headers.get("sec-fetch-site", "same-origin"), request.headers.get("origin")
     is_own = site in ("same-origin", "none") and (origin is None or _host_of(origin) == request.headers.get("host"))
     if not is_own:
@@ -111,7 +111,7 @@ def check_origin(request: Request) -> None:
 
 
 def _host_of(origin: str) -> str | None:
-    """Return host and port of an origin; None of ``null``, and of what no browser sends."""
+    """Return the host and port of an origin; None for ``null`` and for invalid origins, which no browser sends."""
     try:
         return urlsplit(origin).netloc or None
     except ValueError:
@@ -119,41 +119,42 @@ def _host_of(origin: str) -> str | None:
 
 
 async def check_form(request: Request, csrf: str) -> None:
-    """Refuse a write without the word that this session's pages send with each: 403."""
+    """Refuse with 403 a write without the CSRF token of its session."""
     given = request.headers.get(CSRF_HEADER)
     if given is None and request.headers.get("content-type", "").startswith(FORMS):
         given = (await request.form()).get(CSRF_FIELD)  # type: ignore[assignment]  # a file is no token
     if not isinstance(given, str) or not hmac.compare_digest(given.encode(), csrf.encode()):
-        await request.close()  # files that came with the form
+        await request.close()  # closes the files that came with the form
         raise Refusal(403, "the form is too old, or not from this server; load the page again")
 
 
 def lacks_role(principal: Principal, role: Role, what: str) -> Refusal:
-    """Return the refusal, 403, of what needs more than somebody's role."""
+    """Return the refusal, with 403, of a principal whose role is too low for `what`."""
     words = f"{principal.name} has the role {principal.role.word}; {what} needs the role {role.word}: ask an admin"
     return Refusal(403, words)
 
 
 @dataclass(frozen=True)
 class RoleNeeded:
-    """Refuse a principal with less than a role, with 403; for use with ``Depends``.
+    """A dependency that refuses, with 403, principals below a role; for use with ``Depends``.
 
     Attributes
     ----------
     role : Role
+        The lowest role that is accepted.
     """
 
     role: Role
 
     async def __call__(self, principal: Annotated[Principal, Depends(asking)]) -> Principal:
-        """Return the principal."""
+        """Return the principal if their role suffices."""
         if not principal.may(self.role):
             raise lacks_role(principal, self.role, "this")
         return principal
 
 
 async def needs_all_campaigns(principal: Annotated[Principal, Depends(asking)]) -> Principal:
-    """Refuse a shared link, which shows one campaign only: 403."""
+    """Return the principal; refuse a shared link with 403, because it shows one campaign only."""
     if principal.campaign is not None:
         raise Refusal(403, f"this link shows the campaign {principal.campaign} only; log in to see more")
     return principal
@@ -168,7 +169,7 @@ TheService = Annotated[Service, Depends(answering)]
 
 
 def who_may(calls: Iterable[object]) -> str:
-    """Return in words who may do what depends on some of the calls above: for the documentation."""
+    """Describe who may use a call with some of the dependencies above, for the API documentation."""
     known = list(calls)
     roles = [call.role for call in known if isinstance(call, RoleNeeded)]
     if roles:

@@ -1,4 +1,4 @@
-"""A stream of events that is open for long: it counts among those of its user, and ends with his login."""
+"""A long-lived event stream, which counts toward its user's limit and ends with the user's login."""
 
 from collections import Counter
 from collections.abc import AsyncGenerator, AsyncIterator
@@ -12,19 +12,19 @@ from campaign.web.http.asking import is_still_known
 
 
 class EventStream(StreamingResponse):
-    """An answer that follows something.
+    """An answer that sends events as they come.
 
-    It counts from its first moment: many that begin at once cannot all be the last one that is allowed.
+    It is counted when it is created, not when it starts, so that simultaneous requests cannot exceed the limit.
 
     Parameters
     ----------
     request : Request
-        When its session or token ends, the next event is not sent, nor any after it.
+        The request; when its session or token ends, no further event is sent.
     events : async generator of bytes
     counts : Counter of str
-        Open streams by user.
+        Number of open streams by user.
     user : str
-        Who follows.
+        The user who follows the events.
     """
 
     def __init__(self, request: Request, events: AsyncGenerator[bytes], counts: Counter[str], user: str) -> None:
@@ -42,7 +42,7 @@ class EventStream(StreamingResponse):
 
 
 async def _while_known(request: Request, events: AsyncGenerator[bytes]) -> AsyncIterator[bytes]:
-    """Yield events as long as the session or token of a request has not ended."""
+    """Yield events as long as the session or token of a request is valid."""
     async with aclosing(events):
         async for event in events:
             if not is_still_known(request):

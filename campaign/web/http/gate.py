@@ -1,4 +1,4 @@
-"""What every request passes before it is looked at: its host, its size and the time that its body takes."""
+"""The outermost middleware, which checks the host, body size and body time of every request."""
 
 import asyncio
 import re
@@ -26,25 +26,25 @@ HEADERS = {
     "Cache-Control": "no-store",
 }
 TRANSPORT_SECURITY = "max-age=31536000"
-UPLOADS = "/api/v1/campaigns", "/api/v1/checks/campaign", "/campaigns/new"  # where files are sent
-LARGEST_DOCUMENT = 8 * 1024**2  # bytes, of what is sent elsewhere: nothing else is answered while it is parsed
-OPEN_FORM, LARGEST_OPEN_FORM = "/login", 64 * 1024  # where strangers send something, and how much of it [bytes]
+UPLOADS = "/api/v1/campaigns", "/api/v1/checks/campaign", "/campaigns/new"  # paths that receive files
+LARGEST_DOCUMENT = 8 * 1024**2  # bytes of a body on other paths: no other request is answered while it is parsed
+OPEN_FORM, LARGEST_OPEN_FORM = "/login", 64 * 1024  # form open to everybody, and its largest body [bytes]
 _HOST = re.compile(r"(\[[0-9a-fA-F:.]+\]|[A-Za-z0-9.-]+)(?::(\d{1,5}))?")
 
 
 class Gate:
-    """Refuse requests for other hosts, with too large or too slow bodies; add the headers that every answer has.
+    """Refuse requests for other hosts or with too large or too slow bodies; add the headers common to all answers.
 
     Parameters
     ----------
     app : ASGI application
-        What is behind the gate.
+        The application behind the gate.
     names : iterable of str
-        Host names by which the server may be addressed, besides those of loopback. A page of another site that has its
-        own name lead to this machine (DNS rebinding) is refused by its host name.
+        Host names by which the server may be addressed, besides those of loopback. Requests for other names are
+        refused, which also stops a foreign site whose own name resolves to this machine (DNS rebinding).
     limits : Limits
     secure : bool
-        The browser speaks TLS.
+        Whether browsers connect by TLS.
     """
 
     def __init__(self, app: ASGIApp, names: Iterable[str], limits: Limits, secure: bool) -> None:
@@ -98,19 +98,19 @@ class Gate:
             raise Refusal(421, f"host {host!r:.100}: this server has other names; clearcap serve --name adds one")
 
     def _largest_body(self, path: str) -> int:
-        """Return how large the body of a request may be [bytes]."""
+        """Return the largest size that the body of a request may have [bytes]."""
         if path in UPLOADS:
             return self._limits.body
         return min(self._limits.body, LARGEST_OPEN_FORM if path == OPEN_FORM else LARGEST_DOCUMENT)
 
     def _bounded(self, receive: Receive, most: int) -> Receive:
-        """Return a reader of the body that ends with an exception when it has become too long, or takes too long."""
+        """Return a reader of the body that raises a refusal when the body becomes too large or takes too long."""
         size, limits = 0, self._limits
         over, ended = asyncio.get_running_loop().time() + limits.body_seconds, False
 
         async def read() -> Message:
             nonlocal size, ended
-            if ended:  # waits for the end of the connection
+            if ended:  # the application waits for the end of the connection
                 return await receive()
             try:
                 async with asyncio.timeout_at(over):
@@ -129,7 +129,7 @@ class Gate:
 
 
 def _check_length(length: bytes, most: int) -> None:
-    """Refuse a body that says that it is too large."""
+    """Refuse a body whose Content-Length is too large or is not a number."""
     if not length.isdigit() or int(length[:20]) > most:
         raise _body_too_large(most)
 
@@ -139,5 +139,5 @@ def _body_too_large(most: int) -> Refusal:
 
 
 def _body_refused(status: int, detail: str) -> Refusal:
-    """Return the refusal of a body; what is still to come of it is not read."""
+    """Return the refusal of a body; it closes the connection, because the rest of the body is not read."""
     return Refusal(status, detail, headers={"Connection": "close"})

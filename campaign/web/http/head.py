@@ -1,17 +1,19 @@
-"""HEAD: the head of the answer that GET would get."""
+"""Middleware for HEAD requests, which are answered with the head of the answer to GET."""
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-ONCE = ("/login/", "/shared/")  # where GET is no safe method: it begins a session, by a link that may work only once
+ONCE = ("/login/", "/shared/")  # paths where GET is not safe: it begins a session, with a link that may work only once
 
 
 class Head:
-    """Answer HEAD as GET, and send no body (RFC 9110, section 9.3.2); what looks at a link must not use it up.
+    """Answer HEAD like GET, but without the body (RFC 9110, section 9.3.2).
+
+    Paths with one-time links are left out, so that a program that previews a link does not use it up.
 
     Parameters
     ----------
     app : ASGI application
-        It knows GET alone.
+        The application, which handles GET but not HEAD.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -29,6 +31,6 @@ class Head:
                 return
             scope.update({key: asked[key] for key in ("route", "path_params") if key in asked})  # for the log
             await send(message)
-            await send({"type": "http.response.body"})  # so that an answer without an end, such as events, ends here
+            await send({"type": "http.response.body"})  # ends the answer here, even an endless one such as events
 
         await self._app(asked, receive, send_head)

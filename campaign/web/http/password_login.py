@@ -1,4 +1,4 @@
-"""Check a password, and slow down guessing."""
+"""Password login with a throttle on guessing."""
 
 from fastapi import Request
 
@@ -9,12 +9,12 @@ from campaign.web.http.problems import Refusal
 
 
 def checked_user(request: Request, name: str, password: str) -> User | None:
-    """Return the user with a name and a password; None if they do not belong together.
+    """Return the user with a name and a password; None if the password is wrong or there is no such user.
 
     Raises
     ------
     Refusal
-        429 after many failures for this name or from this address, 503 if many passwords are checked now.
+        429 after many failures for this name or from this address, 503 if too many passwords are being checked.
     """
     service = service_of(request)
     by_name, by_address = f"name {name}", f"address {place_of(address_of(request))}"

@@ -1,4 +1,4 @@
-"""Problem details (RFC 9457): every refusal says what is wrong, where, and what to do, in the words of the command."""
+"""Problem details (RFC 9457): every refusal says what is wrong, where, and what to do, as the command line does."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
@@ -16,25 +16,25 @@ from engine.faults.fault import Fault
 
 MEDIA_TYPE = "application/problem+json"
 MOST_FAULTS, _LONGEST_VALUE = 100, 80
-PAGE_RELOADS = 5  # s, after which a page that waits for the engine loads itself again
-WITHOUT_PROBLEM = (206, 304, 416)  # answers that are no refusals, or have no body
+PAGE_RELOADS = 5  # s after which a page that waits for the engine reloads itself
+WITHOUT_PROBLEM = (206, 304, 416)  # statuses of answers that are not refusals or have no body
 
 
 class Refusal(Exception):
-    """A request is refused.
+    """The refusal of a request.
 
     Parameters
     ----------
     status : int
-        Status of the answer.
+        HTTP status of the answer.
     detail : str
-        What is wrong, for the user.
+        Explanation for the user.
     faults : list of dict
-        Faults of what was sent, each with its key.
+        Faults of the content that was sent, each with its key.
     headers : dict of str to str
-        More headers of the answer.
+        Additional headers of the answer.
     reload_after_s : int, optional
-        When a page that shows the refusal loads itself again [s].
+        Time after which a page that shows the refusal reloads itself [s].
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Refusal(Exception):
 
 
 class FieldFault(BaseModel):
-    """A fault of what was sent."""
+    """A fault of the content that was sent."""
 
     keys: list[str] = Field(description="Tables and key, from the outside in", examples=[["variables", "J1", "std"]])
     text: str = Field(description="What is wrong, what is allowed, and the remedy")
@@ -71,18 +71,18 @@ class Problem(BaseModel):
 
 
 def problem(status: int, detail: str, faults: list[dict[str, Any]] | None = None) -> Problem:
-    """Return the details of a problem."""
+    """Return the problem details of a refusal."""
     marked = [FieldFault.model_validate(fault) for fault in faults or []]
     return Problem(title=HTTPStatus(status).phrase, status=status, detail=sendable(detail), faults=marked)
 
 
 def sendable(text: str) -> str:
-    """Return a text with its lone surrogates, as in the name of a file that is no UTF-8, written out."""
+    """Return a text with lone surrogates escaped, such as those of a file name that is not UTF-8."""
     return text.encode(errors="backslashreplace").decode()
 
 
 def refusal_of(error: Exception) -> Refusal | None:
-    """Return the refusal that an error of the house stands for, 4xx only where the user can mend it; None for a bug."""
+    """Return the refusal for an error of clearcap, with 4xx only if the user can fix it; None if the error is a bug."""
     if isinstance(error, Refusal):
         return error
     if isinstance(error, Busy):
@@ -102,19 +102,19 @@ def refusal_of(error: Exception) -> Refusal | None:
 
 
 def faults_of(error: Exception) -> list[dict[str, Any]]:
-    """Return the faults that an error names, those of files that a text names after those of the text.
+    """Return the faults that an error lists; faults of a file follow the fault of the text that refers to the file.
 
     Parameters
     ----------
     error : Exception
-        Its ``faults`` are `engine.faults.fault.Fault`, or, from another process, their fields.
+        Its ``faults`` are `engine.faults.fault.Fault` objects, or dicts of their fields if another process sent them.
     """
     faults = getattr(error, "faults", None) or ()
     return _listed([asdict(each) if isinstance(each, Fault) else each for each in faults], None)
 
 
 def _listed(faults: Iterable[Mapping[str, Any]], file: str | None) -> list[dict[str, Any]]:
-    """Return the faults of a text or a file, each followed by those within."""
+    """Return the faults of a text or a file, each followed by the faults within it."""
     found = []
     for fault in faults:
         value = fault.get("value")
@@ -126,7 +126,7 @@ def _listed(faults: Iterable[Mapping[str, Any]], file: str | None) -> list[dict[
 
 
 def described(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Return the documentation of the refusals of a call, and of answers without a body, for OpenAPI."""
+    """Return the OpenAPI documentation of a call's refusals and of its answers without a body."""
     content = {MEDIA_TYPE: {"schema": {"$ref": f"#/components/schemas/{Problem.__name__}"}}}
     return {
         status: {"description": HTTPStatus(status).phrase} | ({} if status in WITHOUT_PROBLEM else {"content": content})
@@ -135,6 +135,6 @@ def described(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 
 def problem_schemas() -> dict[str, Any]:
-    """Return the schemas of problem details, to which `described` refers, for the components of OpenAPI."""
+    """Return the schemas of problem details, which `described` refers to, for the OpenAPI components."""
     schema = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
     return {**schema.pop("$defs"), Problem.__name__: schema}

@@ -1,4 +1,4 @@
-"""What is kept of a request: a line of the log, counts for Prometheus, and of a write an entry of the audit trail."""
+"""Records of requests: a log line and Prometheus counts for each, and an audit entry for each write."""
 
 import json
 import logging
@@ -19,12 +19,12 @@ from campaign.web.http.problems import MEDIA_TYPE, Refusal, problem
 
 logger = logging.getLogger("clearcap.requests")
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
-MOST_OF_STRANGERS, WITHIN = 30, 300.0  # writes of nobody known from one place that are audited, in so many seconds
+MOST_OF_STRANGERS, WITHIN = 30, 300.0  # unauthenticated writes from one place that are audited, within this time [s]
 _SECRET = re.compile(r"clearcap_[a-z]+_[\w-]+")
 
 
 def show_requests(stream: TextIO | None = None) -> None:
-    """Write the log of requests to a stream, by default standard error: a JSON document a line, plain letters only."""
+    """Write the log of requests to a stream, by default standard error, as one line of ASCII JSON per request."""
     handler = logging.StreamHandler(stream)
     handler.setFormatter(logging.Formatter("%(message)s"))
     logger.handlers, logger.propagate = [handler], False
@@ -32,7 +32,7 @@ def show_requests(stream: TextIO | None = None) -> None:
 
 
 class Metrics:
-    """Counts of requests, and the registry of all that ``/metrics`` gives."""
+    """Counts of requests, and the registry of all metrics that ``/metrics`` returns."""
 
     def __init__(self) -> None:
         self.registry = CollectorRegistry()
@@ -44,9 +44,9 @@ class Metrics:
 
 
 class Record:
-    """Log and count each request; enter each write into the audit trail before it is answered; answer a bug by 500.
+    """Log and count each request, audit each write before it is answered, and answer with 500 after a bug.
 
-    Of writes by nobody known the first of each place are entered, so that strangers cannot fill the disk.
+    Only the first unauthenticated writes from each place are audited, so that strangers cannot fill the disk.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ class Record:
                 begun = True
                 try:
                     await self._record(scope, message["status"], time.perf_counter() - start)
-                except StoreError as error:  # of the audit trail: what it cannot take is not answered as done
+                except StoreError as error:  # a write that cannot be audited is not reported as done
                     refused = True
                     await self._refuse(scope, receive, send, error)
             if not refused:
@@ -80,7 +80,7 @@ class Record:
 
         try:
             await self._app(scope, receive, send_recorded)
-        except Refusal:  # of the gate
+        except Refusal:  # raised by the gate, which answers it
             raise
         except Exception:
             if begun:

@@ -1,4 +1,4 @@
-"""How much of each thing there is now in a service, for Prometheus: counted when it is asked."""
+"""Prometheus gauges of a service, which are counted when they are queried."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -13,23 +13,23 @@ from campaign.web.watch.watcher import Watcher
 
 
 class ServiceGauges(Collector):
-    """Counts campaigns by state, jobs that run and wait, and open event streams.
+    """Count campaigns by state, running and waiting jobs, and open event streams.
 
-    It may be asked in the event loop of the service only: nothing else keeps what it counts from changing meanwhile.
+    It may only be queried in the event loop of the service, because no lock keeps the counts from changing meanwhile.
 
     Parameters
     ----------
     watcher : Watcher
-        Knows campaigns and streams.
+        Holds the campaigns and streams.
     pool : JobPool
-        Knows the jobs.
+        Holds the jobs.
     """
 
     def __init__(self, watcher: Watcher, pool: JobPool) -> None:
         self._watcher, self._pool = watcher, pool
 
     def collect(self) -> Iterable[Metric]:
-        """Yield the gauges with their values now."""
+        """Yield the gauges with their current values."""
         campaigns = Counter(dict.fromkeys(LISTED_STATES, 0))
         campaigns.update(entry.state for entry, _ in self._watcher.index.entries())
         yield _by_state("clearcap_campaigns", "Campaigns by state, as the list has them", campaigns)
@@ -38,7 +38,7 @@ class ServiceGauges(Collector):
         yield GaugeMetricFamily("clearcap_event_streams", "Open event streams", self._watcher.followers)
 
     def describe(self) -> Iterable[Metric]:
-        """Yield nothing: the registry need not count when this collector is registered."""
+        """Return nothing, so that the registry does not count when this collector is registered."""
         return ()
 
 

@@ -1,4 +1,4 @@
-"""Answers that a client may have already, or may want in parts."""
+"""Answers with an ETag, for clients that already have the body or want only a part of it."""
 
 import re
 from hashlib import sha256
@@ -6,8 +6,8 @@ from hashlib import sha256
 from fastapi import Request
 from starlette.responses import Response
 
-TAGGED = (206, 304, 416)  # statuses, besides 200, of an answer that is `tagged`
-# of a drawing that is opened by itself: it has styles of its own, and runs and loads nothing
+TAGGED = (206, 304, 416)  # statuses, besides 200, of a `tagged` answer
+# policy for a drawing that is opened by itself: it has inline styles, and runs and loads nothing
 _DRAWING_POLICY = "sandbox; default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 _RANGE = re.compile(r"bytes=(\d{0,15})-(\d{0,15})")
 
@@ -18,13 +18,13 @@ def tagged(request: Request, body: bytes, media_type: str, headers: dict[str, st
     Parameters
     ----------
     request : Request
-        Who has the body already, by ``If-None-Match``, gets 304 without it. Who wants a part of it, by ``Range``, gets
-        206 with it, or 416 if there is no such part.
+        If its ``If-None-Match`` has the ETag, the answer is 304 without a body. If its ``Range`` asks for a part of the
+        body, the answer is 206 with that part, or 416 if there is no such part.
     body : bytes
         The whole body.
     media_type : str
     headers : dict of str to str, optional
-        More headers.
+        Additional headers.
     """
     tag = f'"{sha256(body).hexdigest()[:32]}"'
     headers = {"ETag": tag, "Cache-Control": "private, no-cache", "Accept-Ranges": "bytes", **(headers or {})}
@@ -44,7 +44,7 @@ def tagged(request: Request, body: bytes, media_type: str, headers: dict[str, st
 
 
 def _part(first: str, last: str, size: int) -> tuple[int, int]:
-    """Return where a range begins and ends; the end is not part of it."""
+    """Return the begin and end of a byte range; the end is exclusive."""
     if not first:  # the last bytes of the file
         return max(0, size - int(last)), size
     return int(first), min(size, int(last) + 1) if last else size

@@ -1,1 +1,1 @@
-"""What the processes of the server compute: plain data or bytes from plain data, each within limits."""
+"""Jobs for the processes of the server: functions from plain data to plain data or bytes, run within limits."""

@@ -1,6 +1,6 @@
-"""A campaign's form and its text, each made from the other, and what a page shows beside them: densities and faults.
+"""Conversion between the form and the text of a campaign, with the densities and faults that a page shows.
 
-The form has the keys that most campaigns need. All others, such as correlations, stay in the text as they are.
+The form has the keys that most campaigns need. All other keys, such as correlations, stay in the text unchanged.
 """
 
 import json
@@ -30,13 +30,13 @@ from engine.toml_file import UnfitToml, parse_toml, text_bytes
 
 Tables = dict[str, Any]
 TOP_KEYS = ("name", "title", "mechanism", "bench", "preset", "samples", "seed", "sampler")
-MOST_KEYS = 2000  # that a field proposes
-WIDTH, HEIGHT, POINTS = 120.0, 32.0, 61  # of the picture of a density
+MOST_KEYS = 2000  # largest number of keys that a field proposes
+WIDTH, HEIGHT, POINTS = 120.0, 32.0, 61  # size of the picture of a density, and number of its points
 _VARIABLE: TypeAdapter[Distribution] = TypeAdapter(Variable)
 
 
 def _numbers(schema: Mapping[str, Any]) -> dict[str, str]:
-    """Return the keys of a table that are numbers, with what each means; its bounds come last."""
+    """Return the numeric keys of a table, each with its description; the bounds come last."""
     found = {}
     for key, each in schema["properties"].items():
         kinds = {one.get("type") for one in (each, *each.get("anyOf", ()))}
@@ -52,22 +52,23 @@ STATISTICS = [str(each) for each in Stop.model_json_schema()["properties"]["stat
 
 
 def composed(source: CampaignSource, form: Tables | None = None, tries_runs: bool = False) -> Tables:
-    """Return a campaign's text and its form, one made from the other, and what is wrong with them.
+    """Return the text and the form of a campaign, one derived from the other, and their faults.
 
     Parameters
     ----------
     source : CampaignSource
-        The text, and what it may name.
+        The text, and the files and mechanisms that it may name.
     form : dict, optional
-        What the form says, as `form_tables` returns it; it is written over the text.
+        Content of the form, as `form_tables` returns it; it overrides the text.
     tries_runs : bool
-        Estimate the cost from some runs.
+        Whether to estimate the cost from some runs.
 
     Returns
     -------
     dict
-        ``text``; ``form`` (None if the text is no TOML); ``mechanism`` (None if there is none of this name);
-        ``densities`` by variable; ``checked``, or ``faults`` and ``detail``.
+        ``text``; ``form`` (None if the text is not valid TOML); ``mechanism`` (None if the named one is missing or has
+        faults); ``densities`` by variable; ``checked``, the result of the check (None if it failed); ``faults`` and
+        ``detail``, empty if it passed.
     """
     store = open_store(source.store, QUICK)
     try:
@@ -91,7 +92,7 @@ def composed(source: CampaignSource, form: Tables | None = None, tries_runs: boo
 
 
 def form_tables(tables: Mapping[str, Any]) -> Tables:
-    """Return those of a campaign's tables that the form shows, as plain data."""
+    """Return the parts of a campaign's tables that the form shows, as plain data."""
     shown: Tables = {key: tables[key] for key in TOP_KEYS if key in tables}
     for key in ("variables", "responses"):
         given = tables.get(key)
@@ -104,7 +105,7 @@ def form_tables(tables: Mapping[str, Any]) -> Tables:
 
 
 def merged(tables: Mapping[str, Any], form: Tables) -> Tables:
-    """Return a campaign's tables with what the form says written over them."""
+    """Return a campaign's tables, overridden by the content of the form."""
     result: Tables = {"format": 1, **tables}
     for key in TOP_KEYS:
         _set(result, key, form.get(key))
@@ -119,16 +120,16 @@ def merged(tables: Mapping[str, Any], form: Tables) -> Tables:
 
 
 def started_from(store: str, campaign_id: str, settings: Sequence[str] = (), samples: int | None = None) -> Tables:
-    """Return ``text`` and ``files`` (texts by name) of a campaign of the store, to begin another one with.
+    """Return ``text`` and ``files`` (texts by name) of a campaign in the store, as the start of a new campaign.
 
     Parameters
     ----------
     store, campaign_id : str
-        Path or URL of the store, with what access takes; id of the campaign.
+        Path or URL of the store, including what is needed for access; id of the campaign.
     settings : sequence of str
-        What changes in its distributions, each ``VARIABLE.KEY=VALUE``.
+        Changes of its distributions, each ``VARIABLE.KEY=VALUE``.
     samples : int, optional
-        How many samples the other one has.
+        Number of samples of the new campaign; by default the same.
 
     Raises
     ------
@@ -144,7 +145,7 @@ def started_from(store: str, campaign_id: str, settings: Sequence[str] = (), sam
     tables, name = dump_spec(plan.spec.model_copy(update=update)), plan.spec.mechanism
     if name in library_names() or read_mechanism(opened, name) is not None:
         return {"text": campaign_text(tables), "files": {}}
-    # the plan has the mechanism as it is on its bench and with its preset
+    # the plan contains the mechanism with bench and preset already applied
     tables = {key: value for key, value in tables.items() if key not in ("bench", "preset")}
     tables["mechanism"] = "mechanism.toml"
     document = json.loads(plan.mechanism.model_dump_json(by_alias=True, exclude_none=True))
@@ -152,19 +153,19 @@ def started_from(store: str, campaign_id: str, settings: Sequence[str] = (), sam
 
 
 def first_text(mechanism: str, samples: int = 1000) -> str:
-    """Return the text of a campaign that somebody begins."""
+    """Return the text that a new campaign begins with."""
     name = "".join(c if c.isalnum() and c.isascii() else "-" for c in mechanism)[:50].strip("-") or "campaign"
     return campaign_text({"format": 1, "name": name, "mechanism": mechanism, "samples": samples, "variables": {}})
 
 
 def _scalars(table: Any) -> Tables:
-    """Return the texts and numbers of a table."""
+    """Return the strings and numbers of a table."""
     given = table if isinstance(table, dict) else {}
     return {key: value for key, value in given.items() if isinstance(value, str | int | float)}
 
 
 def _set(table: Tables, key: str, value: Any) -> None:
-    """Set a key, or remove it where the form has nothing; a number that is the same keeps how it was written."""
+    """Set a key, or remove it if the form has no value; an equal number keeps its type in the table."""
     if value is None or value == "":
         table.pop(key, None)
     elif table.get(key) != value or isinstance(table.get(key), bool):
@@ -172,9 +173,9 @@ def _set(table: Tables, key: str, value: Any) -> None:
 
 
 def _table(old: Any, new: Tables, owned: Mapping[str, str] | None) -> Tables:
-    """Return a table with what the form says, and the other keys that it had.
+    """Return a table with the values of the form, and the keys of the old table that the form does not own.
 
-    ``owned`` are the keys that the form decides; None for a variable, where its distribution decides that.
+    ``owned`` are the keys that the form owns; None for a variable, where they depend on its distribution.
     """
     before = old if isinstance(old, dict) else {}
     if owned is None:
@@ -189,7 +190,7 @@ def _table(old: Any, new: Tables, owned: Mapping[str, str] | None) -> Tables:
 
 
 def _density(table: Any) -> Tables | None:
-    """Return the picture of a distribution, as the points of a line, its ends, and it in words; None if it has none."""
+    """Return the curve of a density as points of a polyline, its ends, and its description; None if a key is wrong."""
     try:
         distribution = _VARIABLE.validate_python(table)
         points = distribution.density_points(POINTS)
@@ -206,7 +207,7 @@ def _density(table: Any) -> Tables | None:
 
 
 def _mechanism(store: Store, source: CampaignSource, tables: Tables) -> Tables | None:
-    """Return what the form needs of the mechanism that a campaign names; None if there is none, or it has faults."""
+    """Return the data that the form needs of the campaign's mechanism; None if it is missing or has faults."""
     name = tables.get("mechanism")
     if not isinstance(name, str) or not name:
         return None
@@ -228,5 +229,5 @@ def _mechanism(store: Store, source: CampaignSource, tables: Tables) -> Tables |
 
 
 def top_descriptions() -> dict[str, str]:
-    """Return what each key at the top of a campaign file means."""
+    """Return the description of each top-level key of a campaign file."""
     return {key: field.description or "" for key, field in CampaignSpec.model_fields.items()}

@@ -1,7 +1,7 @@
-"""Jobs about a campaign's text: check it, estimate its cost, plan it in the store; and plan more samples of one there.
+"""Jobs that check a campaign's text, estimate its cost, plan it in the store, or extend a stored campaign.
 
-What strangers posted is never a path: texts and the files that they name come with the call, and a mechanism that is
-saved in the store is read from there by its name.
+Posted content is never used as a path: texts and the files that they name come with the call, and a mechanism saved in
+the store is read by its name.
 """
 
 from collections.abc import Mapping
@@ -31,20 +31,20 @@ from engine.toml_file import UnfitToml, parse_toml, text_bytes
 
 @dataclass(frozen=True)
 class CampaignSource:
-    """The text of a campaign, and what it may name.
+    """The text of a campaign, and the files and mechanisms that it may name.
 
     Attributes
     ----------
     store : str
-        Address of the store, whose saved mechanisms it may name.
+        Address of the store, whose saved mechanisms the text may name.
     text : str
         Content of the campaign file.
     files : mapping of str to bytes
-        Content of the files that came with it.
+        Content of the files that came with it, by name.
     samples, seed : int or None
-        Instead of those of the text.
+        Values that replace those of the text.
     most_samples : int
-        More are refused.
+        Largest number of samples that is accepted.
     """
 
     store: str
@@ -55,18 +55,18 @@ class CampaignSource:
     most_samples: int = 100_000_000
 
     def load(self, store: Store) -> Campaign:
-        """Return the checked campaign; SpecError with its faults."""
+        """Return the checked campaign; raise SpecError with its faults if it is invalid."""
         files = {**self.saved(store), **self.files}
         campaign = load_campaign_text(self.text, files, samples=self.samples, seed=self.seed)
         check_size(campaign.spec, self.most_samples)
         return campaign
 
     def saved(self, store: Store) -> Mapping[str, bytes]:
-        """Return the mechanism that the text names, by its name, if it is one of those saved in the store."""
+        """Return the text of the mechanism that the campaign names, by name, if it is saved in the store."""
         try:
             name = parse_toml(text_bytes(self.text)).get("mechanism")
         except UnfitToml:
-            return MappingProxyType({})  # the faults of the text say what is wrong
+            return MappingProxyType({})  # loading the text reports its faults
         if not isinstance(name, str) or name in self.files or name in library_names():
             return MappingProxyType({})
         found = read_mechanism(store, name)
@@ -81,7 +81,7 @@ def check_size(spec: CampaignSpec, most: int) -> None:
 
 
 def check_campaign_text(source: CampaignSource, tries_runs: bool = False) -> dict[str, Any]:
-    """Check a campaign, and estimate its cost from runs in the store, or, if wanted, from a few runs of its own.
+    """Check a campaign, and estimate its cost from runs in the store or, with `tries_runs`, from a few runs of its own.
 
     Returns
     -------
@@ -93,7 +93,7 @@ def check_campaign_text(source: CampaignSource, tries_runs: bool = False) -> dic
     Raises
     ------
     SpecError
-        With the faults of the text.
+        If the text has faults; it lists them.
     """
     store = open_store(source.store, QUICK)
     campaign = source.load(store)
@@ -112,7 +112,7 @@ def check_campaign_text(source: CampaignSource, tries_runs: bool = False) -> dic
 
 
 def submit_text(source: CampaignSource, labels: LabelChange, by: str) -> dict[str, Any]:
-    """Plan a campaign in the store and queue it; nothing is simulated. One that the store has stays as it is.
+    """Plan a campaign in the store and queue it, without simulating anything; an existing campaign stays unchanged.
 
     Returns
     -------
@@ -124,25 +124,30 @@ def submit_text(source: CampaignSource, labels: LabelChange, by: str) -> dict[st
 
 
 def extend_campaign(store: str, campaign_id: str, samples: int, most: int, by: str) -> dict[str, Any]:
-    """Plan a campaign with more samples of the same spec, and queue it; rows that the store has are used again.
+    """Plan and queue a campaign with the same spec but more samples; rows that the store has are reused.
 
     Parameters
     ----------
     store : str
         Address of the store.
     campaign_id : str
-        Whole id of the campaign that has fewer.
+        Full id of the campaign to extend.
     samples : int
-        Number of samples in all.
+        Total number of samples.
     most : int
-        More are refused.
+        Largest number of samples that is accepted.
     by : str
-        Who asks; he becomes the owner.
+        The user who asks and becomes the owner.
 
     Returns
     -------
     dict
-        As of `submit_text`.
+        See `submit_text`.
+
+    Raises
+    ------
+    SpecError
+        If the campaign has that many samples already, or cannot have that many.
     """
     opened = open_store(store, QUICK)
     plan = opened.plan(campaign_id)
@@ -154,7 +159,7 @@ def extend_campaign(store: str, campaign_id: str, samples: int, most: int, by: s
     document = plan.spec.model_copy(update={"samples": samples, "stop": stop}).model_dump(exclude_none=True)
     try:
         spec = CampaignSpec.model_validate(document)
-    except ValueError as error:  # such as a grid, whose size its levels decide
+    except ValueError as error:  # such as a grid, whose size follows from its levels
         raise SpecError(f"samples = {samples}: campaign {campaign_id} cannot have so many: {error}") from error
     check_size(spec, most)
     labels = LabelChange(add=read_labels(opened, campaign_id).tags)
@@ -162,10 +167,10 @@ def extend_campaign(store: str, campaign_id: str, samples: int, most: int, by: s
 
 
 def _submitted(store: Store, campaign: Campaign, labels: LabelChange, by: str) -> dict[str, Any]:
-    """Plan a campaign, queue it if nobody has yet, and say what came of it."""
+    """Plan a campaign, queue it if it is not queued yet, and return the document of `submit_text`."""
     is_new = make_plan(campaign).campaign_id not in store.campaigns()
     plan = submit(store, campaign, labels=labels, tries_runs=False, by=by)
-    if state_of(store, plan.campaign_id)["state"] == "planned":  # whoever planned it was ended amid his work
+    if state_of(store, plan.campaign_id)["state"] == "planned":  # the process that planned it was killed
         write_state(store, plan.campaign_id, "queued")
     owner = read_labels(store, plan.campaign_id).owner
     reuse = sampler_named(campaign.spec.sampler).not_extendable or ""
@@ -173,6 +178,6 @@ def _submitted(store: Store, campaign: Campaign, labels: LabelChange, by: str) -
 
 
 def _size(plan: Plan, seconds: float | None) -> dict[str, Any]:
-    """Return what decides the cost of a campaign."""
+    """Return the id of a campaign and the numbers that determine its cost."""
     samples = plan.spec.samples
     return {"campaign": plan.campaign_id, "samples": samples, "repeats": plan.repeats, "seconds_per_run": seconds}

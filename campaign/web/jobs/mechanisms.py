@@ -1,4 +1,4 @@
-"""Jobs about one mechanism: check its text, list its numbers, simulate it once, draw it."""
+"""Jobs for one mechanism: check its text, list its numbers, simulate it once, draw it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -22,24 +22,24 @@ from engine.mechanism.keys.listing import settable_numbers
 from engine.toml_file import UnfitToml, parse_toml, text_bytes
 
 PICTURES = ("svg", "png")
-ANIMATION_FRAMES = 45  # half of what the command draws, so that it comes within seconds
-MOST_STEPS = 2000  # that are recorded of a run which a page draws
+ANIMATION_FRAMES = 45  # half the frames of the command line, so that the animation is ready within seconds
+MOST_STEPS = 2000  # steps that are recorded of a run that a page draws
 
 
 @dataclass(frozen=True)
 class MechanismSource:
-    """Which mechanism a job is about.
+    """The mechanism of a job.
 
     Attributes
     ----------
     name : str
-        Name of a shipped mechanism, or what messages call the text.
+        Name of a shipped mechanism, or a name for the text in messages.
     text : str or None
         Content of its file; None for a shipped one.
     bench, preset : str or None
         One of its test benches, and one of its sets of values.
     values : dict of str to float
-        Values of keys, after those of the preset.
+        Values of keys, which override those of the preset.
     """
 
     name: str
@@ -49,12 +49,12 @@ class MechanismSource:
     values: Mapping[str, float] = field(default_factory=dict)
 
     def load(self) -> Mechanism:
-        """Return the mechanism, without its values.
+        """Return the mechanism on its bench, without applying preset and values.
 
         Raises
         ------
         MechanismError
-            If it has faults, or no such bench.
+            If the mechanism has faults, or no such bench.
         SpecError
             If no mechanism of this name is shipped.
         """
@@ -64,12 +64,12 @@ class MechanismSource:
         return loaded.on_bench(self.bench) if self.bench else loaded
 
     def all_values(self, mechanism: Mechanism) -> dict[str, float]:
-        """Return the values of the preset, and over them those of the question."""
+        """Return the values of the preset, overridden by `values`."""
         return (dict(mechanism.preset(self.preset)) if self.preset else {}) | dict(self.values)
 
 
 def describe(source: MechanismSource) -> dict[str, Any]:
-    """Return what a mechanism is: its summary, and every number that can be set, with value, unit and limits."""
+    """Return the summary of a mechanism and every number that can be set, with value, unit and limits."""
     mechanism = source.load()
     values = source.all_values(mechanism)
     mechanism = set_values(mechanism, values) if values else mechanism
@@ -77,7 +77,7 @@ def describe(source: MechanismSource) -> dict[str, Any]:
 
 
 def titles(sources: Sequence[MechanismSource]) -> dict[str, str]:
-    """Return the title of each mechanism by its name, from its text alone; empty where it says none, or is no TOML."""
+    """Return the title of each mechanism by name, from its text alone; empty if the text has none or is not TOML."""
     found = {}
     for source in sources:
         try:
@@ -89,13 +89,13 @@ def titles(sources: Sequence[MechanismSource]) -> dict[str, str]:
 
 
 def check_text(source: MechanismSource) -> dict[str, Any]:
-    """Return the summary of a mechanism's text, and what looks wrong in it; faults are raised."""
+    """Return the summary and the warnings of a mechanism's text; raise MechanismError if it has faults."""
     mechanism = source.load()
     return {"summary": mechanism_summary(mechanism), "warnings": mechanism_warnings(mechanism)}
 
 
 def simulate_once(source: MechanismSource, step: float | None = None, horizon: float | None = None) -> dict[str, Any]:
-    """Simulate a mechanism; return what ``clearcap simulate --json`` prints, but for files."""
+    """Simulate a mechanism; return the document that ``clearcap simulate --json`` prints, without its files."""
     mechanism = source.load()
     values = source.all_values(mechanism)
     run = simulate(mechanism, values, step=step, horizon=horizon, indeterminacy=True)
@@ -104,7 +104,7 @@ def simulate_once(source: MechanismSource, step: float | None = None, horizon: f
 
 
 def try_once(source: MechanismSource) -> dict[str, Any]:
-    """Simulate a mechanism; return what `simulate_once` does as ``run``, and its `MovingDrawing` as ``motion``."""
+    """Simulate a mechanism; return the result of `simulate_once` as ``run`` and its `MovingDrawing` as ``motion``."""
     from campaign.pictures.moving_drawing import moving_drawing
     from campaign.pictures.scene import scene_of
 
@@ -119,12 +119,12 @@ def try_once(source: MechanismSource) -> dict[str, Any]:
 
 
 def warm_up_trial() -> None:
-    """Compile or load all that a trial of a mechanism calls, and with it what every run calls."""
+    """Compile or load all code that a trial of a mechanism calls, which includes that of every run."""
     try_once(MechanismSource("c60"))
 
 
 def engine_is_compiled() -> bool:
-    """Return whether `warm_up_trial` will only load what is compiled."""
+    """Return whether `warm_up_trial` will only load compiled code."""
     return not missing_kernels()
 
 
@@ -141,7 +141,7 @@ def animate_once(source: MechanismSource, step: float | None = None, horizon: fl
 
 
 def draw(source: MechanismSource, kind: str = "svg") -> bytes:
-    """Return a picture of a mechanism at its start, with what its responses measure: ``svg`` or ``png``."""
+    """Return a picture, ``svg`` or ``png``, of a mechanism at its start, with what its responses measure."""
     from campaign.pictures.measurement_figure import plot_measurements
 
     if kind not in PICTURES:

@@ -1,4 +1,4 @@
-"""Jobs about one sample of a campaign: repeat it, draw its curves and its motion."""
+"""Jobs for one sample of a campaign: repeat it, draw its curves and its motion."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,7 +12,7 @@ from campaign.store import open_store
 from campaign.store.files.patience import QUICK
 from engine import Trajectory, read_trajectory
 
-ANIMATION_FRAMES = 45  # half of what the command draws, so that it comes within seconds
+ANIMATION_FRAMES = 45  # half the frames of the command line, so that the animation is ready within seconds
 
 
 def replay_document(store: str, campaign: str, sample: int) -> dict[str, Any]:
@@ -27,7 +27,7 @@ def draw_sample(store: str, campaign: str, sample: int, kind: str) -> bytes:
     Parameters
     ----------
     store, campaign : str
-        Path or URL of the store, with what access takes; id of the campaign.
+        Path or URL of the store, including what is needed for access; id of the campaign.
     sample : int
         Number of the sample.
     kind : str
@@ -56,7 +56,7 @@ def sample_motion(store: str, campaign: str, sample: int) -> dict[str, Any]:
 
 @contextmanager
 def _repeated(store: str, campaign: str, sample: int) -> Iterator[Trajectory]:
-    """Repeat a sample and yield what it did; its file is there in the block only."""
+    """Repeat a sample and yield its trajectory, whose file exists only in the block."""
     opened = open_store(store, QUICK)
     with TemporaryDirectory(prefix="clearcap-") as folder:
         motion = Path(folder, "motion.h5")

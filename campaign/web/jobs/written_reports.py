@@ -1,4 +1,4 @@
-"""The job that writes a report."""
+"""The job that writes the report of a campaign."""
 
 from collections.abc import Collection
 

@@ -1,1 +1,1 @@
-"""What the store holds, looked at by one reader for all: an index of campaigns, and a feed of each that is followed."""
+"""One reader of the store for all users: an index of the campaigns, and a feed of each followed campaign."""

@@ -1,4 +1,4 @@
-"""What the list says of a campaign's report, which is a large document: only these fields of it become objects."""
+"""The conclusions of a report for the list of campaigns; only these fields of the large document become objects."""
 
 from collections.abc import Mapping
 
@@ -16,7 +16,7 @@ class Weakest(BaseModel):
 
 
 class BelowTarget(BaseModel):
-    """A response whose Cpk is too small, by its whole interval."""
+    """A response whose Cpk is below the target with its whole interval."""
 
     response: str = Field(examples=["FC-1"])
     cpk: float = Field(examples=[1.21])
@@ -34,7 +34,7 @@ class _Capability(BaseModel):
 
     @property
     def interval(self) -> Interval | None:
-        """The interval of Cpk; None without both of its ends."""
+        """The interval of Cpk; None if it lacks an end."""
         low, high = self.cpk_interval or (None, None)
         return None if low is None or high is None else (low, high)
 
@@ -58,14 +58,14 @@ class _Thresholds(BaseModel):
 
 
 class Conclusions(BaseModel):
-    """What a report concludes, read from its ``capability.json``.
+    """The conclusions of a report, read from its ``capability.json``.
 
     Attributes
     ----------
     headline : str
         The conclusion in words.
     responses, product, thresholds
-        As the report has them.
+        Parts of the report's document.
     """
 
     headline: str
@@ -75,12 +75,12 @@ class Conclusions(BaseModel):
 
     @property
     def weakest(self) -> Weakest | None:
-        """The response with the smallest Cpk; None if there is none."""
+        """The response with the smallest Cpk; None if no response has a Cpk."""
         return weakest_of({r.spec.name: (r.capability.cpk, r.capability.interval) for r in self.responses})
 
     @property
     def below_target(self) -> list[BelowTarget]:
-        """The responses whose Cpk is below its target by its whole interval."""
+        """The responses whose Cpk is below the target with its whole interval."""
         target = self.thresholds.capable
         known = [(r.spec.name, r.capability.cpk, r.capability.interval) for r in self.responses]
         return [
@@ -91,12 +91,12 @@ class Conclusions(BaseModel):
 
     @property
     def share_ok(self) -> float | None:
-        """Share of the product within all limits, failed runs counted as outside where that is known."""
+        """Share of the product within all limits; failed runs count as outside if the report has that share."""
         return None if self.product is None else (self.product.with_failures or self.product.counted).share
 
 
 def weakest_of(indices: Mapping[str, tuple[float | None, Interval | None]]) -> Weakest | None:
-    """Return the response with the smallest Cpk; None if there is none.
+    """Return the response with the smallest Cpk; None if no response has a Cpk.
 
     Parameters
     ----------

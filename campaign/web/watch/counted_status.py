@@ -1,4 +1,4 @@
-"""How far campaigns are, with their rows counted: again only when their files have changed."""
+"""The progress of campaigns from counted rows, which are counted again only when files have changed."""
 
 import time
 from collections import OrderedDict
@@ -10,27 +10,27 @@ from campaign.store import Store
 from campaign.store.change_tokens import change_token
 
 MOST_KEPT = 2000  # campaigns
-RECOUNT_AFTER = 60.0  # s: a file that is damaged where it is changes no token
+RECOUNT_AFTER = 60.0  # s; needed because damage to a file in place does not change the token
 RESTING = ("completed", "incomplete", "cancelled", "failed", "planned")  # states that last until a file changes
 
 
 class CountedStatuses:
-    """Counts the rows of campaigns; any thread may ask.
+    """Count the rows of campaigns; thread-safe.
 
     Parameters
     ----------
     store : Store
-        Where they are.
+        The store of the campaigns.
     """
 
     def __init__(self, store: Store) -> None:
         self._store, self._lock = store, Lock()
-        self._kept: OrderedDict[str, tuple[str, float, dict[str, Any]]] = OrderedDict()  # token, when, and document
+        self._kept: OrderedDict[str, tuple[str, float, dict[str, Any]]] = OrderedDict()  # token, time, and document
 
     def status(self, campaign: str) -> dict[str, Any]:
-        """Return how far a campaign is, as `progress_report` says it, and what is wrong with its files as ``remarks``.
+        """Return the `progress_report` of a campaign, with the faults of its files as ``remarks``.
 
-        Of a campaign that runs the counts are those of its coordinator, at most some seconds old.
+        The counts of a running campaign are those of its coordinator, at most some seconds old.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What the list says of one campaign."""
+"""The entry of a campaign in the list of campaigns."""
 
 import logging
 from datetime import UTC, datetime
@@ -20,7 +20,7 @@ LISTED_STATES = (*STATES, "incomplete", "planned", "broken")
 
 
 class CampaignEntry(BaseModel):
-    """What the list says of one campaign."""
+    """The entry of a campaign in the list of campaigns."""
 
     campaign: str = Field(description="Id of the campaign", examples=["c60-0a1b2c3d4e"])
     title: str = Field("", examples=["Schneider C-60"])
@@ -50,14 +50,14 @@ class CampaignEntry(BaseModel):
 
 
 def entry_of(store: Store, campaign_id: str) -> CampaignEntry:
-    """Read what the list says of a campaign; of a broken one, what is wrong with it.
+    """Read the list entry of a campaign; the entry of a broken campaign says what is wrong with it.
 
     Parameters
     ----------
     store : Store
-        One that does not wait: see `Store.hasty`.
+        A store that does not wait; see `Store.hasty`.
     campaign_id : str
-        Its whole id.
+        Full id of the campaign.
     """
     try:
         return _entry(Store(store.files.listed(campaign_id)), campaign_id)
@@ -70,7 +70,7 @@ def entry_of(store: Store, campaign_id: str) -> CampaignEntry:
 
 
 def _entry(store: Store, campaign_id: str) -> CampaignEntry:
-    """Return the entry of a sound campaign."""
+    """Return the entry of a campaign; raise CampaignError if the campaign is broken."""
     header, seen = store.plan_header(campaign_id), observe(store, campaign_id)
     labels = read_labels(store, campaign_id)
     entry = CampaignEntry(
@@ -96,7 +96,7 @@ def _entry(store: Store, campaign_id: str) -> CampaignEntry:
 
 
 def _report(store: Store, campaign_id: str) -> bytes | None:
-    """Return the document of a campaign's report; None if there is none."""
+    """Return the JSON document of a campaign's report; None if there is no report."""
     try:
         return store.files.read(f"{campaign_id}/{REPORT_DOCUMENT}")
     except FileNotFoundError:
@@ -104,7 +104,7 @@ def _report(store: Store, campaign_id: str) -> bytes | None:
 
 
 def _add_report(entry: CampaignEntry, report: bytes | None) -> None:
-    """Add what a report concludes; one of another version says nothing."""
+    """Add the conclusions of a report to an entry, or a message if the report cannot be read."""
     if report is None:
         return
     entry.has_report = True
@@ -118,6 +118,6 @@ def _add_report(entry: CampaignEntry, report: bytes | None) -> None:
 
 
 def _date(seconds: Any) -> datetime | None:
-    """Return a time [s since 1970] as a date; None if it is none."""
+    """Return a time [s since 1970] as a date; None if it is not a valid time."""
     is_number = isinstance(seconds, int | float) and not isinstance(seconds, bool)
     return datetime.fromtimestamp(seconds, UTC) if is_number and 0.0 < seconds < 3e10 else None

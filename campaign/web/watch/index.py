@@ -1,6 +1,6 @@
-"""An index of the campaigns of a store: what the list says of each, read again only when its files have changed.
+"""An index of the campaigns of a store: the list entry of each, read again only when its files have changed.
 
-It is a file that may be deleted at any time: it is built again from the store.
+The index is a file that may be deleted at any time, because it is built again from the store.
 """
 
 import sqlite3
@@ -16,9 +16,9 @@ from campaign.store import Store
 from campaign.web.watch.entry import CampaignEntry, entry_of
 
 FORMAT = 2
-READERS = 4  # campaigns that are read at a time
-MOVING = ("queued", "running")  # states in which a campaign is read each time
-AT_ONCE = 50  # campaigns between two writes
+READERS = 4  # campaigns that are read at the same time
+MOVING = ("queued", "running")  # states in which a campaign is read at each look
+AT_ONCE = 50  # campaigns that are read between two writes
 
 
 class CampaignIndex:
@@ -27,7 +27,12 @@ class CampaignIndex:
     Parameters
     ----------
     path : Path
-        The file.
+        The file of the index.
+
+    Raises
+    ------
+    CampaignError
+        If the file can be neither read nor created.
     """
 
     def __init__(self, path: Path) -> None:
@@ -38,24 +43,25 @@ class CampaignIndex:
         for campaign, token, text in self._connection.execute("SELECT campaign, token, entry FROM entries").fetchall():
             try:
                 self._entries[campaign] = token, CampaignEntry.model_validate_json(text), text.encode()
-            except ValidationError:  # of another version: read again from the store
+            except ValidationError:  # written by another version; read again from the store
                 continue
 
     def refresh(self, store: Store, tokens: Mapping[str, str]) -> None:
-        """Read all campaigns again that have changed, and forget those that are gone; see `look` and `read_some`."""
+        """Read again all campaigns that have changed, and drop those that are gone; see `look` and `read_some`."""
         self.look(tokens)
         while self.is_behind:
             self.read_some(store)
 
     def look(self, tokens: Mapping[str, str]) -> None:
-        """Forget the campaigns that are gone, and find those that are to be read again because they have changed.
+        """Drop the campaigns that are gone, and find those that must be read again because they have changed.
 
-        What is queued or runs is read each time: its progress is in no token, nor the death of its coordinator.
+        Queued and running campaigns are always read, because neither their progress nor the death of their coordinator
+        changes their token.
 
         Parameters
         ----------
         tokens : dict of str to str
-            Of all campaigns; see `campaign.store.change_tokens`.
+            Change token of each campaign; see `campaign.store.change_tokens`.
         """
         gone = set(self._entries) - set(tokens)
         with self._lock:
@@ -65,7 +71,7 @@ class CampaignIndex:
             self._stale = {campaign: t for campaign, t in tokens.items() if not self._is_fresh(campaign, t)}
 
     def read_some(self, store: Store) -> None:
-        """Read some of the campaigns that have changed; those first of which nothing is known."""
+        """Read some of the changed campaigns, beginning with those that have no entry yet."""
         with self._lock:
             order = sorted(self._stale, key=self._entries.__contains__)[:AT_ONCE]
             some = {campaign: self._stale[campaign] for campaign in order}
@@ -73,24 +79,24 @@ class CampaignIndex:
 
     @property
     def is_behind(self) -> bool:
-        """Whether campaigns that have changed are still to be read."""
+        """Whether there are changed campaigns that have not been read yet."""
         return bool(self._stale)
 
     @property
     def unread(self) -> int:
-        """Number of campaigns of which nothing is known yet."""
+        """Number of campaigns that have no entry yet."""
         with self._lock:
             return len(self._stale.keys() - self._entries.keys())
 
     def refresh_one(self, store: Store, campaign: str, token: str | None) -> None:
-        """Read one campaign again if it has changed; without a token, which means that it is gone, forget it."""
+        """Read one campaign again if it has changed; drop it if its token is None, which means that it is gone."""
         if token is None:
             self.forget(campaign)
         elif not self._is_fresh(campaign, token):
             self._read(store, {campaign: token})
 
     def forget(self, campaign: str) -> None:
-        """Forget a campaign that was deleted here, before the next look at the store."""
+        """Drop a campaign that this server has deleted, before the next look at the store."""
         with self._lock:
             self._entries.pop(campaign, None)
             self._stale.pop(campaign, None)
@@ -101,7 +107,7 @@ class CampaignIndex:
         return known is not None and known[0] == token and known[1].state not in MOVING
 
     def _read(self, store: Store, tokens: Mapping[str, str]) -> None:
-        """Read some campaigns, and keep what the list says of them; one that cannot be read waits for the next look."""
+        """Read some campaigns and keep their entries; a campaign that cannot be read waits for the next look."""
         with self._lock:
             for campaign in tokens:
                 self._stale.pop(campaign, None)
@@ -115,7 +121,7 @@ class CampaignIndex:
             self._keep("INSERT OR REPLACE INTO entries VALUES (?, ?, ?)", rows)
 
     def _keep(self, statement: str, rows: Sequence[tuple[str, ...]]) -> None:
-        """Change the file; what a full disk refuses, or comes late, the next server reads again."""
+        """Change the file, unless it is closed or its disk is full; the next server then reads the store again."""
         if self._is_closed:
             return
         try:
@@ -125,27 +131,27 @@ class CampaignIndex:
             self._connection.rollback()
 
     def entries(self) -> Iterator[tuple[CampaignEntry, bytes]]:
-        """Yield the entries of all campaigns, each also as JSON."""
+        """Yield the entry of each campaign, as an object and as JSON."""
         with self._lock:
             known = list(self._entries.values())
         for _, entry, text in known:
             yield entry, text
 
     def entry(self, campaign: str) -> CampaignEntry | None:
-        """Return the entry of a campaign; None if there is none."""
+        """Return the entry of a campaign; None if it has none."""
         with self._lock:
             known = self._entries.get(campaign)
         return known[1] if known else None
 
     def close(self) -> None:
-        """Close the file, when no thread is writing to it: SQLite would read memory that is freed."""
+        """Close the file while no thread is writing to it, because SQLite would then use freed memory."""
         with self._lock:
             self._is_closed = True
             self._connection.close()
 
 
 def _opened(path: Path) -> sqlite3.Connection:
-    """Open the file; one that is damaged, or of another format, is made anew."""
+    """Open the file of the index; replace it if it is damaged or has another format."""
     for _ in range(2):
         try:
             path.touch()
@@ -153,7 +159,7 @@ def _opened(path: Path) -> sqlite3.Connection:
         except (OSError, sqlite3.OperationalError) as error:
             raise _unusable(path, error) from error
         try:
-            connection.execute("PRAGMA synchronous = OFF")  # after a loss of power it is made anew
+            connection.execute("PRAGMA synchronous = OFF")  # a file damaged by a power failure is built again
             if connection.execute("PRAGMA user_version").fetchone()[0] == FORMAT:
                 connection.execute("SELECT campaign, token, entry FROM entries LIMIT 1").fetchone()
                 return connection
@@ -169,7 +175,7 @@ def _opened(path: Path) -> sqlite3.Connection:
 
 
 def _unusable(path: Path, error: Exception | None = None) -> CampaignError:
-    """Return what to say of an index that can be neither read nor made."""
+    """Return the error for an index that can be neither read nor created."""
     why = f" ({error})" if error else ""
     return unwritable(
         f"{path}: this index of the campaigns can be neither read nor made{why}; remove it and see that its disk can be"

@@ -1,4 +1,4 @@
-"""The order of a list of campaigns, and the place in it where a page ends: it stays, whatever comes and goes before."""
+"""Orders of the list of campaigns, and cursors to its pages, which stay valid when campaigns come and go."""
 
 import base64
 import json
@@ -12,7 +12,7 @@ from campaign.errors import SpecError
 from campaign.web.watch.entry import CampaignEntry
 
 LONGEST_CURSOR = 2000  # characters
-_LONGEST_WORD = 200  # characters of a title that count in the order
+_LONGEST_WORD = 200  # characters of a text that are compared
 Key = tuple[float, str]
 Listed = TypeVar("Listed", bound=tuple[CampaignEntry, object])
 
@@ -27,7 +27,7 @@ def _word(text: str) -> Key:
     return 0.0, text.casefold()[:_LONGEST_WORD]
 
 
-ORDERS: dict[str, tuple[Callable[[CampaignEntry], Key], bool]] = {  # key, and whether it falls
+ORDERS: dict[str, tuple[Callable[[CampaignEntry], Key], bool]] = {  # sort key, and whether the order is descending
     "newest": (_submitted, True),
     "oldest": (_submitted, False),
     "title": (lambda e: _word(e.title), False),
@@ -39,34 +39,35 @@ ORDERS: dict[str, tuple[Callable[[CampaignEntry], Key], bool]] = {  # key, and w
 
 
 def in_order(found: Sequence[Listed], order: str) -> list[Listed]:
-    """Return campaigns in one of the `ORDERS`; equals are in the order of their ids."""
+    """Return campaigns sorted by one of the `ORDERS`; campaigns with equal keys are sorted by id."""
     key, falls = ORDERS[order]
     by_id = sorted(found, key=lambda each: each[0].campaign)
     return sorted(by_id, key=lambda each: key(each[0]), reverse=falls)
 
 
 def cursor_after(entry: CampaignEntry, order: str) -> str:
-    """Return the cursor of the page that begins after a campaign: letters, digits, ``-`` and ``_``."""
+    """Return the cursor of the page that begins after a campaign; it consists of letters, digits, ``-`` and ``_``."""
     number, word = ORDERS[order][0](entry)
     place = json.dumps([order, number, word, entry.campaign], ensure_ascii=False)
     return base64.urlsafe_b64encode(place.encode(errors="backslashreplace")).decode().rstrip("=")
 
 
 def after_cursor(found: Sequence[Listed], order: str, cursor: str) -> Sequence[Listed]:
-    """Return those of the campaigns in an order that come after the end of the page before.
+    """Return the campaigns that come after the end of the previous page.
 
     Parameters
     ----------
     found : sequence of (CampaignEntry, object)
-        All, in this order.
+        All campaigns, sorted by `order`.
     order : str
+        One of the `ORDERS`.
     cursor : str
-        Of `cursor_after`; empty: from the first one on.
+        A cursor from `cursor_after`; empty for the first page.
 
     Raises
     ------
     SpecError
-        If it is no cursor of a list in this order.
+        If the cursor does not belong to a list in this order.
     """
     if not cursor:
         return found
@@ -88,7 +89,7 @@ def after_cursor(found: Sequence[Listed], order: str, cursor: str) -> Sequence[L
 
 
 def _no_cursor(cursor: str, order: str) -> SpecError:
-    """Return what to say of a wrong cursor."""
+    """Return the error for an invalid cursor."""
     return SpecError(
         f"cursor = {cursor!r:.60}: of no list that is sorted by {order}; begin without one, then send `next` of the"
         " answer before"

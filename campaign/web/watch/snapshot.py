@@ -1,4 +1,4 @@
-"""How far a campaign is, as its followers see it."""
+"""The progress of a campaign as its followers see it."""
 
 import json
 from dataclasses import dataclass
@@ -14,18 +14,18 @@ PRELIMINARY = "normal theory for independent samples; the report looks at their 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """How far a campaign is at a moment.
+    """The progress of a campaign at one moment.
 
     Attributes
     ----------
     state : str
         See `Observation`.
     is_over : bool
-        Nothing more happens unless somebody asks for it.
+        Whether nothing more happens unless somebody requests it.
     data : str
-        All of it as JSON, on one line.
+        The whole progress as JSON on one line.
     id : str
-        Digest of the data, by which a follower that comes back says what it has seen.
+        Digest of the data; a follower that reconnects sends it to say what it has seen.
     """
 
     state: str
@@ -40,7 +40,7 @@ class Snapshot:
 
 
 def snapshot(seen: Observation, *, is_served: bool) -> Snapshot:
-    """Return what followers see of an observation; see `progress_of`."""
+    """Return the snapshot that followers get of an observation; see `progress_of`."""
     progress = progress_of(seen, is_served=is_served)
     data = json.dumps(progress, allow_nan=False, separators=(",", ":"))
     return Snapshot(seen.state, progress["over"], data, sha256(data.encode()).hexdigest()[:16])
@@ -49,13 +49,14 @@ def snapshot(seen: Observation, *, is_served: bool) -> Snapshot:
 def progress_of(seen: Observation, *, is_served: bool) -> dict[str, Any]:
     """Return the progress that an observation shows, as plain data; counts are None before the first heartbeat.
 
-    Each Cpk has its interval by normal theory: it narrows as rows arrive, and it is not the report's.
+    Each Cpk has an interval by normal theory, which narrows as rows arrive and may differ from that of the report.
 
     Parameters
     ----------
     seen : Observation
     is_served : bool
-        A coordinator is kept alive that serves the store: what is interrupted goes on, and the report is still written.
+        Whether a coordinator of the store is kept alive, so that interrupted campaigns are continued and reports are
+        still written.
     """
     beat = seen.heartbeat
     document: dict[str, Any] = {"campaign": seen.campaign, "state": seen.state, "message": seen.message}
@@ -70,6 +71,6 @@ def progress_of(seen: Observation, *, is_served: bool) -> dict[str, Any]:
 
 
 def _interval(response: dict[str, float | None]) -> tuple[float, float] | None:
-    """Return the interval of a Cpk; None without one, or with two values or fewer."""
+    """Return the interval of a Cpk; None if there is no Cpk or there are fewer than three values."""
     cpk, n = response["cpk"], response["n"]
     return None if cpk is None or not n or n < 3 else cpk_interval(cpk, int(n), CONFIDENCE)

@@ -1,4 +1,4 @@
-"""One reader of the store for all who follow it."""
+"""The watcher: the one reader of the store for all users who follow it."""
 
 import asyncio
 import logging
@@ -18,18 +18,18 @@ from campaign.store.change_tokens import change_token, change_tokens
 from campaign.web.watch.index import CampaignIndex
 from campaign.web.watch.snapshot import Snapshot, snapshot
 
-LOOK_EVERY = 1.0  # s, at campaigns that run or are followed
-LIST_EVERY = 5.0  # s, at the change tokens of all campaigns
-KEEP_ALIVE = 15.0  # s without news, after which a stream sends a comment, so that proxies keep it open
+LOOK_EVERY = 1.0  # s between two looks at the followed campaigns
+LIST_EVERY = 5.0  # s between two looks at the change tokens of all campaigns
+KEEP_ALIVE = 15.0  # s without news after which a stream sends a comment, so that proxies keep it open
 COMMENT = b": still here\n\n"
-RETRY = b"retry: 2000\n\n"  # ms, after which a browser connects again
+RETRY = b"retry: 2000\n\n"  # ms after which a browser reconnects
 
 T = TypeVar("T")
 logger = logging.getLogger(__name__)
 
 
 class Feed:
-    """The latest snapshot of a campaign, for any number of followers; see `progress_of` for the parameter."""
+    """The latest snapshot of a campaign, for any number of followers; see `progress_of` for ``is_served``."""
 
     def __init__(self, *, is_served: bool) -> None:
         self._is_served = is_served
@@ -39,20 +39,20 @@ class Feed:
         self._news = asyncio.Event()
 
     def publish(self, seen: Observation) -> None:
-        """Give followers a new observation; nothing happens if it shows nothing new."""
+        """Pass a new observation to the followers, unless it shows nothing new."""
         if self.latest is not None and seen == self.seen:
-            self.seen = seen  # what it knows of the coordinator's life is newer
+            self.seen = seen  # it has the newer signs of life of the coordinator
             return
         self.seen, self.latest = seen, snapshot(seen, is_served=self._is_served)
         self.wake()
 
     def wake(self) -> None:
-        """Let all followers look."""
+        """Wake all followers, so that they check for news."""
         self._news.set()
         self._news = asyncio.Event()
 
     async def news(self, seconds: float) -> None:
-        """Wait for the next snapshot, at most so long."""
+        """Wait until the followers are woken, for at most `seconds` [s]."""
         try:
             async with asyncio.timeout(seconds):
                 await self._news.wait()
@@ -61,7 +61,7 @@ class Feed:
 
 
 class Watcher:
-    """Looks at the store, keeps the index, and tells followers what has changed.
+    """Watch the store, keep the index up to date, and tell followers about changes.
 
     Parameters
     ----------
@@ -73,10 +73,10 @@ class Watcher:
 
     def __init__(self, store: Store, index: CampaignIndex, *, is_served: bool = False) -> None:
         self._store, self.index, self.is_served = store.hasty, index, is_served
-        self.listed_at: float | None = None  # by the monotonic clock, when the store was last listed
+        self.listed_at: float | None = None  # time when the index was last updated, by the monotonic clock [s]
         self._listed_whole_at = -math.inf
-        self._changed = set[str]()  # campaigns that were changed here since they were looked at
-        self._hurries = 0  # how often that was
+        self._changed = set[str]()  # campaigns that this server has changed since the last look at them
+        self._hurries = 0  # number of calls of `hurry`
         self.fault = ""  # why the store cannot be read
         self._feeds: dict[str, Feed] = {}
         self._reader = ThreadPoolExecutor(1, thread_name_prefix="store-reader")
@@ -84,7 +84,7 @@ class Watcher:
         self._is_ending = False
 
     async def run(self) -> None:
-        """Look at the store again and again, until cancelled; then no thread reads it any more."""
+        """Look at the store repeatedly until cancelled; when this returns, no thread reads the store any more."""
         self._loop = asyncio.get_running_loop()
         try:
             while True:
@@ -97,11 +97,11 @@ class Watcher:
                     pass
                 self._wake.clear()
         finally:
-            # the look that is under way is waited for, as at the end of the process: what it reads into is closed next
+            # wait for the look in progress, because the index that it writes to is closed next
             await asyncio.to_thread(self._reader.shutdown, cancel_futures=True)
 
     async def _look(self) -> None:
-        """Look once; if the store cannot be reached, it is looked at again later."""
+        """Look at the store once; if it cannot be read, note the fault and leave it to the next look."""
         try:
             if self.listed_at is None or (self._is_whole_due() and not self.index.is_behind):
                 await self.list_campaigns()
@@ -121,41 +121,41 @@ class Watcher:
             logger.exception("the store could not be looked at")
 
     async def list_campaigns(self, changed: str | None = None) -> None:
-        """Bring the index up to date now: with what was changed here, and every five seconds with the whole store.
+        """Update the index now with the campaigns that this server has changed, and every five seconds with all.
 
-        Of many campaigns that have changed only the first are read: `run` goes on with the others, and
-        `CampaignIndex.unread` says of how many nothing is known yet.
+        If many campaigns have changed, only the first ones are read; `run` continues with the others, and
+        `CampaignIndex.unread` counts the campaigns that have no entry yet.
 
         Parameters
         ----------
         changed : str, optional
-            A campaign that was changed here, besides those of `hurry`.
+            A campaign that this server has changed, in addition to those passed to `hurry`.
         """
         campaigns, hurries = {*self._changed, *([changed] if changed else [])}, self._hurries
         is_whole = not campaigns or self._is_whole_due()
         await self._in_reader(self._refresh, campaigns, is_whole)
         if hurries != self._hurries:
-            return  # the store has changed since its files were looked at: the next look is soon
+            return  # the store has changed since this look began; the next look is soon
         self._changed.clear()
         self.listed_at = time.monotonic()
         if is_whole:
             self._listed_whole_at = self.listed_at
 
     async def list_all(self) -> None:
-        """Bring the index up to date now, with all campaigns of the store."""
+        """Update the index now with all campaigns of the store."""
         await self.list_campaigns()
         while self.index.is_behind:
             await self._in_reader(self.index.read_some, self._store)
 
     def _is_whole_due(self) -> bool:
-        """Return whether it is time to look at all campaigns of the store."""
+        """Return whether a look at all campaigns of the store is due."""
         return time.monotonic() - self._listed_whole_at >= LIST_EVERY
 
     def _refresh(self, changed: set[str], is_whole: bool) -> None:
-        """Look at the whole store, if so wanted, and read campaigns: those that were changed here before all others."""
+        """Read the campaigns that this server has changed; then, if `is_whole`, some of the other changed ones."""
         if is_whole:
             for campaign in unfinished_deletions(self._store):
-                with suppress(LeaseHeld):  # whoever deletes it is still at it
+                with suppress(LeaseHeld):  # another process is still deleting it
                     finish_deletion(self._store, campaign)
             self.index.look(change_tokens(self._store))
         for campaign in changed:
@@ -164,22 +164,22 @@ class Watcher:
             self.index.read_some(self._store)
 
     async def _in_reader(self, function: Callable[..., T], *arguments: object) -> T:
-        """Call a function in the one thread that reads the store."""
+        """Call a function in the single thread that reads the store."""
         return await asyncio.get_running_loop().run_in_executor(self._reader, function, *arguments)
 
     def hurry(self, campaign: str | None = None) -> None:
-        """Look soon, because a campaign, or any of them, was just changed; any thread may call it."""
+        """Request an early look, because one campaign, or with None any of them, has just changed; thread-safe."""
         if campaign is None:
             self._listed_whole_at = -math.inf
         else:
             self._changed.add(campaign)
         self._hurries += 1
         self.listed_at = None
-        with suppress(RuntimeError):  # the loop is closed: nobody reads any more
+        with suppress(RuntimeError):  # the loop is closed, so there are no readers any more
             self._loop.call_soon_threadsafe(self._wake.set)
 
     def end_streams(self) -> None:
-        """End the streams of all followers, because the server ends; they come back to the next one."""
+        """End the streams of all followers, because the server ends; they reconnect to the next server."""
         self._is_ending = True
         for feed in self._feeds.values():
             feed.wake()
@@ -195,9 +195,9 @@ class Watcher:
         Parameters
         ----------
         campaign : str
-            Its whole id.
+            Full id of the campaign.
         last : str
-            Id of the last event that the follower has seen; the first event comes when there is another.
+            Id of the last event that the follower has seen; that event is not sent again.
         """
         feed = self._feeds.setdefault(campaign, Feed(is_served=self.is_served))
         feed.followers += 1

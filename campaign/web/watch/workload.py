@@ -1,4 +1,4 @@
-"""What is computed now and what waits: who serves the store, and who coordinates each campaign on how many workers."""
+"""The workload of a store: the process that serves it, and the running and waiting campaigns with their workers."""
 
 import time
 from collections.abc import Iterable
@@ -11,21 +11,21 @@ from campaign.store import Store
 from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
 from campaign.web.watch.entry import CampaignEntry
 
-UNSETTLED = ("queued", "running", "interrupted")  # states of which a campaign may go on
+UNSETTLED = ("queued", "running", "interrupted")  # states from which a campaign may continue
 
 
 @dataclass(frozen=True)
 class ServingProcess:
-    """The process that coordinates what is queued in a store.
+    """The process that coordinates the queued campaigns of a store.
 
     Attributes
     ----------
     pid, machine : str
-        Which process it is.
+        Number of the process, and the machine it runs on.
     seconds : float or None
-        For how long it has served, by its heartbeats [s]; None before the first.
+        Time that it has served, by its heartbeats [s]; None before the first heartbeat.
     sign : SignOfLife
-        Whether it lives.
+        Whether the process is alive.
     """
 
     pid: str
@@ -36,16 +36,16 @@ class ServingProcess:
 
 @dataclass(frozen=True)
 class UnsettledCampaign:
-    """A campaign that runs, or waits for a coordinator.
+    """A campaign that runs or waits for a coordinator.
 
     Attributes
     ----------
     entry : CampaignEntry
-        What the list says of it.
+        Its entry in the list of campaigns.
     seen : Observation
-        What its own files say now.
+        Its current state by its own files.
     pid, machine : str
-        Process that coordinates it; empty if none does.
+        The process that coordinates it; empty if there is none.
     """
 
     entry: CampaignEntry
@@ -56,14 +56,14 @@ class UnsettledCampaign:
 
 @dataclass(frozen=True)
 class Workload:
-    """What is computed now and what waits.
+    """The running and waiting campaigns of a store, and the process that serves it.
 
     Attributes
     ----------
     serving : ServingProcess or None
-        None: no process serves the store, or has ended in order.
+        The process that serves the store; None if there is none, or it has shut down properly.
     running, waiting : list of UnsettledCampaign
-        Those that wait, in the order in which the process that serves the store takes them.
+        Campaigns; the waiting ones are in the order in which the serving process takes them.
     """
 
     serving: ServingProcess | None
@@ -72,21 +72,21 @@ class Workload:
 
     @property
     def workers(self) -> int:
-        """Number of workers of all campaigns that run."""
+        """Number of workers of all running campaigns."""
         return sum(each.seen.heartbeat.workers for each in self.running if each.seen.heartbeat)
 
 
 def look_at_work(store: Store, entries: Iterable[CampaignEntry], earlier: Workload | None = None) -> Workload:
-    """Look at the store once; nothing waits.
+    """Return the current workload of a store; the files are read once, without waiting.
 
     Parameters
     ----------
     store : Store
-        One that does not wait: see `Store.hasty`.
+        A store that does not wait; see `Store.hasty`.
     entries : iterable of CampaignEntry
-        What the list says of all campaigns.
+        The list entries of all campaigns.
     earlier : Workload, optional
-        What the look before returned: a process on another machine is judged by two looks.
+        Result of the previous look; two looks are needed to tell whether a process on another machine is alive.
 
     Raises
     ------
@@ -109,7 +109,7 @@ def look_at_work(store: Store, entries: Iterable[CampaignEntry], earlier: Worklo
 
 
 def _serving(store: Store, earlier: ServingProcess | None) -> ServingProcess | None:
-    """Return the process that serves the store."""
+    """Return the process that serves the store; None if no process holds its lease."""
     lease, heartbeat = store.read_json(SERVICE, LEASE), store.read_json(SERVICE, HEARTBEAT)
     if lease is None:
         return None
@@ -120,5 +120,5 @@ def _serving(store: Store, earlier: ServingProcess | None) -> ServingProcess | N
 
 
 def _holder(lease: dict[str, Any] | None) -> tuple[str, str]:
-    """Return number and machine of the process that holds a lease, as texts of any content; empty without a lease."""
+    """Return the number and machine of the process that holds a lease, as unchecked texts; empty without a lease."""
     return ("", "") if lease is None else (str(lease.get("pid", ""))[:20], str(lease.get("name", ""))[:200])

@@ -1,4 +1,4 @@
-"""What of a campaign is news to other systems."""
+"""News about campaigns for other systems."""
 
 import time
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any
 from campaign.web.watch.entry import CampaignEntry
 
 ENDED = ("completed", "failed", "cancelled", "interrupted")
-REPORT_WITHIN = 600.0  # s after its end, for which the news of a completed campaign waits for the report
+REPORT_WITHIN = 600.0  # s after the end of a completed campaign that its news waits for the report
 
 
 @dataclass(frozen=True)
@@ -17,13 +17,13 @@ class CampaignNews:
     Attributes
     ----------
     key : str
-        What happened, when and to which campaign: news with the same key is sent once.
+        Identifies the event, its time and the campaign; news with the same key is sent only once.
     campaign : str
-        Its id.
+        Id of the campaign.
     people : frozenset of str
-        Its owner, and who submitted it.
+        Users who own or submitted the campaign.
     content : dict
-        What is told, as plain data.
+        The content of the news, as plain data.
     """
 
     key: str
@@ -33,14 +33,14 @@ class CampaignNews:
 
 
 def campaign_news(entry: CampaignEntry, address: str) -> list[CampaignNews]:
-    """Return the news that the state of a campaign is: it follows from the store, so no restart loses any.
+    """Return the news that follows from the state of a campaign; as the state is in the store, no restart loses news.
 
     Parameters
     ----------
     entry : CampaignEntry
-        What the list says of the campaign.
+        The campaign's entry in the list.
     address : str
-        The server's, for the link.
+        Address of the server, for the link.
     """
     if entry.state not in ENDED:
         return []

@@ -1,4 +1,4 @@
-"""Webhooks and what is to be delivered to them, in the server's database: killed at any time, it loses none."""
+"""Webhooks and their deliveries in the server's database; none is lost if the server is killed."""
 
 import json
 import time
@@ -10,27 +10,27 @@ from campaign.web.access.database import Database
 from campaign.web.access.secret_words import new_secret
 from campaign.web.webhooks.campaign_news import CampaignNews
 
-FIRST_PAUSE, LONGEST_PAUSE = 10.0, 3600.0  # s between two attempts, each twice as long as the one before
+FIRST_PAUSE, LONGEST_PAUSE = 10.0, 3600.0  # s between two attempts; each pause is twice as long as the previous one
 MOST_ATTEMPTS = 32  # with these pauses they take a day
-PAST = "past"  # status of what had happened before there was the webhook
+PAST = "past"  # status of news from before the webhook was created
 
 
 @dataclass(frozen=True)
 class Webhook:
-    """Where a user wants news sent.
+    """An address that a user wants news sent to.
 
     Attributes
     ----------
     id : int
     user : str
-        Whose it is.
+        The user it belongs to.
     campaign : str or None
-        The campaign that it is about; None: all that the user owns or submitted.
+        The campaign it gets news of; None for all campaigns that the user owns or submitted.
     url : str
     secret : str
-        With which bodies are signed.
+        Key that the bodies are signed with.
     created : float
-        [s since 1970]
+        Time of its creation [s since 1970].
     """
 
     id: int
@@ -41,27 +41,28 @@ class Webhook:
     created: float
 
     def wants(self, news: CampaignNews) -> bool:
-        """Return whether the webhook gets some news."""
+        """Return whether the webhook is to get a piece of news."""
         return self.campaign == news.campaign if self.campaign else self.user in news.people
 
 
 @dataclass(frozen=True)
 class Delivery:
-    """News on its way to a webhook.
+    """The delivery of news to a webhook.
 
     Attributes
     ----------
     id, webhook : int
+        Numbers of the delivery and of its webhook.
     event : str
         Key of the news.
     body : str
-        JSON.
+        The news as JSON.
     attempts : int
-        How often it was sent.
+        Number of attempts so far.
     next : float or None
-        When it is sent next [s since 1970]; None: never.
+        Time of the next attempt [s since 1970]; None if there is none.
     status : str
-        ``waiting``, ``delivered``, ``given up``, or why the last attempt failed.
+        ``waiting``, ``delivered``, ``given up`` with the reason, or why the last attempt failed.
     """
 
     id: int
@@ -79,14 +80,14 @@ class WebhookBook:
     Parameters
     ----------
     database : Database
-        Where they are kept.
+        The database that keeps them.
     """
 
     def __init__(self, database: Database) -> None:
         self._database = database
 
     def add(self, user: str, campaign: str | None, url: str, past: Iterable[CampaignNews]) -> Webhook:
-        """Make a webhook; it gets no news of what happened before."""
+        """Create a webhook, which gets none of the `past` news."""
         values = (user, campaign, url, new_secret("webhook"), time.time())
         with self._database.write() as connection:
             made = connection.execute(
@@ -101,7 +102,7 @@ class WebhookBook:
         return webhook
 
     def all(self, user: str | None = None) -> list[Webhook]:
-        """Return the webhooks of a user, or of all users who are not disabled."""
+        """Return the webhooks of a user, or of all users, except disabled ones."""
         rows = self._database.rows(
             "SELECT w.* FROM webhooks w JOIN users u ON u.name = w.user"
             " WHERE NOT u.disabled AND (? IS NULL OR w.user = ?) ORDER BY w.id",
@@ -110,12 +111,12 @@ class WebhookBook:
         return [Webhook(**dict(row)) for row in rows]
 
     def remove(self, webhook_id: int) -> None:
-        """Remove a webhook, with what was to be delivered to it."""
+        """Remove a webhook and its deliveries."""
         with self._database.write() as connection:
             connection.execute("DELETE FROM webhooks WHERE id = ?", (webhook_id,))
 
     def tell(self, news: Iterable[CampaignNews]) -> None:
-        """Queue news for the webhooks that want it; what they have got before is left out."""
+        """Queue news for the webhooks that want it, except news that was queued for them before."""
         webhooks = self.all()
         rows = [
             (webhook.id, each.key, json.dumps({"id": f"{webhook.id} {each.key}", **each.content}), time.time())
@@ -132,14 +133,14 @@ class WebhookBook:
                 )
 
     def due(self, now: float, count: int) -> list[tuple[Webhook, Delivery]]:
-        """Return deliveries whose time has come, the oldest first."""
+        """Return at most `count` deliveries that are due at the time `now` [s since 1970], oldest first."""
         webhooks = {webhook.id: webhook for webhook in self.all()}
         rows = self._database.rows("SELECT * FROM deliveries WHERE next <= ? ORDER BY next LIMIT ?", now, 10 * count)
         found = [_delivery(row) for row in rows]
         return [(webhooks[each.webhook], each) for each in found if each.webhook in webhooks][:count]
 
     def record(self, delivery: Delivery, fault: str | None) -> None:
-        """Record an attempt: delivered, or what went wrong; after a day it is given up."""
+        """Record the success or fault of an attempt; after a day of attempts the delivery is given up."""
         attempts = delivery.attempts + 1
         pause = min(FIRST_PAUSE * 2.0 ** min(delivery.attempts, 20), LONGEST_PAUSE)
         is_over = fault is None or attempts >= MOST_ATTEMPTS
@@ -152,7 +153,7 @@ class WebhookBook:
             )
 
     def deliveries(self, webhook_id: int, count: int = 50) -> list[Delivery]:
-        """Return the last deliveries of a webhook, newest first."""
+        """Return the last `count` deliveries of a webhook, newest first."""
         rows = self._database.rows(
             "SELECT * FROM deliveries WHERE webhook = ? AND status != ? ORDER BY id DESC LIMIT ?",
             webhook_id,

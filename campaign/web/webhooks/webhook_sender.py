@@ -1,4 +1,4 @@
-"""Sends news to webhooks, again and again until it is taken."""
+"""Sending of news to webhooks, which is repeated until the receiver accepts it."""
 
 import asyncio
 import hashlib
@@ -19,18 +19,18 @@ AT_ONCE = 8  # deliveries
 ANSWER_WITHIN = 10.0  # s
 
 logger = logging.getLogger(__name__)
-# httpx names each address at the level INFO; that of a webhook may hold a secret
+# httpx logs each URL at the level INFO, and that of a webhook may hold a secret
 logging.getLogger("httpx").setLevel(logging.WARNING)
 
 
 class WebhookSender:
-    """Tells webhooks what happened to campaigns.
+    """Send news about campaigns to webhooks.
 
     Parameters
     ----------
     book : WebhookBook
     news : callable
-        Returns the news that the states of all campaigns are.
+        Returns the news that follows from the states of all campaigns.
     allowed : iterable of str
         Hosts in the server's own network to which news may be sent.
     """
@@ -38,7 +38,7 @@ class WebhookSender:
     def __init__(self, book: WebhookBook, news: Callable[[], Iterable[CampaignNews]], allowed: Iterable[str]) -> None:
         self._book, self._news = book, news
         self._allowed = tuple(allowed)
-        self._webhooks, self._told = set[int](), set[str]()  # keys of news that is in the book
+        self._webhooks, self._told = set[int](), set[str]()  # webhooks, and keys of the news, that the book has
 
     async def run(self) -> None:
         """Send news as it comes, until cancelled."""
@@ -54,10 +54,10 @@ class WebhookSender:
                 await asyncio.sleep(LOOK_EVERY)
 
     def tell(self) -> None:
-        """Enter what has happened since the last time into the book."""
+        """Enter the news since the last call into the book."""
         webhooks = {webhook.id for webhook in self._book.all()}
         if webhooks != self._webhooks:
-            self._webhooks, self._told = webhooks, set()  # one that is new may not have been told yet
+            self._webhooks, self._told = webhooks, set()  # a new webhook may not have been told yet
         if not webhooks:
             return
         news = list(self._news())
@@ -65,15 +65,15 @@ class WebhookSender:
         self._told = {each.key for each in news}
 
     async def _attempt(self, webhook: Webhook, delivery: Delivery) -> None:
-        """Send news once, and record whether it was taken."""
+        """Send news once, and record whether it was accepted."""
         fault = await self.send(webhook, delivery)
         await asyncio.to_thread(self._book.record, delivery, fault)
 
     async def send(self, webhook: Webhook, delivery: Delivery) -> str | None:
-        """Send news once; return why it was not taken, or None.
+        """Send news once; return why it was not accepted, or None if it was.
 
-        The connection goes to the address that was checked, whatever the name leads to meanwhile; redirections are not
-        followed, and no proxy is asked.
+        The connection goes to the checked address, even if the host name resolves to another one meanwhile. Redirects
+        are not followed, and no proxy is used.
         """
         try:
             target = webhook_target(webhook.url, self._allowed)
@@ -112,15 +112,15 @@ def signature(secret: str, body: bytes, at: int) -> str:
     Parameters
     ----------
     secret : str
-        Of the webhook.
+        Secret of the webhook.
     body : bytes
     at : int
-        Now [s since 1970]; who checks it refuses old ones, so that nobody sends them again.
+        Current time [s since 1970]; receivers refuse old signatures, so that nobody can replay a body.
 
     Returns
     -------
     str
-        HEX is the HMAC-SHA256 of ``SECONDS.BODY`` with the secret as key.
+        SECONDS is `at`; HEX is the HMAC-SHA256 of ``SECONDS.BODY`` with the secret as key.
     """
     digest = hmac.new(secret.encode(), f"{at}.".encode() + body, hashlib.sha256).hexdigest()
     return f"t={at},v1={digest}"

@@ -1,4 +1,4 @@
-"""Where a server may send news: to other machines by TLS, into its own network only where an admin names the host."""
+"""Checks of where news may be sent: by TLS, and into the server's own network only to hosts that an admin allows."""
 
 import ipaddress
 import socket
@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 from campaign.errors import SpecError
 
 LONGEST_URL = 2000  # characters
-# networks whose addresses stand for IPv4 addresses, which may be private ones
+# networks whose addresses embed IPv4 addresses, which may be private
 _TRANSLATED = [ipaddress.ip_network(each) for each in ("64:ff9b::/96", "64:ff9b:1::/48", "2002::/16", "2001::/32")]
 
 
@@ -24,7 +24,7 @@ class WebhookTarget:
     rest : str
         Path and query.
     is_allowed : bool
-        The configuration names the host, so it may be in the server's own network.
+        Whether the configuration names the host, so that it may be in the server's own network.
     """
 
     scheme: str
@@ -35,7 +35,7 @@ class WebhookTarget:
 
     @property
     def authority(self) -> str:
-        """Host and port, as the header ``Host`` has them."""
+        """Host and port as in the header ``Host``."""
         shown = f"[{self.host}]" if ":" in self.host else self.host
         return shown if self.port == (443 if self.scheme == "https" else 80) else f"{shown}:{self.port}"
 
@@ -52,7 +52,7 @@ def webhook_target(url: str, allowed: Iterable[str]) -> WebhookTarget:
     Raises
     ------
     SpecError
-        If news may not be sent there.
+        If the URL is invalid, or news may not be sent there.
     """
     try:
         parts = urlsplit(url)
@@ -71,12 +71,12 @@ def webhook_target(url: str, allowed: Iterable[str]) -> WebhookTarget:
 
 
 def target_addresses(target: WebhookTarget) -> list[str]:
-    """Look up the addresses of a target; all must be such that news may be sent there.
+    """Look up the addresses of a target and check that news may be sent to each.
 
     Raises
     ------
     SpecError
-        If there is none, or one of them is in the server's own network and the configuration does not name the host.
+        If the host has no address, or one in the server's own network that the configuration does not allow.
     """
     try:
         found = socket.getaddrinfo(target.host, target.port, type=socket.SOCK_STREAM)
@@ -94,7 +94,7 @@ def target_addresses(target: WebhookTarget) -> list[str]:
 
 
 def is_public(address: str) -> bool:
-    """Return whether an address is one of the internet, and of no private, local or translated network."""
+    """Return whether an address is on the public internet, not in a private, local or translated network."""
     try:
         parsed = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
