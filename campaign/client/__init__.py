@@ -1,1 +1,1 @@
-"""Programs that ask a server of `clearcap serve`; nothing here knows the store or the engine's kernels."""
+"""The client of a `clearcap serve` server; it uses neither the store nor the engine's kernels."""

@@ -1,4 +1,4 @@
-"""The list of a server's campaigns, asked for page by page."""
+"""The list of a server's campaigns, requested page by page."""
 
 import math
 import time
@@ -9,23 +9,23 @@ from campaign.client.server_connection import ServerConnection
 from campaign.errors import UnreachableError
 
 ON_A_PAGE = 500  # campaigns
-ASK_AGAIN = 0.5  # s, while the server still reads its store for the first time
-GIVE_UP_AFTER = 60.0  # s in which it has read nothing more
+ASK_AGAIN = 0.5  # s between requests while the server still reads its store for the first time
+GIVE_UP_AFTER = 60.0  # s without progress in that reading
 
 
 def listed_campaigns(connection: ServerConnection, question: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield what the list says of each campaign, once the server has read all of its store.
+    """Yield the list entry of each campaign, once the server has read all of its store.
 
     Parameters
     ----------
     connection : ServerConnection
     question : dict
-        ``search``, ``owner``, ``tag`` (a list), ``state``, ``archived`` and ``sort``, as of the API.
+        ``search``, ``owner``, ``tag`` (a list), ``state``, ``archived`` and ``sort``, as in the API.
 
     Raises
     ------
     UnreachableError
-        If the server cannot read the rest of its store.
+        If the server makes no progress in reading its store for a minute.
     """
     cursor: str | None = ""
     while cursor is not None:
@@ -35,11 +35,11 @@ def listed_campaigns(connection: ServerConnection, question: Mapping[str, Any]) 
 
 
 def _whole(connection: ServerConnection, params: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a page of the list of which nothing is missing."""
+    """Return a page of the list, once the server has read all campaigns."""
     least, since = math.inf, time.monotonic()
     while True:
         listing: dict[str, Any] = connection.get("/campaigns", params=params).json()
-        unread, now = listing.get("unread", 0), time.monotonic()  # an older server reads all before it answers
+        unread, now = listing.get("unread", 0), time.monotonic()  # older servers read all campaigns before they answer
         if not unread:
             return listing
         if unread < least:

@@ -1,4 +1,4 @@
-"""What is sent of a campaign: its text, and the files that it names."""
+"""The upload of a campaign: its text, and the files that it names."""
 
 from base64 import b64encode
 from collections.abc import Iterator, Mapping
@@ -9,7 +9,7 @@ from typing import Any
 
 from campaign.errors import SpecError
 
-LARGEST_FILE = 100_000_000  # bytes, as `campaign.spec.data_files` has it
+LARGEST_FILE = 100_000_000  # bytes, as in `campaign.spec.data_files`
 
 
 @dataclass(frozen=True)
@@ -21,19 +21,19 @@ class CampaignUpload:
     text : str
         Content of the campaign file.
     files : dict of str to bytes
-        Content of each file that it names, by that name.
+        Content of each file that the campaign names, by name.
     """
 
     text: str
     files: dict[str, bytes]
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as the API takes it: files in base64."""
+        """Return the upload as JSON data for the API, with the files in base64."""
         return {"text": self.text, "files": {name: b64encode(each).decode() for name, each in self.files.items()}}
 
 
 def campaign_upload(source: str | Path | Mapping[str, Any]) -> CampaignUpload:
-    """Read a campaign file and the files that it names, to send them.
+    """Read a campaign file and the files that it names for an upload.
 
     Parameters
     ----------
@@ -44,8 +44,8 @@ def campaign_upload(source: str | Path | Mapping[str, Any]) -> CampaignUpload:
     Raises
     ------
     SpecError
-        If a file cannot be read, or lies outside the folder of the campaign file: a campaign file that somebody else
-        wrote could name any file of this machine, and would have it sent.
+        If a file cannot be read, or lies outside the folder of the campaign file: otherwise a campaign file written by
+        somebody else could make this program send any file of this machine.
     """
     from engine.toml_file import LARGEST, UnfitToml, parse_toml
 
@@ -63,7 +63,7 @@ def campaign_upload(source: str | Path | Mapping[str, Any]) -> CampaignUpload:
 
 
 def _path_of(name_or_path: str) -> Path:
-    """Return the path of a campaign file; that of a shipped campaign by its name."""
+    """Return the path of a campaign file or, for the name of a shipped campaign, that of its file."""
     if name_or_path.replace("_", "").isalnum():
         shipped = resources.files("campaign").joinpath("library", f"{name_or_path}.toml")
         if shipped.is_file():
@@ -72,7 +72,7 @@ def _path_of(name_or_path: str) -> Path:
 
 
 def _named_files(tables: Mapping[str, Any], folder: Path) -> dict[str, bytes]:
-    """Return the contents of the files that the tables of a campaign name."""
+    """Return the contents of the files that a campaign's tables name, by name."""
     files = {}
     for key, name in _names(tables):
         path = folder / name
@@ -91,12 +91,12 @@ def _named_files(tables: Mapping[str, Any], folder: Path) -> dict[str, bytes]:
 
 
 def _plain(path: Path, content: bytes) -> bytes:
-    """Return a mechanism file; one that names geometry of a CAD file, which a server does not open, with numbers."""
+    """Return a mechanism file, with references to a CAD file, which a server does not open, replaced by numbers."""
     from engine.toml_file import UnfitToml, parse_toml
 
     try:
         names_geometry = "cad" in parse_toml(content)
-    except UnfitToml:  # the server says why
+    except UnfitToml:  # the server reports the fault
         return content
     if not names_geometry:
         return content
@@ -107,7 +107,7 @@ def _plain(path: Path, content: bytes) -> bytes:
 
 
 def _names(tables: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield the key and the name of each file that the tables of a campaign name."""
+    """Yield the key and the name of each file that a campaign's tables name."""
     mechanism = tables.get("mechanism")
     if isinstance(mechanism, str) and (Path(mechanism).suffix == ".toml" or len(Path(mechanism).parts) > 1):
         yield "mechanism", mechanism

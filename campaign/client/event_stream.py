@@ -1,4 +1,4 @@
-"""The events of a campaign, as a server sends them; a lost connection continues after the last one seen."""
+"""The event stream of a campaign; after a lost connection it continues after the last event seen."""
 
 import json
 import time
@@ -9,8 +9,8 @@ from typing import Any
 from campaign.client.server_connection import ServerConnection
 from campaign.errors import StoreError, UnreachableError
 
-SILENCE = 60.0  # s without a word, after which the connection counts as lost; a server speaks every 15 s
-PATIENCE = 600.0  # s for which a server may be away
+SILENCE = 60.0  # s without data after which the connection counts as lost; a server sends something every 15 s
+PATIENCE = 600.0  # s that a server may be unreachable
 
 
 @dataclass
@@ -20,11 +20,11 @@ class SentEvent:
     Attributes
     ----------
     kind : str
-        Its name.
+        Name of the event.
     data : str
-        What it says.
+        Its content.
     id : str
-        By which a follower that comes back says what it has seen; empty if it has none.
+        Its id, which a reconnecting client sends to say what it has seen; empty if the event has none.
     """
 
     kind: str = "message"
@@ -33,12 +33,12 @@ class SentEvent:
 
 
 def events_in(lines: Iterable[str]) -> Iterator[SentEvent]:
-    """Yield the events in the lines of a stream; one that is not complete is left out.
+    """Yield the events in the lines of a stream; an incomplete last event is left out.
 
     Parameters
     ----------
     lines : iterable of str
-        Without their ends.
+        The lines, without line ends.
     """
     event, data = SentEvent(), list[str]()
     for line in lines:
@@ -59,20 +59,20 @@ def events_in(lines: Iterable[str]) -> Iterator[SentEvent]:
 
 
 def progress_events(connection: ServerConnection, campaign_id: str) -> Iterator[dict[str, Any]]:
-    """Yield how far a campaign is whenever that changes, until nothing more happens to it.
+    """Yield the progress of a campaign whenever it changes, until nothing more happens to the campaign.
 
     Parameters
     ----------
     connection : ServerConnection
     campaign_id : str
-        Its whole id.
+        Full id of the campaign.
 
     Raises
     ------
     UnreachableError
         If the server cannot be reached for ten minutes.
     CampaignError
-        If it refuses.
+        If the server refuses the request.
     """
     last, tried, heard = "", 0, time.monotonic()
     while True:
@@ -86,7 +86,7 @@ def progress_events(connection: ServerConnection, campaign_id: str) -> Iterator[
                     if event.kind == "progress":
                         last = event.id or last
                         yield json.loads(event.data)
-        except (UnreachableError, StoreError):  # also that of a proxy whose server starts again
+        except (UnreachableError, StoreError):  # also from a proxy whose server restarts
             if time.monotonic() - heard > PATIENCE:
                 raise
         tried += 1

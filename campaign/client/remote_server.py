@@ -1,4 +1,4 @@
-"""A server of `clearcap serve`, as a program sees it."""
+"""The Python interface to a `clearcap serve` server."""
 
 import re
 import uuid
@@ -22,17 +22,18 @@ _FILE = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
 
 
 def connect(address: str, token: str | None = None, ca: str | Path | None = None) -> "RemoteServer":
-    """Connect to a server of `clearcap serve`; nothing is sent yet.
+    """Return a connection to a `clearcap serve` server; nothing is sent yet.
 
     Parameters
     ----------
     address : str
         ``https://HOST[:PORT]``, or ``http://127.0.0.1:8700`` on the server's own machine.
     token : str, optional
-        Made on the server's page Account; by default that of the environment variable ``CLEARCAP_TOKEN``. It is sent
-        to this address only, in a header, and never over the network without TLS.
+        A token from the server's page Account; by default the value of the environment variable ``CLEARCAP_TOKEN``. It
+        is sent to this address only, in a header, and never over the network without TLS.
     ca : str or Path, optional
-        Certificates, in PEM, of the authority that signed the server's; by default those that the system trusts.
+        PEM file with the certificates of the authority that signed the server's certificate; by default the
+        authorities that the system trusts.
 
     Returns
     -------
@@ -41,17 +42,18 @@ def connect(address: str, token: str | None = None, ca: str | Path | None = None
     Raises
     ------
     SpecError
-        If address, token or certificates cannot be used.
+        If the address, token or certificates cannot be used.
     """
     return RemoteServer(ServerConnection(address, token, ca))
 
 
 class RemoteServer:
-    """A server of `clearcap serve`.
+    """A `clearcap serve` server.
 
-    Its methods raise `SpecError` for what the server finds wrong, with the faults of a file, `UnreachableError` and
-    `StoreError` if it cannot answer now, and `CampaignError` for what the state of a campaign does not allow. Questions
-    are asked again for half a minute if there is no answer, and so is `submit`; other requests are sent once.
+    The methods raise `SpecError` for an invalid request, with the faults of a file; `UnreachableError` or `StoreError`
+    if the server cannot answer now; and `CampaignError` if the state of a campaign does not allow the request. Requests
+    for documents, including `what_if` and `simulate`, and `submit` are tried up to five times if the server does not
+    answer; changes and downloads are sent once.
 
     Parameters
     ----------
@@ -69,7 +71,7 @@ class RemoteServer:
 
     @property
     def address(self) -> str:
-        """The server's address."""
+        """The address of the server."""
         return self.connection.address
 
     def close(self) -> None:
@@ -79,25 +81,25 @@ class RemoteServer:
     # -- campaigns --------------------------------------------------------------------------------------------------
 
     def campaigns(self, **question: Any) -> Iterator[dict[str, Any]]:
-        """Yield what the list says of each campaign, once the server has read them all; pages are asked one by one.
+        """Yield the list entry of each campaign, once the server has read them all; pages are requested as needed.
 
         Parameters
         ----------
         **question
-            ``search``, ``owner``, ``tag`` (a list), ``state``, ``archived`` and ``sort``, as of the API.
+            ``search``, ``owner``, ``tag`` (a list), ``state``, ``archived`` and ``sort``, as in the API.
         """
         yield from listed_campaigns(self.connection, question)
 
     def campaign(self, campaign_id: str) -> dict[str, Any]:
-        """Return what the list says of one campaign."""
+        """Return the list entry of one campaign."""
         return self._document(_path(campaign_id))
 
     def status(self, campaign_id: str) -> dict[str, Any]:
-        """Return the progress of a campaign, as ``clearcap status --json`` does."""
+        """Return the progress of a campaign, the document of ``clearcap status --json``."""
         return self._document(_path(campaign_id, "status"))
 
     def find(self, wanted: str | None = None) -> str:
-        """Return the id of a campaign by its first letters; None stands for the only one of the server."""
+        """Return the id of the campaign that begins with `wanted`, or, for None, of the server's only campaign."""
         ids: list[str] = [entry["campaign"] for entry in self.campaigns(search=wanted or "", archived=True)]
         if wanted is not None and wanted in ids:
             return wanted
@@ -122,19 +124,21 @@ class RemoteServer:
         tags: Iterable[str] = (),
         key: str | None = None,
     ) -> dict[str, Any]:
-        """Send a campaign with the files that it names; the server queues it.
+        """Submit a campaign with the files that it names; the server queues it.
 
         Parameters
         ----------
         source : str, Path or mapping
-            A shipped campaign, a campaign file, or its tables. The files that it names must lie beside it.
+            Name of a shipped campaign, path of a campaign file, or its tables. The files that it names must be in the
+            folder of the campaign file.
         samples, seed : int, optional
-            Instead of those of the source.
+            Values that replace those of the source.
         owner : str, optional
-            By default the token's user.
+            Owner of the campaign; by default the token's user.
         tags : iterable of str
         key : str, optional
-            The same key and campaign are one submission, for a day, however often they are sent; by default a new one.
+            Idempotency key: for a day, requests with the same key and campaign count as one submission. By default a
+            new key.
 
         Returns
         -------
@@ -149,51 +153,51 @@ class RemoteServer:
         return made
 
     def events(self, campaign_id: str) -> Iterator[dict[str, Any]]:
-        """Yield how far a campaign is whenever that changes, until it ends; a lost connection continues by itself."""
+        """Yield the progress of a campaign whenever it changes, until it ends; lost connections are restored."""
         return progress_events(self.connection, quote(campaign_id, safe=""))
 
     def cancel(self, campaign_id: str) -> dict[str, Any]:
-        """End a campaign; its rows stay. Returns its id, its state before, and a note."""
+        """End a campaign, keeping its rows; return its id, its previous state, and a note."""
         return self._document(_path(campaign_id, "cancel"), "POST")
 
     def resume(self, campaign_id: str) -> dict[str, Any]:
-        """Queue a campaign again that ended before its last row; returns what `cancel` returns."""
+        """Queue a campaign again that ended before its last row; return the same as `cancel`."""
         return self._document(_path(campaign_id, "resume"), "POST")
 
     def label(self, campaign_id: str, **change: Any) -> dict[str, Any]:
-        """Change the labels of a campaign; returns what the list says of it then.
+        """Change the labels of a campaign; return its new list entry.
 
         Parameters
         ----------
         campaign_id : str
-            Its whole id.
+            Full id of the campaign.
         **change
-            ``owner``, ``add_tags``, ``remove_tags``, ``note``, ``archived`` and ``version``, as of the API.
+            ``owner``, ``add_tags``, ``remove_tags``, ``note``, ``archived`` and ``version``, as in the API.
         """
         return self._document(_path(campaign_id, "labels"), "PATCH", json=change)
 
     # -- results ----------------------------------------------------------------------------------------------------
 
     def rows(self, campaign_id: str, columns: Iterable[str] = ()) -> "pa.Table":
-        """Return the rows of a campaign as a table of pyarrow; ``.to_pandas()`` makes one of pandas.
+        """Return the rows of a campaign as a pyarrow table; ``.to_pandas()`` converts it to a data frame.
 
         Parameters
         ----------
         campaign_id : str
-            Its whole id.
+            Full id of the campaign.
         columns : iterable of str
-            By default all.
+            Names of the columns; by default all.
         """
         params = {"format": "arrow", "columns": list(columns)}
         return downloaded_table(self.connection, _path(campaign_id, "rows"), params)
 
     def download_report(self, campaign_id: str, folder: str | Path) -> dict[str, Path]:
-        """Write the files of a campaign's report into a folder, which is made if it is missing.
+        """Write the files of a campaign's report into a folder, which is created if it is missing.
 
         Returns
         -------
         dict of str to Path
-            File name -> where it is.
+            Path of each file by name.
 
         Raises
         ------
@@ -201,7 +205,7 @@ class RemoteServer:
             If there is no report yet, or the folder cannot be written.
         """
         names = self._document(_path(campaign_id, "reports"))["files"]
-        names = [name for name in names if _FILE.fullmatch(name)]  # no path that a server chooses
+        names = [name for name in names if _FILE.fullmatch(name)]  # a server must not choose a path
         if not names:
             raise SpecError(f"campaign {campaign_id}: has no report yet; it is written when the campaign ends")
         return {
@@ -210,21 +214,21 @@ class RemoteServer:
         }
 
     def what_if(self, campaign_id: str, *settings: str) -> dict[str, Any]:
-        """Return what other distributions would give, as ``clearcap whatif --json`` does.
+        """Return the results under other distributions, the document of ``clearcap whatif --json``.
 
         Parameters
         ----------
         campaign_id : str
-            Its whole id.
+            Full id of the campaign.
         *settings : str
-            ``VARIABLE.KEY=VALUE``, such as ``J1.std=0.01``.
+            Changes of distributions, each ``VARIABLE.KEY=VALUE``, such as ``J1.std=0.01``.
         """
         return self._document(_path(campaign_id, "whatif"), "POST", repeats=True, json={"set": list(settings)})
 
     # -- mechanisms -------------------------------------------------------------------------------------------------
 
     def mechanisms(self) -> dict[str, Any]:
-        """Return the names of the mechanisms: ``shipped``, a list, and ``saved``, name -> newest version."""
+        """Return the names of the mechanisms: ``shipped``, a list, and ``saved``, the newest version by name."""
         return self._document("/mechanisms")
 
     def mechanism(self, name: str) -> dict[str, Any]:
@@ -232,16 +236,16 @@ class RemoteServer:
         return self._document(f"/mechanisms/{quote(name, safe='')}")
 
     def simulate(self, mechanism: str, values: Mapping[str, float] | None = None, **more: Any) -> dict[str, Any]:
-        """Have a mechanism simulated once; returns ``status``, ``responses``, ``units`` and ``certificate``.
+        """Simulate a mechanism once on the server; return ``status``, ``responses``, ``units`` and ``certificate``.
 
         Parameters
         ----------
         mechanism : str
-            Name of a shipped or a saved one.
+            Name of a shipped or saved mechanism.
         values : mapping of str to float, optional
-            Key -> value, in the mechanism's units.
+            Values by key, in the mechanism's units.
         **more
-            ``bench``, ``preset``, ``step`` and ``horizon``, as of the API.
+            ``bench``, ``preset``, ``step`` and ``horizon``, as in the API.
         """
         body = {"mechanism": mechanism, "values": dict(values or {}), **more}
         return self._document("/simulations", "POST", repeats=True, json=body)
@@ -254,5 +258,5 @@ class RemoteServer:
 
 
 def _path(campaign_id: str, below: str = "") -> str:
-    """Return the path of a campaign, or of something below it."""
+    """Return the API path of a campaign, or of a resource below it."""
     return f"/campaigns/{quote(campaign_id, safe='')}" + (f"/{below}" if below else "")

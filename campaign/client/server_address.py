@@ -1,4 +1,4 @@
-"""The address of a server, and what may be sent there."""
+"""Checks of a server's address and of a token."""
 
 import ipaddress
 import os
@@ -14,12 +14,12 @@ def checked_address(url: str) -> str:
     Parameters
     ----------
     url : str
-        What the user wrote.
+        The address as the user wrote it.
 
     Raises
     ------
     SpecError
-        If it is no address, holds a secret, or would carry a token over the network without TLS.
+        If the address is invalid, contains a secret, or would send a token over the network without TLS.
     """
     try:
         parts = urlsplit(url)
@@ -42,7 +42,7 @@ def checked_address(url: str) -> str:
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether a host is this machine, by its name or address."""
+    """Return whether a host name or address is that of this machine (loopback)."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -50,12 +50,12 @@ def is_loopback(host: str) -> bool:
 
 
 def checked_token(token: str | None) -> str:
-    """Return a token, by default that of the environment variable ``CLEARCAP_TOKEN``.
+    """Return a token, by default the value of the environment variable ``CLEARCAP_TOKEN``.
 
     Raises
     ------
     SpecError
-        If there is none, or it has characters that no token has. The message does not quote it.
+        If there is no token, or it has characters that no token has. The message does not quote the token.
     """
     found = (os.environ.get(TOKEN, "") if token is None else token).strip()
     if not found:

@@ -1,4 +1,4 @@
-"""Requests to a server: with a token, over TLS that is checked, and again where that does no harm."""
+"""Requests to a server, with a token and verified TLS, and repeated where that is harmless."""
 
 import logging
 import random
@@ -19,13 +19,13 @@ except ModuleNotFoundError as error:
     raise SpecError("asking a server needs the package httpx: pip install 'clearcap[client]'") from error
 
 PREFIX = "/api/v1"
-TIMES = httpx.Timeout(120.0, connect=10.0)  # s; an answer may take a simulation
+TIMES = httpx.Timeout(120.0, connect=10.0)  # s; an answer may need a simulation
 TRIES = 5
 FIRST_PAUSE, LONGEST_PAUSE = 0.5, 30.0  # s between two tries
-LATER = (429, 502, 503, 504)  # statuses of servers that answer later
+LATER = (429, 502, 503, 504)  # statuses of a server that may answer later
 MOST_CONNECTIONS = 8
 
-# httpx names each address at the level INFO; an address holds no secret, but nobody asked for the line
+# httpx logs each URL at the level INFO; it contains no secret, but the lines would be noise
 logging.getLogger("httpx").setLevel(logging.WARNING)
 
 
@@ -37,14 +37,15 @@ class ServerConnection:
     address : str
         ``https://HOST[:PORT]``; ``http`` only for this machine.
     token : str, optional
-        By default that of the environment variable ``CLEARCAP_TOKEN``.
+        The token; by default the value of the environment variable ``CLEARCAP_TOKEN``.
     ca : Path, optional
-        Certificates of the authority that signed the server's; by default those that the system trusts.
+        PEM file with the certificates of the authority that signed the server's certificate; by default the
+        authorities that the system trusts.
 
     Raises
     ------
     SpecError
-        If address, token or certificates cannot be used.
+        If the address, token or certificates cannot be used.
     """
 
     def __init__(self, address: str, token: str | None = None, ca: Path | str | None = None) -> None:
@@ -59,8 +60,8 @@ class ServerConnection:
             verify=trusted,
             timeout=TIMES,
             limits=httpx.Limits(max_connections=MOST_CONNECTIONS),
-            follow_redirects=False,  # another address gets no token
-            trust_env=self.address.startswith("https:"),  # no proxy reads what goes to this machine
+            follow_redirects=False,  # the token must not go to another address
+            trust_env=self.address.startswith("https:"),  # requests to this machine must not pass through a proxy
         )
 
     def __enter__(self) -> Self:
@@ -77,7 +78,7 @@ class ServerConnection:
         self._http.close()
 
     def get(self, path: str, **more: Any) -> httpx.Response:
-        """Return an answer to a question; asked again if the server does not answer."""
+        """Return the answer to a GET request, which is repeated if the server does not answer."""
         return self.ask("GET", path, repeats=True, **more)
 
     def ask(self, method: str, path: str, *, repeats: bool = False, **more: Any) -> httpx.Response:
@@ -86,12 +87,12 @@ class ServerConnection:
         Parameters
         ----------
         method, path : str
-            The path is below ``/api/v1``.
+            Method and path; the path is below ``/api/v1``.
         repeats : bool
-            The request does the same when it is sent twice: it is sent again if the connection is lost, or the server
-            says that it can answer later.
+            Whether sending the request twice does no harm, so that it is sent again if the connection is lost or the
+            server says that it can answer later.
         **more
-            ``params``, ``json`` and ``headers``, as of httpx.
+            ``params``, ``json`` and ``headers``, as in httpx.
 
         Raises
         ------
@@ -117,7 +118,7 @@ class ServerConnection:
 
     @contextmanager
     def stream(self, path: str, **more: Any) -> Iterator[httpx.Response]:
-        """Hold an answer in the block whose body is read piece by piece; errors as of `ask`."""
+        """Yield an answer whose body is read piece by piece in the block; raise the errors of `ask`."""
         try:
             with self._http.stream("GET", PREFIX + path, **more) as response:
                 if not response.is_success:
@@ -128,13 +129,13 @@ class ServerConnection:
             raise self._unreachable(error) from error
 
     def wait(self, tried: int, asked: str = "") -> None:
-        """Wait before the next try: as long as the server asked for, or twice as long each time."""
+        """Wait before the next try as long as the server asked for, or twice as long each time, but at most 30 s."""
         pause = FIRST_PAUSE * 2.0 ** (tried - 1) * random.uniform(0.7, 1.3)
         if asked.isdigit():
             pause = float(asked[:6])
         time.sleep(min(pause, LONGEST_PAUSE))
 
     def _unreachable(self, error: httpx.TransportError) -> UnreachableError:
-        """Return what to say of a lost connection."""
+        """Return the error for a lost connection."""
         reason = str(error) or type(error).__name__
         return UnreachableError(f"server {self.address}: cannot be reached ({reason}); the same command works later")

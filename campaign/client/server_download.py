@@ -1,4 +1,4 @@
-"""What a server sends piece by piece: files and tables."""
+"""Downloads of files and tables, which a server sends piece by piece."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ PIECE = 1 << 20  # bytes
 
 
 def download(connection: ServerConnection, path: str, file: Path) -> Path:
-    """Write what a server sends into a file, which is there when it is whole; return the file.
+    """Download a file and return its path; it appears there only when it is complete.
 
     Raises
     ------
@@ -41,7 +41,7 @@ def downloaded_table(connection: ServerConnection, path: str, params: dict[str, 
     Raises
     ------
     CampaignError
-        If the server refuses, the connection is lost, or what it sends is no table.
+        If the server refuses, the connection is lost, or the answer is not a table.
     """
     import pyarrow as pa
 

@@ -1,4 +1,4 @@
-"""What a server refuses becomes an error of the house, in the server's words."""
+"""Conversion of a server's refusals to clearcap's errors, with the server's message."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -14,21 +14,20 @@ MOST_FAULTS = 100
 
 
 def error_of(address: str, response: "httpx.Response") -> CampaignError:
-    """Return the error that an answer stands for.
+    """Return the error for an answer that is not a success.
 
     Parameters
     ----------
     address : str
-        The server's, for messages.
+        Address of the server, for messages.
     response : httpx.Response
         An answer with a status of 300 or more, whose body was read.
 
     Returns
     -------
     CampaignError
-        `SpecError` for what was wrong in the request, with the faults of a file; `StoreError` if the server, or its
-        store, cannot answer now; `CampaignError` for what the state of a campaign does not allow, and for too many
-        requests.
+        `SpecError` for an invalid request, with the faults of a file; `StoreError` if the server or its store cannot
+        answer now; `CampaignError` if the state of a campaign does not allow the request, or for too many requests.
     """
     status, problem = response.status_code, _problem(response)
     detail = str(problem.get("detail") or f"answered with status {status}")[:LONGEST_DETAIL]
@@ -45,20 +44,20 @@ def error_of(address: str, response: "httpx.Response") -> CampaignError:
 
 
 def _problem(response: "httpx.Response") -> dict[str, Any]:
-    """Return the problem details of an answer; nothing if it has none."""
+    """Return the problem details of an answer; an empty dict if it has none."""
     try:
         document = response.json()
-    except ValueError:  # of a proxy, or of another server
+    except ValueError:  # the answer of a proxy or of another kind of server
         return {}
     return document if isinstance(document, dict) else {}
 
 
 def _faults(listed: Any) -> "list[Fault]":
-    """Return the faults of problem details; what is of another form is left out."""
+    """Return the faults of problem details; entries of another form are left out."""
     tables = [each for each in listed if isinstance(each, dict)] if isinstance(listed, list) else []
     if not tables:
         return []
-    from engine.faults.fault import Fault  # which loads the engine
+    from engine.faults.fault import Fault  # imported here, because it loads the engine
 
     return [
         Fault(

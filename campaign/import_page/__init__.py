@@ -1,1 +1,1 @@
-"""What ``clearcap mechanism import`` found, as one page: the parts in 3D, and a list of joints and candidates."""
+"""The page of ``clearcap mechanism import``: the parts in 3D, and a list of the joints and candidates found."""

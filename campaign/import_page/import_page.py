@@ -1,4 +1,4 @@
-"""The page of what was found in a CAD file: one file that asks nothing of any server."""
+"""The page that shows what was found in a CAD file; it is one self-contained HTML file."""
 
 import json
 import re
@@ -26,14 +26,14 @@ KINDS = {"joint": "Joints", "facing": "Faces that could be stops", "no joint": "
 
 @dataclass(frozen=True)
 class ImportFiles:
-    """What the page is about, and was written beside.
+    """The files that the page is about.
 
     Attributes
     ----------
     step, mechanism : str
         Names of the CAD file and of the mechanism file.
     drawing : bytes
-        The drawing of what was found, as SVG.
+        Drawing of the parts and the joints found, as SVG.
     """
 
     step: str
@@ -44,15 +44,15 @@ class ImportFiles:
 def import_page(
     found: FoundGeometry, places: list[FoundPlace], questions: list[OpenQuestion], files: ImportFiles
 ) -> str:
-    """Return the page.
+    """Return the page as HTML.
 
     Parameters
     ----------
     found : FoundGeometry
     places : list of FoundPlace
-        Of `found`.
+        Joints and candidates in `found`.
     questions : list of OpenQuestion
-        Of the mechanism file.
+        Open questions of the mechanism file.
     files : ImportFiles
     """
     vertices = np.concatenate([np.zeros((0, 3)), *(mesh.vertices for mesh in found.assembly.meshes)])
@@ -74,7 +74,7 @@ def import_page(
             kinds=[(title, [p for p in enumerate(places) if p[1].kind == kind]) for kind, title in KINDS.items()],
             questions=[(question, names.get(_about(question))) for question in questions],
             deviation=deviation,
-            scene=Markup(json.dumps(scene).replace("<", "\\u003c")),  # so that no text ends the element
+            scene=Markup(json.dumps(scene).replace("<", "\\u003c")),  # so that no text can end the script element
             three=_source("three.min.js"),
             script=_source("import_page.js"),
             style=_source("import_page.css"),
@@ -83,24 +83,24 @@ def import_page(
 
 
 def _parts(found: FoundGeometry) -> dict[str, CadPart]:
-    """Return the parts by the names of their rows."""
+    """Return the parts by the ids of their rows on the page."""
     return {f"part-{number}": part for number, part in enumerate(found.assembly.parts)}
 
 
 def _names(found: FoundGeometry, places: list[FoundPlace]) -> dict[tuple[str, str], str]:
-    """Return the row of each table of the mechanism file, by kind and name of the table."""
+    """Return the id of the row of each table of the mechanism file, by kind and name of the table."""
     names = {("bodies", found.bodies[part.name]): row for row, part in _parts(found).items()}
     return names | {("joints", p.name): f"place-{i}" for i, p in enumerate(places) if p.kind == "joint"}
 
 
 def _about(question: OpenQuestion) -> tuple[str, str]:
-    """Return kind and name of the table that a question is about; empty texts if it is about none of these."""
+    """Return the kind and name of the table that a question is about; empty texts if it is about no body or joint."""
     match = _ABOUT.match(question.text)
     return (match[1], match[2]) if match else ("", "")
 
 
 def _scene(found: FoundGeometry, places: list[FoundPlace], meshes: list[PageMesh], centre: Array) -> dict[str, Any]:
-    """Return what the page's script draws, as plain data; lengths in mm from the centre."""
+    """Return the data that the page's script draws, as plain data; positions relative to the centre [mm]."""
     view = view_of(found)
     rows = {part.name: row for row, part in _parts(found).items()}
     wanted = {face for place in places for face in place.faces}
@@ -135,5 +135,5 @@ def _scene(found: FoundGeometry, places: list[FoundPlace], meshes: list[PageMesh
 
 
 def _source(name: str) -> Markup:
-    """Return a file of the page as it stands."""
+    """Return the content of a static file of the page, unescaped."""
     return Markup((_FILES / name).read_text("utf-8"))

@@ -1,4 +1,4 @@
-"""Triangles of parts for a page: no more than a browser turns with ease, each face's in one piece."""
+"""Triangle meshes of parts for a page, with few enough triangles for a browser, and sorted by face."""
 
 from bisect import bisect_left
 from collections.abc import Iterable
@@ -13,22 +13,22 @@ from engine.cad.cad_model import TriangleMesh
 MOST_TRIANGLES = 250_000
 """Of all parts together; more are drawn coarser. A page of so many has about 8 MB."""
 
-_FINEST, _WIDER = 4000, 1.25  # cells along the longest side at first, where there are too many; and how much wider then
-_STEPS = 40  # after so many, a part is in one cell, and no triangle is left
+_FINEST, _WIDER = 4000, 1.25  # cells along the longest side in the finest grid; width ratio of successive grids
+_STEPS = 40  # number of grids; in the last one a part is in one cell, and no triangle is left
 
 
 @dataclass(frozen=True, eq=False)
 class PageMesh:
-    """Triangles of a part.
+    """The triangle mesh of a part.
 
     Attributes
     ----------
     vertices : ndarray of float32, shape (n, 3)
-        From the page's centre.
+        Positions relative to the page's centre.
     triangles : ndarray of uint32, shape (m, 3)
-        Rows of `vertices`, counter-clockwise seen from outside; in the order of their faces.
+        Indices of rows of `vertices`, counter-clockwise seen from outside, sorted by face.
     stretches : dict
-        First triangle and number of triangles of each face, by its number.
+        First triangle and number of triangles of each face, by the number of the face.
     """
 
     vertices: NDArray[np.float32]
@@ -37,16 +37,16 @@ class PageMesh:
 
 
 def page_meshes(meshes: Iterable[TriangleMesh], centre: Array, most: int) -> tuple[list[PageMesh], float]:
-    """Return the triangles of parts for a page, and how far from the faces they may be.
+    """Return the meshes of parts for a page, and their largest distance from the faces.
 
-    Where there are too many, vertices in one cell of a grid become one, in their middle; its cells are as small as the
-    number of triangles that are left allows.
+    If there are too many triangles, the vertices in each cell of a grid are merged into their mean, with the finest
+    grid that leaves few enough triangles.
 
     Parameters
     ----------
     meshes : iterable of TriangleMesh
     centre : ndarray, shape (3,)
-        Origin of the page, near the parts: single precision is precise near it.
+        Origin of the page; it should be near the parts, where single precision is most accurate.
     most : int
         Largest number of triangles.
     """
@@ -63,19 +63,19 @@ def page_meshes(meshes: Iterable[TriangleMesh], centre: Array, most: int) -> tup
 
 
 def coarser(mesh: TriangleMesh, cell: float) -> tuple[TriangleMesh, float]:
-    """Return the triangles that are left where all vertices in one cell of a grid are in one place.
+    """Return a mesh whose vertices in each cell of a grid are merged, without the triangles that collapse.
 
     Parameters
     ----------
     mesh : TriangleMesh
     cell : float
-        Side of a cell, > 0.
+        Side length of a cell, > 0.
 
     Returns
     -------
     mesh : TriangleMesh
     moved : float
-        How far the vertex that moved farthest did.
+        Largest displacement of a vertex.
     """
     if not len(mesh.triangles):
         return mesh, 0.0
@@ -85,7 +85,7 @@ def coarser(mesh: TriangleMesh, cell: float) -> tuple[TriangleMesh, float]:
     middles = np.stack(sums, axis=1) / np.bincount(place)[:, None]
     faces = np.zeros(len(mesh.vertices), np.int64)
     faces[mesh.triangles] = mesh.faces[:, None]
-    # A vertex belongs to one face, so that edges between faces stay sharp, and lies where those of its neighbours do.
+    # Vertices are kept per face, so that edges between faces stay sharp, but coincide with those of neighbouring faces.
     vertex = _numbered(place * (faces.max() + 1) + faces)
     vertices = np.zeros((vertex.max() + 1, 3))
     vertices[vertex] = middles[place]
@@ -96,17 +96,17 @@ def coarser(mesh: TriangleMesh, cell: float) -> tuple[TriangleMesh, float]:
 
 
 def _count(meshes: Iterable[TriangleMesh]) -> int:
-    """Return how many triangles there are."""
+    """Return the total number of triangles."""
     return sum(len(mesh.triangles) for mesh in meshes)
 
 
 def _numbered(keys: Integers) -> Integers:
-    """Return the place of each key among all different ones."""
+    """Return the rank of each key among the distinct keys."""
     return np.asarray(np.unique(keys, return_inverse=True)[1].ravel(), np.int64)
 
 
 def _of_page(mesh: TriangleMesh, centre: Array) -> PageMesh:
-    """Return a mesh in single precision, sorted by faces, without vertices that no triangle has."""
+    """Return a mesh in single precision, sorted by face, without unused vertices."""
     order = np.argsort(mesh.faces, kind="stable")
     used, triangles = np.unique(mesh.triangles[order], return_inverse=True)
     numbers, firsts, counts = np.unique(mesh.faces[order], return_index=True, return_counts=True)

@@ -1,9 +1,9 @@
 "use strict";
-// The parts in 3D: what is selected in the list, by its name or on a part, is shown there, and the rest is seen through.
+// The parts in 3D: what is selected in the list, by its name or on a part, is highlighted, and the rest is transparent.
 (function () {
-  const HIGHLIGHT = "#e0a000", SEEN_THROUGH = 0.14, LEAST_DRAG = 5; // px: less is a click
+  const HIGHLIGHT = "#e0a000", SEEN_THROUGH = 0.14, LEAST_DRAG = 5; // px; a shorter drag counts as a click
   const canvas = document.querySelector("#scene canvas");
-  // Asked for here, and not by three.js, which complains in the console where there is none.
+  // The context is requested here and not by three.js, which logs errors in the console if there is none.
   const context = canvas.getContext("webgl2", { antialias: true });
   if (!context) return;
   const data = JSON.parse(document.getElementById("data").textContent);
@@ -62,8 +62,8 @@
   const buttons = [...document.querySelectorAll("button[data-row]")];
   let chosen = "", marks = [];
 
-  // The faces of a place, over the parts that they belong to. They are kept: three.js would take away, with what it
-  // disposes of, the vertices of the part.
+  // Return the faces of a place, drawn over their parts. They are never disposed of, because three.js would dispose of
+  // the vertices of the part with them.
   function marksOf(place) {
     const found = [];
     for (const part of parts) {

@@ -1,4 +1,4 @@
-"""The calls of the HTTP API, a module for each kind of thing."""
+"""The calls of the HTTP API, with one module for each kind of resource."""
 
 from fastapi import APIRouter
 
@@ -22,7 +22,7 @@ from campaign.web.api import (
     webhooks,
 )
 
-# each kind of thing on a line of its own
+# one router on each line
 ROUTERS = [
     health.router,
     mechanisms.router,

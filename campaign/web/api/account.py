@@ -1,4 +1,4 @@
-"""What a user does to his own account: his password and his sessions."""
+"""Calls for a user's own account: password and sessions."""
 
 from fastapi import Request
 from pydantic import BaseModel, ConfigDict, Field
@@ -32,7 +32,7 @@ def show_account(service: TheService, who: Viewer) -> ListedUser:
 
 @router.put("/account/password", status_code=204, response_class=Response)
 def set_password(request: Request, service: TheService, who: Viewer, change: PasswordChange) -> Response:
-    """Change your password; all your sessions end, this one too."""
+    """Change your password; all your sessions end, including this one."""
     change_password(request, service, who, change.present or "", change.password)
     return Response(status_code=204)
 
@@ -45,14 +45,14 @@ def end_sessions(service: TheService, who: Viewer) -> Response:
 
 
 def change_password(request: Request, service: Service, who: Principal, present: str, password: str) -> None:
-    """Change one's own password; all sessions end.
+    """Change the password of the user who asks; all their sessions end.
 
     Raises
     ------
     Refusal
         403 for a token or a wrong present password, 429 after many wrong ones.
     SpecError
-        If the new one is too short.
+        If the new password is too short or too long.
     """
     needs_session(who)
     if known_user(service, who.name).has_password and checked_user(request, who.name, present) is None:

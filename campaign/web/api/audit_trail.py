@@ -1,4 +1,4 @@
-"""The audit trail, for admins."""
+"""Calls that list and check the audit trail, for admins."""
 
 from datetime import UTC, datetime
 from typing import Annotated
@@ -29,7 +29,7 @@ class ListedEntry(BaseModel):
 
     @classmethod
     def of(cls, entry: Entry) -> "ListedEntry":
-        """Return an entry as it is listed."""
+        """Return the listed form of an entry."""
         return cls.model_validate({**vars(entry), "time": datetime.fromtimestamp(entry.time, UTC)})
 
 
@@ -41,7 +41,7 @@ class EntryList(BaseModel):
 
 
 class Wholeness(BaseModel):
-    """Whether the audit trail is whole."""
+    """Whether the audit trail is intact."""
 
     whole: bool = Field(examples=[True])
     first_fault: int | None = Field(description="First entry that was changed, or is missing", examples=[None])
@@ -64,6 +64,6 @@ def list_audit(
 
 @router.get("/audit/check")
 def check_audit(service: TheService, _: Admin) -> Wholeness:
-    """Check that no entry of the audit trail was changed or taken out."""
+    """Check that no entry of the audit trail was changed or removed."""
     fault = service.audit.first_fault()
     return Wholeness(whole=fault is None, first_fault=fault)

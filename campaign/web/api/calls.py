@@ -1,4 +1,4 @@
-"""What all calls of the API share: their path, the summary and the refusals in their documentation."""
+"""Common parts of all calls of the API: their path prefix, and the summary and refusals in their documentation."""
 
 from collections.abc import Callable, Coroutine, Iterator
 from typing import Any
@@ -12,11 +12,11 @@ from campaign.web.http.asking import SAFE_METHODS, known, who_may
 from campaign.web.http.problems import described
 
 PREFIX = "/api/v1"
-WHO_MAY = "x-who-may"  # of a call, in the OpenAPI document
+WHO_MAY = "x-who-may"  # key of a call in the OpenAPI document
 
 
 class _Call(APIRoute):
-    """A call whose summary is the first line of its docstring; its documentation also says who may ask."""
+    """A call whose summary is the first line of its docstring; its documentation also says who may use it."""
 
     def __init__(self, path: str, endpoint: Callable[..., Any], **options: Any) -> None:
         if not options.get("summary"):
@@ -25,7 +25,7 @@ class _Call(APIRoute):
         self.openapi_extra = {**(self.openapi_extra or {}), WHO_MAY: who_may(_all_of(self.dependant))}
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
-        """Return what answers a request: a stranger's body is refused before it is read."""
+        """Return the handler of a request, which refuses strangers before it reads the body."""
         handle = super().get_route_handler()
 
         async def handle_known(request: Request) -> Response:
@@ -49,9 +49,9 @@ def calls(tag: str, *, with_login: bool = True) -> APIRouter:
     Parameters
     ----------
     tag : str
-        The kind, in the documentation.
+        Name of the kind in the documentation.
     with_login : bool
-        The calls can be refused for what every call with a login can be refused for.
+        Whether the calls need a login, and so have the path prefix and the common refusals.
     """
     refusals = described(400, 401, 403, 413, 422, 429, 500, 503) if with_login else {}
     return APIRouter(prefix=PREFIX if with_login else "", tags=[tag], route_class=_Call, responses=refusals)

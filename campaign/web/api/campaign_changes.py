@@ -1,4 +1,4 @@
-"""What is done to a campaign: it is ended, continued, labelled, or deleted."""
+"""Calls that change a campaign: end, continue, rerun, label or delete it."""
 
 import asyncio
 from typing import Annotated
@@ -27,7 +27,7 @@ router = calls("campaigns")
 
 
 class Done(BaseModel):
-    """What was done."""
+    """The result of a change."""
 
     campaign: str = Field(examples=["c60-0a1b2c3d4e"])
     before: str = Field(description="State before", examples=["running"])
@@ -36,7 +36,7 @@ class Done(BaseModel):
 
 @router.post("/campaigns/{campaign}/cancel", responses=described(404))
 def cancel(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
-    """End a campaign; finished rows stay, and `resume` continues it."""
+    """End a campaign; finished rows are kept, and `resume` continues it."""
     before = cancel_campaign(service.store, campaign)
     service.watcher.hurry(campaign)
     note = "it is completed; nothing to cancel" if before == "completed" else "its workers end within some seconds"
@@ -45,7 +45,7 @@ def cancel(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
 
 @router.post("/campaigns/{campaign}/resume", responses=described(404))
 def resume(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
-    """Queue a campaign again that was cancelled or interrupted, that failed, or that lost rows."""
+    """Queue a campaign again that was cancelled or interrupted, has failed, or has lost rows."""
     entry = service.watcher.index.entry(campaign)
     plan = service.store.plan(campaign)
     assignment = assign_coordinator(service.store, plan, [], queue_only=True)
@@ -55,7 +55,7 @@ def resume(service: TheService, campaign: TheCampaign, _: Engineer) -> Done:
 
 
 class FailedRows(BaseModel):
-    """Which failed rows are to be computed again."""
+    """The failed rows that are to be computed again."""
 
     model_config = ConfigDict(extra="forbid")
     statuses: list[FailedStatus] = Field(
@@ -68,7 +68,7 @@ class FailedRows(BaseModel):
 
 @router.post("/campaigns/{campaign}/rerun", responses=described(404, 409))
 def rerun(service: TheService, campaign: TheCampaign, who: Engineer, wanted: FailedRows) -> Done:
-    """Compute failed rows again, after their cause is removed: the coordinator that serves the store does it next."""
+    """Compute failed rows again after their cause was removed; the coordinator that serves the store does it next."""
     store = service.store
     before = str(state_of(store, campaign)["state"])
     if before in ("running", "queued"):
@@ -85,7 +85,7 @@ def rerun(service: TheService, campaign: TheCampaign, who: Engineer, wanted: Fai
 
 
 class LabelRequest(BaseModel):
-    """What changes in the labels of a campaign; what is left out stays."""
+    """A change of the labels of a campaign; fields that are left out stay unchanged."""
 
     model_config = ConfigDict(extra="forbid")
     owner: str | None = Field(None, max_length=200, examples=["eva"])
@@ -100,7 +100,7 @@ class LabelRequest(BaseModel):
 
 @router.patch("/campaigns/{campaign}/labels", responses=described(404, 409))
 async def label(service: TheService, campaign: TheCampaign, who: Engineer, wanted: LabelRequest) -> CampaignEntry:
-    """Change owner, tags and note of a campaign, or archive it."""
+    """Change the owner, tags and note of a campaign, or archive it."""
     change = LabelChange(wanted.owner, tuple(wanted.add_tags), tuple(wanted.remove_tags), wanted.note, wanted.archived)
     await asyncio.to_thread(change_labels, service.store, campaign, change, by=who.name, version=wanted.version)
     await service.watcher.list_campaigns(campaign)
@@ -117,7 +117,7 @@ def delete(
     who: Engineer,
     confirm: Annotated[str, Header(alias="X-Confirm", description="The id once more: rows are lost for ever")] = "",
 ) -> Response:
-    """Delete a campaign with all its rows; its owner and admins may, unless it is signed."""
+    """Delete a campaign with all its rows; only its owner and admins may, and not if it is signed."""
     entry = service.watcher.index.entry(campaign)
     owner = entry.owner or entry.submitted_by if entry else ""
     if not who.may(Role.ADMIN) and owner != who.name:

@@ -1,4 +1,4 @@
-"""The campaigns of the store: a list, and each with its state, files and labels."""
+"""Calls that list the campaigns of the store, and show the state and files of each."""
 
 import json
 from collections.abc import Iterable
@@ -21,7 +21,7 @@ from campaign.web.watch.list_order import LONGEST_CURSOR, ORDERS, after_cursor, 
 
 router = calls("campaigns")
 MOST_LISTED = 1000
-_EVENT = {  # of a stream, as OpenAPI describes one
+_EVENT = {  # OpenAPI schema of an event in a stream
     "type": "object",
     "properties": {"event": {"enum": ["progress", "end"]}, "id": {"type": "string"}, "data": {"type": "string"}},
 }
@@ -41,7 +41,7 @@ class Listing(BaseModel):
 
 
 class ListQuestion(BaseModel):
-    """Which campaigns are listed, and in which order."""
+    """The filters and the order of a list of campaigns."""
 
     search: str = Field("", max_length=200, description="Part of the id, title, owner, tags, or note")
     owner: str | None = Field(None, max_length=200)
@@ -53,18 +53,18 @@ class ListQuestion(BaseModel):
     @field_validator("state", mode="before")
     @classmethod
     def _empty_stands_for_all(cls, value: Any) -> Any:
-        """Return the state; a form sends what is not chosen as an empty text."""
+        """Return the state, or None for an empty text, which a form sends if none is chosen."""
         return value or None
 
 
 def listed(entries: Iterable[tuple[CampaignEntry, bytes]], question: ListQuestion) -> list[tuple[CampaignEntry, bytes]]:
-    """Return the entries that fit a question, in its order; equals are in the order of their ids."""
+    """Return the entries that match a question, in its order; entries with equal keys are sorted by id."""
     words = question.search.casefold().split()
     return in_order([pair for pair in entries if _fits(pair[0], question, words)], question.sort)
 
 
 def _fits(entry: CampaignEntry, question: ListQuestion, words: list[str]) -> bool:
-    """Return whether an entry fits a question."""
+    """Return whether an entry matches a question."""
     if entry.archived and not question.archived:
         return False
     if question.owner not in (None, entry.owner) or question.state not in (None, entry.state):
@@ -118,7 +118,8 @@ async def show_campaign(service: TheService, campaign: TheCampaign) -> CampaignE
 async def follow_campaign(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
     """Follow a campaign by server-sent events: progress, rate, failures by status, each Cpk with its interval.
 
-    Each event `progress` holds all that is known; `Last-Event-ID` leaves out what was seen. `end` is the last.
+    Each `progress` event holds the whole state, so only the latest counts; with `Last-Event-ID`, that event is not sent
+    again. `end` is the last event.
     """
     limit = service.settings.limits.streams
     if service.streams[who.name] >= limit:
@@ -133,7 +134,7 @@ async def follow_campaign(request: Request, service: TheService, campaign: TheCa
     responses={200: {"content": {"application/toml": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404)},
 )
 async def campaign_file(request: Request, service: TheService, campaign: TheCampaign) -> Response:
-    """Return the campaign file, as it was submitted."""
+    """Return the campaign file as it was submitted."""
     try:
         content = await run_in_threadpool(service.store.files.read, f"{campaign}/{CAMPAIGN_FILE}")
     except FileNotFoundError as error:
@@ -142,7 +143,7 @@ async def campaign_file(request: Request, service: TheService, campaign: TheCamp
 
 
 class CampaignStatus(BaseModel):
-    """How far a campaign is."""
+    """The progress of a campaign."""
 
     campaign: str = Field(examples=["c60-0a1b2c3d4e"])
     store: str = Field(description="Where its files are", examples=["runs"])
@@ -166,9 +167,9 @@ class CampaignStatus(BaseModel):
 
 @router.get("/campaigns/{campaign}/status", responses=described(404))
 async def campaign_status(service: TheService, campaign: TheCampaign, who: Asking) -> CampaignStatus:
-    """Count the rows of a campaign: state, rows by status, and of one that runs, as its coordinator counts."""
+    """Count the rows of a campaign by status; for a running campaign, return the counts of its coordinator."""
     document = await run_in_threadpool(service.statuses.status, campaign)
     if document["heartbeat"]:
-        document["heartbeat"]["token"] = ""  # of the coordinator's lease
+        document["heartbeat"]["token"] = ""  # the token of the coordinator's lease stays secret
     compared = {other: where for other, where in document["comparisons"].items() if who.may_see(other)}
     return CampaignStatus(**{**document, "comparisons": compared})

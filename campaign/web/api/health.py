@@ -1,4 +1,4 @@
-"""Whether the server lives, whether it can work, and its counts."""
+"""Calls for operation: whether the server is alive, whether it is ready, and its metrics."""
 
 import logging
 
@@ -17,20 +17,20 @@ logger = logging.getLogger(__name__)
 
 
 class Health(BaseModel):
-    """The server lives."""
+    """The health of the server."""
 
     status: str = Field(examples=["ok"])
 
 
 @router.get("/healthz")
 async def healthz() -> Health:
-    """Answer that the process lives; nothing else is looked at."""
+    """Answer that the process is alive; nothing else is checked."""
     return Health(status="ok")
 
 
 @router.get("/readyz", responses=described(503))
 def readyz(service: TheService) -> Health:
-    """Answer whether the store and the database can be read, and the engine is not being compiled."""
+    """Check that the store and the database can be read, and that the engine is not being compiled."""
     compiling_s = service.pool.compiling_s
     if compiling_s is not None:
         raise EngineCompiling(compiling_s)
@@ -38,7 +38,7 @@ def readyz(service: TheService) -> Health:
     try:
         service.store.folders()
     except Exception as error:
-        logger.warning("the store cannot be read: %s", error)  # and not for whoever asks
+        logger.warning("the store cannot be read: %s", error)  # only in the log, because anybody may ask
         words = "the store cannot be read; the server's log says why"
         raise Refusal(503, words, headers={"Retry-After": "10"}) from error
     return Health(status="ok")

@@ -1,4 +1,4 @@
-"""Mechanisms: those that are shipped, those that are saved in the store, and checks of a text."""
+"""Calls for mechanisms: the shipped ones, those saved in the store, and checks of a text."""
 
 from datetime import UTC, datetime
 from importlib import resources
@@ -44,7 +44,7 @@ class MechanismText(BaseModel):
 
 
 class SavedVersion(BaseModel):
-    """A version that was saved."""
+    """A saved version of a mechanism."""
 
     name: str
     version: int
@@ -106,7 +106,7 @@ async def mechanism_picture(
 
 @router.put("/mechanisms/{name}", responses=described(409))
 async def save(service: TheService, who: Engineer, name: MechanismName, wanted: MechanismText) -> SavedVersion:
-    """Save a mechanism in the store, for all, as a new version; one with faults is refused."""
+    """Save a mechanism in the store, for all users, as a new version; one with faults is refused."""
     if name in library_names():
         raise Refusal(409, f"{name} is a shipped mechanism; save yours under another name")
     await service.pool.data(who.name, check_text, MechanismSource(name, wanted.text))
@@ -117,7 +117,7 @@ async def save(service: TheService, who: Engineer, name: MechanismName, wanted: 
 
 @router.post("/checks/mechanism", responses=described(409))
 async def check_mechanism(service: TheService, who: Engineer, wanted: MechanismText) -> dict[str, Any]:
-    """Check the text of a mechanism: its summary and what looks wrong; its faults, with key and line, as a problem."""
+    """Check the text of a mechanism; return its summary and warnings, or its faults with key and line as a problem."""
     content: dict[str, Any] = await service.pool.data(who.name, check_text, MechanismSource("mechanism", wanted.text))
     return content
 
@@ -128,12 +128,12 @@ def shipped_text(name: str) -> bytes:
 
 
 async def source_of(service: Service, name: str, **more: Any) -> MechanismSource:
-    """Return where a job finds a mechanism: among those shipped, or the newest saved one.
+    """Return the source of a mechanism for a job: a shipped one, or the newest saved version.
 
     Raises
     ------
     Refusal
-        404 if there is none of this name.
+        404 if there is no mechanism of this name.
     """
     if name in library_names():
         return MechanismSource(name, **more)

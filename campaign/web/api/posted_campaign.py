@@ -1,4 +1,4 @@
-"""A campaign as it is posted: JSON, or a form with files, as curl and browsers send them."""
+"""A posted campaign, as JSON or as a form with files, such as curl and browsers send."""
 
 import base64
 import json
@@ -32,7 +32,7 @@ upper = 0.13
 
 
 def _decoded(value: Any) -> bytes:
-    """Return the content of a file that came as text; ValueError if it is not base64."""
+    """Return the content of a file that was sent in base64; raise ValueError if it is not base64."""
     if isinstance(value, bytes):
         return value
     if not isinstance(value, str):
@@ -44,7 +44,7 @@ def _decoded(value: Any) -> bytes:
 
 
 def _no_truth(value: Any) -> Any:
-    """Return what may be a number; JSON's true would count as 1."""
+    """Return a value, but raise ValueError for a boolean, because JSON's true would count as 1."""
     if isinstance(value, bool):
         raise ValueError("must be a whole number, not true or false")
     return value
@@ -55,7 +55,7 @@ FileContent = Annotated[bytes, BeforeValidator(_decoded), WithJsonSchema({"type"
 
 
 class CampaignRequest(BaseModel):
-    """A campaign that is to be checked or computed."""
+    """A campaign to be checked or computed."""
 
     model_config = ConfigDict(extra="forbid")
     text: str = Field(max_length=LONGEST_TEXT, description="Content of the campaign file, TOML", examples=[EXAMPLE])
@@ -68,7 +68,7 @@ class CampaignRequest(BaseModel):
     tags: list[str] = Field(default=[], max_length=50, examples=[["release-3"]])
 
     def digest(self) -> str:
-        """Return what two requests with the same content have in common."""
+        """Return a digest that is equal for requests with equal content."""
         files = {name: sha256(content).hexdigest() for name, content in self.files.items()}
         content = {**self.model_dump(exclude={"files"}), "files": files}
         return sha256(json.dumps(content, sort_keys=True).encode(errors="surrogatepass")).hexdigest()
@@ -98,14 +98,14 @@ POSTED = {
 
 
 async def posted_campaign(request: Request) -> CampaignRequest:
-    """Return what was posted.
+    """Return the campaign that a request posts, as a dependency of a call.
 
     Raises
     ------
     Refusal
-        415 for a body of another kind, 422 for a form with a file too many, or one that is no text.
+        415 for a body of another type, 422 for a form with a duplicate file or one that is not text.
     RequestValidationError
-        For values that are not allowed.
+        If a value is not allowed.
     """
     kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
     try:
@@ -128,14 +128,14 @@ async def _of_form(request: Request) -> dict[str, Any]:
 
 
 async def _values(form: FormData) -> dict[str, Any]:
-    """Return the values of the fields of a form by the names of `CampaignRequest`."""
+    """Return the values of a form's fields by the field names of `CampaignRequest`."""
     values: dict[str, Any] = {"files": {}, "tags": []}
     for key, value in form.multi_items():
         if key == "files":
             if not isinstance(value, UploadFile):
                 raise Refusal(422, "files: must be a file; with curl: -F files=@latch.toml")
             if not value.filename and not value.size:
-                continue  # what a browser sends for an empty field
+                continue  # a browser sends this for an empty field
             name = value.filename or ""
             if name in values["files"]:
                 raise Refusal(422, f"files: {name!r:.100} is given twice; give it once")
@@ -150,7 +150,7 @@ async def _values(form: FormData) -> dict[str, Any]:
 
 
 async def _text(value: UploadFile | str) -> str:
-    """Return the text of a field, or of a file."""
+    """Return the text of a field or a file."""
     if isinstance(value, str):
         return value
     try:

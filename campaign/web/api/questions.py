@@ -1,6 +1,6 @@
-"""Questions to the rows of a campaign: other distributions, histograms, advice, cheapest tolerances, a comparison.
+"""Calls for questions about a campaign: what-if, histograms, advice, cheapest tolerances, and comparisons.
 
-The numbers are those of the command, to the last bit. Equal questions at the same time are computed once.
+The numbers are those of the command line, to the last bit. Simultaneous equal questions are computed once.
 """
 
 from typing import Annotated, Any
@@ -50,7 +50,7 @@ _COMPARISON = _document({"campaign": "c60-0a1b2c3d4e", "comparison": {"campaign"
 
 
 class WhatIfRequest(BaseModel):
-    """A question that may be too long for an address."""
+    """A what-if question, which may be too long for a URL."""
 
     model_config = ConfigDict(extra="forbid")
     set: list[Setting] = Field(max_length=MOST_SETTINGS, description="VARIABLE.KEY=VALUE", examples=[["J1.std=0.01"]])
@@ -58,7 +58,7 @@ class WhatIfRequest(BaseModel):
 
 
 class CostRequest(BaseModel):
-    """What tolerances cost."""
+    """The costs of tolerances."""
 
     model_config = ConfigDict(extra="forbid")
     costs: str = Field(
@@ -79,7 +79,7 @@ async def ask_what_if(
     set: Settings,
     preview: Preview = False,
 ) -> Response:
-    """Estimate the capability under other distributions; the document of `clearcap whatif --json`."""
+    """Estimate the capability under other distributions; return the document of `clearcap whatif --json`."""
     return _answered(request, await service.answers.what_if(who.name, campaign, set, preview=preview))
 
 
@@ -103,7 +103,7 @@ async def ask_histogram(
     set: Settings = [],  # noqa: B006  # FastAPI copies it
     preview: Preview = False,
 ) -> Response:
-    """Count the values of a response in bins, as they are and under other distributions."""
+    """Count the values of a response in bins, as sampled and under other distributions."""
     return _answered(request, await service.answers.histogram(who.name, campaign, response, set, preview=preview))
 
 
@@ -111,7 +111,7 @@ async def ask_histogram(
     "/campaigns/{campaign}/advice", response_class=Response, responses={**_ADVICE, **described(*TAGGED, 404, 409)}
 )
 async def ask_advice(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
-    """Say which tolerances may grow and which must shrink; the document of `clearcap advise --json`."""
+    """Advise which tolerances may grow and which must shrink; return the document of `clearcap advise --json`."""
     return _answered(request, await service.answers.advise(who.name, campaign))
 
 
@@ -121,7 +121,7 @@ async def ask_advice(request: Request, service: TheService, campaign: TheCampaig
 async def ask_allocation(
     request: Request, service: TheService, campaign: TheCampaign, who: Viewer, wanted: CostRequest
 ) -> Response:
-    """Find the cheapest tolerances that keep every target; the document of `clearcap advise --cost FILE --json`."""
+    """Find the cheapest tolerances that keep every target; return the document of `clearcap advise --cost --json`."""
     return _answered(request, await service.answers.allocate(who.name, campaign, wanted.costs))
 
 
@@ -139,5 +139,5 @@ async def ask_comparison(
 
 
 def _answered(request: Request, answer: Answer) -> Response:
-    """Return an answer, or 304 to who has it."""
+    """Return an answer, or 304 if the client has it already."""
     return tagged(request, answer.content, "application/json")

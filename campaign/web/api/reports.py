@@ -1,4 +1,4 @@
-"""The reports of a campaign: its own, and its comparisons with others."""
+"""Calls for the reports of a campaign: its own, and its comparisons with other campaigns."""
 
 import re
 from typing import Annotated, Any
@@ -28,7 +28,7 @@ TYPES = {
     "svg": "image/svg+xml",
     "png": "image/png",
 }
-# of a report's page: it runs nothing, loads nothing, and only this server's pages show it in a frame
+# policy of a report's page: it runs nothing, loads nothing, and only this server's pages show it in a frame
 REPORT_POLICY = (
     "sandbox allow-popups; default-src 'none'; style-src 'unsafe-inline'; img-src data:; base-uri 'none';"
     " form-action 'none'; frame-ancestors 'self'"
@@ -49,7 +49,7 @@ class ReportFiles(BaseModel):
 
 @router.get("/campaigns/{campaign}/reports", responses=described(404))
 def report_files(service: TheService, campaign: TheCampaign, who: Asking) -> ReportFiles:
-    """List the files of a campaign's report, and of its comparisons with campaigns that you may see."""
+    """List the files of a campaign's report and of its comparisons with campaigns that you may see."""
     names = service.store.files.names(report_folder(campaign))
     others = comparisons(service.store, campaign)
     seen = {other: _written(files) for other, files in others.items() if who.may_see(other)}
@@ -58,7 +58,7 @@ def report_files(service: TheService, campaign: TheCampaign, who: Asking) -> Rep
 
 @router.post("/campaigns/{campaign}/report", responses=described(404, 409))
 async def write_report(service: TheService, campaign: TheCampaign, who: Engineer) -> ReportFiles:
-    """Write the report of a campaign again, from the rows that there are; not of one that is signed."""
+    """Write the report of a campaign again from the present rows; refused if the campaign is signed."""
     if service.is_signed(campaign):
         raise Refusal(409, f"campaign {campaign} is signed, and its report with it; it is not written again")
     await service.pool.data(who.name, written_report, service.store.files.full_url, campaign)
@@ -102,14 +102,14 @@ async def comparison_file(
     other: Annotated[str, Path(pattern=PATTERN, description="Id of the other campaign")],
     name: FileName,
 ) -> Response:
-    """Return a file of a comparison of two campaigns, whole or in parts, to those who may see both."""
+    """Return a file of a comparison, whole or in parts, to users who may see both campaigns."""
     if not who.may_see(other):
         raise Refusal(404, f"no campaign {other} in the store")
     return await _file(request, service, report_folder(campaign, other), name)
 
 
 def _written(names: list[str]) -> list[str]:
-    """Return the names of files that a report has, without what else may lie in its folder."""
+    """Return the names of a report's files, without other files that may lie in its folder."""
     return [name for name in names if re.fullmatch(FILE_NAME, name) and not name.endswith(TEMPORARY)]
 
 

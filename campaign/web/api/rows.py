@@ -1,4 +1,4 @@
-"""The rows of a campaign as a file, made while it is sent."""
+"""The call that exports the rows of a campaign as a file, which is generated while it is sent."""
 
 from collections.abc import AsyncIterator, Iterator
 from typing import Annotated, Any
@@ -18,14 +18,14 @@ from campaign.web.web_service import Service
 
 router = calls("samples")
 MOST_COLUMNS = 1000
-ENDINGS = {"arrow": "arrows", "parquet": "parquet", "csv": "csv"}  # of a stream of Arrow batches: arrows
+ENDINGS = {"arrow": "arrows", "parquet": "parquet", "csv": "csv"}  # a stream of Arrow batches has the ending arrows
 _FILE: dict[int | str, dict[str, Any]] = {
     200: {"content": {kind.partition(";")[0]: {"schema": {"type": "string"}} for kind in FORMATS.values()}}
 }
 
 
 class RowsQuestion(BaseModel):
-    """Which rows and columns are exported, and how."""
+    """The format, rows and columns of an export."""
 
     format: str = Field("arrow", pattern="^(arrow|parquet|csv)$", examples=["parquet"])
     columns: list[str] = Field([], max_length=MOST_COLUMNS, description="In this order; all if left out")
@@ -46,8 +46,8 @@ async def export(
 ) -> Response:
     """Return rows as Arrow (a stream of batches), Parquet or CSV, in the order of the samples.
 
-    Arrow and Parquet have units in the metadata of the columns. The file is made while it is sent. Who has it already,
-    by `If-None-Match`, gets 304.
+    Arrow and Parquet have units in the metadata of the columns. The file is generated while it is sent. The answer is
+    304 if `If-None-Match` has the ETag of the rows.
     """
     kind = question.format
     selection = RowSelection(tuple(question.columns), question.first, question.last, tuple(question.status))
@@ -63,7 +63,7 @@ async def export(
 
 
 def _sent(service: Service, who: Principal, pieces: Iterator[bytes]) -> AsyncIterator[bytes]:
-    """Return the pieces of a file, which counts among the user's streams while it is sent."""
+    """Return the pieces of a file; while it is sent, it counts as one of the user's streams."""
     limit = service.settings.limits.streams
     if service.streams[who.name] >= limit:
         raise Refusal(429, f"{who.name} has {limit} streams open; close one", headers={"Retry-After": "5"})

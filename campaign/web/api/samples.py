@@ -1,4 +1,4 @@
-"""Single samples of a campaign: the worst and the failed ones, what is known of one, and its replay."""
+"""Calls for single samples of a campaign: a list, the stored row of each, its replay and its pictures."""
 
 from typing import Annotated, Any
 
@@ -57,7 +57,7 @@ class SamplePage(BaseModel):
 
 
 class SampleQuestion(BaseModel):
-    """Which samples are listed, and in which order."""
+    """The filter, order and page of a list of samples."""
 
     sort: str = Field("margin", pattern="^(margin|sample)$", description="`margin`: the worst first")
     status: str | None = Field(None, max_length=40, description="`ok`, `failed` or one way of failing", examples=["ok"])
@@ -66,7 +66,7 @@ class SampleQuestion(BaseModel):
 
 
 class StoredSample(BaseModel):
-    """A sample as the store has it."""
+    """A sample as stored."""
 
     campaign: str
     sample: int
@@ -97,7 +97,7 @@ async def list_samples(
     who: Asking,
     question: Annotated[SampleQuestion, Query()],
 ) -> Response:
-    """List samples, the worst first: those with the least distance of a response from its limit."""
+    """List samples, by default with the smallest distance of a response from its limit first."""
     asked = (question.sort, question.status or None, question.cursor, question.limit)
     return tagged(request, (await service.answers.samples(who.name, campaign, *asked)).content, "application/json")
 
@@ -128,7 +128,7 @@ def show_sample(service: TheService, campaign: TheCampaign, sample: Sample) -> S
 
 @router.post("/campaigns/{campaign}/samples/{sample}/replay", responses=described(404, 409))
 async def replay(service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> ReplayedSample:
-    """Compute a sample again, and compare it with its row, bit for bit; the document of `clearcap replay --json`."""
+    """Compute a sample again and compare it bit for bit with its row; return the document of `clearcap replay`."""
     store = service.store
     await run_in_threadpool(_plan_with, store, campaign, sample)
     content = await service.pool.data(who.name, replay_document, store.files.full_url, campaign, sample)
@@ -141,7 +141,7 @@ async def replay(service: TheService, campaign: TheCampaign, who: Viewer, sample
     responses={200: {"content": {"image/svg+xml": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404, 409)},
 )
 async def plot(request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> Response:
-    """Compute a sample again, and draw its curves over time."""
+    """Compute a sample again and draw its curves over time."""
     store = service.store
     await run_in_threadpool(_plan_with, store, campaign, sample)
     content = await service.kept(who.name, draw_sample, store.files.full_url, campaign, sample, "svg")
@@ -154,7 +154,7 @@ async def plot(request: Request, service: TheService, campaign: TheCampaign, who
     responses={200: {"content": {"image/gif": {"schema": {"type": "string"}}}}, **described(*TAGGED, 404, 409)},
 )
 async def motion(request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample) -> Response:
-    """Compute a sample again, and draw its motion."""
+    """Compute a sample again and draw its motion."""
     store = service.store
     await run_in_threadpool(_plan_with, store, campaign, sample)
     content = await service.kept(who.name, draw_sample, store.files.full_url, campaign, sample, "gif")
@@ -169,19 +169,19 @@ async def motion(request: Request, service: TheService, campaign: TheCampaign, w
 async def motion_data(
     request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample
 ) -> Response:
-    """Compute a sample again, and return its motion as data: outlines of the bodies, and where they lie over time."""
+    """Compute a sample again and return its motion as data: outlines of the bodies and their places over time."""
     return tagged(request, await motion_of(service, campaign, who, sample), "application/json")
 
 
 async def motion_of(service: Service, campaign: str, who: Principal, sample: int) -> bytes:
-    """Return the motion of a sample as JSON: a `campaign.pictures.moving_drawing.MovingDrawing`."""
+    """Return the motion of a sample, a `campaign.pictures.moving_drawing.MovingDrawing`, as JSON."""
     store = service.store
     await run_in_threadpool(_plan_with, store, campaign, sample)
     return await service.kept(who.name, sample_motion, store.files.full_url, campaign, sample)  # type: ignore[arg-type]
 
 
 def _plan_with(store: Store, campaign: str, sample: int) -> Plan:
-    """Return the plan of a campaign that has a sample; SpecError if it has not."""
+    """Return the plan of a campaign; raise SpecError if it does not have the sample."""
     plan = store.plan(campaign)
     check_sample(plan, sample)
     return plan

@@ -1,4 +1,4 @@
-"""Shared links: anyone who has one sees one campaign, until it expires or is revoked."""
+"""Calls for shared links; anyone who has a link can see its campaign until it expires or is revoked."""
 
 from datetime import UTC, datetime
 from typing import Annotated
@@ -17,7 +17,7 @@ from campaign.web.http.problems import Refusal, described
 from campaign.web.web_service import Service
 
 router = calls("shares")
-MOST_SHARES = 200  # of a campaign, at the same time
+MOST_SHARES = 200  # valid links of a campaign
 
 
 class ListedShare(BaseModel):
@@ -34,7 +34,7 @@ class ListedShare(BaseModel):
 
     @classmethod
     def of(cls, share: SharedLink) -> "ListedShare":
-        """Return a link as it is listed."""
+        """Return the listed form of a link."""
         times = {name: getattr(share, name) for name in ("created", "expires", "revoked")}
         dates = {name: None if at is None else datetime.fromtimestamp(at, UTC) for name, at in times.items()}
         return cls.model_validate({**vars(share), **dates, "is_valid": share.is_valid})
@@ -48,7 +48,7 @@ class ShareList(BaseModel):
 
 
 class NewShare(BaseModel):
-    """A link to be made."""
+    """A link to be created."""
 
     model_config = ConfigDict(extra="forbid")
     days: int = Field(14, ge=1, le=90, description="For how long it is valid", examples=[14])
@@ -56,7 +56,7 @@ class NewShare(BaseModel):
 
 
 class MadeShare(BaseModel):
-    """A link that was just made."""
+    """A link that was just created."""
 
     share: ListedShare
     link: str = Field(description="Shown this once", examples=["https://clearcap.example/shared/clearcap_share_..."])
@@ -78,12 +78,12 @@ def list_shares(
 
 @router.post("/campaigns/{campaign}/shares", status_code=201, responses=described(404, 409))
 def add_share(request: Request, service: TheService, campaign: TheCampaign, who: Engineer, new: NewShare) -> MadeShare:
-    """Make a link with which anyone sees this campaign, read only."""
+    """Create a link that lets anyone see this campaign, read-only."""
     return shared(request, service, campaign, who, new)
 
 
 def shared(request: Request, service: Service, campaign: str, who: Principal, new: NewShare) -> MadeShare:
-    """Make a link to a campaign; Refusal 409 if it has too many."""
+    """Create a link to a campaign; raise Refusal (409) if it has too many."""
     if sum(share.is_valid for share in service.tokens.shares(campaign)) >= MOST_SHARES:
         raise Refusal(409, f"{campaign} has {MOST_SHARES} links; revoke one first")
     share, secret = service.tokens.share(campaign, who.name, new.note, new.days * DAY)
@@ -100,12 +100,12 @@ def revoke_share(
     _: Engineer,
     share: Annotated[int, Path(ge=0, le=2**53, examples=[1])],
 ) -> Response:
-    """End a link, and the sessions of those who came by it."""
+    """Revoke a link, and end the sessions that were begun with it."""
     end_share(service, campaign, share)
     return Response(status_code=204)
 
 
 def end_share(service: Service, campaign: str, share: int) -> None:
-    """End a link; Refusal 404 if the campaign has none of this number."""
+    """Revoke a link; raise Refusal (404) if the campaign has no link of this number."""
     if not service.tokens.revoke_share(campaign, share):
         raise Refusal(404, f"no link {share} to {campaign}")

@@ -1,4 +1,4 @@
-"""Sign-offs: an approver signs plan, rows and report of a campaign; anybody sees whether they are still the same."""
+"""Calls for sign-offs: an approver signs the plan, rows and report; others see whether they are unchanged since."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -24,7 +24,7 @@ from campaign.web.signatory import KeptSignoff
 from campaign.web.web_service import Service
 
 router = calls("sign-off")
-MOST_DIFFERENCES = 100  # that are listed
+MOST_DIFFERENCES = 100  # differences that are listed
 
 
 class ListedSignoff(BaseModel):
@@ -45,7 +45,7 @@ class ListedSignoff(BaseModel):
 
     @classmethod
     def of(cls, kept: KeptSignoff) -> "ListedSignoff":
-        """Return a sign-off as it is listed."""
+        """Return the listed form of a sign-off."""
         names = ("signer", "role", "time", "comment", "submitted_by", "is_submitter")
         return cls(
             number=kept.number,
@@ -57,7 +57,7 @@ class ListedSignoff(BaseModel):
 
 
 class SignoffList(BaseModel):
-    """The sign-offs of a campaign, the oldest first."""
+    """The sign-offs of a campaign, oldest first."""
 
     campaign: str = Field(examples=["c60-0a1b2c3d4e"])
     status: str = Field(examples=["signed"], description="`not signed`, `signed`, or `signed version differs`")
@@ -66,7 +66,7 @@ class SignoffList(BaseModel):
 
 
 class SignedContent(BaseModel):
-    """What would be signed now."""
+    """The content that would be signed now."""
 
     content: str = Field(description="Digest over all of it: sign with it", examples=["0f" * 32])
     plan: str = Field(description="SHA-256 of plan.json", examples=["1e" * 32])
@@ -78,7 +78,7 @@ class SignedContent(BaseModel):
 
 
 class Signing(BaseModel):
-    """A signature to be given."""
+    """A request to sign a campaign."""
 
     model_config = ConfigDict(extra="forbid")
     content: str = Field(
@@ -88,7 +88,7 @@ class Signing(BaseModel):
 
 
 class SigningKey(BaseModel):
-    """The public key of the server's sign-offs."""
+    """The public key that verifies the server's sign-offs."""
 
     fingerprint: str = Field(description="SHA-256 of the key", examples=["0f" * 32])
     pem: str = Field(examples=["-----BEGIN PUBLIC KEY-----\n...\n-----END PUBLIC KEY-----\n"])
@@ -96,7 +96,7 @@ class SigningKey(BaseModel):
 
 @contextmanager
 def one_at_a_time() -> Iterator[None]:
-    """Turn the end of one's patience while others read files into a Refusal, 503."""
+    """Turn a TimeoutError, because another request reads files for too long, into a Refusal (503)."""
     try:
         yield
     except TimeoutError as error:
@@ -106,7 +106,7 @@ def one_at_a_time() -> Iterator[None]:
 
 @router.get("/signing-key")
 def show_signing_key(service: TheService, _: Asking) -> SigningKey:
-    """Show the key by which sign-offs are verified; `clearcap verify --key` wants its fingerprint."""
+    """Show the key that verifies sign-offs; `clearcap verify --key` takes its fingerprint."""
     key = service.signatory.key.public_key()
     pem = key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo).decode()
     return SigningKey(fingerprint=fingerprint(key), pem=pem)
@@ -119,7 +119,7 @@ def list_signoffs(
     _: Asking,
     check: bool = Query(False, description="Read every file again, also those that seem to be as they were"),
 ) -> SignoffList:
-    """List who signed a campaign, and whether it is still what was signed."""
+    """List who signed a campaign, and whether it has changed since."""
     with one_at_a_time():
         kept = [ListedSignoff.of(each) for each in service.signatory.signoffs(campaign, anew=check)]
     status = kept[-1].status if kept else "not signed"
@@ -129,7 +129,7 @@ def list_signoffs(
 
 @router.get("/campaigns/{campaign}/signoffs/content", responses=described(404, 409))
 def show_content(service: TheService, campaign: TheCampaign, who: Approver) -> SignedContent:
-    """Show what would be signed now, by its digests."""
+    """Show the digests of the content that would be signed now."""
     with one_at_a_time():
         files = service.signatory.content(campaign, anew=False)
     plan, rows, report = digests_of(files)
@@ -149,7 +149,7 @@ def show_content(service: TheService, campaign: TheCampaign, who: Approver) -> S
 def sign_campaign(
     request: Request, service: TheService, campaign: TheCampaign, who: Approver, signing: Signing
 ) -> Signoff:
-    """Sign plan, rows and report of a completed campaign."""
+    """Sign the plan, rows and report of a completed campaign."""
     return signed(request, service, campaign, who, signing)
 
 
@@ -170,7 +170,7 @@ def signed(request: Request, service: Service, campaign: str, who: Principal, si
     },
 )
 def export_signed(service: TheService, campaign: TheCampaign, _: Asking) -> StreamingResponse:
-    """Export a campaign with its sign-offs as one ZIP, which `clearcap verify` verifies without the server."""
+    """Export a campaign with its sign-offs as a ZIP file, which `clearcap verify` verifies without the server."""
     if not service.is_signed(campaign):
         raise Refusal(409, f"nobody has signed {campaign}; an approver signs it, then it can be exported")
     headers = {"Content-Disposition": f'attachment; filename="{campaign}.zip"'}

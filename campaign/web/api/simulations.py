@@ -1,4 +1,4 @@
-"""One run of a mechanism: its responses, its certificate and its motion."""
+"""Calls that simulate a mechanism once: its responses, its certificate and its motion."""
 
 from typing import Annotated, Any
 
@@ -21,7 +21,7 @@ NamedValues = dict[Annotated[str, Field(max_length=LONGEST_KEY)], float]
 
 
 class SimulationRequest(BaseModel):
-    """What is to be simulated."""
+    """A simulation to be run."""
 
     model_config = ConfigDict(extra="forbid")
     mechanism: str = Field("", max_length=64, description="Shipped or saved", examples=["clearance_pendulum"])
@@ -34,7 +34,7 @@ class SimulationRequest(BaseModel):
 
 
 class SimulatedRun(BaseModel):
-    """One run."""
+    """The results of one run."""
 
     status: str = Field(examples=["ok"])
     message: str
@@ -78,12 +78,12 @@ async def motion(
 
 
 def values_of(settings: list[str]) -> dict[str, float]:
-    """Return the values of ``KEY=VALUE`` texts.
+    """Return the values of ``KEY=VALUE`` texts by key.
 
     Raises
     ------
     Refusal
-        422 for one that is none.
+        422 if a text is not of this form with a number.
     """
     values: dict[str, float] = {}
     for setting in settings:

@@ -1,4 +1,4 @@
-"""How a campaign is made: its text is checked, submitted, and extended by more samples."""
+"""Calls that check the text of a campaign, submit it, or extend it by more samples."""
 
 from collections import Counter
 from typing import Annotated, Any
@@ -22,13 +22,13 @@ from campaign.web.web_service import Service
 from reporting import format_numbers
 
 router = calls("campaigns")
-REPEATED_TIMES = 2.0  # a repeat has half the step: it takes this many times the time of its run
+REPEATED_TIMES = 2.0  # duration of a repeat, which has half the step, relative to that of its run
 UNFINISHED = ("queued", "running", "interrupted")
 assert set(UNFINISHED) <= set(STATES)
 
 
 class RunCost(BaseModel):
-    """What a campaign costs."""
+    """The cost of a campaign."""
 
     runs: int = Field(description="Samples, and those of them that are repeated with half the step", examples=[515])
     seconds_per_run: float | None = Field(description="Of one worker; null if it is not known", examples=[0.03])
@@ -71,14 +71,14 @@ _MADE: dict[int | str, dict[str, Any]] = {
 
 @router.post("/checks/campaign", openapi_extra=POSTED, responses=described(409, 415))
 async def check_campaign(service: TheService, who: Engineer, wanted: PostedCampaign) -> CheckedCampaign:
-    """Check the text of a campaign: what looks wrong, and its cost; its faults, with key and line, as a problem."""
+    """Check the text of a campaign; return its cautions and cost, or its faults with key and line as a problem."""
     return await checked(service, who, wanted)
 
 
 async def checked(
     service: Service, who: Principal, wanted: CampaignRequest, *, tries_runs: bool = False
 ) -> CheckedCampaign:
-    """Check a campaign; if wanted, some runs are tried to estimate its cost."""
+    """Check a campaign; with `tries_runs`, simulate some runs to estimate its cost."""
     found = await service.pool.data(who.name, check_campaign_text, source_of_request(service, wanted), tries_runs)
     return CheckedCampaign(**found, cost=cost_of(service, found))
 
@@ -104,7 +104,7 @@ async def submit_campaign(
         ),
     ] = None,
 ) -> Response:
-    """Submit a campaign: it is planned and queued, and the coordinator that serves the store computes it."""
+    """Submit a campaign; it is planned and queued, and the coordinator that serves the store computes it."""
     if key is None:
         return _answer(await submitted(service, who, wanted))
     keys = RequestKeys(service.database)
@@ -127,16 +127,16 @@ async def submitted(service: Service, who: Principal, wanted: CampaignRequest) -
     Raises
     ------
     Refusal
-        429 if the user has as many unfinished campaigns as he may.
+        429 if the user has as many unfinished campaigns as is allowed.
     CampaignError
-        If it has faults, or the store cannot be written.
+        If the campaign has faults, or the store cannot be written.
     """
     labels = LabelChange(who.name if wanted.owner is None else wanted.owner, tuple(wanted.tags))
     return await _made(service, who, submit_text, source_of_request(service, wanted), labels, who.name)
 
 
 class MoreSamples(BaseModel):
-    """How many samples a campaign is to have."""
+    """The number of samples that a campaign is to have."""
 
     samples: int = Field(ge=1, le=100_000_000, description="In all", examples=[60])
 
@@ -148,18 +148,18 @@ class MoreSamples(BaseModel):
     responses={**_MADE, **described(404, 409)},
 )
 async def extend(service: TheService, campaign: TheCampaign, who: Engineer, wanted: MoreSamples) -> Response:
-    """Submit a campaign with more samples of the same spec; the rows that the store has are used again."""
+    """Submit a campaign with more samples of the same spec; the rows that the store has are reused."""
     return _answer(await extended(service, campaign, who, wanted.samples))
 
 
 async def extended(service: Service, campaign: str, who: Principal, samples: int) -> SubmittedCampaign:
-    """Submit a campaign with more samples; raises what `submitted` raises."""
+    """Submit a campaign with more samples; raise the errors of `submitted`."""
     address, most = service.store.files.full_url, service.settings.limits.samples
     return await _made(service, who, extend_campaign, address, campaign, samples, most, who.name)
 
 
 async def _made(service: Service, who: Principal, job: Any, *arguments: Any) -> SubmittedCampaign:
-    """Have a job plan a campaign, within what its user may have unfinished."""
+    """Let a job plan a campaign, unless the user has too many unfinished ones."""
     service.submitting[who.name] += 1
     try:
         await _check_unfinished(service, who)
@@ -174,7 +174,7 @@ async def _made(service: Service, who: Principal, job: Any, *arguments: Any) -> 
 
 
 async def _check_unfinished(service: Service, who: Principal) -> None:
-    """Refuse a user with as many queued and running campaigns as he may have, those that he submits now included."""
+    """Raise Refusal (429) if the user has too many unfinished campaigns, including those being submitted now."""
     most = service.settings.limits.running
     await service.watcher.list_all()
     entries = [entry for entry, _ in service.watcher.index.entries() if entry.submitted_by == who.name]
@@ -189,13 +189,13 @@ async def _check_unfinished(service: Service, who: Principal) -> None:
 
 
 def source_of_request(service: Service, wanted: CampaignRequest) -> CampaignSource:
-    """Return what a job needs of a posted campaign."""
+    """Return the source of a posted campaign for a job."""
     address, most = service.store.files.full_url, service.settings.limits.samples
     return CampaignSource(address, wanted.text, wanted.files, wanted.samples, wanted.seed, most)
 
 
 def cost_of(service: Service, size: dict[str, Any]) -> RunCost:
-    """Return the cost of a campaign of a size, as jobs tell it."""
+    """Return the cost of a campaign from the size that a job returned."""
     samples, share, each = size["samples"], size["repeats"], size["seconds_per_run"]
     runs, workers = samples + round(samples * share), service.settings.workers
     words = f"{format_numbers.grouped(runs)} runs"

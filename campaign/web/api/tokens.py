@@ -1,4 +1,4 @@
-"""Tokens: by which programs ask in the name of a user."""
+"""Calls for tokens, with which programs send requests in the name of a user."""
 
 from datetime import UTC, datetime
 from typing import Annotated
@@ -16,7 +16,7 @@ from campaign.web.http.problems import Refusal, described
 from campaign.web.web_service import Service
 
 router = calls("tokens")
-MOST_TOKENS = 100  # of a user, at the same time
+MOST_TOKENS = 100  # valid tokens of a user
 DAY = 24 * 3600.0  # s
 
 
@@ -34,7 +34,7 @@ class ListedToken(BaseModel):
 
     @classmethod
     def of(cls, token: Token) -> "ListedToken":
-        """Return a token as it is listed."""
+        """Return the listed form of a token."""
         times = {name: getattr(token, name) for name in ("created", "expires", "used", "revoked")}
         dates = {name: None if at is None else datetime.fromtimestamp(at, UTC) for name, at in times.items()}
         return cls.model_validate(
@@ -50,7 +50,7 @@ class TokenList(BaseModel):
 
 
 class NewToken(BaseModel):
-    """A token to be made."""
+    """A token to be created."""
 
     model_config = ConfigDict(extra="forbid")
     name: str = Field(min_length=1, max_length=100, examples=["nightly measurements"])
@@ -59,7 +59,7 @@ class NewToken(BaseModel):
 
 
 class MadeToken(BaseModel):
-    """A token that was just made."""
+    """A token that was just created."""
 
     token: ListedToken
     secret: str = Field(description="Shown this once: keep it", examples=["clearcap_token_..."])
@@ -73,7 +73,7 @@ def list_tokens(
     cursor: Annotated[int | None, Query(ge=0, le=2**53, description="From the page before")] = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> TokenList:
-    """List your tokens, newest first; an admin also lists those of others."""
+    """List your tokens, newest first; an admin may also list the tokens of others."""
     if everyone and not who.may(Role.ADMIN):
         raise lacks_role(who, Role.ADMIN, "to list the tokens of others")
     tokens = service.tokens.all(None if everyone else who.name)
@@ -84,7 +84,7 @@ def list_tokens(
 
 @router.post("/tokens", status_code=201, responses=described(409))
 def add_token(request: Request, service: TheService, who: Viewer, new: NewToken) -> MadeToken:
-    """Make a token for yourself; only a logged-in browser can, so that a token cannot prolong its own life."""
+    """Create a token for yourself; this needs a browser session, so that a token cannot prolong its own life."""
     token, secret = make_token(service, who, new)
     request.state.detail = f"token {token.id}, {new.role}, {new.days} days"
     return MadeToken(token=ListedToken.of(token), secret=secret)
@@ -94,18 +94,18 @@ def add_token(request: Request, service: TheService, who: Viewer, new: NewToken)
 def revoke_token(
     service: TheService, who: Viewer, token: Annotated[int, Path(ge=0, le=2**53, examples=[1])]
 ) -> Response:
-    """End a token of yours, or, as an admin, of anybody."""
+    """Revoke a token of yours, or, as an admin, of any user."""
     end_token(service, who, token)
     return Response(status_code=204)
 
 
 def make_token(service: Service, who: Principal, new: NewToken) -> tuple[Token, str]:
-    """Make a token; return it and its secret.
+    """Create a token; return it and its secret.
 
     Raises
     ------
     Refusal
-        403 for a token, or for more than one's own role; 409 if the user has too many.
+        403 if the request itself uses a token, or for a role above the user's own; 409 if the user has too many tokens.
     """
     needs_session(who)
     role = Role.of(new.role)
@@ -118,13 +118,13 @@ def make_token(service: Service, who: Principal, new: NewToken) -> tuple[Token, 
 
 
 def needs_session(who: Principal) -> None:
-    """Refuse a token, 403: it acts for its user, but does not decide who else may."""
+    """Raise Refusal (403) unless the request has a session: a token acts for its user, but cannot change access."""
     if who.kind != "session":
         raise Refusal(403, "a token cannot do this; log in with a browser")
 
 
 def end_token(service: Service, who: Principal, token_id: int) -> None:
-    """End a token; Refusal 404 if there is none, or it is another's and one is no admin."""
+    """Revoke a token; raise Refusal (404) if there is none, or it is another user's and `who` is not an admin."""
     mine = service.tokens.all(None if who.may(Role.ADMIN) else who.name)
     if token_id not in {token.id for token in mine}:
         raise Refusal(404, f"no token {token_id} of {who.name}")

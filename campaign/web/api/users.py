@@ -1,4 +1,4 @@
-"""Users of the server: an admin adds, changes and disables them, and makes links by which they log in once."""
+"""Calls for admins that add, change and disable users, and create one-time login links for them."""
 
 from datetime import UTC, datetime
 from typing import Annotated, Literal
@@ -34,7 +34,7 @@ class ListedUser(BaseModel):
 
     @classmethod
     def of(cls, user: User) -> "ListedUser":
-        """Return a user as he is listed."""
+        """Return the listed form of a user."""
         return cls(
             name=user.name,
             role=user.role.word,  # type: ignore[arg-type]  # one of the words
@@ -63,7 +63,7 @@ class NewUser(BaseModel):
 
 
 class UserChange(BaseModel):
-    """What changes of a user; what is left out stays."""
+    """A change of a user; fields that are left out stay unchanged."""
 
     model_config = ConfigDict(extra="forbid")
     role: RoleWord | None = Field(None, examples=["approver"])
@@ -72,14 +72,14 @@ class UserChange(BaseModel):
 
 
 class LoginLink(BaseModel):
-    """A link by which a user logs in once."""
+    """A one-time login link of a user."""
 
     link: str = Field(examples=["http://127.0.0.1:8700/login/link?key=clearcap_login_..."])
     expires: datetime = Field(examples=["2026-11-23T09:15:00Z"])
 
 
 def known_user(service: Service, name: str) -> User:
-    """Return a user; Refusal 404 if there is none of this name."""
+    """Return the user with a name; raise Refusal (404) if there is none."""
     user = service.users.get(name)
     if user is None:
         raise Refusal(404, f"no user {name!r:.80}")
@@ -108,7 +108,7 @@ def add_user(request: Request, service: TheService, _: Admin, new: NewUser) -> L
 
 @router.patch("/users/{name}", responses=described(404, 409))
 def change_user(request: Request, service: TheService, _: Admin, name: UserName, change: UserChange) -> ListedUser:
-    """Change the role of a user, set his password, or disable him; what is left out stays."""
+    """Change the role of a user, set their password, or disable them; fields that are left out stay unchanged."""
     known_user(service, name)
     given = change.model_dump(exclude_none=True)
     request.state.detail = ", ".join("password" if key == "password" else f"{key} {given[key]}" for key in given)
@@ -118,7 +118,7 @@ def change_user(request: Request, service: TheService, _: Admin, name: UserName,
 
 @router.post("/users/{name}/login-link", status_code=201, responses=described(404, 409))
 def make_login_link(service: TheService, _: Admin, name: UserName) -> LoginLink:
-    """Make a link by which a user logs in once, within fifteen minutes; it is shown this once."""
+    """Create a one-time login link for a user, valid for fifteen minutes; it is shown only this once."""
     if known_user(service, name).is_disabled:
         raise Refusal(409, f"{name} is disabled, so a link would lead nowhere; enable him first")
     expires = datetime.fromtimestamp(datetime.now(UTC).timestamp() + LINK_LIVES, UTC)
@@ -126,5 +126,5 @@ def make_login_link(service: TheService, _: Admin, name: UserName) -> LoginLink:
 
 
 def login_address(service: Service, name: str) -> str:
-    """Return a new link by which a user logs in once."""
+    """Return a new one-time login link for a user."""
     return f"{service.settings.address}/login/link?key={service.sessions.new_link(name)}"

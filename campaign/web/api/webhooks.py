@@ -1,4 +1,4 @@
-"""Webhooks: other systems are notified when a campaign ends, or when a Cpk is too small."""
+"""Calls for webhooks, which notify other systems when a campaign ends or a Cpk is too small."""
 
 from datetime import UTC, datetime
 from typing import Annotated
@@ -22,7 +22,7 @@ WebhookId = Annotated[int, Path(ge=0, le=2**53, examples=[1])]
 
 
 class NewWebhook(BaseModel):
-    """A webhook to be made."""
+    """A webhook to be created."""
 
     model_config = ConfigDict(extra="forbid")
     url: str = Field(max_length=LONGEST_URL, description="https", examples=["https://quality.example/clearcap"])
@@ -40,20 +40,20 @@ class ListedWebhook(BaseModel):
 
     @classmethod
     def of(cls, webhook: Webhook) -> "ListedWebhook":
-        """Return a webhook as it is listed."""
+        """Return the listed form of a webhook."""
         at = datetime.fromtimestamp(webhook.created, UTC)
         return cls(id=webhook.id, user=webhook.user, url=webhook.url, campaign=webhook.campaign, created=at)
 
 
 class MadeWebhook(BaseModel):
-    """A webhook that was just made."""
+    """A webhook that was just created."""
 
     webhook: ListedWebhook
     secret: str = Field(description="Bodies are signed with it; shown this once", examples=["clearcap_webhook_..."])
 
 
 class ListedDelivery(BaseModel):
-    """News on its way to a webhook."""
+    """The delivery of news to a webhook."""
 
     event: str = Field(examples=["ended c60-0a1b2c3d4e completed 1795424400.000"])
     status: str = Field(description="waiting, delivered, given up, or why it was not accepted", examples=["delivered"])
@@ -62,13 +62,13 @@ class ListedDelivery(BaseModel):
 
     @classmethod
     def of(cls, delivery: Delivery) -> "ListedDelivery":
-        """Return a delivery as it is listed."""
+        """Return the listed form of a delivery."""
         at = None if delivery.next is None else datetime.fromtimestamp(delivery.next, UTC)
         return cls(event=delivery.event, status=delivery.status, attempts=delivery.attempts, next=at)
 
 
 class ShownWebhook(BaseModel):
-    """A webhook, and what was sent to it."""
+    """A webhook and its last deliveries."""
 
     webhook: ListedWebhook
     deliveries: list[ListedDelivery] = Field(description="The last ones, newest first")
@@ -84,7 +84,7 @@ def list_webhooks(service: TheService, who: Engineer) -> list[ListedWebhook]:
 def add_webhook(service: TheService, who: Engineer, new: NewWebhook) -> MadeWebhook:
     """Notify an address when a campaign ends, and when a Cpk's interval lies below 1.33.
 
-    The address is `https`, and in the server's own network only if the configuration names its host.
+    The address must be `https`; it may be in the server's own network only if the configuration names its host.
     """
     if len(service.webhooks.all(who.name)) >= MOST_WEBHOOKS:
         raise Refusal(409, f"{who.name} has {MOST_WEBHOOKS} webhooks; remove one")
@@ -97,7 +97,7 @@ def add_webhook(service: TheService, who: Engineer, new: NewWebhook) -> MadeWebh
 
 @router.get("/webhooks/{webhook}", responses=described(404))
 def show_webhook(service: TheService, who: Engineer, webhook: WebhookId) -> ShownWebhook:
-    """Show a webhook of yours, and what was sent to it."""
+    """Show a webhook of yours and its last deliveries."""
     found = _webhook(service, who.name if not who.may(Role.ADMIN) else None, webhook)
     sent = [ListedDelivery.of(delivery) for delivery in service.webhooks.deliveries(found.id)]
     return ShownWebhook(webhook=ListedWebhook.of(found), deliveries=sent)
@@ -105,13 +105,13 @@ def show_webhook(service: TheService, who: Engineer, webhook: WebhookId) -> Show
 
 @router.delete("/webhooks/{webhook}", status_code=204, response_class=Response, responses=described(404))
 def remove_webhook(service: TheService, who: Engineer, webhook: WebhookId) -> Response:
-    """Remove a webhook of yours, or, as an admin, of anybody; what was not delivered is dropped."""
+    """Remove a webhook of yours, or, as an admin, of any user; undelivered news is dropped."""
     service.webhooks.remove(_webhook(service, who.name if not who.may(Role.ADMIN) else None, webhook).id)
     return Response(status_code=204)
 
 
 def _webhook(service: Service, user: str | None, webhook_id: int) -> Webhook:
-    """Return a webhook of a user, or of anybody; Refusal 404 if there is none."""
+    """Return a webhook of a user, or of any user; raise Refusal (404) if there is none."""
     for webhook in service.webhooks.all(user):
         if webhook.id == webhook_id:
             return webhook

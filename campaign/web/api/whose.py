@@ -1,4 +1,4 @@
-"""The campaign that a call is about."""
+"""The dependency for calls about one campaign: it exists, and the principal may see it."""
 
 from typing import Annotated
 
@@ -17,12 +17,12 @@ async def the_campaign(
     principal: Asking,
     campaign: Annotated[str, Path(pattern=PATTERN, description="Id of the campaign", examples=["c60-0a1b2c3d4e"])],
 ) -> str:
-    """Return the id of a campaign that exists, and that the asking one may see.
+    """Return the id of a campaign after checking that it exists and that the principal may see it.
 
     Raises
     ------
     Refusal
-        404; also for one that may not be seen, so that nobody learns which exist.
+        404 if there is no such campaign, or it may not be seen, so that nobody learns which campaigns exist.
     """
     if principal.may_see(campaign):
         is_known = service.watcher.index.entry(campaign) is not None

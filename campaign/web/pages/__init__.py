@@ -1,4 +1,4 @@
-"""The pages: HTML made on the server, with htmx for what moves; every form works without scripts."""
+"""The pages: HTML rendered on the server, with htmx for live parts; every form works without scripts."""
 
 from pathlib import Path
 

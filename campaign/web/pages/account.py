@@ -1,4 +1,4 @@
-"""The page of one's own account: tokens, password, sessions."""
+"""The page of the user's own account: tokens, password, sessions."""
 
 from typing import Annotated, Any
 
@@ -22,7 +22,7 @@ ACCOUNT = "/account"
 
 @router.get(ACCOUNT)
 def account_page(request: Request, service: TheService, who: Viewer) -> Response:
-    """Show one's own tokens, and the forms for password and sessions."""
+    """Show the user's tokens, and the forms for password and sessions."""
     return _account_page(request, service, who)
 
 
@@ -35,7 +35,7 @@ def token_form(
     role: Annotated[RoleWord, Form()],
     days: Annotated[int, Form(ge=1, le=366)] = 90,
 ) -> Response:
-    """Make a token, and show its secret this once."""
+    """Create a token, and show its secret this once."""
     token, secret = make_token(service, who, NewToken(name=name, role=role, days=days))
     request.state.detail = f"token {token.id}, {role}, {days} days"
     return _account_page(request, service, who, secret=secret)
@@ -43,7 +43,7 @@ def token_form(
 
 @router.post(f"{ACCOUNT}/tokens/{{token}}/revoke")
 def revoke_form(service: TheService, who: Viewer, token: Annotated[int, Path(ge=0, le=2**53)]) -> Response:
-    """End a token."""
+    """Revoke a token."""
     end_token(service, who, token)
     return RedirectResponse(ACCOUNT, 303)
 
@@ -57,7 +57,7 @@ def password_form(
     again: Annotated[str, Form(max_length=LONGEST_PASSWORD)],
     present: Annotated[str, Form(max_length=2000)] = "",
 ) -> Response:
-    """Change one's password; all sessions end, and this browser gets another one."""
+    """Change the user's password; all sessions end, and this browser gets a new one."""
     if password != again:
         raise Refusal(422, "again: is not the same password; type it twice")
     change_password(request, service, who, present, password)
@@ -66,13 +66,13 @@ def password_form(
 
 @router.post(f"{ACCOUNT}/sessions/end")
 def end_sessions_form(service: TheService, who: Viewer) -> Response:
-    """End all sessions, this one too."""
+    """End all sessions, including this one."""
     service.sessions.end_all(who.name)
     return RedirectResponse("/login", 303)
 
 
 def _account_page(request: Request, service: Service, who: Principal, secret: str = "") -> Response:
-    """Return the page, with the secret of a token that was just made."""
+    """Return the page, with the secret of a token that was just created."""
     values: dict[str, Any] = {
         "user": known_user(service, who.name),
         "tokens": [ListedToken.of(token) for token in service.tokens.all(who.name) if token.is_valid],

@@ -1,4 +1,4 @@
-"""The pages of an admin: users, tokens, audit trail, what is at work, health, limits."""
+"""The pages for admins: users, tokens, audit trail, queue and workers, health, limits."""
 
 import shutil
 import time
@@ -35,14 +35,14 @@ from campaign.web.web_service import Service
 router = APIRouter(include_in_schema=False)
 ADMIN = "/admin"
 ON_A_PAGE = 100
-CHECKED_AT_ONCE = 10_000  # entries of the audit trail, which are checked whenever it is shown
+CHECKED_AT_ONCE = 10_000  # an audit trail of up to this many entries is checked whenever it is shown
 
 
 @router.get(ADMIN)
 def users_page(
     request: Request, service: TheService, who: Admin, cursor: Annotated[str, Query(max_length=100)] = ""
 ) -> Response:
-    """Show users and roles."""
+    """Show the users and their roles."""
     return _users_page(request, service, who.name, cursor)
 
 
@@ -54,7 +54,7 @@ def add_user_form(
     name: Annotated[str, Form(pattern=f"^{NAME.pattern}$")],
     role: Annotated[RoleWord, Form()],
 ) -> Response:
-    """Add a user, and show the link by which he logs in the first time."""
+    """Add a user, and show the link for their first login."""
     add_user(request, service, who, NewUser(name=name, role=role))
     return _users_page(request, service, who.name, link_of=name, link=make_login_link(service, who, name))
 
@@ -72,7 +72,7 @@ def role_form(
 def disabled_form(
     request: Request, service: TheService, who: Admin, name: UserName, disabled: Annotated[bool, Form()]
 ) -> Response:
-    """Disable a user, or enable him again."""
+    """Disable a user, or enable them again."""
     change_user(request, service, who, name, UserChange(disabled=disabled))
     return RedirectResponse(ADMIN, 303)
 
@@ -92,7 +92,7 @@ def set_password_form(
 
 @router.post(f"{ADMIN}/users/{{name}}/link")
 def link_form(request: Request, service: TheService, who: Admin, name: UserName) -> Response:
-    """Make a link by which a user logs in once, and show it this once."""
+    """Create a one-time login link for a user, and show it this once."""
     link = make_login_link(service, who, name)
     return _users_page(request, service, who.name, link_of=name, link=link)
 
@@ -110,7 +110,7 @@ def tokens_page(
 
 @router.post(f"{ADMIN}/tokens/{{token}}/revoke")
 def revoke_token_form(service: TheService, who: Admin, token: Annotated[int, Path(ge=0, le=2**53)]) -> Response:
-    """End a token of anybody."""
+    """Revoke a token of any user."""
     end_token(service, who, token)
     return RedirectResponse(f"{ADMIN}/tokens", 303)
 
@@ -125,7 +125,7 @@ def audit_page(
     cursor: Annotated[int | None, Query(ge=0, le=2**53)] = None,
     check: Annotated[bool, Query()] = False,
 ) -> Response:
-    """Show the audit trail, and whether it is whole."""
+    """Show the audit trail, and whether it is intact."""
     listing = list_audit(service, admin, object, who, cursor, ON_A_PAGE)
     newest = service.audit.newest(count=1)
     is_checked = check or not newest or newest[0].number <= CHECKED_AT_ONCE
@@ -143,7 +143,7 @@ def audit_page(
 
 @router.get(f"{ADMIN}/system")
 async def system_page(request: Request, service: TheService, who: Admin) -> Response:
-    """Show what is computed and what waits, health, limits, and the key of sign-offs."""
+    """Show the running and waiting campaigns, health, limits, and the key of sign-offs."""
     fault, entries = "", [entry for entry, _ in service.watcher.index.entries()]
     try:
         if service.watcher.listed_at is None:
@@ -173,7 +173,7 @@ async def system_page(request: Request, service: TheService, who: Admin) -> Resp
 
 
 def _free_space(service: Service) -> int | None:
-    """Return the room on the disk of a store that is a folder [bytes]; None behind a URL, or if it is away."""
+    """Return the free space on the disk of a store [bytes]; None for a store behind a URL or a missing folder."""
     try:
         return shutil.disk_usage(service.store.files.full_url).free
     except OSError:
@@ -188,7 +188,7 @@ def _users_page(
     link_of: str = "",
     link: LoginLink | None = None,
 ) -> Response:
-    """Return the page of the users, with a link that was just made."""
+    """Return the page of the users, with a login link that was just created."""
     listing = list_users(service, request.state.principal, cursor, ON_A_PAGE)
     values: dict[str, Any] = {"listing": listing, "roles": [role.word for role in Role], "own_name": own_name}
     values |= {"link_of": link_of, "link": link, "shortest": SHORTEST_PASSWORD, "longest": LONGEST_PASSWORD}

@@ -1,4 +1,4 @@
-"""The list of campaigns, and the page of each: how far it is, its report, what may be done with it."""
+"""The list of campaigns, and the page of each with its progress, report and actions."""
 
 from typing import Annotated, Any
 from urllib.parse import quote
@@ -50,13 +50,13 @@ async def campaigns_page(
 
 
 def _chosen(question: ListQuestion) -> ListQuestion:
-    """Return a question without what a form sends empty, which stands for all."""
+    """Return a question without the fields that a form sends empty, which stand for all."""
     tags = [tag for tag in question.tag if tag]
     return question.model_copy(update={"owner": question.owner or None, "tag": tags})
 
 
 async def frame(request: Request, service: TheService, campaign: str, who: Asking) -> dict[str, Any]:
-    """Return what the frame of all pages of a campaign shows: its entry, and who may do what."""
+    """Return the values for the frame of a campaign's pages: its entry, and whether the user may delete it."""
     entry = await show_campaign(service, campaign)
     owner = entry.owner or entry.submitted_by
     return {"entry": entry, "may_delete": who.may(Role.ADMIN) or (who.may(Role.ENGINEER) and owner == who.name)}
@@ -64,7 +64,7 @@ async def frame(request: Request, service: TheService, campaign: str, who: Askin
 
 @router.get("/campaigns/{campaign}")
 async def campaign_page(request: Request, service: TheService, campaign: TheCampaign, who: Asking) -> Response:
-    """Show how far a campaign is; it moves while rows arrive."""
+    """Show the progress of a campaign, which is updated while rows arrive."""
     seen = await run_in_threadpool(observe, service.store, campaign)
     shown = await frame(request, service, campaign, who)
     return page(request, "campaign", progress=progress_of(seen, is_served=service.watcher.is_served), **shown)
@@ -125,7 +125,7 @@ async def labels_form(
     note: Annotated[str, Form(max_length=5000)] = "",
     archived: Annotated[bool, Form()] = False,
 ) -> Response:
-    """Change owner, tags and note of a campaign, or archive it."""
+    """Change the owner, tags and note of a campaign, or archive it."""
     entry = await show_campaign(service, campaign)
     wanted = set(tags.replace(",", " ").split())
     add, remove = sorted(wanted - set(entry.tags)), sorted(set(entry.tags) - wanted)

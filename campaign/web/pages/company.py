@@ -1,4 +1,4 @@
-"""Log in with the company's account: to its login service, and back."""
+"""Login with a company account: to the company's login service, and back."""
 
 from fastapi import APIRouter, Request
 from starlette.responses import RedirectResponse, Response
@@ -11,7 +11,7 @@ from campaign.web.pages.login import HOME, entered, own_path
 from campaign.web.web_service import Service
 
 router = APIRouter(include_in_schema=False)
-BEGUN = "__Host-clearcap-login"  # cookie of a login that was begun
+BEGUN = "__Host-clearcap-login"  # cookie of a login in progress
 
 
 @router.get("/login/company")
@@ -22,14 +22,14 @@ def go_to_company(service: TheService, next: str = HOME) -> Response:
     except LoginFault as fault:
         raise _refusal(fault) from fault
     answer = RedirectResponse(url, 303)
-    # the service sends the browser back from another site, so this one cookie cannot be strict
+    # the service sends the browser back from another site, so this cookie alone cannot be strict
     answer.set_cookie(BEGUN, kept, LOGIN_WITHIN, path="/", secure=True, httponly=True, samesite="lax")
     return answer
 
 
 @router.get("/login/company/callback")
 def back_from_company(request: Request, service: TheService) -> Response:
-    """Begin the session of whom the login service names."""
+    """Begin a session for the user whom the login service names."""
     company, place = _company(service), f"company {place_of(address_of(request))}"
     if wait := service.throttle.attempt(place):
         headers = {"Retry-After": f"{wait + 1:.0f}"}
@@ -48,14 +48,14 @@ def back_from_company(request: Request, service: TheService) -> Response:
 
 
 def _company(service: Service) -> CompanyLogin:
-    """Return the login service; Refusal 404 if this server has none."""
+    """Return the login service; raise Refusal (404) if this server has none."""
     if service.company is None:
         raise Refusal(404, "this server has no login service of a company; log in by a password or a link")
     return service.company
 
 
 def _refusal(fault: LoginFault) -> Refusal:
-    """Return the one message that a fault of a login becomes."""
+    """Return the refusal for a fault of a login."""
     if fault.is_outage:
         return Refusal(503, str(fault), headers={"Retry-After": "30"})
     return Refusal(403, str(fault))

@@ -1,4 +1,4 @@
-"""The fields of the form of a campaign: from what a browser sent to tables, and from tables to what a page shows."""
+"""The fields of a campaign's form: conversion from the sent form to tables, and from tables to the fields of a page."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,7 +10,7 @@ from campaign.web.jobs.campaign_form import LIMITS, PARAMETERS, STOP_NUMBERS, TO
 from campaign.web.pages.marked_text import said
 
 DEFAULT = "truncated_normal"
-BLANK_ROWS = 2  # for further variables
+BLANK_ROWS = 2  # rows for further variables
 MOST_ROWS = 1000
 NO_MECHANISM: Tables = {"responses": {}, "keys": [], "benches": {}, "presets": {}}
 _WHOLE = ("samples", "seed", "min_samples", "max_samples")
@@ -24,14 +24,14 @@ class FormField:
     Attributes
     ----------
     name : str
-        Its name in the form, which is also the id in the page.
+        Name of the field in the form, which is also its id in the page.
     key : str
-        Last key in the campaign file.
+        Its last key in the campaign file.
     value : str
     faults : tuple of str
-        What is wrong with it.
+        Faults of its value.
     hint : str
-        What it means.
+        Description of the key.
     """
 
     name: str
@@ -42,13 +42,13 @@ class FormField:
 
 
 def tables_of(sent: Mapping[str, str]) -> Tables:
-    """Return the tables that a form says.
+    """Return the campaign's tables from a sent form.
 
     Parameters
     ----------
     sent : mapping of str to str
-        Name of a field -> what was typed. Fields of the row ``i`` of the variables are ``v{i}.KEY``; those of a
-        response ``r{i}.KEY``, of the stopping rule ``stop.KEY``.
+        Text of each field by name. The fields of row ``i`` are named ``v{i}.KEY`` for variables and ``r{i}.KEY`` for
+        responses; the fields of the stopping rule are named ``stop.KEY``.
     """
     tables: Tables = {key: value for key in TOP_KEYS if (value := _typed(key, sent.get(key, ""))) != ""}
     for letter, table in (("v", "variables"), ("r", "responses")):
@@ -65,22 +65,22 @@ def tables_of(sent: Mapping[str, str]) -> Tables:
 
 
 def digest(content: Any) -> str:
-    """Return what changes whenever a text, or the tables of a form, change."""
+    """Return a digest of a text or of the tables of a form, which shows whether they have changed."""
     text = content if isinstance(content, str) else json.dumps(content, sort_keys=True)
     return sha256(text.encode(errors="replace")).hexdigest()[:16]
 
 
 class CampaignForm:
-    """The fields of a form, with the faults of each.
+    """The fields of a campaign's form, with the faults of each.
 
     Parameters
     ----------
     tables : dict
-        As `tables_of` returns them.
+        The campaign's tables; see `tables_of`.
     faults : sequence of mapping
-        As `campaign.web.http.problems.faults_of` returns them.
+        The faults; see `campaign.web.http.problems.faults_of`.
     found : mapping
-        As `campaign.web.jobs.campaign_form.composed` returns it.
+        The result of `campaign.web.jobs.campaign_form.composed`.
     """
 
     def __init__(self, tables: Tables, faults: Sequence[Mapping[str, Any]], found: Mapping[str, Any]) -> None:
@@ -96,7 +96,7 @@ class CampaignForm:
         self.mechanism = self._known
 
     def _variables(self, densities: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-        """Yield the rows of the variables, and some blank ones."""
+        """Yield the rows of the variables, and some blank rows."""
         blank = [("", {"distribution": DEFAULT})] * BLANK_ROWS
         for i, (name, table) in enumerate([*self._tables.get("variables", {}).items(), *blank]):
             kind = str(table.get("distribution", DEFAULT))
@@ -116,7 +116,7 @@ class CampaignForm:
             }
 
     def _responses(self) -> Iterator[dict[str, Any]]:
-        """Yield the rows of the responses: those of the mechanism, and those that the file names besides."""
+        """Yield the rows of the responses: those of the mechanism, then others that the file names."""
         given, known = self._tables.get("responses", {}), self._known["responses"]
         for i, name in enumerate([*known, *(name for name in given if name not in known)]):
             keys, table = ("responses", name), given.get(name, {})
@@ -143,12 +143,12 @@ def _rows(sent: Mapping[str, str], letter: str) -> Iterator[dict[str, str]]:
 
 
 def _known_keys(row: Mapping[str, str]) -> set[str]:
-    """Return the keys that a variable of a distribution has; another distribution may have been chosen just now."""
+    """Return the keys of a variable's chosen distribution; the row may still have fields of the previous one."""
     return {"distribution", "target", *PARAMETERS.get(row.get("distribution", DEFAULT), {})}
 
 
 def _typed(key: str, text: str) -> str | int | float:
-    """Return what was typed as a number where the key is one; else, and if it is no number, as the text."""
+    """Return a typed text as a number if the key is numeric and the text is a number, otherwise as text."""
     text = text.strip()
     if key in _TEXTS or not text:
         return text

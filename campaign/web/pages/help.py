@@ -1,4 +1,4 @@
-"""The page of help: what the service does, and every call of its API, as the OpenAPI document lists them."""
+"""The help page: what the service does, and every call of its API, from the OpenAPI document."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ METHODS = ("get", "post", "put", "patch", "delete")
 
 @router.get("/help")
 def help_page(request: Request) -> Response:
-    """Show what the service does; also to who is not logged in."""
+    """Show what the service does, even to visitors who are not logged in."""
     try:
         request.state.principal = known(request)
     except Refusal:
@@ -31,17 +31,17 @@ def help_page(request: Request) -> Response:
 
 
 def calls_by_kind(document: dict[str, Any]) -> dict[str, list[dict[str, str]]]:
-    """Return the calls that an OpenAPI document describes, by their kind.
+    """Return the calls that an OpenAPI document describes, grouped by kind.
 
     Parameters
     ----------
     document : dict
-        With ``paths``.
+        The OpenAPI document; only ``paths`` is used.
 
     Returns
     -------
     dict of str to list of dict
-        Kind -> calls, each with ``method``, ``path``, ``summary`` and ``who``.
+        For each kind its calls, each with ``method``, ``path``, ``summary`` and ``who``.
     """
     kinds: dict[str, list[dict[str, str]]] = {}
     for path, methods in document["paths"].items():

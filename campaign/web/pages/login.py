@@ -1,4 +1,4 @@
-"""Log in and out: by password, one-time link, or shared link."""
+"""The pages to log in, by password, one-time link or shared link, and to log out."""
 
 from typing import Annotated
 from urllib.parse import urlsplit
@@ -18,19 +18,19 @@ HOME = "/campaigns"
 
 @router.get("/")
 async def home() -> Response:
-    """Lead to the campaigns."""
+    """Redirect to the list of campaigns."""
     return RedirectResponse(HOME, 303)
 
 
 @router.get("/favicon.ico")
 async def icon() -> Response:
-    """Lead to the icon a browser that shows a document, and no page, which would name it."""
+    """Redirect to the icon; browsers ask here if they show a document that, unlike a page, does not name its icon."""
     return RedirectResponse("/static/icon.svg", 308)
 
 
 @router.get("/login")
 async def show_login(request: Request, service: TheService, next: str = HOME) -> Response:
-    """Show the form of the login."""
+    """Show the login form."""
     return page(request, "login", next=own_path(next), has_oidc=service.settings.oidc is not None, fault="")
 
 
@@ -42,9 +42,9 @@ def log_in(
     password: Annotated[str, Form(max_length=2000)],
     next: Annotated[str, Form(max_length=2000)] = HOME,
 ) -> Response:
-    """Begin a session by name and password."""
+    """Begin a session with a name and password."""
     check_origin(request)
-    # what is no user's name may be a password that was typed into the wrong field
+    # an unknown name is not audited: it may be a password that was typed into the wrong field
     request.state.who, request.state.how = name if service.users.get(name) else "unknown", "password"
     user = checked_user(request, name, password)
     if user is None:
@@ -56,7 +56,7 @@ def log_in(
 
 @router.get("/login/link")
 def use_link(request: Request, service: TheService, key: str, next: str = HOME) -> Response:
-    """Begin a session by a one-time link."""
+    """Begin a session with a one-time link."""
     user = service.sessions.use_link(key)
     if user is None:
         raise Refusal(403, "this link was used, or is older than 15 minutes; the server prints another at its start")
@@ -85,10 +85,10 @@ def log_out(request: Request, service: TheService, _: Annotated[Principal, Depen
 
 
 def entered(request: Request, secret: str, wanted: str, cookie: str = COOKIE) -> Response:
-    """Return the page that ends a login: it goes on by itself.
+    """Return the page that completes a login; it sets the session's cookie and goes on to the wanted page by itself.
 
-    It is a page and not a redirect, because a browser that came from another site, as from a mail, does not send a
-    strict cookie to where that site's link is redirected.
+    It is a page and not a redirect, because a browser that followed a link on another site, such as a mail, does not
+    send a strict cookie to the target of a redirect.
     """
     answer = page(request, "entered", wanted=own_path(wanted))
     answer.set_cookie(cookie, secret, path="/", secure=True, httponly=True, samesite="strict")
@@ -96,7 +96,7 @@ def entered(request: Request, secret: str, wanted: str, cookie: str = COOKIE) ->
 
 
 def own_path(wanted: str) -> str:
-    """Return a path of this server; anything that leads elsewhere becomes the first page."""
+    """Return the wanted path if it is on this server, otherwise that of the first page."""
     try:
         parts = urlsplit(wanted)
     except ValueError:

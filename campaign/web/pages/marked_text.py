@@ -1,10 +1,10 @@
-"""A text with its faults beside their lines, as pages show it."""
+"""Texts for pages, with each fault beside its line."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-AROUND = 2  # lines before and after one with a fault
+AROUND = 2  # lines shown before and after one with a fault
 
 
 @dataclass(frozen=True)
@@ -14,10 +14,10 @@ class MarkedLine:
     Attributes
     ----------
     number : int
-        From 1.
+        Line number, from 1.
     text : str
     faults : tuple of str
-        What is wrong with it.
+        Faults of the line.
     """
 
     number: int
@@ -31,9 +31,9 @@ def marked_lines(text: str, faults: Sequence[Mapping[str, Any]]) -> list[MarkedL
     Parameters
     ----------
     text : str
-        What was checked.
+        The text that was checked.
     faults : sequence of mapping
-        As `campaign.web.http.problems.faults_of` gives them; those of other files are left out.
+        Its faults; see `campaign.web.http.problems.faults_of`. Faults of other files are left out.
     """
     by_line: dict[int, list[str]] = {}
     for fault in faults:
@@ -45,11 +45,11 @@ def marked_lines(text: str, faults: Sequence[Mapping[str, Any]]) -> list[MarkedL
 
 
 def said(fault: Mapping[str, Any]) -> str:
-    """Return a fault in one line: the key, its value, what is wrong."""
+    """Return a fault as one line: the key, its value, and what is wrong."""
     value = "" if fault.get("value") is None else f" = {fault['value']}"
     return f"{'.'.join(fault['keys'])}{value}: {fault['text']}" if fault["keys"] else str(fault["text"])
 
 
 def unix_lines(text: str) -> str:
-    """Return a text as browsers send it, with the line ends that files have."""
+    """Return a text that a browser sent, with Unix line ends."""
     return text.replace("\r\n", "\n").replace("\r", "\n")

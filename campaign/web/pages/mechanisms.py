@@ -1,4 +1,4 @@
-"""The mechanisms: a list with pictures, the page of each, and its editor."""
+"""The pages of mechanisms: a list with pictures, and a page and an editor for each."""
 
 import json
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ from engine import EngineError
 from engine.mechanism import library_names, mechanism_schema
 
 router = APIRouter(include_in_schema=False)
-MOST_KEYS = 300  # that a page lists
+MOST_KEYS = 300  # keys that a page lists
 NameField = Annotated[str, Form(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$")]
 
 
@@ -51,7 +51,7 @@ async def mechanisms_page(request: Request, service: TheService, who: Viewer) ->
 async def upload_form(
     request: Request, service: TheService, who: Engineer, name: NameField, file: UploadFile
 ) -> Response:
-    """Save a file as a mechanism; one with faults is shown in the editor."""
+    """Save an uploaded file as a mechanism; a file with faults is shown in the editor."""
     content = await file.read(LONGEST_TEXT + 1)
     try:
         text = unix_lines(content.decode("utf-8-sig"))
@@ -70,7 +70,7 @@ async def mechanism_page(
     name: MechanismName,
     keys: Annotated[str, Query(max_length=100)] = "",
 ) -> Response:
-    """Show a mechanism: picture, numbers, benches, presets; `keys` is a part of the keys that are listed."""
+    """Show a mechanism: picture, numbers, benches, presets; only keys that contain the text `keys` are listed."""
     described = await described_mechanism(service, who, await source_of(service, name))
     listed = [each for each in described["keys"] if keys.lower() in each["key"].lower() or keys == each["short"]]
     if not keys:
@@ -87,13 +87,13 @@ async def mechanism_page(
 
 @router.get("/schemas/mechanism.json")
 def schema_document(request: Request, _: Viewer) -> Response:
-    """Return the JSON Schema of mechanism files, from which the editor proposes keys and values."""
+    """Return the JSON Schema of mechanism files, which the editor uses to propose keys and values."""
     return tagged(request, _schema(), "application/schema+json")
 
 
 @router.get("/mechanisms/{name}/edit")
 async def editor_page(request: Request, service: TheService, who: Engineer, name: MechanismName) -> Response:
-    """Show the text of a mechanism; a shipped one is saved under another name."""
+    """Show the text of a mechanism in the editor; a shipped one must be saved under another name."""
     if name in library_names():
         return _editor(request, name, MechanismEdit("", shipped_text(name).decode(), 0))
     found = await run_in_threadpool(read_mechanism, service.store, name)
@@ -113,7 +113,7 @@ async def editor_form(
     save_as: Annotated[str, Form(max_length=64)] = "",
     version: Annotated[int, Form(ge=0, lt=10**6)] = 0,
 ) -> Response:
-    """Check a text, or save it as a version."""
+    """Check a text, or save it as a new version."""
     seen = version if save_as == name else None
     edit = MechanismEdit(save_as, unix_lines(text), seen, is_saved=action == "save")
     return await _edited(request, service, who, edit, name)
@@ -121,16 +121,16 @@ async def editor_form(
 
 @dataclass(frozen=True)
 class MechanismEdit:
-    """What somebody has written, and what he wants done with it.
+    """The text of a mechanism that a user has edited, and what to do with it.
 
     Attributes
     ----------
     save_as, text : str
-        Name and text.
+        Name to save it under, and the text.
     version : int or None
-        The newest version that he has seen; None if that does not matter.
+        The newest version that the user has seen; None if that does not matter.
     is_saved : bool
-        It is to be saved, if it has no faults.
+        Whether to save the text if it has no faults; otherwise it is only checked.
     """
 
     save_as: str
@@ -140,7 +140,7 @@ class MechanismEdit:
 
 
 async def _edited(request: Request, service: Service, who: Principal, edit: MechanismEdit, name: str = "") -> Response:
-    """Save or check a text, and show what came of it."""
+    """Save or check a text, and show the result."""
     try:
         wanted = MechanismText(text=edit.text[:LONGEST_TEXT], version=edit.version)
         if not edit.is_saved:
@@ -155,7 +155,7 @@ async def _edited(request: Request, service: Service, who: Principal, edit: Mech
 
 
 def check_name(name: str) -> None:
-    """Refuse what is no name of a mechanism."""
+    """Raise Refusal (422) for an invalid name of a mechanism."""
     if not name or not name.isascii() or not name.replace("_", "a").replace("-", "a").isalnum() or name[0] in "-_":
         raise Refusal(422, f"name {name!r:.80}: give one of letters, digits, - and _, the first a letter or digit")
 
@@ -167,7 +167,7 @@ def _editor(
     checked: dict[str, Any] | None = None,
     refusal: Refusal | None = None,
 ) -> Response:
-    """Return the page of the editor, with what is wrong beside its line."""
+    """Return the page of the editor, with each fault beside its line."""
     faults = refusal.faults if refusal else []
     lines = marked_lines(edit.text, faults)
     values: dict[str, Any] = {"name": name, "edit": edit, "checked": checked, "lines": lines}
@@ -176,7 +176,7 @@ def _editor(
 
 
 async def described_mechanism(service: Service, who: Principal, source: MechanismSource) -> dict[str, Any]:
-    """Return what a mechanism is, as `campaign.web.jobs.mechanisms.describe` says; the last ones are kept."""
+    """Return the description of a mechanism, see `campaign.web.jobs.mechanisms.describe`; recent ones are cached."""
     content: dict[str, Any] = json.loads(await service.kept(who.name, describe, source))  # type: ignore[arg-type]
     return content
 

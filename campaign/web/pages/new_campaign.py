@@ -1,4 +1,4 @@
-"""The page on which a campaign is made: a form beside the text of its file, each made from the other."""
+"""The page for a new campaign: a form beside the text of its file, each derived from the other."""
 
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
@@ -41,20 +41,20 @@ BOTH_CHANGED = (
 
 @dataclass(frozen=True)
 class Draft:
-    """A campaign that somebody is about to make.
+    """A campaign that a user is writing.
 
     Attributes
     ----------
     text : str
-        The file.
+        Text of the campaign file.
     form : dict or None
         The form as it was sent; None if there is none yet.
     form_was, text_was : str
-        Digests of both, as the page was last made.
+        Digests of form and text when the page was last rendered.
     files : dict of str to str
         Texts of the files that the campaign names.
     owner, tags : str
-        Its labels.
+        Labels of the campaign.
     """
 
     text: str
@@ -67,16 +67,16 @@ class Draft:
 
     @property
     def form_changed(self) -> bool:
-        """Whether somebody has changed the form since the page was made."""
+        """Whether the user has changed the form since the page was rendered."""
         return self.form is not None and digest(self.form) != self.form_was
 
     @property
     def text_changed(self) -> bool:
-        """Whether somebody has changed the file since the page was made."""
+        """Whether the user has changed the text since the page was rendered."""
         return digest(self.text) != self.text_was
 
     def request(self) -> CampaignRequest:
-        """Return what is to be checked or submitted."""
+        """Return the campaign to be checked or submitted."""
         files = {name: text.encode() for name, text in self.files.items()}
         tags = self.tags.replace(",", " ").split()
         if len(tags) > MOST_TAGS:
@@ -94,7 +94,7 @@ async def new_campaign_page(
     set: Settings = [],  # noqa: B006  # FastAPI copies it
     samples: Annotated[int | None, Query(ge=1, lt=2**53)] = None,
 ) -> Response:
-    """Show the form, for a new campaign or one that begins with another's file, with some distributions changed."""
+    """Show the form of a new campaign, which may begin as a copy of another one with some distributions changed."""
     draft = Draft(first_text(mechanism), owner=who.name)
     if start:
         if not await run_in_threadpool(service.store.files.exists, f"{start}/{PLAN}"):
@@ -104,13 +104,13 @@ async def new_campaign_page(
         draft = replace(draft, text=begun["text"], files=begun["files"])
     found = await service.pool.data(who.name, composed, source_of_request(service, draft.request()))
     if not start:
-        found |= {"faults": [], "detail": ""}  # nobody has written anything yet
+        found |= {"faults": [], "detail": ""}  # the user has not written anything yet
     return await _shown(request, service, draft, found)
 
 
 @router.post("/campaigns/new")
 async def new_campaign_form(request: Request, service: TheService, who: Engineer) -> Response:
-    """Make form and file from each other, check them, or submit the campaign."""
+    """Derive the form and the text from each other, check them, or submit the campaign."""
     draft, action = await _sent(request)
     if action not in ACTIONS:
         raise Refusal(422, f"action {action!r:.20}: allowed: {', '.join(ACTIONS)}")
@@ -130,7 +130,7 @@ async def new_campaign_form(request: Request, service: TheService, who: Engineer
 
 
 async def _sent(request: Request) -> tuple[Draft, str]:
-    """Return what a browser sent: the draft, and the name of the button."""
+    """Return the draft that a browser sent, and the action of the pressed button."""
     form = await request.form()
     try:
         sent = {key: value for key, value in form.multi_items() if isinstance(value, str)}
@@ -156,7 +156,7 @@ async def _sent(request: Request) -> tuple[Draft, str]:
 
 
 async def _text_of(upload: UploadFile) -> str:
-    """Return the text of a file that comes with the campaign; others are sent over the API."""
+    """Return the text of an uploaded file; files that are not text must be sent with the API."""
     content = await upload.read(LONGEST_TEXT + 1)
     try:
         text = content.decode("utf-8-sig")
@@ -170,7 +170,7 @@ async def _text_of(upload: UploadFile) -> str:
 async def _looked_at(
     request: Request, service: Service, who: Principal, draft: Draft, refusal: Refusal | None
 ) -> Response:
-    """Return the page as it was sent, with the reason why nothing was done."""
+    """Return the page with the draft as it was sent, and the reason why nothing was done."""
     assert refusal is not None
     found = await service.pool.data(who.name, composed, source_of_request(service, draft.request()))
     found |= {"faults": refusal.faults, "detail": refusal.detail, "checked": None, "sent": True}
@@ -182,7 +182,7 @@ async def _looked_at(
 async def _shown(
     request: Request, service: Service, draft: Draft, found: dict[str, Any], status: int = 200
 ) -> Response:
-    """Return the page: form, file, faults and cost."""
+    """Return the page with form, text, faults and cost."""
     is_as_sent = "sent" in found
     tables: Tables = (draft.form if is_as_sent or found["form"] is None else found["form"]) or {}
     form = CampaignForm(tables, found["faults"], found)
@@ -200,7 +200,7 @@ async def _shown(
 
 
 def _as_sent_again(form: CampaignForm) -> Tables:
-    """Return what `tables_of` makes of a form that nobody changes."""
+    """Return the tables that `tables_of` returns if the form is sent back unchanged."""
     fields = [*form.top.values(), *form.stop.values()]
     for row in form.variables:
         fields += [row["name"], row["distribution"], row["target"], *row["parameters"]]

@@ -1,4 +1,4 @@
-"""The page of a refusal."""
+"""The page of a refused request."""
 
 from http import HTTPStatus
 from urllib.parse import quote
@@ -11,7 +11,7 @@ from campaign.web.pages.rendering import page
 
 
 def refused_page(request: Request, refusal: Refusal) -> Response:
-    """Return the page of a refusal; who is not logged in is led to the login, and back afterwards."""
+    """Return the page of a refusal; visitors who are not logged in are sent to the login first, and back afterwards."""
     if refusal.status == 401 and request.method == "GET":
         wanted = request.url.path + (f"?{request.url.query}" if request.url.query else "")
         return RedirectResponse(f"/login?next={quote(wanted, safe='')}", 303)

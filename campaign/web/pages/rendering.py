@@ -1,4 +1,4 @@
-"""Make a page from its template."""
+"""Rendering of pages from their templates."""
 
 from typing import Any
 from urllib.parse import urlencode
@@ -22,15 +22,15 @@ def page(
     Parameters
     ----------
     request : Request
-        What it answers; the page shows who asks.
+        The request that the page answers; the page shows its principal.
     name : str
         Name of the template, without ``.html.j2``.
     status : int
-        Status of the answer.
+        HTTP status of the answer.
     refusal : Refusal, optional
-        What was refused, for the template; status and headers of the answer are its own.
+        A refusal that the template shows; the answer then has its status and headers.
     values
-        What the template shows.
+        Further values for the template.
     """
     principal: Principal | None = getattr(request.state, "principal", None)
     reloads = refusal.reload_after_s if refusal and request.method == "GET" else None  # a form would be lost

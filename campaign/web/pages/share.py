@@ -1,4 +1,4 @@
-"""The page of a campaign's shared links: make one, copy it once, revoke it."""
+"""The page of a campaign's shared links, to create, copy and revoke them."""
 
 from typing import Annotated
 from urllib.parse import quote
@@ -33,7 +33,7 @@ async def share_form(
     days: Annotated[int, Form(ge=1, le=90)] = 14,
     note: Annotated[str, Form(max_length=200)] = "",
 ) -> Response:
-    """Make a link, and show it this once."""
+    """Create a link, and show it this once."""
     made = await run_in_threadpool(shared, request, service, campaign, who, NewShare(days=days, note=note))
     return await _share_page(request, service, campaign, who, made)
 
@@ -42,7 +42,7 @@ async def share_form(
 def revoke_share_form(
     service: TheService, campaign: TheCampaign, _: Engineer, share: Annotated[int, Path(ge=0, le=2**53)]
 ) -> Response:
-    """End a link."""
+    """Revoke a link."""
     end_share(service, campaign, share)
     return RedirectResponse(f"/campaigns/{quote(campaign)}/share", 303)
 
@@ -50,7 +50,7 @@ def revoke_share_form(
 async def _share_page(
     request: Request, service: Service, campaign: str, who: Principal, made: MadeShare | None = None
 ) -> Response:
-    """Return the page with the links, and one that was just made."""
+    """Return the page with the links, and one that was just created."""
     links = await run_in_threadpool(service.tokens.shares, campaign)
     shown = await frame(request, service, campaign, who)
     return page(request, "share", shares=[ListedShare.of(link) for link in links], made=made, **shown)

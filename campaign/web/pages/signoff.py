@@ -1,4 +1,4 @@
-"""The page of a campaign's sign-offs: who signed it, whether it is still the same, and the form to sign."""
+"""The page of a campaign's sign-offs: who signed it, whether it has changed since, and the form to sign."""
 
 from typing import Annotated, Any
 from urllib.parse import quote
@@ -26,7 +26,7 @@ async def signoff_page(
     who: Asking,
     check: Annotated[bool, Query()] = False,
 ) -> Response:
-    """Show who signed a campaign, and to an approver what he would sign."""
+    """Show who signed a campaign, and to an approver the content that they would sign."""
     shown = await frame(request, service, campaign, who)
     signoffs = await run_in_threadpool(list_signoffs, service, campaign, who, check)
     may_sign = who.may(Role.APPROVER) and shown["entry"].state == "completed"

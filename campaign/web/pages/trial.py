@@ -1,4 +1,4 @@
-"""Try a mechanism: change a number, simulate once, and look at responses, certificate and motion."""
+"""The page to try a mechanism: change numbers, simulate once, and see responses, certificate and motion."""
 
 import json
 from dataclasses import replace
@@ -22,7 +22,7 @@ from campaign.web.web_service import Service
 from engine import EngineError
 
 router = APIRouter(include_in_schema=False)
-FIELD = "value:"  # what the names of a form's numbers begin with
+FIELD = "value:"  # prefix of the names of the form's number fields
 FREE_KEYS = 3  # rows of the form for any key
 MOST_LISTED = 2000  # keys that a field proposes
 
@@ -38,7 +38,7 @@ async def trial_page(
     preset: Annotated[str, Query(max_length=100)] = "",
     run: bool = False,
 ) -> Response:
-    """Show the form, and with `run` or `set` what comes of it: every run has its address."""
+    """Show the form and, with `run` or `set`, the results of the run, so that every run has its own URL."""
     if "was" in request.query_params:  # the form was sent
         typed = await _typed(request, service, who, name)
         more = [("bench", bench), ("preset", preset), ("run", "true")]
@@ -68,7 +68,7 @@ async def trial_page(
 
 
 async def _typed(request: Request, service: Service, who: Principal, name: str) -> list[tuple[str, str]]:
-    """Return what was typed into the form as pairs for the address; values that it showed before are left out."""
+    """Return the values typed into the form as pairs for the URL, without those that the form showed before."""
     asked = request.query_params
     found = await described_mechanism(service, who, await source_of(service, name, preset=asked["was"] or None))
     shown = {each["short"]: each["value"] for each in found["keys"] if each["short"]}
@@ -87,7 +87,7 @@ def _is(text: str, value: float | None) -> bool:
 
 
 def _slider(entry: dict[str, Any], values: dict[str, float]) -> dict[str, Any]:
-    """Return the slider of a clearance: from almost nothing to twice its value, or to its limits."""
+    """Return the slider of a clearance, from 1 % of its upper end to twice the value, within the limits."""
     value = values.get(entry["short"], values.get(entry["key"], entry["value"]))
     high = max(2.0 * entry["value"], value)
     high = min(high, entry["upper"]) if entry["upper"] is not None else high

@@ -1,1 +1,1 @@
-"""Pages about the rows of a campaign: what-if, samples, comparison, export."""
+"""Pages for the rows of a campaign: what-if, samples, comparison, export."""

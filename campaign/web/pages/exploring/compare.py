@@ -1,4 +1,4 @@
-"""The page that compares a campaign with another: means, sigmas and Cpk side by side, and their differences."""
+"""The page that compares two campaigns: means, sigmas and Cpk side by side, and their differences."""
 
 import json
 from typing import Annotated, Any
@@ -28,7 +28,7 @@ async def compare_page(
     who: Viewer,
     other: Annotated[str, Query(alias="with", pattern=PATTERN + "|^$")] = "",
 ) -> Response:
-    """Show a campaign beside another one."""
+    """Show the comparison of a campaign with another one."""
     comparison, fault = None, ""
     if other:
         await the_campaign(service, who, other)

@@ -20,7 +20,7 @@ from campaign.web.pages.campaigns import frame
 from campaign.web.pages.rendering import page
 
 router = APIRouter(include_in_schema=False)
-READERS = {  # what reads each format from an open answer
+READERS = {  # Python imports and expression that read each format from an open answer
     "arrow": ("import pyarrow as pa", "pa.ipc.open_stream(answer).read_all()"),
     "parquet": ("import io\n\nimport pyarrow.parquet as pq", "pq.read_table(io.BytesIO(answer.read()))"),
     "csv": ("import pyarrow.csv", "pyarrow.csv.read_csv(answer)"),
@@ -28,7 +28,7 @@ READERS = {  # what reads each format from an open answer
 
 
 class ExportForm(BaseModel):
-    """What the form of this page sends: as the call has it, but numbers may be empty, and columns are words."""
+    """The sent form of this page: the parameters of the call, but numbers may be empty, and columns are one text."""
 
     format: str = Field("parquet", pattern="^(arrow|parquet|csv)$")
     columns: str = Field("", max_length=20_000)
@@ -37,7 +37,7 @@ class ExportForm(BaseModel):
     status: str = Field("", max_length=40)
 
     def query(self) -> str:
-        """Return the query of the call that does the same."""
+        """Return the query of the equivalent API call."""
         asked = {"format": self.format, "columns": self.columns.replace(",", " ").split()}
         given = {"first": self.first, "last": self.last, "status": self.status}
         return urlencode(asked | {key: text for key, text in given.items() if text}, doseq=True)
@@ -51,7 +51,7 @@ async def export_page(
     who: Asking,
     form: Annotated[ExportForm, Query()],
 ) -> Response:
-    """Show what can be exported, and the command and the Python lines that do what the form says."""
+    """Show the files and rows that can be exported, with the command and the Python lines that do the same."""
     files = await run_in_threadpool(report_files, service, campaign, who)
     call = f"{PREFIX}/campaigns/{campaign}/rows?{form.query()}"
     name = f"{campaign}.{ENDINGS[form.format]}"

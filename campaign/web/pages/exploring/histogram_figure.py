@@ -1,24 +1,24 @@
-"""The figure of a histogram before and after a change, as numbers of an SVG."""
+"""The figure of a histogram before and after a change, as coordinates for an SVG."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-WIDTH, HEIGHT = 320.0, 110.0  # of the drawing, in its own units
+WIDTH, HEIGHT = 320.0, 110.0  # size of the drawing, in its own units
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A histogram, drawn.
+    """The drawing of a histogram.
 
     Attributes
     ----------
     bars : list of (x, y, width, height)
-        As it is; counts over widths, so that the area counts.
+        The present histogram; heights are counts divided by bin widths, so that areas are proportional to counts.
     after : str
-        Points of the outline under the new distributions; empty without.
+        Points of the outline under the new distributions; empty without them.
     limits : list of (x, str)
-        Where limits are that lie within the drawing, with their name.
+        Places and names of the limits that lie within the drawing.
     lower, upper : float
         Ends of the axis, in the unit of the response.
     """
@@ -31,7 +31,7 @@ class Figure:
 
 
 def histogram_figure(bins: Mapping[str, Any]) -> Figure | None:
-    """Return the figure of the bins of a response, or None without values."""
+    """Return the figure of the bins of a response; None if it has no values."""
     edges = bins["edges"]
     if len(edges) < 2 or not edges[-1] > edges[0]:
         return None
@@ -65,5 +65,5 @@ def histogram_figure(bins: Mapping[str, Any]) -> Figure | None:
 
 
 def _heights(edges: Sequence[float], counts: Sequence[float]) -> list[float]:
-    """Return counts over the widths of their bins."""
+    """Return counts divided by the widths of their bins."""
     return [c / (b - a) if b > a else 0.0 for c, a, b in zip(counts, edges, edges[1:], strict=False)]

@@ -1,4 +1,4 @@
-"""The pages of samples: the worst and the failed ones in a table, and each with its row, replay and pictures."""
+"""The pages of samples: a table with the worst or failed ones, and a page for each with row, replay and pictures."""
 
 import json
 from typing import Annotated, Any
@@ -30,7 +30,7 @@ async def samples_page(
     who: Asking,
     question: Annotated[SampleQuestion, Query()],
 ) -> Response:
-    """Show samples in a table, the worst first."""
+    """Show samples in a table, by default the worst first."""
     asked = (question.sort, question.status or None, question.cursor, question.limit)
     found = json.loads((await service.answers.samples(who.name, campaign, *asked)).content)
     kept = {
@@ -57,7 +57,7 @@ async def sample_page(
 async def replay_form(
     request: Request, service: TheService, campaign: TheCampaign, who: Viewer, sample: Sample
 ) -> Response:
-    """Compute a sample again, and show whether it has the same bits."""
+    """Compute a sample again, and show whether the result is equal bit for bit."""
     replayed = await replay(service, campaign, who, sample)
     return await _sample_page(request, service, campaign, who, sample, replayed=replayed)
 
@@ -72,13 +72,13 @@ async def _sample_page(
     replayed: ReplayedSample | None = None,
     pictures: bool = False,
 ) -> Response:
-    """Return the page of a sample, with what was computed again."""
+    """Return the page of a sample, with its replay if there is one."""
     shown = await run_in_threadpool(show_sample, service, campaign, sample)
     values: dict[str, Any] = {"s": shown, "replayed": replayed, "pictures": pictures, "moving": None}
     refusal = None
     if pictures and who.kind != "share":
         try:
             values["moving"] = json.loads(await motion_of(service, campaign, who, sample))
-        except (CampaignError, EngineError) as error:  # its row is shown all the same
+        except (CampaignError, EngineError) as error:  # the row is shown even without the motion
             refusal = refusal_of(error)
     return page(request, "sample", refusal=refusal, **values, **await frame(request, service, campaign, who))

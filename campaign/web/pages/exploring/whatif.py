@@ -1,4 +1,4 @@
-"""The page of what-if: distributions that are moved, and what the samples say then; advice and cheapest tolerances."""
+"""The what-if page: results of the samples under changed distributions, advice, and cheapest tolerances."""
 
 import json
 from collections.abc import Awaitable, Sequence
@@ -22,7 +22,7 @@ from campaign.web.pages.rendering import page
 from campaign.web.web_service import Service
 
 router = APIRouter(include_in_schema=False)
-LONGEST_COSTS = 8000  # characters, of an address
+LONGEST_COSTS = 8000  # characters of the cost file in a URL
 
 
 @router.get("/campaigns/{campaign}/whatif")
@@ -34,7 +34,7 @@ async def what_if_page(
     set: Settings = [],  # noqa: B006  # FastAPI copies it
     others: Annotated[str, Query(max_length=MOST_SETTINGS * LONGEST_SETTING)] = "",
 ) -> Response:
-    """Show what responses would be under other distributions; a sent form leads to the address of its question."""
+    """Show the responses under other distributions; a sent form is redirected to the URL of its question."""
     plan = await run_in_threadpool(service.store.plan, campaign)
     given = {key: text for key, text in request.query_params.items() if key.startswith(FIELD)}
     settings = list(set)
@@ -69,13 +69,13 @@ async def what_if_page(
 
 
 def _other_questions(request: Request) -> dict[str, str]:
-    """Return what else the address asks: advice, and the cheapest tolerances of a cost file's text."""
+    """Return the other questions of a URL: ``advice``, and ``costs``, the text of a cost file."""
     asked = {"advice": request.query_params.get("advice", ""), "costs": request.query_params.get("costs", "")}
     return {key: text[:LONGEST_COSTS] for key, text in asked.items() if text.strip()}
 
 
 def _address(campaign: str, settings: Sequence[str], asked: dict[str, str]) -> str:
-    """Return the address of a question."""
+    """Return the URL path of a question."""
     query = urlencode({"set": list(settings), **asked}, doseq=True)
     return f"/campaigns/{quote(campaign)}/whatif{'?' if query else ''}{query}"
 
@@ -83,10 +83,10 @@ def _address(campaign: str, settings: Sequence[str], asked: dict[str, str]) -> s
 async def _answers(
     service: Service, user: str, campaign: str, settings: Sequence[str], preview: bool
 ) -> dict[str, Any]:
-    """Return histograms, and with settings the answer of what-if; or why there is none."""
+    """Return the histograms and, with settings, the what-if document, or why there is none."""
     answers = service.answers
     bins, fault = await _or_fault(answers.histograms(user, campaign, settings, preview=preview))
-    if fault and settings:  # of a wrong setting; the samples are shown as they are
+    if fault and settings:  # a setting is wrong, so show the samples without settings
         bins, _ = await _or_fault(answers.histograms(user, campaign, preview=preview))
     document = None
     if settings and not fault:
@@ -97,12 +97,12 @@ async def _answers(
 
 
 def _has_no_limit(bins: dict[str, Any]) -> bool:
-    """Return whether a response has no limit; it comes after those that have one."""
+    """Return whether a response has no limit, as a sort key that puts it after those with one."""
     return bins["lsl"] is None and bins["usl"] is None
 
 
 async def _advice(service: Service, user: str, campaign: str, asked: dict[str, str]) -> dict[str, Any]:
-    """Return the advice and the allocation that are asked for, or why there are none."""
+    """Return the advice and the allocation that the URL asks for, or why there are none."""
     shown: dict[str, Any] = {"advice": None, "advice_fault": "", "allocation": None, "allocation_fault": ""}
     if "advice" in asked:
         shown["advice"], shown["advice_fault"] = await _or_fault(service.answers.advise(user, campaign))
@@ -113,7 +113,7 @@ async def _advice(service: Service, user: str, campaign: str, asked: dict[str, s
 
 
 async def _or_fault(answer: Awaitable[Answer]) -> tuple[Any, str]:
-    """Return a document and nothing, or None and what is wrong with the question."""
+    """Return the document of an answer and an empty text, or None and the fault of the question."""
     try:
         return json.loads((await answer).content), ""
     except (Busy, StoreError):

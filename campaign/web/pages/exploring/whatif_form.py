@@ -1,14 +1,14 @@
-"""The form of what-if: a slider and a number for each key of each distribution, and the settings that they make."""
+"""The what-if form: a slider and a number for each key of each distribution, and the settings of a sent form."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from campaign.plan import Plan, dump_spec
 
-FIELD = "v."  # begins the name of a number's field; what follows is VARIABLE.KEY
-STEPS = 100  # of a slider
-PLACES = ("mean", "nominal", "lower", "upper", "mode", "origin", "value", "log_mean")  # keys that shift, not stretch
-REACH, STRETCH = 2.0, 0.8  # a slider reaches this many sigmas to each side, or this part of the value
+FIELD = "v."  # prefix of the name of a number's field, before VARIABLE.KEY
+STEPS = 100  # steps of a slider
+PLACES = ("mean", "nominal", "lower", "upper", "mode", "origin", "value", "log_mean")  # keys of location, not of scale
+REACH, STRETCH = 2.0, 0.8  # reach of a slider to each side: sigmas for keys of location, share of the value for others
 
 
 @dataclass(frozen=True)
@@ -18,14 +18,14 @@ class KeyField:
     Attributes
     ----------
     setting : str
-        ``VARIABLE.KEY``.
+        Left side of its setting: ``VARIABLE.KEY``.
     key : str
     now : float
-        As the campaign has it.
+        Value in the campaign.
     text : str
-        As it is asked.
+        Value in the question, as text.
     low, high, step : float
-        Of the slider.
+        Ends and step of the slider.
     """
 
     setting: str
@@ -54,14 +54,14 @@ class VariableFields:
 
 
 def variable_fields(plan: Plan, settings: Sequence[str]) -> list[VariableFields]:
-    """Return the fields of the variables that vary, filled with what is asked.
+    """Return the fields of the variables with a nonzero sigma, filled with the settings of a question.
 
     Parameters
     ----------
     plan : Plan
         The campaign.
     settings : sequence of str
-        What is asked, each ``VARIABLE.KEY=VALUE``.
+        Settings of the question, each ``VARIABLE.KEY=VALUE``.
     """
     asked = dict(setting.partition("=")[::2] for setting in settings)
     found = []
@@ -82,16 +82,16 @@ def other_settings(fields: Iterable[VariableFields], settings: Sequence[str]) ->
 
 
 def settings_of(fields: Iterable[VariableFields], given: Mapping[str, str], others: str) -> list[str]:
-    """Return the settings that a sent form makes: numbers that are other ones than the campaign's, then the others.
+    """Return the settings of a sent form: those of numbers that differ from the campaign's, then the others.
 
     Parameters
     ----------
     fields : iterable of VariableFields
-        The form.
+        The fields of the form.
     given : mapping of str to str
-        Its numbers as text, by the name of the field.
+        Texts of its numbers, by the name of the field.
     others : str
-        One setting on each line.
+        Other settings, one on each line.
     """
     changed = []
     for key in (key for each in fields for key in each.keys):
@@ -102,14 +102,14 @@ def settings_of(fields: Iterable[VariableFields], given: Mapping[str, str], othe
 
 
 def _field(name: str, key: str, now: float, sigma: float, asked: Mapping[str, str]) -> KeyField:
-    """Return the field of a key; its slider has the present value in its middle."""
+    """Return the field of a key, with the present value in the middle of its slider."""
     half = REACH * sigma if key in PLACES or now == 0 else STRETCH * abs(now)
     text = asked.get(f"{name}.{key}", repr(now))
     return KeyField(f"{name}.{key}", key, now, text, now - half, now + half, 2 * half / STEPS)
 
 
 def _is_equal(text: str, now: float) -> bool:
-    """Return whether a text is a number, and this one."""
+    """Return whether a text is a number equal to `now`."""
     try:
         return float(text) == now
     except ValueError:

@@ -1,4 +1,4 @@
-// Proposals in an editor, from the schema of the file: while somebody types, and at Ctrl+Space. It is a text field without.
+// Proposals in an editor from the schema of the file, while typing and at Ctrl+Space; without scripts, a text field.
 
 import { proposalsAt } from "./schema_proposals.js";
 
@@ -44,7 +44,7 @@ function attach(text, schema) {
     else text.setAttribute("aria-activedescendant", `${list.id}-${chosen}`);
     status.textContent = chosen < 0 ? `${found.options.length} proposals` : `${chosen + 1} of ${found.options.length}`;
   };
-  const place = () => { // below the line, also when the text is scrolled
+  const place = () => { // below the line, even when the text is scrolled
     if (!found) return;
     const lines = text.value.slice(0, found.from).split("\n");
     const style = getComputedStyle(text), high = parseFloat(style.lineHeight), wide = 0.6 * parseFloat(style.fontSize);
@@ -74,7 +74,7 @@ function attach(text, schema) {
     text.focus();
     text.setSelectionRange(found.from, end);
     close();
-    if (!document.execCommand("insertText", false, inserted)) { // the only way in which the browser can undo it
+    if (!document.execCommand("insertText", false, inserted)) { // the only way that the browser can undo
       text.setRangeText(inserted, text.selectionStart, text.selectionEnd, "end");
       text.dispatchEvent(new InputEvent("input", { bubbles: true }));
     }

@@ -1,5 +1,5 @@
 "use strict";
-// What scripts add to forms: sliders beside numbers, and line numbers beside a text. Every form works without them.
+// Additions to forms: sliders beside numbers, and line numbers beside a text. Every form works without them.
 (function () {
   for (const slider of document.querySelectorAll('input[type="range"][data-of]')) {
     const number = document.getElementById(slider.dataset.of);

@@ -1,5 +1,5 @@
 "use strict";
-// Set the drawing of a run in motion. It stands at its end until then; without scripts, and for users who want less motion.
+// Animate the drawing of a run. Without scripts, and for users who prefer less motion, it shows the end of the run.
 (function () {
   const set = (figure) => {
     const frames = JSON.parse(figure.dataset.motion);

@@ -1,12 +1,12 @@
 "use strict";
-// Follow a campaign: each event holds all that is known, so a page that missed some shows the last.
+// Follow a campaign: each event holds the whole state, so a page that missed some events shows the last one.
 (function () {
   const live = document.getElementById("live");
   if (!live || !live.dataset.events || !window.EventSource) return;
   const field = (name) => live.querySelector(`[data-field="${name}"]`);
   const grouped = (n) => (n === null ? "" : n.toLocaleString("en").replace(/,/g, "\u202f"));
   const brief = (x) => (x === null || x === undefined ? "" : x === 0 ? "0" : x.toPrecision(4).replace("e+", "e"));
-  const index = (x) => { // as the report writes it: never so few decimals that it reaches or crosses a target
+  const index = (x) => { // as in the report: with enough decimals that rounding does not reach or cross a target
     if (x === null || x === undefined) return "";
     if (Math.abs(x) > 100) return x > 0 ? "> 100.00" : "< -100.00";
     const keepsItsSide = (text) => [1, 1.33].every((target) => Math.sign(text - target) === Math.sign(x - target));
@@ -56,6 +56,6 @@
   source.addEventListener("progress", (event) => show(JSON.parse(event.data)));
   source.addEventListener("end", () => {
     source.close();
-    window.setTimeout(() => window.location.reload(), 2000); // for the report, and what may be done now
+    window.setTimeout(() => window.location.reload(), 2000); // to show the report, and the actions that are now possible
   });
 })();

@@ -1,8 +1,8 @@
-// What a JSON Schema allows at a place of a TOML text.
+// The keys and values that a JSON Schema allows at a position in a TOML text.
 
 import { placeIn } from "./toml_place.js";
 
-// Return the schemas that a schema stands for: references followed, alternatives one by one, and what holds for them all.
+// Return the alternatives of a schema with references resolved, after the properties that they have in common.
 function alternatives(root, schema) {
   if (schema.$ref) return alternatives(root, root.$defs[schema.$ref.split("/").pop()]);
   const several = schema.anyOf || schema.oneOf || schema.allOf;
@@ -11,7 +11,7 @@ function alternatives(root, schema) {
   return [...(common.properties ? [common] : []), ...several.flatMap((each) => alternatives(root, each))];
 }
 
-// Return the tables that a schema allows; those that contradict what the table holds are left out.
+// Return the table schemas that a schema allows, without those that contradict the present content (unless all do).
 function tablesOf(root, schema, held) {
   const all = alternatives(root, schema).flatMap((each) => (each.items ? alternatives(root, each.items) : [each]));
   const known = [...(held || [])].filter(([, value]) => /^"[^"]*"$/.test(value)).map(([key, value]) => [key, value.slice(1, -1)]);
@@ -23,13 +23,13 @@ function tablesOf(root, schema, held) {
   return fitting.length ? fitting : all;
 }
 
-// Return the texts to which a schema restricts a key; empty if it does not.
+// Return the texts that a schema allows for a key; empty if it does not restrict them.
 function allowed(root, schema) {
   const each = schema ? alternatives(root, schema) : [];
   return each.every((one) => one.enum || one.const !== undefined) ? each.flatMap((one) => one.enum || [one.const]) : [];
 }
 
-// Return the schemas of what lies at a path.
+// Return the schemas of the value at a path.
 function schemasAt(root, path, tables) {
   let found = [root];
   path.forEach((key, depth) => {
@@ -43,13 +43,13 @@ function schemasAt(root, path, tables) {
   return found;
 }
 
-// Return whether a schema is that of a table, or of a list of tables.
+// Return whether a schema describes a table or a list of tables.
 function isTableOrTables(root, schema) {
   const inner = schema.items ? alternatives(root, schema.items) : [schema];
   return inner.some((each) => each.type === "object");
 }
 
-// Return the keys of tables: {text, insert, about}, those that must be there first.
+// Return the keys of tables as {text, insert, about}, required keys first.
 function keysOf(root, tables, place) {
   const found = new Map();
   for (const table of tables) {
@@ -64,7 +64,7 @@ function keysOf(root, tables, place) {
   return [...found.values()].sort((a, b) => Number(b.isNeeded) - Number(a.isNeeded));
 }
 
-// Return the values that schemas name, and for the key `body` the names of the bodies that the text has.
+// Return the values that schemas list and, for the key `body`, the names of the bodies in the text.
 function valuesOf(root, schemas, place) {
   const key = place.path[place.path.length - 1] || "";
   const plural = Object.keys(root.properties).find((each) => [`${key}s`, key.replace(/y$/, "ies")].includes(each) && each !== key);
@@ -84,7 +84,7 @@ function valuesOf(root, schemas, place) {
   return [...new Set(values.map((value) => JSON.stringify(value)))].map((text) => ({ text, insert: text, about }));
 }
 
-// Return what may stand at a place of a text: {from, options: [{text, insert, about}]}; null where nothing may be proposed.
+// Return the proposals at a position in a text, {from, options: [{text, insert, about}]}; null if there can be none.
 export function proposalsAt(root, text, at) {
   const place = placeIn(text, at);
   if (!place || place.kind === "end") return null;

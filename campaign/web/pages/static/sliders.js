@@ -1,5 +1,5 @@
 "use strict";
-// A slider moves the number that it belongs to, and follows it; the number is what is sent.
+// Keep each slider and its number in step; only the number is sent.
 (function () {
   for (const slider of document.querySelectorAll("input[type=range][data-for]")) {
     const number = document.getElementById(slider.dataset.for);

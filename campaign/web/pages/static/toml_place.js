@@ -1,11 +1,11 @@
-// Where in a TOML text a place is: in which table, at a key, a header or a value, and what the tables hold so far.
+// The context of a position in a TOML text: its table, whether it is in a key, header or value, and the tables so far.
 
 const TOKEN = /#[^\n]*|"""[\s\S]*?(?:"""|$)|'''[\s\S]*?(?:'''|$)|"(?:[^"\\\n]|\\.)*(?:"|$|(?=\n))|'[^'\n]*(?:'|$|(?=\n))|\n|[[\]{}=,.]|[^\s[\]{}=,.#"']+|[^\S\n]+/g;
 const STRING = /^["']/;
 
 const bare = (token) => (STRING.test(token) ? token.replace(/^("""|'''|"|')|("""|'''|"|')$/g, "") : token);
 
-// Return what reads tokens: `state` is where it is, `tables` what each table holds: path -> key -> its value as it is written.
+// Return a reader of tokens: `state` is its position, `tables` the tables so far: path -> key -> value as written.
 function reader() {
   const tables = new Map();
   const counts = new Map();
@@ -68,7 +68,7 @@ function reader() {
   return { state, tables, take, path: () => [...base(), ...state.parts] };
 }
 
-// Return where a place of a text is: {kind, path, partial, from, held, tables}; null in a comment.
+// Return the context of a position in a text, {kind, path, partial, from, held, tables}; null in a comment.
 export function placeIn(text, at) {
   const tokens = text.slice(0, at).match(TOKEN) || [];
   const last = tokens[tokens.length - 1] || "";
