@@ -36,7 +36,7 @@ from campaign.web.webhooks.campaign_news import CampaignNews, campaign_news
 from campaign.web.webhooks.webhook_book import WebhookBook
 from campaign.web.webhooks.webhook_sender import WebhookSender
 
-KEPT_BYTES = 64 << 20  # of pictures
+KEPT_BYTES = 64 << 20  # size of the cached results of jobs, such as pictures
 
 
 @dataclass

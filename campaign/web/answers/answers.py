@@ -146,7 +146,7 @@ class Answers:
         """Return the version of a campaign's rows.
 
         It is looked up again after a second, or after twenty times the duration of the last look, if that is longer.
-        After a question was computed, it is kept for twice the computing time.
+        After a question was computed, it is kept for at least twice the computing time.
 
         Raises
         ------

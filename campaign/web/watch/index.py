@@ -121,7 +121,7 @@ class CampaignIndex:
             self._keep("INSERT OR REPLACE INTO entries VALUES (?, ?, ?)", rows)
 
     def _keep(self, statement: str, rows: Sequence[tuple[str, ...]]) -> None:
-        """Change the file, unless it is closed or its disk is full; the next server then reads the store again."""
+        """Change the file, unless it is closed or the disk is full; the next server reads those campaigns again."""
         if self._is_closed:
             return
         try:
