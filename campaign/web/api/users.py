@@ -67,7 +67,7 @@ class UserChange(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
     role: RoleWord | None = Field(None, examples=["approver"])
-    password: Password | None = Field(None, description="Ends his sessions")
+    password: Password | None = Field(None, description="Ends the sessions of the user")
     disabled: bool | None = Field(None, description="Ends the user's sessions; tokens are refused", examples=[False])
 
 
@@ -120,7 +120,7 @@ def change_user(request: Request, service: TheService, _: Admin, name: UserName,
 def make_login_link(service: TheService, _: Admin, name: UserName) -> LoginLink:
     """Create a one-time login link for a user, valid for fifteen minutes; it is shown only this once."""
     if known_user(service, name).is_disabled:
-        raise Refusal(409, f"{name} is disabled, so a link would lead nowhere; enable him first")
+        raise Refusal(409, f"{name} is disabled, so a link would lead nowhere; enable the account first")
     expires = datetime.fromtimestamp(datetime.now(UTC).timestamp() + LINK_LIVES, UTC)
     return LoginLink(link=login_address(service, name), expires=expires)
 
