@@ -53,7 +53,7 @@ async def asking(request: Request, _: object = Security(_cookie), __: object = S
     """
     principal = known(request)
     if not request.headers.get("authorization") and request.method not in SAFE_METHODS:
-        request.state.who, request.state.how = principal.name, "a page in their name"  # for the audit entry of a refusal
+        request.state.who, request.state.how = principal.name, "a page in their name"  # to audit a refusal
         check_origin(request)
         await check_form(request, principal.csrf)
     request.state.principal = principal
