@@ -1,4 +1,7 @@
-"""``python -m campaign`` is ``clearcap``; the rest is imported where the current folder and Ctrl-C do no harm."""
+"""Entry point of ``python -m campaign``, which is the same command as ``clearcap``.
+
+The command is imported only after the current folder is off the module path and Ctrl-C is handled.
+"""
 
 from campaign.safe_path import leave_current_folder_out
 

@@ -1,10 +1,10 @@
-"""Errors of a campaign that are no bugs; every message is complete and written for the user."""
+"""Errors of a campaign that are not bugs; every message is complete and written for the user."""
 
 import errno
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # the engine is imported by those alone who check something
+if TYPE_CHECKING:  # only callers that check something need to import the engine
     from engine.faults.fault import Fault
 
 
@@ -26,9 +26,9 @@ class SpecError(CampaignError):
     Parameters
     ----------
     message : str
-        What is wrong; of a file, one line for each fault.
+        What is wrong; for a file, one line per fault.
     faults : iterable of Fault
-        The faults of a file as data; none where it is no file that is wrong.
+        The faults of a file as data; empty if the wrong input is not a file.
     """
 
     exit_code = 2
@@ -39,26 +39,27 @@ class SpecError(CampaignError):
 
 
 class StoreError(CampaignError):
-    """The store, or a disk, cannot be reached, read or written; the same command works when it can."""
+    """The store or a disk cannot be reached, read or written; once it can be again, the same command works."""
 
     exit_code = 4
 
 
-# What is wrong with a place that a user names; any other error is one of the disk or of its server.
+# Errors caused by the path that the user named; any other error comes from the disk or its server.
 WRONG_PLACES = (PermissionError, FileNotFoundError, FileExistsError, NotADirectoryError, IsADirectoryError)
 WRONG_NAMES = (errno.ENAMETOOLONG, errno.ELOOP, errno.EINVAL)
 
 
 def unwritable(message: str, error: BaseException | None) -> CampaignError:
-    """Return the error of a place that cannot be written: `StoreError` if a disk fails, else `SpecError`.
+    """Return the error for a place that cannot be written: `StoreError` if a disk fails, else `SpecError`.
 
     Parameters
     ----------
     message : str
         The message for the user.
     error : BaseException or None
-        What the system said. A disk fails when it is full, read-only, slow or out of reach. The user errs with a place
-        that does not exist, is of another kind, or is another's, and with a name that no file can have.
+        The error of the operating system. It is the disk's fault if the disk is full, read-only, slow or out of reach;
+        it is the user's fault if the place does not exist, is of the wrong kind, belongs to another user, or has a name
+        that no file can have.
     """
     of_disk = isinstance(error, OSError) and not isinstance(error, WRONG_PLACES) and error.errno not in WRONG_NAMES
     return StoreError(message) if of_disk else SpecError(message)

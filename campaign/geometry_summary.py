@@ -1,4 +1,4 @@
-"""The certificate of geometry in words: how well a mechanism agrees with the CAD file that it takes numbers from."""
+"""The geometry certificate in words: how well a mechanism agrees with the CAD file that it takes numbers from."""
 
 from engine.mechanism import Mechanism
 from engine.mechanism.geometry.geometry_certificate import (
@@ -11,7 +11,7 @@ from engine.mechanism.geometry.geometry_certificate import (
 
 
 def geometry_lines(mechanism: Mechanism) -> list[str]:
-    """Return a line for the CAD file, and for each body, joint and face that is from it; none if nothing is.
+    """Return one line for the CAD file and one for each body, joint, face and gap from it; empty without a CAD file.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ def geometry_lines(mechanism: Mechanism) -> list[str]:
 
 
 def geometry_provenance(certificate: GeometryCertificate | None) -> dict[str, str]:
-    """Return what a report says of the CAD file: which one, and the largest deviations from it."""
+    """Return what a report states about the CAD file: its name, its hash, and the largest deviations from it."""
     if certificate is None:
         return {}
     faces, joints = certificate.faces.values(), certificate.joints.values()
@@ -53,7 +53,7 @@ def geometry_provenance(certificate: GeometryCertificate | None) -> dict[str, st
 
 
 def _body(body: DrawnBody, length: str, mass: str) -> str:
-    """Return where a body's mass is from."""
+    """Describe where a body's mass comes from."""
     text = f"part {body.part}, {body.volume:.6g} {length}3"
     if body.drawn_mass is None:
         return text
@@ -77,7 +77,7 @@ def _face(face: DrawnFace, length: str) -> str:
 
 
 def _gap(gap: DrawnGap, length: str) -> str:
-    """Return both values of a gap."""
+    """Describe a gap by its value in the CAD file and its value at the start."""
     added = f", {gap.added:+.6g} {length} by this file" if gap.added else ""
     start = (
         ""
@@ -88,7 +88,7 @@ def _gap(gap: DrawnGap, length: str) -> str:
 
 
 def _gaps(certificate: GeometryCertificate) -> str:
-    """Return how well the gaps at the start agree with OCCT's distances."""
+    """Describe how well the gaps at the start agree with the distances that OCCT measures."""
     found = {key: abs(gap.difference) for key, gap in certificate.gaps.items() if gap.difference is not None}
     if not found:
         return f"none compared with the CAD file ({certificate.not_measured or 'no two faces that face each other'})"

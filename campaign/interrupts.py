@@ -1,4 +1,4 @@
-"""Ctrl-C ends any command with exit status 130."""
+"""Make Ctrl-C end any command with exit status 130."""
 
 import signal
 import sys
@@ -13,10 +13,10 @@ AGAIN_AFTER = 0.05  # s
 
 @contextmanager
 def exit_at_interrupt() -> Iterator[None]:
-    """End the process in order when Ctrl-C comes in the block, with exit status 130 and no traceback.
+    """End the process cleanly on Ctrl-C in the block, with exit status 130 and no traceback.
 
     Compiled code that calls Python, such as LLVM's, swallows KeyboardInterrupt, because no exception can pass through
-    it: then it is raised again. Where Ctrl-C is ignored, as after ``nohup``, it stays so.
+    it; in that case the interrupt is raised again. If Ctrl-C is ignored, as after ``nohup``, it stays ignored.
     """
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
@@ -35,10 +35,10 @@ def exit_at_interrupt() -> Iterator[None]:
     except BaseException as ending:
         if not came:
             raise
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # it ends already
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process is already ending
         if not isinstance(ending, SystemExit):
             print("clearcap: interrupted", file=sys.stderr)
-        exec("0")  # Python notes an interrupt that left `exec`, as of dataclasses, and would end by signal after `-m`
+        exec("0")  # clears Python's mark of an interrupt inside `exec` (dataclasses), which would end `-m` by signal
         sys.exit(INTERRUPTED)
     finally:
         sys.unraisablehook = before
@@ -47,14 +47,14 @@ def exit_at_interrupt() -> Iterator[None]:
 
 
 def send_again(number: int) -> None:
-    """Send a signal to the main thread once more, after the code that swallowed what it raised."""
+    """Send a signal to the main thread again shortly after, because its exception was swallowed."""
     again = threading.Timer(AGAIN_AFTER, signal.pthread_kill, [threading.main_thread().ident, number])
     again.daemon = True
     again.start()
 
 
 def _raise_again(swallowed: "sys.UnraisableHookArgs") -> None:
-    """Interrupt the main thread once more where an interrupt was swallowed; report other errors as usual."""
+    """Interrupt the main thread again if an interrupt was swallowed; report other errors as usual."""
     if issubclass(swallowed.exc_type, KeyboardInterrupt):
         send_again(signal.SIGINT)
     else:

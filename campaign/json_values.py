@@ -1,4 +1,4 @@
-"""What JSON can hold: a number that is not finite becomes null."""
+"""Values that JSON can hold: a number that is not finite becomes null."""
 
 import math
 from typing import Any

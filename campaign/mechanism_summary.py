@@ -1,4 +1,4 @@
-"""What a mechanism is, in plain data, and what looks wrong in it: for the terminal and for pages."""
+"""A summary of a mechanism as plain data, and what looks wrong in it, for the terminal and for pages."""
 
 from typing import Any
 
@@ -52,7 +52,13 @@ def mechanism_summary(mechanism: Mechanism) -> dict[str, Any]:
 
 
 def converted_surfaces(mechanism: Mechanism) -> dict[str, dict[str, Any]]:
-    """Return the contacts whose surface is of B-splines: how many patches take their place, the error and its unit."""
+    """Return the contacts with B-spline surfaces: number of patches that replace each, conversion error and its unit.
+
+    Returns
+    -------
+    dict of str to dict
+        ``patches``, ``error`` and ``unit`` by the name of the contact.
+    """
     found = {name: contact.sides[1].primitive for name, contact in mechanism.contacts.items()}
     splines = {name: shape for name, shape in found.items() if isinstance(shape, FreeFormSurface) and not shape.patches}
     unit = Quantity("length").unit(mechanism.units)
@@ -63,17 +69,17 @@ def converted_surfaces(mechanism: Mechanism) -> dict[str, dict[str, Any]]:
 
 
 def mechanism_warnings(mechanism: Mechanism) -> list[dict[str, Any]]:
-    """Check the start of a mechanism, also on its test benches and with its presets; return what looks wrong.
+    """Check the start of a mechanism, including on its test benches and with its presets; return what looks wrong.
 
     Returns
     -------
     list of dict
-        Each caution once, as plain data, with its ``text`` and ``where``: empty, or the bench or preset.
+        Each caution once, as plain data, with its ``text`` and with ``where``: the bench or preset, empty for neither.
 
     Raises
     ------
     EngineError
-        If the mechanism cannot start, such as with parts that overlap.
+        If the mechanism cannot start, for example because parts overlap.
     """
     variants = {"": mechanism, **{f"bench {name}": mechanism.on_bench(name) for name in mechanism.benches}}
     variants |= {f"preset {name}": set_values(mechanism, mechanism.preset(name)) for name in mechanism.presets}

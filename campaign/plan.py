@@ -1,4 +1,4 @@
-"""The plan of a campaign: immutable, complete, and named after what its rows depend on."""
+"""The plan of a campaign: immutable, complete, and identified by a hash of everything its rows depend on."""
 
 import hashlib
 import json
@@ -17,15 +17,15 @@ from campaign.spec.result_columns import ENERGY_COLUMNS, results_schema
 from engine import MechanismError, build_id
 from engine.mechanism import Mechanism, mechanism_from
 
-BATCH_TIME = 10.0  # s: the most a killed worker loses, and the most a cancelled campaign goes on
+BATCH_TIME = 10.0  # s: limits the work that a killed worker loses, and how long a cancelled campaign goes on
 LARGEST_BATCH = 500  # runs
 UNTRIED_BATCH = 100  # runs, if the time of a run is unknown
-LEAST_BATCHES = 40  # so that progress is visible and the last batches keep all workers busy
+LEAST_BATCHES = 40  # makes progress visible and keeps all workers busy until the end
 
 
 @dataclass(frozen=True)
 class Plan(PlanHeader):
-    """What is to be computed: a pure function of the spec, the mechanism and the build of clearcap.
+    """What to compute: a pure function of the spec, the mechanism and the build of clearcap.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Plan(PlanHeader):
     mechanism : Mechanism
         The mechanism, complete: workers need no other file.
     row_build : str
-        The only build whose rows may enter; see `campaign.row_build`.
+        The only build whose rows are accepted; see `campaign.row_build`.
     engine_build : str
         Build of the engine, for the report.
     """
@@ -81,7 +81,7 @@ class Plan(PlanHeader):
         Raises
         ------
         StoreError
-            If it is of another format, or not what was written.
+            If the file has another format, or was changed after it was written.
         """
         header, document = parse_plan(text)
         try:
@@ -90,7 +90,7 @@ class Plan(PlanHeader):
             build, engine = document.get("row_build", UNKNOWN), document["engine_build"]
         except (ValueError, KeyError, TypeError, RecursionError, AttributeError, MechanismError) as error:
             raise unreadable_plan(error) from error
-        if document["format"] != FORMAT:  # it has no digest
+        if document["format"] != FORMAT:  # format 1 has no digest
             campaign_id = _identity(spec, mechanism, {"engine": engine})
             columns = [c for c in _columns(spec, mechanism, campaign_id) if c["name"] not in ENERGY_COLUMNS]
             if campaign_id != header.campaign_id or columns != header.columns:
@@ -107,10 +107,10 @@ def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run
     campaign : Campaign
         What to compute.
     batch_size : int, optional
-        Samples in a batch. Rows do not depend on it.
+        Number of samples in a batch. Rows do not depend on it.
     seconds_per_run : float, optional
-        Time of a run. If no size is given, a batch takes a worker about ten seconds: there are at least forty batches,
-        of at most 500 samples, or of at most 100 if the time is not given either.
+        Time of a run [s]. If no batch size is given, a batch is made to take a worker about ten seconds, with at least
+        40 batches of at most 500 samples each, or of at most 100 if this time is not given either.
     """
     spec, mechanism, build = campaign.spec, campaign.mechanism, row_build()
     size = batch_size or _size(spec.samples, seconds_per_run)
@@ -122,7 +122,7 @@ def make_plan(campaign: Campaign, batch_size: int | None = None, seconds_per_run
 
 
 def batch_size_is_fixed(samples: int) -> bool:
-    """Return whether a campaign of so few samples has the same batch size for any run time."""
+    """Return whether a campaign has so few samples that its batch size does not depend on the run time."""
     return samples < 2 * LEAST_BATCHES
 
 
@@ -136,7 +136,7 @@ def _repeated_share(spec: CampaignSpec) -> float:
     """Return the share of its samples that a campaign repeats with half the step."""
     if spec.repeats is not None:
         return spec.repeats.share
-    has_weights = "log_weight" in sampler_named(spec.sampler).columns  # most of its runs are no production
+    has_weights = "log_weight" in sampler_named(spec.sampler).columns  # most of its runs do not represent production
     return 0.0 if has_weights else usual_share(spec.samples)
 
 
@@ -159,7 +159,7 @@ def _columns(spec: CampaignSpec, mechanism: Mechanism, campaign_id: str) -> list
 
 
 def _identity(spec: CampaignSpec, mechanism: Mechanism, build: Mapping[str, str]) -> str:
-    """Return the id of a campaign: its name, and a hash of what its rows depend on."""
+    """Return the id of a campaign: its name and a hash of everything its rows depend on."""
     content: dict[str, Any] = {"spec": dump_spec(spec), "mechanism": mechanism.digest(), **build}
     if sampler_named(spec.sampler).ordered:
         content["order"] = list(spec.variables)

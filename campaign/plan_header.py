@@ -1,6 +1,6 @@
-"""The file of a plan and its header: what the store must know of it, read without the models of mechanism and campaign.
+"""The file of a plan and its header: what the store needs, read without the models of mechanism and campaign.
 
-A digest in the file covers all of it, to the byte. Files of format 1, which earlier versions wrote, have none.
+A digest in the file covers every byte of it. Files of format 1, written by earlier versions, have none.
 """
 
 import hashlib
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FORMAT = 2  # of plan.json
 WITHOUT_DIGEST = 1  # the format before
 TYPES = ("bool", "double", "int64", "string")  # of columns
-_UNSEALED = "0" * 64  # in place of the digest, while it is computed
+_UNSEALED = "0" * 64  # stands for the digest while the digest is computed
 
 
 @dataclass(frozen=True)
@@ -28,15 +28,15 @@ class PlanHeader:
     Attributes
     ----------
     campaign_id : str
-        Name and ten hexadecimal digits of a hash over spec, mechanism and the build that rows come from.
+        Name and ten hexadecimal digits of a hash of the spec, the mechanism and the build that computes the rows.
     title : str
         Title of the campaign; its name if it has none.
     batches : tuple of (int, int)
         First sample and number of samples of each batch; the position in the tuple is the batch number.
     columns : list of dict
-        Name, type, unit and whether it may be null, of each column of the table.
+        ``name``, ``type``, ``unit`` and ``nullable`` of each column of the table.
     repeats : float
-        Share of the samples that are simulated a second time, with half the step; see `campaign.repeat_plan`.
+        Share of the samples that are simulated a second time with half the step; see `campaign.repeat_plan`.
     """
 
     campaign_id: str
@@ -47,7 +47,7 @@ class PlanHeader:
 
     @property
     def samples(self) -> int:
-        """Number of samples that are planned."""
+        """Number of planned samples."""
         return sum(self.batches[-1])
 
     @property
@@ -62,21 +62,21 @@ class PlanHeader:
 
     @property
     def sealed_as(self) -> str:
-        """What seals name the table."""
+        """Name of the table in the seals of its files."""
         return self.campaign_id
 
     def numbers_of(self, begin: int, end: int) -> list[int]:
-        """Return the samples of some successive rows."""
+        """Return the sample numbers of the rows ``begin`` to ``end - 1``."""
         return list(range(begin, end))
 
     def rows_before(self, end: int) -> int:
-        """Return how many rows are of samples below ``end``."""
+        """Return the number of rows whose sample number is below ``end``."""
         return end
 
     @cached_property
     def schema(self) -> "pa.Schema":
         """Arrow schema of every part: columns, units and campaign id."""
-        import pyarrow as pa  # `status` of a campaign without rows does without
+        import pyarrow as pa  # heavy; `status` of a campaign without rows does not need it
 
         fields = [
             pa.field(
@@ -114,13 +114,12 @@ def parse_plan(text: str) -> tuple[PlanHeader, dict[str, Any]]:
     Returns
     -------
     (PlanHeader, dict)
-        The header, checked; and the document, which is as it was written. Of a plan of format 1 only the header is
-        checked.
+        The checked header, and the document as it was written. For a plan of format 1 only the header is checked.
 
     Raises
     ------
     StoreError
-        If it is of another format, or not what was written.
+        If the file has another format, or was changed after it was written.
     """
     try:
         document = json.loads(text)
@@ -143,7 +142,7 @@ def unreadable_plan(error: Exception) -> StoreError:
 
 
 def changed_plan() -> StoreError:
-    """Return the error that ``plan.json`` is not what was written."""
+    """Return the error that says that ``plan.json`` was changed after it was written."""
     return StoreError("plan.json was changed after it was written; restore it, or run in a new store")
 
 
@@ -152,7 +151,7 @@ def _digest(text: str) -> str:
 
 
 def _check_digest(text: str, stated: Any) -> None:
-    """Refuse a text that has not the digest which it states."""
+    """Refuse a text whose digest differs from the stated one."""
     if not isinstance(stated, str) or len(stated) != len(_UNSEALED):
         raise changed_plan()
     if _digest(text.replace(stated, _UNSEALED, 1)) != stated:
@@ -162,14 +161,14 @@ def _check_digest(text: str, stated: Any) -> None:
 def _title(document: Mapping[str, Any]) -> str:
     spec = document["spec"]
     title: str = spec.get("title") or spec["name"]
-    f"{title}{document['campaign']}".encode()  # a ValueError if they cannot be written anywhere
+    f"{title}{document['campaign']}".encode()  # ValueError if they cannot be encoded
     if not isinstance(title, str) or not isinstance(document["campaign"], str):
         raise ValueError("its title or its id is not a text")
     return title
 
 
 def _batches(document: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:
-    """Return the batches of a plan, after checking that they hold each of its samples once and in order."""
+    """Return the batches of a plan after checking that they hold each of its samples once and in order."""
     batches, samples = tuple((first, count) for first, count in document["batches"]), document["spec"]["samples"]
     if not all(type(number) is int for number in (samples, *(n for batch in batches for n in batch))):
         raise ValueError("a number of samples is not a whole number")
@@ -184,7 +183,7 @@ def _batches(document: Mapping[str, Any]) -> tuple[tuple[int, int], ...]:
 
 
 def _columns(document: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the columns of a plan's table, after checking what each of them says."""
+    """Return the columns of a plan's table after checking the entries of each."""
     columns: list[dict[str, Any]] = document["schema"]
     for column in columns:
         named = isinstance(column["name"], str) and isinstance(column["unit"], str)

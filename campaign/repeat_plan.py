@@ -1,8 +1,9 @@
-"""Which samples are simulated a second time, with half the step, and in which files their rows are.
+"""Which samples are simulated a second time with half the step, and which files hold their rows.
 
-A sample is repeated when its place in a fixed sequence lies below the share to repeat. The sequence, multiples of the
+A sample is repeated if its value in a fixed sequence lies below the share to repeat. The sequence, multiples of the
 golden ratio modulo 1, fills the interval from 0 to 1 evenly from the first sample on and is in step with no sampler. So
-every beginning of a campaign has its share of repeats, and a larger share or more samples keep those that there are.
+the first samples of a campaign, however many, include their share of repeats, and a larger share or more samples keep
+the repeats that already exist.
 """
 
 from bisect import bisect_left, bisect_right
@@ -18,16 +19,16 @@ from campaign.plan_header import PlanHeader
 SETTINGS = "repeated_with"  # column of a repeat: the settings that differ from those of its row
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)  # 2^64 over the golden ratio
 _HALF = np.uint64(0x4F1BBCDCBFA53E0A)  # half of it: the place of sample 0
-_BLOCK = 1 << 20  # samples that are looked at together
+_BLOCK = 1 << 20  # samples processed together
 
 USUAL_SHARE, LARGEST_USUAL = 0.03, 0.05  # of the samples; a repeat takes about twice the time of its run
-WANTED, ENOUGH = 20, 300  # repeats: these know the variance of a difference to a third, and to a twelfth
+WANTED, ENOUGH = 20, 300  # repeats: they give the variance of a difference to within a third and a twelfth
 
 
 def usual_share(samples: int) -> float:
     """Return the share of the samples that a campaign repeats unless it asks for another.
 
-    It is 3 %, but up to 5 % to get twenty repeats, and less where 300 are enough.
+    It is 3 %, raised to at most 5 % to get twenty repeats, and lowered so that there are at most 300.
 
     Parameters
     ----------
@@ -38,7 +39,7 @@ def usual_share(samples: int) -> float:
 
 
 def repeated_samples(samples: int, low: float, high: float) -> NDArray[np.int64]:
-    """Return the samples below ``samples`` that a share of ``high`` repeats and one of ``low`` does not, in order."""
+    """Return, in order, the samples below ``samples`` that a share ``high`` repeats and a share ``low`` does not."""
     found = [np.zeros(0, np.int64)]
     for first in range(0, samples, _BLOCK) if high > low else ():
         sample = np.arange(first, min(first + _BLOCK, samples), dtype=np.uint64)
@@ -49,10 +50,10 @@ def repeated_samples(samples: int, low: float, high: float) -> NDArray[np.int64]
 
 @dataclass(frozen=True)
 class RepeatPlan(PlanHeader):
-    """A set of repeats: to the store a table like that of a campaign, in a folder of its own.
+    """A set of repeats, which the store treats as a campaign's table in a folder of its own.
 
-    Its batches hold the repeats of the campaign's batches, those without a repeat left out. Rows are counted from 0 as
-    in a campaign, but their samples are not successive.
+    Each of its batches holds the repeats of one batch of the campaign; batches without a repeat are left out. Rows are
+    counted from 0 as in a campaign, but their sample numbers are not successive.
 
     Attributes
     ----------
@@ -83,19 +84,19 @@ class RepeatPlan(PlanHeader):
 
     @property
     def sealed_as(self) -> str:
-        """What seals name the table."""
+        """Name of the table in the seals of its files."""
         return f"{self.campaign_id}/{self.folder}"
 
     def numbers_of(self, begin: int, end: int) -> list[int]:
-        """Return the samples of some successive rows."""
+        """Return the sample numbers of the rows ``begin`` to ``end - 1``."""
         return list(self.numbers[begin:end])
 
     def rows_before(self, end: int) -> int:
-        """Return how many rows repeat samples below ``end``."""
+        """Return the number of rows that repeat samples below ``end``."""
         return bisect_left(self.numbers, end)
 
     def batch_of(self, campaign_batch: int) -> int | None:
-        """Return the batch that repeats samples of a batch of the campaign; None if no sample of it is repeated."""
+        """Return the batch that repeats samples of a campaign's batch; None if none of its samples is repeated."""
         at = bisect_left(self.campaign_batches, campaign_batch)
         return at if self.campaign_batches[at : at + 1] == (campaign_batch,) else None
 
@@ -108,8 +109,8 @@ def plan_repeats(campaign: PlanHeader, shares: Sequence[float]) -> tuple[RepeatP
     campaign : PlanHeader
         The campaign.
     shares : sequence of float
-        Rising shares of its samples; each set adds the repeats that the share before lacks. Sets without any are left
-        out.
+        Rising shares of its samples; each set holds the repeats that its share adds to the share before it. Empty sets
+        are left out.
     """
     firsts = [first for first, _ in campaign.batches]
     columns = [*campaign.columns, {"name": SETTINGS, "type": "string", "unit": "", "nullable": False}]

@@ -1,9 +1,9 @@
-"""The build that rows come from: all sources and libraries that a row depends on, besides its campaign and its number.
+"""The build that computes rows: all sources and libraries that a row depends on, besides its campaign and its number.
 
-Not among them, because they carry a row and do not change it: the store, which seals rows and reads them back to the
-bit; pyarrow and `campaign.footers`, which hold and check them meanwhile; pydantic, which reads the spec, whose values
-are in the plan. Nor are the coordinator and the cluster: a row does not depend on where and in which order rows are
-computed.
+Components that carry a row without changing it are left out: the store, which seals rows and reads them back bit for
+bit; pyarrow and `campaign.footers`, which hold and check them in between; and pydantic, which reads the spec, whose
+values are in the plan. The coordinator and the cluster are left out too: a row does not depend on where and in which
+order rows are computed.
 """
 
 import hashlib
@@ -15,7 +15,7 @@ from pathlib import Path
 from engine.build import LIBRARIES, engine_sources, hash_sources
 
 SOURCES = ("inputs", "spec", "worker", "plan.py", "plan_header.py", "repeat_plan.py", "row_build.py")  # of campaign
-UNKNOWN = ""  # the build of a plan that an earlier version wrote, which recorded no more than the engine's
+UNKNOWN = ""  # for plans of earlier versions, which recorded only the build of the engine
 
 
 @lru_cache(maxsize=1)
@@ -27,7 +27,7 @@ def row_build() -> str:
     Returns
     -------
     str
-        Hashes of the sources of `engine` and `campaign`, and versions of Python and the libraries that compute:
+        Hashes of the sources of `engine` and `campaign`, and versions of Python and the numerical libraries:
         ``engine 5d0e..., campaign 9ab1..., python 3.11.7, numpy 2.4.1, ...``.
     """
     ingredients = {
@@ -45,7 +45,7 @@ def short_build() -> str:
 
 
 def differences(planned: str) -> str:
-    """Return in words what of this installation differs from the build of a plan; nothing if they are the same."""
+    """Describe how this installation differs from the build of a plan; empty if they are the same."""
     if planned == UNKNOWN:
         return "an earlier version of clearcap planned it, which did not record all that rows depend on"
     there, here = _ingredients(planned), _ingredients(row_build())

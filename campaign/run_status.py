@@ -1,4 +1,4 @@
-"""How a run that failed may have ended; light, so that options can name it."""
+"""The statuses of failed runs, in a module light enough for the options of the command to import."""
 
 from enum import StrEnum
 

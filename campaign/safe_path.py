@@ -1,7 +1,7 @@
-"""Keep the current folder off the path of modules: a file there may bear any name, and be anybody's.
+"""Keep the current folder off the module search path: anybody may have put a file there, under any name.
 
-Python puts it first for ``python -m`` and ``python -c``, and so for the processes that `multiprocessing` and dask
-start. What this module imports, Python itself has loaded at its start.
+Python puts the current folder first for ``python -m`` and ``python -c``, and so for the processes that
+`multiprocessing` and dask start. This module imports only modules that Python has already loaded at startup.
 """
 
 import os
@@ -11,9 +11,9 @@ from contextlib import contextmanager
 
 
 def leave_current_folder_out() -> None:
-    """Take the current folder off the path of this process, and of every Python process that it starts.
+    """Remove the current folder from the path of this process and of every Python process that it starts.
 
-    It stays if this package itself was imported from there.
+    It stays on the path of this process if this package itself was imported from there.
     """
     os.environ["PYTHONSAFEPATH"] = "1"
     if not _is_current(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))):
@@ -21,14 +21,14 @@ def leave_current_folder_out() -> None:
 
 
 def python_environment() -> dict[str, str]:
-    """Return the environment of a Python process that can import what this one can, except from the current folder."""
+    """Return an environment in which Python can import the same modules as here, but not from the current folder."""
     path = filter(os.path.isabs, sys.path)
     return {**os.environ, "PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(path)}
 
 
 @contextmanager
 def current_folder_left_out() -> Iterator[None]:
-    """Keep the current folder off the path of the Python processes that are started in the block."""
+    """Keep the current folder off the path of Python processes started in the block."""
     before = os.environ.get("PYTHONSAFEPATH")
     os.environ["PYTHONSAFEPATH"] = "1"
     try:
@@ -43,5 +43,5 @@ def current_folder_left_out() -> Iterator[None]:
 def _is_current(folder: str) -> bool:
     try:
         return os.path.samefile(folder or ".", ".")
-    except OSError:  # one of them is gone
+    except OSError:  # one of the folders no longer exists
         return False

@@ -5,7 +5,7 @@
 >>> results = clearcap.run_campaign("c60", samples=100)
 >>> results.rows["FC-1"].mean()
 
-Each name is imported at its first use, so that ``import clearcap`` takes no time.
+Each name is imported when it is first used, so that ``import clearcap`` takes no time.
 """
 
 from importlib import import_module
@@ -106,7 +106,7 @@ _HOME = {name: home for home, names in _HOMES.items() for name in names}
 
 
 def __getattr__(name: str) -> object:
-    """Import a name at its first use."""
+    """Import a name when it is first used."""
     if name == "__version__":
         from campaign.version import clearcap_version
 

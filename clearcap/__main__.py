@@ -1,4 +1,4 @@
-"""``python -m clearcap`` is the command ``clearcap``."""
+"""Run the command ``clearcap`` as ``python -m clearcap``."""
 
 from campaign.__main__ import main
 

@@ -1,4 +1,4 @@
-"""The results of a campaign as tables of pandas."""
+"""The results of a campaign as pandas tables."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -22,14 +22,17 @@ _ESTIMATES = ("mean", "std", "cp", "cpk", "ppm")
 
 @dataclass(frozen=True)
 class Results:
-    """A campaign in a store. Tables are read once, at their first use; `open_campaign` reads a growing one anew.
+    """The results of a campaign in a store, read once.
+
+    Each table is read when it is first used and then kept. Call `open_campaign` again to see new rows of a campaign
+    that is still running.
 
     Attributes
     ----------
     store : Store
-        Where the rows are.
+        Where the rows are stored.
     plan : Plan
-        What is computed: ``plan.spec`` is the campaign, ``plan.mechanism`` the mechanism.
+        What the campaign computes: ``plan.spec`` is the campaign, ``plan.mechanism`` the mechanism.
     """
 
     store: Store
@@ -37,32 +40,32 @@ class Results:
 
     @property
     def id(self) -> str:
-        """The campaign's id: its folder in the store, and what the verbs of the command take."""
+        """The campaign's id: the name of its folder in the store, and the argument of the ``clearcap`` subcommands."""
         return self.plan.campaign_id
 
     @property
     def variables(self) -> list[str]:
-        """Names of what varies."""
+        """Names of the variables: the inputs that vary."""
         return list(self.plan.spec.variables)
 
     @property
     def responses(self) -> list[str]:
-        """Names of what is measured."""
+        """Names of the responses: the functional conditions that are measured."""
         return list(self.plan.mechanism.responses)
 
     @property
     def units(self) -> dict[str, str]:
-        """Unit of each column of `rows`, where it has one."""
+        """Unit of each column of `rows` that has one."""
         return _units(self.plan.schema)
 
     @cached_property
     def statuses(self) -> dict[str, int]:
-        """How many runs ended with each status."""
+        """Number of runs with each status."""
         return dict(self.store.survey(self.plan).statuses)
 
     @cached_property
     def rows(self) -> "pd.DataFrame":
-        """One row a sample: variables, responses, status, message and certificate of its run.
+        """One row per sample: variables, responses, and the status, message and certificate of its run.
 
         The index is the sample number. A response is NaN unless the run is ok. Units are in ``rows.attrs["units"]``.
         """
@@ -70,17 +73,17 @@ class Results:
 
     @cached_property
     def ok(self) -> "pd.DataFrame":
-        """The rows of the runs that are ok, variables and responses only."""
+        """The rows of the runs with status "ok", variables and responses only."""
         return self.rows.loc[self.rows["status"] == "ok", [*self.variables, *self.responses]]
 
     @cached_property
     def capability(self) -> "pd.DataFrame":
-        """One row a response: verdict, indices, intervals and shares, equal to those of the report.
+        """One row per response: verdict, indices, intervals and shares, equal to those in the report.
 
         Raises
         ------
         CampaignError
-            If the store has no row of the campaign.
+            If the store holds no row of the campaign.
         """
         from campaign.reports.report import analysis
         from reporting.render.parquet import capability_table
@@ -88,25 +91,26 @@ class Results:
         return _frame(capability_table(analysis(self.store, self.plan)), "response")
 
     def what_if(self, *settings: str) -> "pd.DataFrame":
-        """Return the responses under other distributions of the variables, without new runs.
+        """Return the responses predicted for other distributions of the variables, without new runs.
 
         Parameters
         ----------
         *settings : str
-            As of ``clearcap whatif --set``, for instance ``"J1.std=0.01"``.
+            Settings in the syntax of ``clearcap whatif --set``, for instance ``"J1.std=0.01"``.
 
         Returns
         -------
         DataFrame
-            One row a response: mean, std, cp, cpk and ppm with the ends of their intervals (``cpk_interval_low``,
-            ``cpk_interval_high``), the number of samples that the answer rests on, and why there is none (``refusal``).
+            One row per response: mean, std, cp, cpk and ppm with the ends of their intervals (``cpk_interval_low``,
+            ``cpk_interval_high``), the number of samples behind the answer, and the reason if there is none
+            (``refusal``).
 
         Raises
         ------
         SpecError
-            If a setting is not possible.
+            If a setting is not allowed.
         CampaignError
-            If there are no samples.
+            If the campaign has no samples.
         """
         import pandas as pd
 
@@ -117,32 +121,32 @@ class Results:
         return pd.DataFrame.from_dict(rows, orient="index").rename_axis("response")
 
     def report(self, *kinds: str) -> dict[str, str]:
-        """Write the report into the store; see `clearcap.report`."""
+        """Write the report into the store and return the path or URL of each file by kind; see `clearcap.report`."""
         return report(self, kinds or USUAL)
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows."""
+        """Return the HTML that a notebook shows."""
         counts = ", ".join(f"{count} {status}" for status, count in self.statuses.items())
         lines = (self.plan.title, f"campaign {self.id} in {self.store.url}", f"runs: {counts or 'none yet'}")
         return "<br>".join(map(escape, lines))
 
 
 def open_campaign(campaign_id: str | None = None, store: str | Path = "runs") -> Results:
-    """Return the results of a campaign that a store has, also while it is computed.
+    """Return the results of a campaign in a store; the campaign may still be running.
 
     Parameters
     ----------
     campaign_id : str, optional
-        Its id; not needed if the store holds only one campaign.
+        Id of the campaign; not needed if the store holds only one.
     store : str or Path
         Folder or URL of the store.
 
     Raises
     ------
     SpecError
-        If there is no such campaign.
+        If the store has no such campaign.
     StoreError
-        If its plan cannot be read.
+        If the campaign's plan cannot be read.
     """
     opened = open_store(str(store))
     return Results(opened, opened.plan(opened.find(campaign_id)))
@@ -154,7 +158,7 @@ def report(results: Results, kinds: Collection[str] = USUAL) -> dict[str, str]:
     Parameters
     ----------
     results : Results
-        The campaign.
+        The results of the campaign.
     kinds : collection of str
         Files to write: "html", "json", "parquet", "xlsx" (extra ``clearcap[excel]``), "pdf" (extra ``clearcap[pdf]``).
 
@@ -168,7 +172,7 @@ def report(results: Results, kinds: Collection[str] = USUAL) -> dict[str, str]:
     CampaignError
         If there is nothing to report on.
     StoreError, SpecError
-        If it cannot be written.
+        If the report cannot be written.
     """
     from campaign.reports.report import report as write
 
@@ -176,19 +180,19 @@ def report(results: Results, kinds: Collection[str] = USUAL) -> dict[str, str]:
 
 
 def _frame(table: "pa.Table", index: str) -> "pd.DataFrame":
-    """Return a table of Arrow as one of pandas, with the units that pandas would lose."""
+    """Return an Arrow table as a pandas table, with the units that pandas would lose."""
     frame: pd.DataFrame = table.to_pandas().set_index(index)
     frame.attrs["units"] = _units(table.schema)
     return frame
 
 
 def _units(schema: "pa.Schema") -> dict[str, str]:
-    """Return the units in the metadata of the columns."""
+    """Return the units from the metadata of the columns."""
     return {f.name: f.metadata[b"unit"].decode() for f in schema if f.metadata and b"unit" in f.metadata}
 
 
 def _answer(answer: "WhatIf") -> dict[str, Any]:
-    """Return the numbers of an answer by column."""
+    """Return the numbers of a what-if answer by column name."""
     row: dict[str, Any] = {}
     for name in _ESTIMATES:
         estimate = getattr(answer, name)

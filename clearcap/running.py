@@ -1,4 +1,4 @@
-"""Run a campaign from Python, to its end."""
+"""Run a campaign from Python until it is complete."""
 
 import signal
 import subprocess
@@ -19,7 +19,7 @@ from campaign.store.layout import CANCEL
 from clearcap.results import Results
 
 INTERRUPTED = 130  # exit status of the command after Ctrl-C
-ENDS_WITHIN = 60.0  # s, in which an interrupted coordinator gives back its lease and its workers
+ENDS_WITHIN = 60.0  # s, time for an interrupted coordinator to release its lease and its workers
 _ERRORS: dict[int, type[CampaignError]] = {2: SpecError, 4: UnreachableError}
 _PREFIX = "clearcap: "
 
@@ -34,42 +34,42 @@ def run_campaign(
     cluster: Cluster | None = None,
     progress: bool = True,
 ) -> Results:
-    """Compute a campaign to its end and return its results.
+    """Run a campaign until it is complete and return its results.
 
-    Called again, it continues where an earlier call stopped, and computes nothing if the campaign is complete. The
-    campaign is computed by a process of its own, as ``clearcap run`` does: a script needs no ``__main__`` guard.
+    A second call continues where an earlier one stopped, and computes nothing if the campaign is complete. The campaign
+    runs in a separate process, as with ``clearcap run``, so a script needs no ``__main__`` guard.
 
     Parameters
     ----------
     campaign : str, Path, mapping or Campaign
-        Name of a shipped campaign, path of a campaign file, the tables of such a file as a dict, or what
-        `load_campaign` returns.
+        Name of a shipped campaign, path of a campaign file, the tables of such a file as a dict, or the return value of
+        `load_campaign`.
     samples, seed : int, optional
-        Number of samples and seed, instead of those of the campaign.
+        Number of samples and seed, instead of the campaign's own.
     store : str or Path
         Folder or URL of the store.
     workers : int, optional
-        Worker processes on this machine; by default one on each core.
+        Number of worker processes on this machine; by default one per core.
     cluster : Cluster, optional
-        Where else to compute. It names its workers itself.
+        Where to compute instead of on this machine. A cluster sets the number of its workers itself.
     progress : bool
-        Write a line on the progress to `sys.stderr` every ten seconds.
+        Write a progress line to `sys.stderr` every ten seconds.
 
     Returns
     -------
     Results
-        A row for every sample. If too few runs are ok, or none, a warning says so.
+        One row per sample. A warning is issued if too few runs are ok, or none.
 
     Raises
     ------
     SpecError
-        If the campaign, the store's address or the cluster is wrong; nothing was computed.
+        If the campaign, the address of the store or the cluster is wrong; nothing was computed.
     UnreachableError, StoreError
-        If the cluster or the store keeps failing. The rows that are stored stay, and the same call continues.
+        If the cluster or the store keeps failing. Stored rows are kept, and the same call continues.
     CampaignError
         If the campaign cannot be completed, for instance because too many runs fail.
     KeyboardInterrupt
-        On Ctrl-C. The same call continues.
+        On Ctrl-C. The same call continues the campaign.
     """
     if cluster is not None and workers is not None:
         raise SpecError(f"workers = {workers} and a cluster are given; name the workers in the cluster")
@@ -87,9 +87,9 @@ def run_campaign(
 
 
 def _resume(store: Store, plan: Plan, cluster: Cluster, progress: TextIO | None) -> tuple[int, str]:
-    """Compute a planned campaign in a process of its own; return its exit status and its last message."""
+    """Compute a planned campaign in a separate process; return its exit status and its last message."""
     command = [sys.executable, "-P", "-m", "campaign", "resume", plan.campaign_id, "--no-report", "--json"]
-    environment = {**python_environment(), STORE: store.files.full_url}  # where other users do not see its password
+    environment = {**python_environment(), STORE: store.files.full_url}  # unlike arguments, hidden from other users
     process = subprocess.Popen(
         [*command, *cluster.options()],
         stdin=subprocess.DEVNULL,
@@ -111,7 +111,7 @@ def _resume(store: Store, plan: Plan, cluster: Cluster, progress: TextIO | None)
 
 
 def _follow(process: "subprocess.Popen[str]", progress: TextIO | None) -> str:
-    """Pass on what the process says until it ends; return its last message, or all that follows the last error."""
+    """Forward the output of the process until it ends; return its last message, or everything after its last error."""
     message = ""
     for line in process.stderr or ():
         if progress is not None:
@@ -124,7 +124,7 @@ def _follow(process: "subprocess.Popen[str]", progress: TextIO | None) -> str:
 
 
 def _interrupt(process: "subprocess.Popen[str]") -> None:
-    """Have the process end in order: Ctrl-C in a terminal reached it too, the interrupt of a notebook did not."""
+    """Make the process shut down cleanly: a Ctrl-C in a terminal reached it too, a notebook's interrupt did not."""
     process.send_signal(signal.SIGINT)
     try:
         process.wait(ENDS_WITHIN)

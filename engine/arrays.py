@@ -1,4 +1,4 @@
-"""The types of the engine's arrays, and copies of many at once."""
+"""The array types of the engine, and aligned allocation and copying of many arrays at once."""
 
 from math import prod
 from typing import Any
@@ -14,7 +14,7 @@ LINE = 64  # bytes
 
 
 def aligned_zeros(*shapes: int | tuple[int, ...]) -> list[Array]:
-    """Return arrays of zeros in one piece of memory, each of which begins at a line of the processor's cache."""
+    """Return arrays of zeros in one block of memory, each starting at a cache line of the processor."""
     sizes = [-(-8 * (shape if isinstance(shape, int) else prod(shape)) // LINE) * LINE for shape in shapes]
     room = np.zeros(sum(sizes) + LINE, np.uint8)
     at, arrays = -room.ctypes.data % LINE, []
@@ -25,21 +25,21 @@ def aligned_zeros(*shapes: int | tuple[int, ...]) -> list[Array]:
 
 
 def copied(arrays: Any) -> Any:
-    """Return a named tuple of arrays, or of such tuples, with copies of all of them.
+    """Return a copy of a named tuple of arrays, or of nested named tuples, with copies of all its arrays.
 
-    Each begins at a line of the processor's cache, so that eight doubles in a row never lie in two.
+    Each copy starts at a cache line of the processor, so that eight consecutive doubles never span two lines.
     """
     room = np.empty(_size(arrays) + LINE, np.uint8)
     return _copy(arrays, room, [-room.ctypes.data % LINE])
 
 
 def _size(arrays: Any) -> int:
-    """Return the bytes that all arrays take, in whole lines."""
+    """Return the size of all arrays in bytes, each rounded up to whole cache lines."""
     return -(-arrays.nbytes // LINE) * LINE if isinstance(arrays, np.ndarray) else sum(map(_size, arrays))
 
 
 def _copy(arrays: Any, room: NDArray[np.uint8], at: list[int]) -> Any:
-    """Copy arrays into a room, from the place ``at`` on, which moves on."""
+    """Copy arrays into the buffer ``room`` from offset ``at[0]`` on; the offset is advanced."""
     if not isinstance(arrays, np.ndarray):
         return type(arrays)(*(_copy(part, room, at) for part in arrays))
     copy: Any = np.ndarray(arrays.shape, arrays.dtype, room, at[0])

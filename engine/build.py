@@ -1,4 +1,4 @@
-"""The identity of this build of the engine, on which results and compiled kernels depend."""
+"""The identity of this build of the engine: results and compiled kernels depend on it."""
 
 import hashlib
 import platform
@@ -7,7 +7,7 @@ from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 
-LIBRARIES = ("numpy", "numba", "llvmlite")  # below the kernels
+LIBRARIES = ("numpy", "numba", "llvmlite")  # the kernels are built on these
 
 
 def hash_sources(root: Path, parts: Iterable[str] = (".",)) -> str:
@@ -18,7 +18,7 @@ def hash_sources(root: Path, parts: Iterable[str] = (".",)) -> str:
     root : Path
         The folder.
     parts : iterable of str
-        Files and folders in it that count; by default all of it.
+        Files and folders in it to include; by default all of it.
 
     Returns
     -------
@@ -42,9 +42,9 @@ def engine_sources() -> str:
 
 @lru_cache(maxsize=1)
 def build_id() -> str:
-    """Return the hash of all engine sources and of the libraries below the kernels.
+    """Return the hash of all engine sources and of the libraries that the kernels are built on.
 
-    The cache of compiled kernels is keyed by it, because Numba looks only at the file of the decorated function and
+    It is the key of the cache of compiled kernels: Numba itself checks only the file of the decorated function, and
     would reuse a stale callee.
 
     Returns

@@ -1,4 +1,4 @@
-"""The clock that ends runs at their limit of real time: one thread for all runs of a process."""
+"""The clock that ends runs at their real-time limit: one thread for all runs of a process."""
 
 import os
 import threading
@@ -12,7 +12,7 @@ from typing import Any
 
 @dataclass(eq=False)
 class _Limit:
-    """The time at which a flag gets a value, unless it has one."""
+    """The time at which a flag that is still zero gets a value."""
 
     end: float
     flag: Any
@@ -20,12 +20,12 @@ class _Limit:
 
 
 class _Clock:
-    """The limits that count at present, and the thread that watches them."""
+    """The limits in force, and the thread that watches them."""
 
     def __init__(self) -> None:
         self.changed = threading.Condition()
         self.limits: set[_Limit] = set()
-        self.wakes = -inf  # when the thread looks next; -inf: there is none
+        self.wakes = -inf  # time at which the thread looks next; -inf: the thread does not run yet
 
     def add(self, limit: _Limit) -> None:
         with self.changed:
@@ -33,7 +33,7 @@ class _Clock:
             if self.wakes == -inf:
                 threading.Thread(target=self.watch, name="clock", daemon=True).start()
                 self.wakes = inf
-            elif limit.end < self.wakes:  # hardly ever: the limit of the next run ends after that of the last one
+            elif limit.end < self.wakes:  # rare: the limit of the next run usually ends after the previous one
                 self.changed.notify()
 
     def remove(self, limit: _Limit) -> None:
@@ -41,7 +41,7 @@ class _Clock:
             self.limits.discard(limit)
 
     def watch(self) -> None:
-        """Set the flags whose time has come, for ever."""
+        """Set each flag when its time has come; never return."""
         with self.changed:
             while True:
                 now = monotonic()
@@ -56,7 +56,7 @@ _clock = _Clock()
 
 
 def _begin_anew() -> None:
-    """Forget the clock of the process that this one was forked from: its thread did not come along."""
+    """Discard the clock inherited from the parent process after a fork: its thread does not exist here."""
     global _clock
     _clock = _Clock()
 
@@ -66,15 +66,16 @@ os.register_at_fork(after_in_child=_begin_anew)
 
 @contextmanager
 def set_after(seconds: float, flag: Any, value: int) -> Iterator[None]:
-    """Give a flag a value, unless it has one, if the block takes longer than some real time.
+    """Set a flag that is still zero if the block takes longer than a real-time limit.
 
     Parameters
     ----------
     seconds : float
         Real time [s].
     flag : (1,) array
-        Not set after the block.
+        The flag; it is never set after the block has ended.
     value : int
+        Its new value.
     """
     clock, limit = _clock, _Limit(monotonic() + seconds, flag, value)
     clock.add(limit)

@@ -1,14 +1,14 @@
-"""Whether the engine is compiled for this build, this processor and these sources, as the cache of its kernels says."""
+"""Whether the engine is compiled for this build, processor and source code, according to the cache of its kernels."""
 
 import sys
 from typing import Any
 
 
 def missing_kernels() -> tuple[str, ...]:
-    """Return the index files of which compiling the engine will write some; none if it is compiled.
+    """Return the index files of the kernels that are not in the cache yet; empty if the engine is compiled.
 
-    There is one for each kernel that Python calls. That of the time loop is the greatest part of the work; responses
-    and ranges of forces come after it, and a run that has none compiles none of them.
+    There is one index file for each kernel that Python calls. Most of the work is the time loop; responses and ranges
+    of forces are compiled after it, and only in a run that needs them.
     """
     from engine.friction.barrier import least
     from engine.jit import Kernel
@@ -25,10 +25,10 @@ def missing_kernels() -> tuple[str, ...]:
 
 
 def _is_cached(kernel: Any) -> bool:
-    """Return whether the cache has machine code of a kernel, compiled from the present source."""
+    """Return whether the cache holds machine code of a kernel, compiled from the current source."""
     return bool(_index(kernel)._load_index())
 
 
 def _index(kernel: Any) -> Any:
-    """Return Numba's reader of the index of a kernel."""
+    """Return Numba's reader of a kernel's index file."""
     return kernel.compiled._cache._cache_file

@@ -1,4 +1,4 @@
-"""Responses that follow from others: differences, conditions, and bounds of contact forces at rest."""
+"""Responses derived from others: differences, conditions, and bounds of contact forces at rest."""
 
 import math
 from collections.abc import Mapping
@@ -11,13 +11,13 @@ Range = tuple[float, float]
 
 
 def bounded_contacts(mechanism: Mechanism) -> list[str]:
-    """Return the contacts whose force is bounded by a response."""
+    """Return the contacts whose force range at rest is used by a response."""
     responses = mechanism.responses.values()
     return list(dict.fromkeys(r.contact for r in responses if isinstance(r, ContactForce) and r.bound))
 
 
 def read_contacts(mechanism: Mechanism) -> dict[str, str]:
-    """Return response -> contact for all normal forces that are read at the end of the run."""
+    """Return a mapping response -> contact for all normal forces that are read at the end of the run."""
     return {
         name: r.contact
         for name, r in mechanism.responses.items()
@@ -26,7 +26,7 @@ def read_contacts(mechanism: Mechanism) -> dict[str, str]:
 
 
 def with_derived(mechanism: Mechanism, measured: Mapping[str, float], ranges: Mapping[str, Range]) -> dict[str, float]:
-    """Return the measured responses, and those that follow from them.
+    """Return the measured responses together with those derived from them.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def with_derived(mechanism: Mechanism, measured: Mapping[str, float], ranges: Ma
     measured : mapping
         Response -> value; NaN without a value.
     ranges : mapping
-        Contact -> least and largest normal force at rest; contacts that were not at rest are missing.
+        Contact -> smallest and largest normal force at rest; contacts that were not at rest are missing.
 
     Returns
     -------

@@ -1,8 +1,8 @@
-"""Contact forces at rest: of all balanced forces, those of equally stiff contacts.
+"""Contact forces at rest: among all forces that balance the loads, those of equally stiff contacts.
 
-When all contacts stick, the forces are not unique: friction at redundant contacts may hold any of a continuum.
-Those reported are the limit of contacts that are all equally, and hardly, compliant, u = -c r. They follow from the
-pose alone, not from its history. Ideal joints and prescribed motions hold any load.
+When all contacts stick, the forces are not unique: friction at redundant contacts leaves a continuum of solutions. The
+reported forces are the limit of equally compliant contacts, u = -c r, as the compliance c tends to zero. They depend on
+the pose alone, not on its history. Ideal joints and prescribed motions can carry any load.
 """
 
 import math
@@ -24,23 +24,24 @@ from engine.mechanism import Mechanism
 
 
 class PoseAtRest:
-    """A mechanism at rest, on copies of what its run writes: the run may go on as if nobody had looked.
+    """A mechanism at rest, held in copies of the arrays that its run writes, so that the run can continue undisturbed.
 
     Attributes
     ----------
     assembly : Assembly
         The copies, with the contact forces at rest; they share the friction problem of the run.
     reported : (n,) array
-        What the responses report, with the contact forces as the pose determines them.
+        The values that the responses report, with the contact forces as determined by the pose.
     forces : (nc, 3) array or None
-        Those forces. None if no forces in the friction cones that balance the loads were found.
+        These contact forces. None if no forces in the friction cones were found that balance the loads.
     moves : bool
-        Whether there are none although responses measure some, and bodies begin to move: the twists of ``assembly``
+        True if responses measure contact forces, no balancing forces exist, and bodies start to move; the twists in
+        ``assembly`` give the motion.
         say how.
     """
 
     def __init__(self, mechanism: Mechanism, assembly: Assembly, phase: int, t: float) -> None:
-        """Find the contact forces that balance the loads of ``phase`` and time ``t``."""
+        """Find the contact forces that balance the loads of ``phase`` at time ``t``."""
         self.assembly = replace(assembly, state=copied(assembly.state), work=copied(assembly.work))
         sim = mechanism.simulation
         touching_gap = max(sim.penetration, sim.rest.drift)  # a gap no larger than the drift allowed at rest is closed
@@ -52,7 +53,7 @@ class PoseAtRest:
             self._measure(mechanism, t)
 
     def _measure(self, mechanism: Mechanism, t: float) -> None:
-        """Measure the contact forces once more; they are NaN if no forces balance the loads."""
+        """Evaluate the contact-force responses with the forces at rest; they are NaN if no forces balance the loads."""
         model, state, work = self.assembly.model, self.assembly.state, self.assembly.work
         state.r[:] = math.nan if self.forces is None else self.forces
         measure(model.responses, model.contacts, model.loads, state, work.sites, work.values, work.vectors, (t, 1.0))
@@ -62,7 +63,7 @@ class PoseAtRest:
         self.reported[forces_at_end] = work.values[forces_at_end]
 
     def ranges(self, contacts: list[str]) -> dict[str, tuple[float, float]]:
-        """Return contact -> least and largest normal force that friction allows; empty without forces."""
+        """Return contact -> smallest and largest normal force that friction allows; empty if no forces were found."""
         if self.forces is None or not contacts:
             return {}
         numbers = [self.assembly.contact_names.index(contact) for contact in contacts]
@@ -70,28 +71,28 @@ class PoseAtRest:
 
 
 def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float, t: float = 0.0) -> Array | None:
-    """Return the contact forces that hold the loads of ``phase`` and time ``t`` at the present pose.
+    """Return the contact forces that balance the loads of ``phase`` at time ``t`` in the current pose.
 
     Parameters
     ----------
     assembly : Assembly
-        The mechanism, at rest; its twists are set to zero, and its friction problem is changed.
+        The mechanism, at rest; its twists are set to zero, and its friction problem is overwritten.
     phase : int
         Number of the phase whose forces and torques act.
     h : float
-        Any time; the forces are the impulses in a small share of it, divided by its length.
+        Any positive time. The forces are impulses over a small fraction of it, divided by the length of that fraction.
     touching_gap : float
-        Contacts open by no more than this length touch; so do those that carried a load in the last step. A pose no
-        farther than that from one that springs hold is held.
+        Contacts with a gap up to this length count as touching, as do those that carried a load in the last step. A
+        pose that springs would hold counts as held if it is no farther away than this length.
     t : float
         Time since the start of the run, for loads with a time law.
 
     Returns
     -------
     (nc, 3) array or None
-        Forces (N, T1, T2); ``work.chosen`` holds the numbers of the contacts that touch, then -1. None if the contacts
-        that touch cannot hold the loads: the twists of the bodies are then those with which they begin to move, of any
-        size, or zero if the forces were not found.
+        Forces (N, T1, T2); ``work.chosen`` holds the numbers of the touching contacts, followed by -1. None if the
+        touching contacts cannot hold the loads: the twists of the bodies then give the motion that starts, at an
+        arbitrary scale, or are zero if the forces were not found.
     """
     h *= 1e-3  # so short that the free motion of an unloaded step has no gyroscopic part
     status, nc = hold_loads(assembly.arrays, phase, t, h, touching_gap)
@@ -106,9 +107,9 @@ def forces_at_rest(assembly: Assembly, phase: int, h: float, touching_gap: float
 
 
 def _balance_is_near(assembly: Assembly, phase: int, t: float, length: float) -> bool:
-    """Return whether springs stop the motion that begins at a pose within a length: the loads no longer drive it there.
+    """Return whether springs stop the starting motion within a length, because the loads stop driving it there.
 
-    Where only springs hold a body, the loads balance at one pose alone, which a run approaches without end.
+    Where only springs hold a body, the loads balance at a single pose, which a run approaches without ever reaching it.
     """
     model, work, there = assembly.model, assembly.work, copied(assembly.state)
     begins, wrench = there.v[:-1].copy(), np.zeros_like(work.wrench)
@@ -124,16 +125,16 @@ def _balance_is_near(assembly: Assembly, phase: int, t: float, length: float) ->
 
 
 def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) -> list[tuple[float, float]]:
-    """Return the least and the largest normal force of some contacts among all forces with the same balance.
+    """Return the smallest and largest normal force of some contacts among all forces with the same balance.
 
-    All contacts that touch may carry forces, also those that carry none among the known ones.
+    All touching contacts may carry forces, including those without one in ``forces``.
 
     Parameters
     ----------
     assembly : Assembly
         At rest, with the friction problem as `forces_at_rest` left it.
     forces : (nc, 3) array
-        As `forces_at_rest` returned them.
+        Return value of `forces_at_rest`.
     wanted : list of int
         Numbers of the contacts.
 
@@ -153,7 +154,7 @@ def normal_force_ranges(assembly: Assembly, forces: Array, wanted: list[int]) ->
 
 
 def _balance(assembly: Assembly, count: int) -> Array:
-    """Return the effect on the bodies of forces at the contacts of the friction problem, less what joints hold.
+    """Return the generalised forces that unit contact forces exert on the bodies, less the part that joints hold.
 
     Rows (N, T1, T2) each, shape (3 count, n), in the mass metric.
     """

@@ -1,4 +1,4 @@
-"""Errors of the engine: every message is complete and meant for the person who reads it."""
+"""Errors of the engine: each message is complete and addressed to the user."""
 
 from collections.abc import Iterable
 
@@ -6,18 +6,18 @@ from engine.faults.fault import Fault
 
 
 class EngineError(Exception):
-    """Base of every error the engine raises on purpose."""
+    """Base class of all errors that the engine raises deliberately."""
 
 
 class MechanismError(EngineError):
-    """The description of a mechanism, or a value that is set in it, is wrong.
+    """The description of a mechanism, or a value set in it, is wrong.
 
     Parameters
     ----------
     message : str
-        The file or mechanism, then one line for each fault.
+        The file or mechanism, followed by one line per fault.
     faults : iterable of Fault
-        The same as data; none where no single key is at fault.
+        The same faults as data; empty if the error cannot be attributed to a single key.
     """
 
     def __init__(self, message: str, faults: Iterable[Fault] = ()) -> None:
@@ -26,7 +26,7 @@ class MechanismError(EngineError):
 
 
 class CadError(EngineError):
-    """A CAD file cannot be read, or does not hold what is asked of it."""
+    """A CAD file cannot be read, or does not contain what is requested of it."""
 
 
 class TrajectoryError(EngineError):
@@ -34,4 +34,4 @@ class TrajectoryError(EngineError):
 
 
 class FolderError(EngineError):
-    """Somebody else could have filled the folder of compiled code: what is in it is not run."""
+    """The folder of compiled code is not safe: another user could have put files there, so none of it is run."""

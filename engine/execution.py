@@ -32,7 +32,7 @@ def execute(
     ----------
     mechanism : Mechanism
     assembly : Assembly
-        The mechanism's, at its start.
+        The mechanism's assembly, at its start.
     full_horizon : bool
         Do not stop at rest in the last phase.
     cancel : Cancel or None
@@ -47,10 +47,10 @@ def execute(
     Run
     """
     control = control_of(mechanism, full_horizon)
-    unmoved = control.drift / control.window  # speed of what just counts as unmoved
+    unmoved = control.drift / control.window  # speed below which a body counts as unmoved
     prepare(assembly, control)
 
-    @lru_cache(maxsize=1)  # a run that rests ends in the last pose that was looked at
+    @lru_cache(maxsize=1)  # the last pose examined is the final one if the run comes to rest
     def pose_at(phase: int, t: float) -> PoseAtRest:
         return PoseAtRest(mechanism, assembly, phase, t)
 
@@ -74,7 +74,7 @@ def execute(
         iterations=int(counts[time_loop.ITERATIONS]),
         repeated=int(counts[time_loop.REPEATED]),
     )
-    ranges: dict[str, tuple[float, float]] = {}  # of contacts
+    ranges: dict[str, tuple[float, float]] = {}  # by contact
     last = mechanism.phases[-1]
     until_rest = last.duration is None and last.until is None and not full_horizon
     drift, reported, read_at_end = "", assembly.work.reported, read_contacts(mechanism)

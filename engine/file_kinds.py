@@ -1,4 +1,4 @@
-"""What a file or folder is that was given in place of another one, and which verb takes it."""
+"""Recognise a file or folder given by mistake for another kind, and name the command that takes it."""
 
 import os
 import re
@@ -9,7 +9,7 @@ from typing import Any
 
 from engine.regular_file import UnfitFile, read_beginning
 
-# Keys at the top of a file that only one of the two formats has.
+# Top-level keys that only one of the two formats has.
 MECHANISM_KEYS = frozenset(
     {
         *("units", "bodies", "joints", "materials", "contacts", "springs", "dampers", "forces", "torques", "motions"),
@@ -22,20 +22,20 @@ CAMPAIGN_KEYS = frozenset(
         *("stop", "failures", "execution", "header"),
     }
 )
-_BEGINNING = 4096  # bytes that tell what a file is
+_BEGINNING = 4096  # bytes, enough to recognise the kind of a file
 
 
 def other_kind(tables: Mapping[str, Any], path: str | Path, wanted: str) -> str | None:
-    """Return what a TOML file is, and what takes it, if it is not what is wanted.
+    """Return what kind of TOML file this is and which command takes it; None if it may be the wanted kind.
 
     Parameters
     ----------
     tables : mapping
-        Content of the file.
+        Tables in the file.
     path : str or Path
-        The file, for the command that takes it.
+        Path of the file, for the suggested command.
     wanted : str
-        ``mechanism`` or ``campaign``.
+        Expected kind: ``mechanism`` or ``campaign``.
     """
     of_mechanism, of_campaign = len(tables.keys() & MECHANISM_KEYS), len(tables.keys() & CAMPAIGN_KEYS)
     name = shlex.quote(str(path))
@@ -54,14 +54,14 @@ def other_kind(tables: Mapping[str, Any], path: str | Path, wanted: str) -> str 
 
 
 def unreadable_kind(path: str | Path, wanted: str) -> str | None:
-    """Return what a folder or a file is that is no TOML, and what takes it; None if that is not known.
+    """Return what a folder or a non-TOML file is and which command takes it; None if that is not known.
 
     Parameters
     ----------
     path : str or Path
         The folder or file.
     wanted : str
-        ``mechanism`` or ``campaign``.
+        Expected kind: ``mechanism`` or ``campaign``.
     """
     if os.path.isdir(path):
         kind = _folder_kind(Path(path))
@@ -74,14 +74,14 @@ def unreadable_kind(path: str | Path, wanted: str) -> str | None:
 
 
 def content_kind(content: bytes, wanted: str) -> str | None:
-    """Return what the content of a file is that is no TOML, and what takes it; None if that is not known.
+    """Return what kind of non-TOML file some content belongs to and which command takes it; None if not known.
 
     Parameters
     ----------
     content : bytes
-        Of the file.
+        Content of the file; its beginning suffices.
     wanted : str
-        ``mechanism`` or ``campaign``.
+        Expected kind: ``mechanism`` or ``campaign``.
     """
     beginning = content[:_BEGINNING]
     for pattern, kind in _CONTENTS.items():
@@ -91,7 +91,7 @@ def content_kind(content: bytes, wanted: str) -> str | None:
 
 
 def _folder_kind(folder: Path) -> str | None:
-    """Return what a folder of a store is; None for any other."""
+    """Return the description of a campaign's folder or of a store; None for any other folder."""
     name, parent = shlex.quote(folder.resolve().name), shlex.quote(str(folder.parent))
     if (folder / "plan.json").exists():
         return f"is the folder of a campaign in a store; continue that with: clearcap resume {name} --store {parent}"

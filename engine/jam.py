@@ -1,4 +1,4 @@
-"""Why a step that failed cannot be made: the contacts and the motions that squeeze what lies between them."""
+"""Why a failed step has no solution: the contacts, joints and motions that squeeze what lies between them."""
 
 from dataclasses import dataclass
 
@@ -15,8 +15,8 @@ from engine.kernels.contacts import whitened_rows
 from engine.kernels.projection import REACH
 from engine.linear_algebra import one_thread
 
-SIDES = 32  # of the pyramid inside Coulomb's cone that stands for it
-LITTLE = 1e-6  # share of the largest impulse: a smaller one is what rounding left of none
+SIDES = 32  # of the pyramid that approximates Coulomb's cone from inside
+LITTLE = 1e-6  # share of the largest impulse; anything smaller is a rounding error of zero
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,12 @@ class Jam:
     Attributes
     ----------
     contacts : tuple of int
-        The contacts whose impulses balance each other, whatever the bodies do.
+        Contacts whose impulses balance each other, whatever the bodies do.
     rows : tuple of int
-        The ideal joints and prescribed motions that hold what these impulses leave, or that contradict each other.
+        Ideal joints and prescribed motions that balance the rest of these impulses, or that contradict each other.
     locked : bool
-        The balance needs friction: without it the bodies could escape. Theory does not promise a solution then, and
-        none was found.
+        Whether the balance needs friction; without friction the bodies could escape. In this case theory does not
+        guarantee a solution, and none was found.
     """
 
     contacts: tuple[int, ...]
@@ -40,14 +40,14 @@ class Jam:
 
 
 def find_jam(assembly: Assembly, status: int) -> Jam | None:
-    """Return why the last step of a run, which failed, has no solution; None if it may have one.
+    """Return why the last step of a failed run has no solution; None if it may have one.
 
     Parameters
     ----------
     assembly : Assembly
-        As the run left it; its friction problem is changed.
+        The assembly as the run left it; its friction problem is overwritten.
     status : int
-        How the run ended, see `kernels.time_loop`.
+        Final status of the run, see `kernels.time_loop`.
     """
     with one_thread():
         if status == time_loop.NOT_CONVERGED:
@@ -58,7 +58,7 @@ def find_jam(assembly: Assembly, status: int) -> Jam | None:
 
 
 def _jam_of_velocities(assembly: Assembly) -> Jam | None:
-    """Seek normal impulses that balance in the friction problem of the last step, else impulses with friction."""
+    """Look for normal impulses, else impulses with friction, that balance in the friction problem of the last step."""
     problem, chosen = assembly.problem, assembly.work.chosen[: np.count_nonzero(assembly.work.active)]
     nc = chosen.size
     G, J = _contact_rows(assembly, nc), _bilateral_rows(assembly)
@@ -74,7 +74,7 @@ def _jam_of_velocities(assembly: Assembly) -> Jam | None:
 
 
 def _jam_of_positions(assembly: Assembly) -> Jam | None:
-    """Seek impulses that no displacement evades, from the gaps and the open joints at the last pose."""
+    """Look for impulses that no displacement evades, from the gaps and joint violations at the last pose."""
     model, state, work, problem = assembly.model, assembly.state, assembly.work, assembly.problem
     contacts, sites, at_pose = model.contacts, work.sites, work.bilateral
     off, point, direction = at_pose.violation, at_pose.point, at_pose.direction
@@ -96,7 +96,7 @@ def _jam_of_positions(assembly: Assembly) -> Jam | None:
 
 
 def _squeeze(numbers: Integers, rows: Array, q: Array, speed: float, J: Array, locked: bool = False) -> Jam | None:
-    """Return the contacts that squeeze, and the bilateral rows that hold against them; None if nothing is squeezed."""
+    """Return the contacts that squeeze and the bilateral rows that resist them; None if nothing is squeezed."""
     impulses = squeezing_impulses(rows, q, speed, J)
     if impulses is None:
         return None
@@ -110,7 +110,7 @@ def _squeeze(numbers: Integers, rows: Array, q: Array, speed: float, J: Array, l
 
 
 def _largest(numbers: Integers, impulses: Array) -> tuple[int, ...]:
-    """Return the numbers that have an impulse, each once."""
+    """Return the distinct numbers whose impulse is not negligible."""
     return tuple(dict.fromkeys(map(int, numbers[impulses > LITTLE * impulses.max()])))
 
 

@@ -1,10 +1,10 @@
 """Eight numbers at a time: a vector register of the processor as a value of compiled kernels.
 
-The same formula for eight contacts, or for a row of a 6 x 6 block with two zeros behind it, costs hardly more than for
-one number. Compilers find such places rarely, because two arrays may overlap; here the kernel says it. Every operation
-rounds as it does for single numbers, so results do not depend on the width of the processor's registers.
+The same formula for eight contacts, or for a row of a 6 x 6 block padded with two zeros, costs hardly more than for one
+number. Compilers rarely vectorise such code by themselves, because two arrays may overlap; here the kernel states it.
+Every operation rounds as for single numbers, so results do not depend on the width of the processor's registers.
 
-Without compilation (NUMBA_DISABLE_JIT) eight numbers are an array of NumPy, with the same operators.
+Without compilation (NUMBA_DISABLE_JIT) the eight numbers are a NumPy array with the same operators.
 """
 
 import operator
@@ -24,14 +24,14 @@ INDEX = ir.IntType(32)
 
 
 class LanesType(types.Type):
-    """The type of eight numbers in Numba."""
+    """The Numba type of eight numbers."""
 
     def __init__(self) -> None:
         super().__init__(name="Lanes")
 
 
 class ChoiceType(types.Type):
-    """The type of eight truth values in Numba."""
+    """The Numba type of eight truth values."""
 
     def __init__(self) -> None:
         super().__init__(name="Choice")
@@ -42,7 +42,7 @@ lanes, choice = LanesType(), ChoiceType()
 
 @register_model(LanesType)
 class LanesModel(models.PrimitiveModel):  # type: ignore[misc]
-    """Eight doubles of a register."""
+    """Eight doubles in a register."""
 
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, ir.VectorType(DOUBLE, LANES))
@@ -50,7 +50,7 @@ class LanesModel(models.PrimitiveModel):  # type: ignore[misc]
 
 @register_model(ChoiceType)
 class ChoiceModel(models.PrimitiveModel):  # type: ignore[misc]
-    """Eight bits of a register."""
+    """Eight bits in a register."""
 
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, ir.VectorType(ir.IntType(1), LANES))
@@ -67,19 +67,19 @@ def write(numbers: Array, a: Array, at: int) -> None:
 
 
 def spread(x: float) -> Array:
-    """Return a number eight times."""
+    """Return a number repeated eight times."""
     return np.full(LANES, float(x))
 
 
 def total(numbers: Array) -> float:
-    """Return the sum of eight numbers: of halves, of their halves, ..."""
+    """Return the sum of eight numbers, by adding the two halves, then the halves of the result, and so on."""
     while numbers.size > 1:
         numbers = numbers[: numbers.size // 2] + numbers[numbers.size // 2 :]
     return float(numbers[0])
 
 
 def least(numbers: Array) -> float:
-    """Return the least of eight numbers."""
+    """Return the smallest of eight numbers."""
     while numbers.size > 1:
         low, high = numbers[: numbers.size // 2], numbers[numbers.size // 2 :]
         numbers = np.where(low < high, low, high)
@@ -87,7 +87,7 @@ def least(numbers: Array) -> float:
 
 
 def fused(a: Array, b: Array, c: Array) -> Array:
-    """Return a b + c, rounded once where kernels are compiled, in the processor or, if it cannot, by its library."""
+    """Return a b + c; if compiled, rounded once, by the processor or, without such an instruction, by a library."""
     return a * b + c
 
 
@@ -97,30 +97,30 @@ def root(numbers: Array) -> Array:
 
 
 def larger(a: Array, b: Array) -> Array:
-    """Return the larger of every two numbers; b where either is NaN."""
+    """Return the larger number of each pair; b where either is NaN."""
     return np.where(a > b, a, b)
 
 
 def choose(condition: Array, a: Array, b: Array) -> Array:
-    """Return the numbers of ``a`` where the condition holds, those of ``b`` elsewhere."""
+    """Return the numbers of ``a`` where the condition holds and those of ``b`` elsewhere."""
     return np.where(condition, a, b)
 
 
 def _address(context: Any, builder: Any, kind: Any, array: Any, at: Any) -> Any:
-    """Return the address of eight numbers of an array."""
+    """Return the address of eight consecutive numbers in an array."""
     data = context.make_array(kind)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [at]), ir.VectorType(DOUBLE, LANES).as_pointer())
 
 
 def _spread(builder: Any, number: Any) -> Any:
-    """Return a number in all lanes."""
+    """Return a number repeated in all lanes."""
     one = builder.insert_element(ir.Constant(ir.VectorType(DOUBLE, LANES), ir.Undefined), number, INDEX(0))
     zeros = ir.Constant(ir.VectorType(INDEX, LANES), [0] * LANES)
     return builder.shuffle_vector(one, ir.Constant(one.type, ir.Undefined), zeros)
 
 
 def _is_row(kind: Any) -> bool:
-    """Return whether a type is that of a contiguous array of one axis."""
+    """Return whether a type is a contiguous one-dimensional array."""
     return isinstance(kind, types.Array) and kind.ndim == 1 and kind.layout == "C" and kind.dtype == types.float64
 
 
@@ -161,7 +161,7 @@ def _lower_spread(context: Any, builder: Any, signature: Any, arguments: Any) ->
 
 
 def _declare_fold(function: Any, build: Any) -> None:
-    """Let kernels fold eight numbers: halves with each other, their halves, ..."""
+    """Let kernels reduce eight numbers: the two halves with each other, then the halves of the result, and so on."""
 
     @type_callable(function)
     def _type(context: Any) -> Any:
@@ -192,13 +192,13 @@ def _lower_root(context: Any, builder: Any, signature: Any, arguments: Any) -> A
 
 
 def _call(builder: Any, name: str, operands: Any) -> Any:
-    """Call an intrinsic function of LLVM whose operands and result are vectors."""
+    """Call an LLVM intrinsic whose operands and result are vectors."""
     kind = ir.FunctionType(operands[0].type, [x.type for x in operands])
     return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), operands)
 
 
 def _operands(context: Any, builder: Any, signature: Any, arguments: Any) -> list[Any]:
-    """Return operands as vectors: single numbers are spread."""
+    """Return operands as vectors; single numbers are repeated in all lanes."""
     return [
         x if kind in (lanes, choice) else _spread(builder, context.cast(builder, x, kind, types.float64))
         for x, kind in zip(arguments, signature.args, strict=True)
@@ -206,7 +206,7 @@ def _operands(context: Any, builder: Any, signature: Any, arguments: Any) -> lis
 
 
 def _are_numbers(*kinds: Any) -> bool:
-    """Return whether operands are eight numbers or single ones, and not all single."""
+    """Return whether each operand is eight numbers or a single one, and at least one is eight numbers."""
     return lanes in kinds and all(kind == lanes or isinstance(kind, types.Number) for kind in kinds)
 
 
@@ -238,7 +238,7 @@ for _pair in product((LanesType, types.Number), repeat=2):
 
 
 def _declare(function: Any, result: Any, build: Any) -> None:
-    """Let kernels apply a function to eight numbers and eight others, or one number for all of them."""
+    """Let kernels apply a function to eight numbers and eight others, or to eight numbers and a single one."""
 
     @type_callable(function)
     def _type(context: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Drive the compiled time loop: settings, time limit, cancelling, and the rows of a trajectory."""
+"""Drive the compiled time loop: settings, time limit, cancellation, and the rows of a trajectory."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -30,21 +30,21 @@ from engine.kernels.time_loop import (
 from engine.mechanism import Mechanism
 
 TIMEOUT, CANCELLED = 1, 2  # values of the stop flag
-SLOW = 100  # a speed is slow below so many times the drift allowed in the window of rest
-ROOM = 2_000_000  # numbers of a trajectory that are kept in memory before they are written
+SLOW = 100  # a speed below this multiple of (drift allowed in the window of rest / window) is slow
+ROOM = 2_000_000  # numbers of a trajectory that are buffered in memory before they are written
 
 
 class Cancel:
     """A flag that ends a run from another thread, at its next step.
 
-    Pass it to `engine.simulate` and call `set`; the run then has the status "cancelled".
+    Pass it to `engine.simulate` and call `set`; the run then ends with the status "cancelled".
     """
 
     def __init__(self) -> None:
         self.flag = np.zeros(1, np.uint8)
 
     def set(self) -> None:
-        """End the run at its next step."""
+        """End the run at its next time step."""
         self.flag[0] = CANCELLED
 
 
@@ -70,7 +70,7 @@ def control_of(mechanism: Mechanism, full_horizon: bool) -> Control:
 
 
 def prepare(assembly: Assembly, control: Control) -> None:
-    """Compile the time loop, or load it from the cache: a run to the horizon 0, which changes nothing."""
+    """Compile the time loop, or load it from the cache, by a run with horizon 0, which changes nothing."""
     if isinstance(run_to_end, Kernel) and not run_to_end.compiled.signatures:
         nowhere = control._replace(horizon=0.0)
         run_to_end(assembly.arrays, nowhere, new_course(nowhere), np.zeros((1, 1)), 0, np.zeros(1, np.uint8))
@@ -87,25 +87,26 @@ def drive(
 ) -> Course:
     """Run the time loop to its end.
 
-    In a pose at rest that nothing holds, bodies have only begun to move, too little to be seen. The run then goes on
-    until nothing has moved for twice the window, and something holds the pose; if not, four times; or to the horizon.
+    In a pose at rest that nothing holds, bodies may have started to move so slowly that it cannot be seen yet. The run
+    then continues until nothing has moved for twice the window of rest and something holds the pose; if nothing does,
+    for four times the window, and so on up to the horizon.
 
     Parameters
     ----------
     assembly : Assembly
-        At its start; at its end on return.
+        The mechanism at its start; on return, at the end of the run.
     control : Control
     wall_limit : float
         Real time after which the run is stopped [s].
     cancel : Cancel, optional
         A flag that stops the run from another thread.
     sink : callable, optional
-        Called with blocks of rows, see `kernels.record`.
+        Called with blocks of rows of the trajectory, see `kernels.record`.
     every : int
-        The sink gets every ``every``-th step, and the last one.
+        The sink gets every ``every``-th step and the last one.
     moves : callable, optional
-        Called when the last phase ends at rest before the horizon: whether bodies begin to move in that pose, because
-        nothing holds it. It leaves the arrays of the run as they are.
+        Called when the last phase comes to rest before the horizon. Returns whether bodies start to move in that pose
+        because nothing holds it. It does not change the arrays of the run.
 
     Returns
     -------
@@ -130,7 +131,7 @@ def drive(
                 else:
                     break
             if _rests(assembly, control, course):
-                course.counts[[SETTLED, COMPLETED]] = 1  # at the horizon there is no time for a longer window
+                course.counts[[SETTLED, COMPLETED]] = 1  # the horizon leaves no time for a longer window
     finally:
         if sink:
             if record(model, state, work, course.reals[TIME], course.reals[STEP], rows):
@@ -154,14 +155,14 @@ def _rests_early(assembly: Assembly, control: Control, course: Course) -> bool:
 
 @contextmanager
 def limited(cancel: Cancel | None, seconds: float) -> Iterator[Any]:
-    """Yield the flag that ends the time loop: another thread sets it, or the clock after some real time [s].
+    """Yield the flag that ends the time loop; another thread sets it, or the clock when the real-time limit is reached.
 
     Parameters
     ----------
     cancel : Cancel or None
-        The flag of another thread; None: only the clock sets it.
+        The flag for another thread to set; None if only the clock sets it.
     seconds : float
-        Real time after which the clock sets it [s].
+        Real time after which the clock sets the flag [s].
     """
     stop = (cancel or Cancel()).flag
     try:
@@ -169,10 +170,10 @@ def limited(cancel: Cancel | None, seconds: float) -> Iterator[Any]:
             yield stop
     finally:
         if stop[0] == TIMEOUT:
-            stop[0] = 0  # the limit was that of this run; the flag may serve the next one
+            stop[0] = 0  # the limit belonged to this run; the caller may reuse the flag for the next one
 
 
 def _flush(rows: Array, sink: Callable[[Array], None]) -> None:
-    """Give the rows written so far to the sink, and empty them."""
+    """Pass the rows written so far to the sink, and clear the buffer."""
     sink(rows[1 : 1 + int(rows[0, 0])])
     rows[0, 0] = 0

@@ -1,8 +1,8 @@
-"""A folder that nobody else can have filled, for data that run as code when they are read.
+"""A folder that no other user can have filled, for data that run as code when they are read.
 
-The way to it is judged as ssh judges the way to a user's keys. Every folder and link on the way belongs to this user or
-to root, and nobody else can write there, unless a sticky bit keeps others from replacing what is not theirs. Where only
-this user's private group can write, only he can: such are homes where the umask is 002.
+Its path is checked as ssh checks the path to a user's keys. Every folder and link on the path belongs to this user or
+to root, and nobody else can write there, unless a sticky bit keeps others from replacing files that are not theirs. A
+folder that only this user's private group can write is accepted: home folders are like that where the umask is 002.
 """
 
 import grp
@@ -15,14 +15,14 @@ from pathlib import Path
 
 from engine.errors import FolderError
 
-_LINKS = 40  # as many as Linux follows
+_LINKS = 40  # the limit of Linux
 _OTHERS_ENTER = stat.S_IXGRP | stat.S_IXOTH
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 @dataclass(frozen=True)
 class _Step:
-    """A folder or link on the way to a folder."""
+    """A folder or link on the path to a folder."""
 
     path: Path
     status: os.stat_result
@@ -33,26 +33,26 @@ class _Step:
 
 
 def private_folder(base: Path, *names: str) -> Path:
-    """Make a folder that is this user's alone, mode 0700, or check the one that is there.
+    """Create a folder that only this user can access, mode 0700, or check an existing one.
 
     Parameters
     ----------
     base : Path
-        A folder, which may be root's and shared, as ``/tmp`` is. It is made if it is missing.
+        A folder, which may belong to root and be shared, as ``/tmp`` is. It is created if it is missing.
     names : str
-        Folders below it, each in the one before. All become this user's alone.
+        Folders below it, each inside the previous one. All of them become private to this user.
 
     Returns
     -------
     Path
-        The last of them, without links on the way.
+        The last of these folders, with all links on its path resolved.
 
     Raises
     ------
     FolderError
-        If somebody else could have changed what is in the folder, or could replace it.
+        If another user could have changed the content of the folder, or could replace it.
     OSError
-        If the folder cannot be made or written.
+        If the folder cannot be created or written.
     """
     folder = _trusted_folder(base.absolute())
     for name in names:
@@ -63,9 +63,9 @@ def private_folder(base: Path, *names: str) -> Path:
 
 
 def _trusted_folder(path: Path, mend: bool = False) -> Path:
-    """Return a folder by the way without links, after each step is judged; make what is missing.
+    """Return a folder with all links on its path resolved, after checking each step; create missing folders.
 
-    With ``mend`` others may write in the last step, because its mode will be mended.
+    With ``mend``, others may have write access to the last step, because its mode will be corrected.
     """
     way = [_judged(_step(Path(path.anchor)), [])]
     left, links = list(reversed(path.parts[1:])), 0
@@ -88,16 +88,16 @@ def _trusted_folder(path: Path, mend: bool = False) -> Path:
 
 
 def _step(path: Path) -> _Step:
-    """Return a folder or link; make a folder if nothing is there."""
+    """Return a folder or link; create a folder if nothing is there."""
     with suppress(FileNotFoundError):
         return _Step(path, path.lstat())
-    with suppress(FileExistsError):  # another process of this user was quicker
+    with suppress(FileExistsError):  # another process of this user was faster
         path.mkdir(0o700)
     return _Step(path, path.lstat())
 
 
 def _judged(step: _Step, way: list[_Step], mend: bool = False) -> _Step:
-    """Return a step, if nobody but this user and root can replace it or what is in it."""
+    """Return a step after checking that only this user and root can replace it or its content."""
     if step.status.st_uid not in _keepers(way):
         raise FolderError(f"{step.path} belongs to {_user(step.status.st_uid)}")
     sheltered = any(each.status.st_uid == os.geteuid() and not each.mode & _OTHERS_ENTER for each in way)
@@ -112,10 +112,10 @@ def _judged(step: _Step, way: list[_Step], mend: bool = False) -> _Step:
 
 
 def _keepers(way: list[_Step]) -> set[int]:
-    """Return the users to whom the next step may belong: this one, and root.
+    """Return the users who may own the next step: this user and root.
 
-    A user namespace (rootless containers) shows the real root as the overflow user, and all others that it does not map
-    too. So he counts as root only where nobody could have put the step but root.
+    In a user namespace (rootless containers) the real root appears as the overflow user, as do all other users that the
+    namespace does not map. So the overflow user counts as root only where nobody but root could have created the step.
     """
     keepers = {os.geteuid(), 0}
     if not (way and way[-1].mode & _OTHERS_WRITE):
@@ -126,7 +126,7 @@ def _keepers(way: list[_Step]) -> set[int]:
 
 
 def _private_group(step: _Step) -> bool:
-    """Tell whether a folder's group is this user alone: his first group, with his name, without other members."""
+    """Return whether a folder's group is this user's alone: their primary group, named like them, no other member."""
     try:
         user, group = pwd.getpwuid(os.geteuid()), grp.getgrgid(step.status.st_gid)
     except KeyError:
@@ -136,7 +136,7 @@ def _private_group(step: _Step) -> bool:
 
 
 def _has_access_list(path: Path) -> bool:
-    """Tell whether a folder has an access control list, which may let others in under the name of the group."""
+    """Return whether a folder has an access control list, which may grant others access as members of the group."""
     if not hasattr(os, "listxattr"):
         return False
     with suppress(OSError):
@@ -145,7 +145,7 @@ def _has_access_list(path: Path) -> bool:
 
 
 def _own(folder: Path) -> Path:
-    """Return a folder if it is this user's."""
+    """Return a folder after checking that it belongs to this user."""
     owner = folder.stat().st_uid
     if owner != os.geteuid():
         raise FolderError(f"{folder} belongs to {_user(owner)}")
@@ -153,7 +153,7 @@ def _own(folder: Path) -> Path:
 
 
 def _check_content(folder: Path) -> None:
-    """Refuse a folder with anything in it that is neither this user's nor root's, or that is a link."""
+    """Refuse a folder that contains a link, or anything that belongs to neither this user nor root."""
     for parent, folders, files in os.walk(folder, onerror=_fail):
         for name in (*folders, *files):
             entry = Path(parent, name)

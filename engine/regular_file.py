@@ -1,4 +1,4 @@
-"""Read a file that anybody may have prepared: never a pipe that hangs, a device without end, or more than expected."""
+"""Read a file that anybody may have prepared, without hanging on a pipe or reading more than the expected size."""
 
 import errno
 import os
@@ -16,11 +16,11 @@ _KINDS = {
 
 
 class UnfitFile(OSError):
-    """What has this name is not a regular file, or is too large; ``strerror`` says which."""
+    """The path is not a regular file, or the file is too large; ``strerror`` says which."""
 
 
 def read_beginning(path: str | Path, count: int) -> bytes:
-    """Return at most ``count`` bytes from the beginning of a regular file; errors as of `read_regular_file`."""
+    """Return at most ``count`` bytes from the beginning of a regular file; raises the errors of `read_regular_file`."""
     descriptor = _open_regular(path, follow_link=True)
     try:
         return os.read(descriptor, count)
@@ -31,7 +31,7 @@ def read_beginning(path: str | Path, count: int) -> bytes:
 def read_regular_file(path: str | Path, at_most: int, *, follow_link: bool = True) -> bytes:
     """Return the content of a regular file.
 
-    It never waits for a pipe or a terminal, and never reads more than allowed, even of a file that grows meanwhile.
+    It never waits for a pipe or a terminal, and never reads more than allowed, even if the file grows meanwhile.
 
     Parameters
     ----------
@@ -50,9 +50,9 @@ def read_regular_file(path: str | Path, at_most: int, *, follow_link: bool = Tru
     Raises
     ------
     UnfitFile
-        If it is a folder, a pipe, a socket, a device, a link that is not allowed, or has more bytes.
+        If the path is a folder, a pipe, a socket, a device or a link that is not allowed, or the file is too large.
     OSError
-        If it does not exist or cannot be read.
+        If the file does not exist or cannot be read.
     """
     descriptor = _open_regular(path, follow_link=follow_link)
     try:
@@ -70,7 +70,7 @@ def read_regular_file(path: str | Path, at_most: int, *, follow_link: bool = Tru
 
 
 def _open_regular(path: str | Path, *, follow_link: bool) -> int:
-    """Return the descriptor of a regular file, opened to be read without waiting."""
+    """Return the descriptor of a regular file, opened for reading without blocking."""
     flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY | (0 if follow_link else os.O_NOFOLLOW)
     try:
         descriptor = os.open(path, flags)

@@ -1,4 +1,4 @@
-"""The result of a run: its status, its responses, and a certificate of what it proves of itself."""
+"""The result of a run: its status, its responses, and a certificate of its accuracy."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -8,7 +8,7 @@ Status = Literal["ok", "not_at_rest", "not_converged", "jammed", "diverged", "ti
 
 @dataclass(frozen=True)
 class Certificate:
-    """What a run proves of itself.
+    """The accuracy of a run as measured by the run itself.
 
     Attributes
     ----------
@@ -21,19 +21,19 @@ class Certificate:
     max_residual : float
         Largest relative residual of a friction problem (see `engine.friction`).
     max_penetration : float
-        Largest gap violation left after a step, in the mechanism's unit of length.
+        Largest penetration left after a step, in the mechanism's unit of length.
     max_violation : float
         Largest violation of an ideal joint or prescribed motion left after a step, in the same unit.
     max_created_energy : float
-        Largest energy that contacts and projection created in a step, in the mechanism's unit of energy.
+        Largest energy that contacts and projection created in one step, in the mechanism's unit of energy.
     created_energy : float
-        The sum of what they created in all steps that did, in the same unit.
+        Sum of the energy created over all steps that created any, in the same unit.
     settled : bool
         Whether the mechanism was at rest at the end.
     iterations : int
-        Newton steps of the friction solver, all time steps together.
+        Newton iterations of the friction solver, summed over all time steps.
     repeated : int
-        Time steps that were repeated with half their length.
+        Number of time steps that were repeated with half their length.
     """
 
     steps: int
@@ -56,18 +56,18 @@ class Run:
     Attributes
     ----------
     status : str
-        "ok", or why the run does not count.
+        "ok", or the reason why the run does not count.
     message : str
-        Empty when ok; otherwise what went wrong, where, and what may help.
+        Empty if the status is "ok"; otherwise what went wrong, where, and what may help.
     responses : dict
         Response -> value; empty unless ``status`` is "ok".
     units : dict
         Response -> unit.
     certificate : Certificate
     measured : dict
-        Response -> value as measured at the end, also of a run that failed.
+        Response -> value measured at the end, also for a failed run.
     ranges : dict
-        For each contact force read at rest: the least and the largest value that friction allows at that pose.
+        For each contact force read at rest: the smallest and largest value that friction allows in that pose.
     """
 
     status: Status

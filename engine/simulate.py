@@ -1,6 +1,7 @@
 """Simulate one mechanism: from a description and a set of values to responses and a certificate.
 
-The compiled kernels are imported by the functions that need them: Numba alone takes longer to load than a description.
+The compiled kernels are imported inside the functions that need them, because loading Numba takes longer than loading
+a description.
 """
 
 import time
@@ -34,20 +35,20 @@ def simulate(
     mechanism : Mechanism
         The description, see `load_mechanism`.
     values : mapping, optional
-        Numbers to change in it, such as ``{"J1": 0.05, "springs.A3.preload": 0.9}``.
+        Numbers to set in it, such as ``{"J1": 0.05, "springs.A3.preload": 0.9}``.
     step : float, optional
-        One fixed step instead of the description's steps [its unit of time].
+        A fixed time step instead of the description's steps [its unit of time].
     horizon : float, optional
-        The longest simulated time instead of the description's [its unit of time].
+        Longest simulated time, instead of the description's [its unit of time].
     full_horizon : bool
         Do not stop at rest in the last phase.
     cancel : Cancel, optional
-        A flag that ends the run when another thread sets it.
+        A flag with which another thread can end the run.
     trajectory : str, Path or Recording, optional
         An HDF5 file for the whole motion, written whatever the status of the run; see `read_trajectory`. A `Recording`
-        keeps every N-th step only.
+        keeps only every N-th step.
     indeterminacy : bool
-        Also compute the range of each contact force at rest that friction allows (`Run.ranges`).
+        Also compute the range that friction allows for each contact force at rest (`Run.ranges`).
 
     Returns
     -------
@@ -58,7 +59,7 @@ def simulate(
     MechanismError
         If a value is not allowed, or parts overlap at the start pose.
     TrajectoryError
-        If the recording is not allowed, or the file cannot be written.
+        If the recording settings are not allowed, or the file cannot be written.
     """
     from engine.assembly import assemble
     from engine.execution import execute
@@ -82,7 +83,7 @@ def simulate(
 
 
 def check(mechanism: Mechanism, values: Mapping[str, float] | None = None) -> None:
-    """Check that a mechanism can start with these values.
+    """Check that a mechanism can start with the given values.
 
     Raises
     ------
@@ -95,9 +96,9 @@ def check(mechanism: Mechanism, values: Mapping[str, float] | None = None) -> No
 
 
 def warm_up() -> float:
-    """Compile the engine, or load it from the cache; return how long that took [s].
+    """Compile the engine, or load it from the cache; return the time this took [s].
 
-    The mechanism is one whose run calls all that runs call: contacts, forces at rest and their ranges.
+    The mechanism used here needs every kernel that a run can need: contacts, forces at rest and their ranges.
     """
     start = time.perf_counter()
     simulate(load_mechanism("c60"))

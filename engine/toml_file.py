@@ -1,7 +1,7 @@
-"""Read a TOML file that anybody may have written, in a time that grows with its size and no faster.
+"""Read a TOML file that anybody may have written, in time proportional to its size.
 
-The parser of the standard library takes minutes for a key of many parts, and nested arrays exhaust its stack. So the
-text is scanned first, token by token, and refused if it goes beyond what any file of ours needs.
+The parser of the standard library takes minutes for a key with many parts, and nested arrays exhaust its stack. The
+text is therefore scanned first, token by token, and refused if it exceeds limits that no file of this project needs.
 """
 
 import re
@@ -12,9 +12,9 @@ from typing import Any
 from engine.regular_file import read_regular_file
 
 LARGEST = 1_000_000  # bytes
-MOST_PARTS = 16  # of a dotted key
-MOST_NESTED = 16  # arrays and inline tables in each other
-MOST_TABLES = 20_000  # keys; and tables, arrays and inline tables
+MOST_PARTS = 16  # parts of a dotted key
+MOST_NESTED = 16  # levels of nested arrays and inline tables
+MOST_TABLES = 20_000  # applies to the keys, and to the tables, arrays and inline tables together
 LONGEST_WORD = 400  # characters of a bare key or number
 
 TOKEN = re.compile(
@@ -26,14 +26,14 @@ TOKEN = re.compile(
 
 
 class UnfitToml(ValueError):
-    """A text is no TOML, or goes beyond a limit.
+    """A text is not TOML, or exceeds a limit.
 
     Parameters
     ----------
     message : str
-        Where, what, and what to do.
+        Where the fault is, what it is, and what to do.
     line, column : int, optional
-        Where, from 1.
+        Position of the fault, counted from 1.
     """
 
     def __init__(self, message: str, line: int | None = None, column: int | None = None) -> None:
@@ -52,19 +52,19 @@ def read_toml(path: Path) -> dict[str, Any]:
     Raises
     ------
     OSError
-        If it cannot be read, is no regular file, or is too large.
+        If it cannot be read, is not a regular file, or is too large.
     UnfitToml
-        If it is no TOML in UTF-8, or goes beyond a limit.
+        If it is not TOML in UTF-8, or exceeds a limit.
     """
     return parse_toml(read_regular_file(path, LARGEST))
 
 
 def parse_toml(content: bytes) -> dict[str, Any]:
-    """Return the tables in the content of a TOML file; UnfitToml if it is none in UTF-8, or goes beyond a limit."""
+    """Return the tables in the content of a TOML file; raise UnfitToml if it is not UTF-8 TOML or exceeds a limit."""
     if len(content) > LARGEST:
         raise UnfitToml(f"has {len(content)} bytes; allowed: up to {LARGEST}; shorten it")
     try:
-        text = content.decode("utf-8-sig")  # some editors put a mark before the first character
+        text = content.decode("utf-8-sig")  # some editors write a byte order mark before the first character
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         raise UnfitToml(f"line {line}: not UTF-8 text; save the file as UTF-8", line) from None
@@ -79,19 +79,19 @@ def parse_toml(content: bytes) -> dict[str, Any]:
 
 
 def _place(message: str, text: str) -> tuple[int, int]:
-    """Return line and column of which the parser's message speaks."""
+    """Return the line and column that the parser's message refers to."""
     if place := re.search(r"\(at line (\d+), column (\d+)\)$", message):
         return int(place[1]), int(place[2])
-    return text.count("\n") + 1, len(text) - text.rfind("\n")  # at the end
+    return text.count("\n") + 1, len(text) - text.rfind("\n")  # the end of the text
 
 
 def text_bytes(text: str | bytes) -> bytes:
-    """Return a text as the content of a file; what is not Unicode in it is left for `parse_toml` to refuse."""
+    """Return a text encoded as the content of a file; `parse_toml` refuses characters that are not valid Unicode."""
     return text.encode("utf-8", "surrogatepass") if isinstance(text, str) else text
 
 
 def _check_limits(text: str) -> None:
-    """Refuse a text that would take the parser long, or that nests too deeply."""
+    """Refuse a text that would take the parser too long, or that nests too deeply."""
     parts, depth, keys, tables, line = 1, 0, 0, 0, 1
     for token in TOKEN.finditer(text):
         match token.lastgroup:

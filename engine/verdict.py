@@ -16,19 +16,19 @@ from engine.run import Status
 def judge(
     mechanism: Mechanism, measured: Mapping[str, float], settled: bool, drift: str = "", at_rest: bool = True
 ) -> tuple[Status, str]:
-    """Judge a run whose phases ended: whether it has all values, and whether it meets the validity conditions.
+    """Judge a run that completed its phases: check that all values exist and that the validity conditions hold.
 
     Parameters
     ----------
     mechanism : Mechanism
-    measured : mapping
+    Response -> value; NaN if it has no value.
         Response -> value; NaN without a value.
     settled : bool
         Whether the run ended at rest.
     drift : str
-        What moves on while nothing measured does, see `engine.unrest`; empty if nothing does.
+        Description of a motion that continues although nothing measured moves, see `engine.unrest`; empty if none.
     at_rest : bool
-        Whether the run had to end at rest. If not, such a motion matters only where it leaves a force without a value.
+        Whether the run had to end at rest. If not, such a motion matters only if it leaves a force without a value.
 
     Returns
     -------
@@ -73,7 +73,7 @@ def unfinished(mechanism: Mechanism, phase: int, settled: bool, motion: str) -> 
     settled : bool
         Whether the mechanism was at rest at the horizon.
     motion : str
-        What moves, see `engine.unrest`; empty if that is not known.
+        Description of what moves, see `engine.unrest`; empty if not known.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def unfinished(mechanism: Mechanism, phase: int, settled: bool, motion: str) -> 
 
 
 def failure(mechanism: Mechanism, assembly: Assembly, course: Course) -> tuple[Status, str]:
-    """Return the status and the message of a run that stopped before its end."""
+    """Return the status and message of a run that stopped before its end."""
     sim, n, now = mechanism.simulation, course.counts, course.reals
     length, code, contact = mechanism.unit("length"), int(n[time_loop.STATUS]), int(n[time_loop.CONTACT])
     where = f"contact {assembly.contact_names[contact]}" if contact >= 0 else "no contact"
@@ -125,7 +125,7 @@ def failure(mechanism: Mechanism, assembly: Assembly, course: Course) -> tuple[S
 
 
 def _reason(mechanism: Mechanism, assembly: Assembly, jam: Jam) -> str:
-    """Return what jams, in the names of the mechanism, and what may help."""
+    """Return a description of the jam in the names of the mechanism, and what may help."""
     held = [assembly.row_names[i] for i in jam.rows]
     target = assembly.work.bilateral.target
     driven = [assembly.row_names[i] for i in jam.rows if target[0, i] != target[1, i]]
@@ -144,11 +144,11 @@ def _reason(mechanism: Mechanism, assembly: Assembly, jam: Jam) -> str:
 
 
 def _bodies(mechanism: Mechanism, contact: str) -> list[str]:
-    """Return the bodies of a contact of [contacts], or of a joint with play."""
+    """Return the bodies of a contact in [contacts], or of a joint with play."""
     owner = mechanism.contacts.get(contact) or mechanism.joints[contact.rpartition(".")[0]]
     return [side.body for side in owner.sides]
 
 
 def _list(names: list[str]) -> str:
-    """Return names as a list in a sentence."""
+    """Join names as a list within a sentence."""
     return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))

@@ -1,1 +1,1 @@
-"""Where a campaign is computed: local workers, a dask scheduler, a batch system, Kubernetes."""
+"""The workers that compute a campaign: on this machine, of a dask scheduler, a batch system or Kubernetes."""

@@ -1,6 +1,6 @@
 """Workers as jobs of a batch system (SLURM, OAR, PBS) or of Kubernetes, through dask's own packages for these.
 
-Dask's configuration says what a job looks like (queue, project, walltime, memory, image), as usual with those packages:
+Dask's configuration describes a job (queue, project, walltime, memory, image), as usual for those packages, in the
 tables ``jobqueue.slurm``, ``jobqueue.oar``, ``jobqueue.pbs`` and ``kubernetes``.
 """
 
@@ -33,14 +33,14 @@ _NO_HTTP = ("--no-dashboard", "--dashboard-address", "127.0.0.1:0", "--preload",
 
 @contextmanager
 def batch_jobs(cluster: Cluster) -> Iterator[Client]:
-    """Start a scheduler in this process and workers as jobs; yield a client to them, cancel the jobs at the end.
+    """Start a scheduler in this process and workers as jobs; yield a client to them, and cancel the jobs at the end.
 
     Raises
     ------
     SpecError
-        If the package is missing, or its configuration does not say what it must.
+        If the package is missing, or its configuration lacks a required setting.
     UnreachableError
-        If the batch system refuses the jobs, or its commands are not here.
+        If the batch system refuses the jobs, or its commands are not on this machine.
     """
     with job_certificates(cluster) as certificates, scratch_folder() as scratch:
         with dask.config.set({**SETTINGS, **CLOSED, "temporary-directory": str(scratch)}), interrupts_held():
@@ -64,7 +64,7 @@ def job_certificates(cluster: Cluster) -> Iterator[Security | None]:
     if given or cluster.insecure:
         yield given
         return
-    _package("dask_jobqueue", "jobqueue", cluster.kind)  # brings the configuration's defaults
+    _package("dask_jobqueue", "jobqueue", cluster.kind)  # loads the defaults of the configuration
     shared = Path(os.path.expandvars(_needed(cluster.kind, "shared-temp-directory"))).expanduser()
     try:
         folder = tempfile.TemporaryDirectory(prefix=".clearcap-tls-", dir=shared)
@@ -83,15 +83,15 @@ def _submit(jobs: Any, cluster: Cluster) -> None:
 
     async def answered() -> None:
         jobs.scale(cluster.workers)
-        await jobs._correct_state()  # scale alone would not wait
+        await jobs._correct_state()  # scale alone does not wait
 
-    with _muted("tornado.application"), _muted("asyncio"):  # which would log the same refusal with a traceback
+    with _muted("tornado.application"), _muted("asyncio"):  # they log the same refusal with a traceback
         try:
             jobs.sync(answered)
         except (RuntimeError, OSError) as error:
             for job in jobs.workers.values():
                 if job.job_id is None:
-                    job.status = Status.failed  # close() insists on a job that has ended or failed
+                    job.status = Status.failed  # close() accepts only jobs that have ended or failed
             raise UnreachableError(f"--cluster {cluster.kind}: the batch system refused the jobs: {error}") from error
 
 
@@ -108,9 +108,9 @@ def _muted(name: str) -> Iterator[None]:
 
 
 def job_cluster(cluster: Cluster, certificates: Security | None) -> Any:
-    """Return dask-jobqueue's cluster: a scheduler in this process, and no job yet.
+    """Return dask-jobqueue's cluster: a scheduler in this process, and no jobs yet.
 
-    Workers have one thread each, as many in a job as it has cores.
+    A job has one single-threaded worker per core.
     """
     kind = cluster.kind
     jobqueue = _package("dask_jobqueue", "jobqueue", kind)
@@ -133,7 +133,7 @@ def job_cluster(cluster: Cluster, certificates: Security | None) -> Any:
 
 
 def _needed(kind: str, key: str) -> Any:
-    """Return a setting of jobs of a kind that dask's configuration must have."""
+    """Return a required setting of a kind of job from dask's configuration."""
     value = _setting(kind, key)
     if not value:
         raise SpecError(
@@ -144,7 +144,7 @@ def _needed(kind: str, key: str) -> Any:
 
 
 def _setting(kind: str, key: str) -> Any:
-    """Return a setting of jobs of a kind from dask's configuration, where ``-`` and ``_`` in keys are the same."""
+    """Return a setting of a kind of job from dask's configuration, where ``-`` and ``_`` in keys are equivalent."""
     return dask.config.get(f"jobqueue.{kind}.{key}", None)
 
 
@@ -152,15 +152,15 @@ def _setting(kind: str, key: str) -> Any:
 def kubernetes_resource(cluster: Cluster) -> Iterator[str]:
     """Create the ``DaskCluster`` of dask's configuration, unless it exists, and yield the address of its scheduler.
 
-    It is deleted at the end if it was created here and ``kubernetes.shutdown-on-close`` is set, as it is by default.
-    The address is valid inside Kubernetes only, where the coordinator must run too.
+    It is deleted at the end if it was created here, unless ``kubernetes.shutdown-on-close`` is false. The address is
+    valid only inside Kubernetes, so the coordinator must run there too.
 
     Raises
     ------
     SpecError
         If the package or certificates are missing, or the configuration names no manifest.
     UnreachableError
-        If Kubernetes does not answer, or refuses.
+        If Kubernetes does not answer, or refuses the request.
     """
     _package("dask_kubernetes", "kubernetes", "kubernetes")
     kr8s, httpx = (_package(name, "kubernetes", "kubernetes") for name in ("kr8s", "httpx"))
@@ -207,7 +207,7 @@ def _manifest() -> Any:
 
 
 def _package(name: str, extra: str, kind: str) -> Any:
-    """Return a package of an optional extra; what Ctrl-C does stays, although `dask_jobqueue` changes it."""
+    """Return a package of an optional extra, restoring the handler of Ctrl-C, which `dask_jobqueue` replaces."""
     interrupt = signal.getsignal(signal.SIGINT)
     try:
         return importlib.import_module(name)

@@ -1,4 +1,4 @@
-"""Close the HTTP server that dask starts with each scheduler and worker: it asks nobody who they are.
+"""Close the HTTP server that dask starts with each scheduler and worker, because it has no authentication.
 
 Dask's settings ``distributed.scheduler.preload`` and ``distributed.worker.preload`` name this module.
 """

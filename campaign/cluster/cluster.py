@@ -1,4 +1,4 @@
-"""What a user says of the place where a campaign is computed."""
+"""The user's choice of the workers that compute a campaign."""
 
 from dataclasses import dataclass
 from typing import Literal, get_args
@@ -11,7 +11,7 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 
 @dataclass(frozen=True)
 class Cluster:
-    """Where a campaign is computed, as a user says it.
+    """The workers that compute a campaign, as the user specifies them.
 
     Attributes
     ----------
@@ -19,13 +19,13 @@ class Cluster:
         Address (``tcp://host:port``, ``tls://host:port``) or scheduler file (``.json``) of a running dask scheduler;
         None to start workers.
     kind : str
-        Where workers are started: as processes here, or as jobs of a batch system.
+        How workers are started: as processes on this machine, as jobs of a batch system, or in Kubernetes.
     workers : int or None
         Number of workers to start; None for one on each core of this machine.
     tls : Tls or None
         Certificates; None for those of dask's configuration.
     insecure : bool
-        Allow traffic beyond this machine that is neither encrypted nor authenticated.
+        Whether to allow traffic beyond this machine that is neither encrypted nor authenticated.
     """
 
     scheduler: str | None = None
@@ -36,11 +36,11 @@ class Cluster:
 
     @property
     def starts_here(self) -> bool:
-        """Whether its workers are started as processes on this machine."""
+        """Whether the workers are started as processes on this machine."""
         return self.scheduler is None and self.kind == "local"
 
     def options(self) -> list[str]:
-        """Return the options of the command that say the same."""
+        """Return the equivalent options of the command."""
         words: list[str] = []
         tls = self.tls
         for option, value in (

@@ -1,7 +1,8 @@
 """Connect to workers: started here, of a running dask scheduler, or jobs of a batch system or of Kubernetes.
 
-Traffic beyond this machine needs mutual TLS unless the user types ``--insecure``: anyone who reaches a dask scheduler
-can run any code on its workers, and dask asks for no more than a certificate of the cluster's own authority.
+Traffic beyond this machine needs mutual TLS unless the user gives ``--insecure``, because anyone who can connect to a
+dask scheduler can run any code on its workers. The only check that dask makes is for a certificate of the cluster's own
+authority.
 """
 
 import asyncio
@@ -27,8 +28,8 @@ from campaign.errors import SpecError, UnreachableError
 
 logger = logging.getLogger(__name__)
 
-REACHED_WITHIN = 30.0  # s, in which a scheduler that is being started answers
-PODS_WITHIN = 300.0  # s, in which images may have to be fetched
+REACHED_WITHIN = 30.0  # s for a scheduler that is starting to answer
+PODS_WITHIN = 300.0  # s; images may have to be fetched first
 
 
 def check_cluster(cluster: Cluster) -> None:
@@ -37,7 +38,7 @@ def check_cluster(cluster: Cluster) -> None:
     Raises
     ------
     SpecError
-        It names the option and says what to write instead.
+        If the options are refused; the message names the option and says what to write instead.
     """
     if cluster.kind not in KINDS:
         raise SpecError(f"--cluster {cluster.kind}: not a kind of cluster; allowed: {', '.join(KINDS)}")
@@ -59,16 +60,16 @@ def check_cluster(cluster: Cluster) -> None:
 def connect(cluster: Cluster) -> Iterator[Client]:
     """Start or reach a cluster and yield a dask client to it.
 
-    What was started here ends with the block; a scheduler that was running before stays. After a scheduler is lost the
-    block ends as usual, and another call connects again.
+    Everything started here ends with the block; a scheduler that was running before is left running. If the scheduler
+    is lost, the block can be left as usual, and another call connects again.
 
     Raises
     ------
     SpecError
-        If the options contradict each other, a file of TLS is missing, unreadable or not what it should be, or
-        traffic beyond this machine would be in the clear.
+        If the options contradict each other, a TLS file is missing, unreadable or invalid, or traffic beyond this
+        machine would be unencrypted.
     UnreachableError
-        If no scheduler answers in time, or either side does not accept the other's certificate.
+        If no scheduler answers in time, or either side rejects the other's certificate.
     """
     check_cluster(cluster)
     if cluster.scheduler is not None:
@@ -110,7 +111,7 @@ def client_at(address: str, with_security: Security | None, within: float | None
     Raises
     ------
     UnreachableError
-        If it does not answer in time, or either side does not accept the other's certificate.
+        If it does not answer in time, or either side rejects the other's certificate.
     """
     within = within or REACHED_WITHIN
     with dask.config.set(SETTINGS), silence_logging_cmgr(logging.CRITICAL):
@@ -133,7 +134,7 @@ def _is_file(scheduler: str) -> bool:
 
 
 def _address_in(path: Path) -> str:
-    """Return the address a scheduler wrote into its file, waiting for it: the scheduler may be starting."""
+    """Return the address that a scheduler wrote into its file; wait for the file, as the scheduler may be starting."""
     until = time.monotonic() + REACHED_WITHIN
     while True:
         try:
@@ -150,7 +151,7 @@ def _address_in(path: Path) -> str:
 
 
 def _check_address(address: str, cluster: Cluster) -> None:
-    """Refuse what is not an address, and an address beyond this machine without TLS."""
+    """Raise SpecError for an invalid address, and for an address beyond this machine without TLS."""
     try:
         parts = urlsplit(address)
         whole = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port and not parts.path
@@ -174,7 +175,7 @@ def _check_address(address: str, cluster: Cluster) -> None:
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether a host name or address is a loopback one."""
+    """Return whether a host name or address is a loopback address."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -182,7 +183,7 @@ def is_loopback(host: str) -> bool:
 
 
 def _reach(address: str, with_security: Security | None, within: float) -> None:
-    """Shake hands with the scheduler, and raise if that fails; a client that fails would leave its thread behind."""
+    """Shake hands with the scheduler before a client is made, because a client that fails leaves its thread behind."""
     arguments = with_security.get_connection_args("client") if with_security else {}  # type: ignore[no-untyped-call]
 
     async def shake_hands() -> None:
@@ -199,7 +200,7 @@ def _reach(address: str, with_security: Security | None, within: float) -> None:
 
 
 def _unreached(address: str, error: BaseException) -> str:
-    """Return the message about a scheduler that did not answer: it tells the innermost cause that has a text."""
+    """Return the message about a scheduler that did not answer, with the innermost cause that has a text."""
     reason = type(error).__name__
     cause: BaseException | None = error
     while cause is not None:

@@ -1,4 +1,4 @@
-"""Workers of a dask cluster. No other module submits work to dask."""
+"""Workers of a dask cluster; no other module submits work to dask."""
 
 import logging
 import secrets
@@ -19,18 +19,18 @@ from campaign.cluster.workers import NoWorkerLeft, SchedulerLost, WorkerDied, Wo
 
 logger = logging.getLogger(__name__)
 
-ANSWERS_WITHIN = 30.0  # s, in which the scheduler answers, and the result of a finished call must arrive
-SILENT_AFTER = 60.0  # s without a heartbeat, after which a worker hangs
-GONE_AFTER = 150.0  # s without any worker here: longer than one takes to start
-RETURNS_WITHIN = 8.0  # s, in which a killed worker is replaced
-RETRY_INTERVAL = 0.5  # s, between two looks for a worker that is not refused
+ANSWERS_WITHIN = 30.0  # s for the scheduler to answer, and for the result of a finished call to arrive
+SILENT_AFTER = 60.0  # s without a heartbeat, after which a worker is taken to hang
+GONE_AFTER = 150.0  # s without any worker of this machine; longer than a worker takes to start
+RETURNS_WITHIN = 8.0  # s for a killed worker to be replaced
+RETRY_INTERVAL = 0.5  # s between two checks for a worker that is not refused
 
 T = TypeVar("T")
 
 
 @contextmanager
 def connect_workers(cluster: Cluster) -> Iterator[Workers]:
-    """Start or reach a cluster and yield its workers; errors are those of `campaign.cluster.connect.connect`."""
+    """Start or reach a cluster and yield its workers; raises the same errors as `campaign.cluster.connect.connect`."""
     with connect(cluster) as client:
         yield DaskWorkers(client, started_here=cluster.starts_here)
 
@@ -41,15 +41,15 @@ class DaskWorkers:
     Parameters
     ----------
     client : Client
-        Connected to the scheduler; it is not closed here.
+        A client connected to the scheduler; it is not closed here.
     started_here : bool
-        Whether the workers are processes of this machine, which nobody else replaces when all are gone.
+        Whether the workers are processes of this machine; if all of these are gone, no one else starts new ones.
     """
 
     def __init__(self, client: Client, *, started_here: bool = False) -> None:
         self._client = client
         self._started_here = started_here
-        self._token = secrets.token_hex(8)  # tells its keys from those of other clients of the scheduler
+        self._token = secrets.token_hex(8)  # distinguishes its keys from those of other clients of the scheduler
         self._submitted = 0
         self._refused: set[str] = set()
         self._in_flight: dict[str, tuple[distributed.Future[Any], Future[Any]]] = {}
@@ -57,7 +57,7 @@ class DaskWorkers:
         self._silence = Silence(SILENT_AFTER)
         self._looked_at = time.monotonic()
         self._silent: set[str] = set()
-        self._looks_without = 0  # in a row that found no worker
+        self._looks_without = 0  # successive checks that found no worker
 
     @property
     def name(self) -> str:
@@ -65,7 +65,7 @@ class DaskWorkers:
         return f"scheduler {self._client.scheduler_info(n_workers=0)['address']}"
 
     def count(self) -> int:
-        """Return the number of workers that the scheduler knows, refused ones included."""
+        """Return the number of workers that the scheduler knows, including refused ones."""
         return len(self._addresses())
 
     def submit(self, key: str, function: Callable[..., T], *arguments: Any) -> Future[T]:
@@ -79,7 +79,7 @@ class DaskWorkers:
             key=f"{key}-{self._token}-{self._submitted}",
             pure=False,
             workers=accepted,
-            allow_other_workers=accepted is not None,  # a worker that ends returns under another address
+            allow_other_workers=accepted is not None,  # a restarted worker has another address
         )
         future: Future[T] = Future()
         self._in_flight[str(task.key)] = task, future
@@ -87,7 +87,7 @@ class DaskWorkers:
         return future
 
     def next_finished(self, timeout: float | None = None) -> Future[Any] | None:
-        """Wait for a call that is finished; its result is released from the cluster."""
+        """Wait for a call to finish and return it; its result is released from the cluster."""
         end = None if timeout is None else time.monotonic() + timeout
         while self._in_flight:
             self._look()
@@ -105,13 +105,13 @@ class DaskWorkers:
         return None
 
     def refuse(self, call: Future[Any]) -> str:
-        """Submit nothing more to the worker in which this call failed; return its address."""
+        """Submit no more calls to the worker in which this call failed; return its address."""
         worker = str(getattr(call.exception(), "worker", ""))
         self._refused.add(worker)
         return worker
 
     def cancel(self) -> None:
-        """Take back all calls in flight; a worker still ends the one that it runs."""
+        """Cancel all calls in flight; a worker still completes the call that it is running."""
         if self._in_flight and self._client.status == "running":
             self._client.cancel([task for task, _ in self._in_flight.values()], force=True)
         self._in_flight, self._finished = {}, SimpleQueue()
@@ -131,7 +131,7 @@ class DaskWorkers:
         return set(self._heartbeats())
 
     def _heartbeats(self) -> dict[str, float]:
-        """Return when each worker sent its last heartbeat, by the scheduler's clock."""
+        """Return the time of each worker's last heartbeat, by the scheduler's clock."""
         if self._client.status != "running":
             raise SchedulerLost(f"client {self._client.status}")
         scheduler: Any = self._client.scheduler
@@ -142,7 +142,7 @@ class DaskWorkers:
         return {address: worker["last_seen"] for address, worker in known.items()}
 
     def _look(self) -> None:
-        """Every two seconds, look for workers that are silent, and have them replaced."""
+        """Look for silent workers and have them replaced, at most every two seconds."""
         now = time.monotonic()
         if now - self._looked_at < LOOK_INTERVAL:
             return
@@ -161,13 +161,13 @@ class DaskWorkers:
             self._replace(worker)
 
     def _replace(self, worker: str) -> None:
-        """Have the scheduler end a worker, or drop it if its nanny hangs as well; does not wait for it."""
+        """Have the scheduler end a worker, or drop it if its nanny hangs as well; do not wait for that."""
         loop, scheduler = cast(Any, (self._client.loop, self._client.scheduler))
         options = {"wait_for_workers": False, "on_error": "return", "timeout": ANSWERS_WITHIN}
         loop.add_callback(scheduler.restart_workers, workers=[worker], stimulus_id=f"silent-{worker}", **options)
 
     def _finish(self, future: Future[Any], task: "distributed.Future[Any]") -> None:
-        """Finish a future as a task of dask did."""
+        """Give a future the result or the error of a dask task."""
         if task.status == "cancelled":
             raise SchedulerLost("connection closed")
         try:
@@ -182,7 +182,7 @@ class DaskWorkers:
 
 
 def _call(function: Callable[..., T], *arguments: Any) -> T:
-    """Call a function on a worker; its error takes the worker's address along, so that the worker can be refused."""
+    """Call a function on a worker; add the worker's address to its error, so that the worker can be refused."""
     try:
         return function(*arguments)
     except Exception as error:

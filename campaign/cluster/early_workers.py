@@ -11,12 +11,12 @@ from campaign.cluster.workers import Workers
 
 
 class EarlyWorkers:
-    """Workers that start in a thread when they are told to, for whoever connects first; a context that ends them.
+    """A context that starts workers early, in a thread, for the first `connect`, and ends them at its exit.
 
     Parameters
     ----------
     cluster : Cluster
-        Where to compute. Only processes of this machine start early; all else is connected to when it is needed.
+        Where to compute. Only processes of this machine start early; other workers are connected when needed.
     """
 
     def __init__(self, cluster: Cluster) -> None:
@@ -27,27 +27,28 @@ class EarlyWorkers:
         self._error: Exception | None = None
 
     def __enter__(self) -> "EarlyWorkers":
-        """Return this object; nothing is started yet."""
+        """Return this object; no worker is started yet."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
     ) -> None:
-        """End the workers that nobody has connected to."""
+        """End the workers if `connect` has not yielded them."""
         self._wait()
         self._started.close()
 
     def begin(self) -> None:
-        """Start the workers, if they are processes of this machine, and do not wait for them."""
+        """Start the workers without waiting for them, if they are processes of this machine."""
         if self._cluster.starts_here and self._thread is None:
             self._thread = threading.Thread(target=self._start, name="workers")
             self._thread.start()
 
     @contextmanager
     def connect(self, cluster: Cluster) -> Iterator[Workers]:
-        """Yield the workers that have started early, the first time, and end them with the block.
+        """Yield the workers that started early, and end them with the block.
 
-        Without any, and each further time, it is `connect_workers`; errors are those of it.
+        If none started early, and at every further call, this is the same as `connect_workers`. It raises the same
+        errors.
         """
         self._wait()
         error, self._error = self._error, None
@@ -62,13 +63,13 @@ class EarlyWorkers:
             yield workers
 
     def _start(self) -> None:
-        """Start the workers; what goes wrong is for whoever connects."""
+        """Start the workers; keep an error for `connect` to raise."""
         try:
             self._workers = self._started.enter_context(connect_workers(self._cluster))
         except Exception as error:
             self._error = error
 
     def _wait(self) -> None:
-        """Wait until the workers have started, or have failed to."""
+        """Wait until the workers have started or failed to start."""
         if self._thread is not None:
             self._thread.join()

@@ -1,7 +1,7 @@
-"""Workers on this machine: a local dask cluster of single-threaded processes, quiet and closed to all others.
+"""Workers on this machine: a local dask cluster of single-threaded processes, silent and closed to other users.
 
-Scheduler and workers listen on loopback, where every user of the machine reaches them. So they speak mutual TLS, with
-certificates that live as long as the run and in its memory only, and nothing answers HTTP.
+Scheduler and workers listen on loopback, where every user of the machine can connect to them. So they use mutual TLS
+with certificates that exist only in memory and only during the run, and no HTTP server.
 """
 
 import logging
@@ -26,22 +26,22 @@ from campaign.safe_path import current_folder_left_out
 logger = logging.getLogger(__name__)
 
 STARTS = 3  # attempts to start the workers
-STARTS_WITHIN = 120.0  # s, in which a worker starts, on a machine that starts many at once
+STARTS_WITHIN = 120.0  # s for a worker to start, on a machine that starts many at once
 
 # Keys are dotted, because setting a whole table would replace it. Independent tasks need neither stealing nor
-# rebalancing, and results are counts, which are never worth spilling to disk.
+# rebalancing, and results are counts, which never need spilling to disk.
 SETTINGS = {
     "distributed.scheduler.allowed-failures": 0,
     "distributed.scheduler.work-stealing": False,
     "distributed.scheduler.active-memory-manager.start": False,
-    "distributed.scheduler.worker-ttl": None,  # it takes a machine that slept for a worker that hangs; see `silence`
+    "distributed.scheduler.worker-ttl": None,  # would take a machine that slept for a hanging worker; see `silence`
     "distributed.worker.profile.enabled": False,
     "distributed.worker.memory.target": False,
     "distributed.worker.memory.spill": False,
     "distributed.worker.memory.monitor-interval": "500ms",
     "distributed.worker.memory.pause": 0.85,
     "distributed.worker.memory.terminate": 0.95,
-    # Dask watches itself 50 times a second in each process: a twentieth of what two cores can compute.
+    # By default dask monitors itself 50 times a second in each process, which takes 5 % of two cores.
     "distributed.admin.tick.interval": "500ms",
     "distributed.admin.system-monitor.interval": "5s",
     "distributed.comm.timeouts.connect": "30s",
@@ -53,19 +53,19 @@ SETTINGS = {
     "distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1,
     "distributed.nanny.pre-spawn-environ.DASK_LOGGING__DISTRIBUTED": "critical",
 }
-CLOSED_HTTP = "campaign.cluster.closed_http"  # what dask loads into a process to close its HTTP server
+CLOSED_HTTP = "campaign.cluster.closed_http"  # module that dask loads into a process to close its HTTP server
 CLOSED = {
     f"distributed.{service}.{key}": value
     for service in ("scheduler", "worker")
     for key, value in {"preload": [CLOSED_HTTP], "preload-argv": [], "http.routes": []}.items()
 }
-# what workers of this machine load while the coordinator is still planning; a module of a package that this one
-# does not know
+# modules that workers of this machine load while the coordinator is still planning; given by name, because this
+# package does not import `campaign.worker`
 LOADED_AHEAD = {"distributed.worker.preload": [CLOSED_HTTP, "campaign.worker.loaded_ahead"]}
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
@@ -73,20 +73,20 @@ def cores() -> int:
 def local_client(workers: int, security: Security | None = None) -> Iterator[Client]:
     """Start ``workers`` single-threaded processes and yield a dask client to them; stop them at the end.
 
-    Each may use an equal share of the machine's memory, and this process has one share too. A worker that takes more is
-    restarted, and its batch counts as one that killed its worker.
+    Each worker and this process may use an equal share of the machine's memory. A worker that takes more is restarted,
+    and its batch counts as one that killed its worker.
 
     Parameters
     ----------
     workers : int
         Number of processes.
     security : Security or None
-        Certificates; None for new ones that live as long as the run.
+        Certificates; None for new ones that exist only during the run.
 
     Raises
     ------
     UnreachableError
-        If the workers do not start, several times in a row.
+        If the workers fail to start several times in a row.
     """
     security = security or passing_security()
     settings = {**SETTINGS, **CLOSED, **LOADED_AHEAD}
@@ -106,7 +106,7 @@ def local_client(workers: int, security: Security | None = None) -> Iterator[Cli
 
 
 def _start(workers: int, security: Security) -> LocalCluster:
-    """Return a cluster whose workers run; a worker that dies or hangs while it starts costs another attempt."""
+    """Return a cluster with running workers; try again if a worker dies or hangs while it starts."""
     earlier = active_children()
     for attempt in range(1, STARTS + 1):
         try:
@@ -123,7 +123,7 @@ def _start(workers: int, security: Security) -> LocalCluster:
                     scheduler_kwargs={"dashboard": False, "dashboard_address": "127.0.0.1:0"},  # 8787 may be taken
                     silence_logs=logging.CRITICAL,
                 )
-        except Exception as error:  # whatever dask makes of it
+        except Exception as error:  # dask raises errors of many classes
             _end_children_but(earlier)
             reason = str(error.__cause__ or error) or type(error).__name__
             if attempt == STARTS:
@@ -136,7 +136,7 @@ def _start(workers: int, security: Security) -> LocalCluster:
 
 
 def _end_children_but(earlier: list[BaseProcess]) -> None:
-    """Kill the processes that this one has started since ``earlier`` and that dask has lost sight of."""
+    """Kill the child processes that were started after ``earlier`` and that dask has lost track of."""
     for process in set(active_children()) - set(earlier):
         process.kill()
         process.join()
@@ -144,15 +144,15 @@ def _end_children_but(earlier: list[BaseProcess]) -> None:
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Hold back signals that end this process while the block runs: half a cluster could not be stopped in order.
+    """Hold back signals that end this process during the block, because half a cluster could not be stopped cleanly.
 
-    The threads and processes started in the block never see Ctrl-C and the hangup of a terminal, which sends both to
-    every process; only the one that talks to the user should react.
+    A terminal sends Ctrl-C and its hangup to every process, but only the process that talks to the user should react;
+    so threads and processes started in the block never receive them.
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:
         with current_folder_left_out():
-            resource_tracker.ensure_running()  # started later, it would let Ctrl-C through again
+            resource_tracker.ensure_running()  # if started later, it would unblock Ctrl-C again
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         with _termination_held():
             yield
@@ -162,7 +162,7 @@ def interrupts_held() -> Iterator[None]:
 
 @contextmanager
 def _termination_held() -> Iterator[None]:
-    """Handle SIGTERM after the block; processes started in it can be terminated, as they must."""
+    """Delay SIGTERM until after the block; processes started in the block can still be terminated."""
     handler = signal.getsignal(signal.SIGTERM)
     if not callable(handler) or threading.current_thread() is not threading.main_thread():
         yield

@@ -1,4 +1,4 @@
-"""Workers that are processes of this machine, joined to this one by pipes: no sockets, and no scheduler."""
+"""Workers that are processes of this machine, connected by pipes, without sockets or a scheduler."""
 
 import signal
 from collections import deque
@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from campaign.cluster.workers import NoWorkerLeft, WorkerDied
 from campaign.safe_path import current_folder_left_out
 
-ENDS_WITHIN = 5.0  # s, in which an idle process ends when its pipe is closed
+ENDS_WITHIN = 5.0  # s for an idle process to end after its pipe is closed
 
 T = TypeVar("T")
 Call = tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]
@@ -22,7 +22,7 @@ Call = tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]
 
 @contextmanager
 def process_workers(count: int) -> Iterator["ProcessWorkers"]:
-    """Yield workers that are processes started here; they end with the block.
+    """Yield workers that are processes of this machine; they end with the block.
 
     Parameters
     ----------
@@ -47,11 +47,11 @@ class _Process:
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """Name of the process in messages."""
         return f"process {self.process.pid}"
 
     def end(self) -> None:
-        """End the process: at once if it runs a call, otherwise in order."""
+        """End the process: at once if it is running a call, otherwise cleanly."""
         if self.running:
             self.process.kill()
         self.calls.close()
@@ -80,7 +80,7 @@ class ProcessWorkers:
         self._waiting: deque[Call] = deque()
 
     def count(self) -> int:
-        """Return the number of processes that calls may use."""
+        """Return the number of processes available for calls."""
         return self._count
 
     def submit(self, key: str, function: Callable[..., T], *arguments: Any) -> Future[T]:
@@ -93,7 +93,7 @@ class ProcessWorkers:
         return future
 
     def next_finished(self, timeout: float | None = None) -> Future[Any] | None:
-        """Wait for a call that is finished, and start the next one in its process."""
+        """Wait for a call to finish and return it; start the next one in its process."""
         busy = {process.answers: process for process in self._processes if process.running}
         if self._waiting and not busy:
             raise NoWorkerLeft("every process is refused")
@@ -116,7 +116,7 @@ class ProcessWorkers:
         return worker
 
     def cancel(self) -> None:
-        """Take back all calls in flight, ending the processes that run them."""
+        """Cancel all calls in flight and end the processes that run them."""
         self._waiting.clear()
         for process in [process for process in self._processes if process.running]:
             process.end()
@@ -130,7 +130,7 @@ class ProcessWorkers:
         self._processes.clear()
 
     def _start_waiting(self) -> None:
-        """Give waiting calls to processes that are free, starting processes as far as there may be more."""
+        """Give waiting calls to free processes, starting new processes up to the allowed number."""
         while self._waiting:
             free = next((process for process in self._processes if not process.running), None)
             if free is None:
@@ -140,11 +140,11 @@ class ProcessWorkers:
                 self._processes.append(free)
             future, function, arguments = self._waiting.popleft()
             free.running = future
-            with suppress(BrokenPipeError):  # if it died while it was idle, its other pipe tells `next_finished`
+            with suppress(BrokenPipeError):  # if it died while idle, `next_finished` notices by its other pipe
                 free.calls.send((function, arguments))
 
     def _finish(self, future: Future[Any], process: _Process) -> None:
-        """Finish a future with what its process answered; a process that ended without an answer is dropped."""
+        """Finish a future with the answer of its process; drop a process that ended without an answer."""
         try:
             result, error = process.answers.recv()
         except (EOFError, OSError):
@@ -167,7 +167,7 @@ def _start() -> _Process:
     process = context.Process(target=_serve, args=(calls_out, answers_in), daemon=True)
     with current_folder_left_out():
         process.start()
-    calls_out.close()  # the process has its own; while this one is open, neither side would see the other end
+    calls_out.close()  # the process has its own copy; with this one open, neither side would notice the other's end
     answers_in.close()
     return _Process(process, calls_in, answers_out)
 

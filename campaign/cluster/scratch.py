@@ -1,7 +1,7 @@
-"""A folder for the temporary files of one run, closed to other users and gone when the run ends, however it ends.
+"""A folder for the temporary files of one run, closed to other users and removed however the run ends.
 
-Dask puts its scratch folder first on the path of imports. By default that is ``/tmp/dask-scratch-space``, which any
-user of the machine may have prepared; so each run gets a folder of its own, under a name nobody can foresee.
+Dask puts its scratch folder first on the import path. By default that is ``/tmp/dask-scratch-space``, which any user of
+the machine may have prepared; so each run gets a folder of its own, with an unpredictable name.
 """
 
 import fcntl
@@ -20,12 +20,12 @@ PREFIX = "clearcap-scratch-"
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """Make a folder of mode 0700 and yield it; it is removed at the end, with the folders of runs that were killed.
+    """Make a folder of mode 0700 and yield it; remove it at the end, and folders of killed runs at the start.
 
     Raises
     ------
     UnreachableError
-        If no folder can be made.
+        If the folder cannot be made.
     """
     parent = Path(tempfile.gettempdir())
     _remove_abandoned(parent)
@@ -44,10 +44,10 @@ def scratch_folder() -> Iterator[Path]:
 
 
 def _locked_folder(parent: Path) -> tuple[Path, int]:
-    """Return a new folder and its lock, which the system opens when this process ends."""
+    """Return a new folder and its lock, which the system releases when this process ends."""
     while True:
         folder = Path(tempfile.mkdtemp(prefix=PREFIX, dir=parent))
-        with suppress(FileNotFoundError):  # another run took it for abandoned before it was locked
+        with suppress(FileNotFoundError):  # another run mistook it for abandoned before it was locked
             lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             fcntl.flock(lock, fcntl.LOCK_EX)
             if folder.exists():
@@ -56,9 +56,9 @@ def _locked_folder(parent: Path) -> tuple[Path, int]:
 
 
 def _remove_abandoned(parent: Path) -> None:
-    """Remove the folders of this user's runs that were killed: nobody holds their locks."""
+    """Remove the folders of this user's killed runs, recognized because no process holds their locks."""
     for folder in parent.glob(f"{PREFIX}*"):
-        with suppress(OSError):  # of another user, gone meanwhile, locked by a run that lives
+        with suppress(OSError):  # of another user, removed meanwhile, or locked by a running process
             lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:
                 if os.fstat(lock).st_uid == os.getuid():

@@ -1,20 +1,20 @@
-"""Which workers are silent: they send no heartbeat, because they hang or were stopped."""
+"""Detect silent workers, which send no heartbeat because they hang or were stopped."""
 
 from collections.abc import Mapping
 
-LOOK_INTERVAL = 2.0  # s, between two looks
+LOOK_INTERVAL = 2.0  # s between two checks
 
 
 class Silence:
-    """How long each worker has sent no heartbeat, counted while this process is awake.
+    """The time for which each worker has sent no heartbeat, counted only while this process is awake.
 
-    A look counts for no more than twice the interval of looks: when a laptop sleeps, or all processes of a campaign are
-    stopped, nobody looks, and no worker is to blame.
+    A check adds at most twice the interval between checks: if a laptop sleeps or all processes of a campaign are
+    stopped, there are no checks, and no worker is to blame.
 
     Parameters
     ----------
     longest : float
-        A worker is silent after this many seconds without a heartbeat.
+        Time without a heartbeat after which a worker is silent [s].
     """
 
     def __init__(self, longest: float) -> None:
@@ -24,12 +24,12 @@ class Silence:
         self._looked_at: float | None = None
 
     def look(self, heartbeats: Mapping[str, float], now: float) -> list[str]:
-        """Take in the last heartbeat of each worker and return the workers that are silent; each begins anew then.
+        """Record the last heartbeat of each worker and return the silent workers, whose counts then start anew.
 
         Parameters
         ----------
         heartbeats : mapping of str to float
-            When each worker sent its last one, by the clock of whoever received it, which is not compared with another.
+            Time of each worker's last heartbeat by the receiver's clock; it is only checked for changes.
         now : float
             This process's monotonic clock [s].
         """

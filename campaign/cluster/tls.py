@@ -1,4 +1,4 @@
-"""Files of mutual TLS, checked before they are used."""
+"""Files for mutual TLS, checked before use."""
 
 import os
 import ssl
@@ -21,7 +21,7 @@ _ROLES = ("client", "scheduler", "worker")
 
 @dataclass(frozen=True)
 class Tls:
-    """Files of mutual TLS, in PEM; `clearcap certificates` makes them.
+    """Files for mutual TLS, in PEM; `clearcap certificates` makes them.
 
     Attributes
     ----------
@@ -37,12 +37,12 @@ class Tls:
 
 
 def security(tls: Tls | None) -> Security | None:
-    """Return certificates for dask, checked: those given, or those of dask's configuration; None without either.
+    """Return checked certificates for dask: the given ones, or those of dask's configuration; None without either.
 
     Raises
     ------
     SpecError
-        If a file is missing, unreadable, not what it should be, or a private key others can read.
+        If a file is missing, unreadable or invalid, or if other users can read the private key.
     """
     tls = tls or configured()
     if tls is None:
@@ -63,12 +63,12 @@ def security(tls: Tls | None) -> Security | None:
 
 
 def _no_password() -> str:
-    """Raise where OpenSSL would ask at the terminal for the password of a key."""
+    """Raise ValueError; otherwise OpenSSL would ask for the key's password at the terminal."""
     raise ValueError("the key has a password")
 
 
 def configured() -> Tls | None:
-    """Return the client's certificates of dask's configuration (``DASK_CONFIG``, ``~/.config/dask``), if it has any."""
+    """Return the client's certificates from dask's configuration (``DASK_CONFIG``, ``~/.config/dask``), if any."""
     names = [dask.config.get(f"{FROM_CONFIGURATION}.{key}", None) for key in ("ca-file", "client.cert", "client.key")]
     return Tls(*names) if all(names) else None
 
@@ -82,7 +82,7 @@ def _check_file(option: str, path: Path) -> None:
 
 
 def _check_private(path: Path) -> None:
-    """Refuse a private key of this user that others can read, as ssh does."""
+    """Refuse a private key of this user that other users can read, as ssh does."""
     status = path.stat()
     if status.st_uid == os.getuid() and status.st_mode & 0o077:
         raise SpecError(

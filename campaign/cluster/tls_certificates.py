@@ -1,8 +1,8 @@
 """Certificates for the mutual TLS of one campaign cluster.
 
-Dask looks at nothing but whether the other side has a certificate of the same authority: no host name is checked and
-nothing can be revoked. So each cluster gets an authority of its own, and the authority's key is never written: who is
-to be kept out later is kept out by a new set of certificates.
+Dask checks only that the other side has a certificate of the same authority: it checks no host names and supports no
+revocation. So each cluster gets an authority of its own, whose key is never written; to lock somebody out later, make a
+new set of certificates.
 """
 
 import datetime
@@ -21,7 +21,7 @@ from distributed import Security
 from campaign.errors import SpecError
 
 ROLES = ("scheduler", "worker", "client")
-LONGEST = 825  # days: what common TLS libraries accept
+LONGEST = 825  # days; the longest validity that common TLS libraries accept
 _SKEW = datetime.timedelta(minutes=5)  # clocks of a cluster may differ
 
 
@@ -37,9 +37,9 @@ def make_certificates(folder: Path, days: int, hosts: Sequence[str] = ()) -> dic
     Parameters
     ----------
     folder : Path
-        Where; made with mode 0700 if it is not there.
+        Folder of the files; made with mode 0700 if it does not exist.
     days : int
-        How long they are valid [days], 1 to 825.
+        Validity of the certificates [days], 1 to 825.
     hosts : sequence of str
         Names or addresses of the scheduler, for tools that check them; dask does not.
 
@@ -51,7 +51,7 @@ def make_certificates(folder: Path, days: int, hosts: Sequence[str] = ()) -> dic
     Raises
     ------
     SpecError
-        If the days are out of bounds, one of the files is there, or the folder cannot be written. Nothing is replaced.
+        If the days are out of range, one of the files exists, or the folder cannot be written. No file is replaced.
     """
     if not 1 <= days <= LONGEST:
         raise SpecError(f"--days {days}: must be 1 to {LONGEST}; make new certificates before these expire")
@@ -71,10 +71,10 @@ def make_certificates(folder: Path, days: int, hosts: Sequence[str] = ()) -> dic
 
 
 def passing_security() -> Security:
-    """Return certificates of a new authority for one run on this machine; they are in memory only.
+    """Return certificates of a new authority for one run on this machine; they exist only in memory.
 
-    Their validity reaches as far back as ahead: a clock that is set right while the run lasts must not lock out the
-    worker that replaces one which died.
+    They are valid as far back as ahead, so that correcting the clock during the run does not lock out a worker that
+    replaces a dead one.
     """
     now, validity = datetime.datetime.now(datetime.UTC), datetime.timedelta(days=LONGEST)
     contents = _contents((now - validity, now + validity), ())
@@ -98,9 +98,9 @@ def _contents(valid: tuple[datetime.datetime, datetime.datetime], hosts: Sequenc
 
 
 def _authority(valid: tuple[datetime.datetime, datetime.datetime]) -> _Authority:
-    """Return a new authority, which signs itself and lives in memory only."""
+    """Return a new self-signed authority, which exists only in memory."""
     key = ec.generate_private_key(ec.SECP256R1())
-    # two authorities of one name would be mixed up by programs that hold both
+    # programs that hold two authorities of the same name would confuse them
     name = _name(f"clearcap cluster {x509.random_serial_number():x}"[:40])
     builder = _begun(name, name, key.public_key(), key.public_key(), valid)
     builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
@@ -136,7 +136,7 @@ def _begun(
     issuer_key: ec.EllipticCurvePublicKey,
     valid: tuple[datetime.datetime, datetime.datetime],
 ) -> x509.CertificateBuilder:
-    """Return what all certificates have."""
+    """Return a builder with the fields that all certificates share."""
     return (
         x509.CertificateBuilder()
         .subject_name(subject)
@@ -169,7 +169,7 @@ def _name(common_name: str) -> x509.Name:
 
 
 def _host(host: str) -> x509.GeneralName:
-    """Return a host as an address if it is one, else as a name."""
+    """Return a host as an IP address if it is one, else as a DNS name."""
     try:
         return x509.IPAddress(ipaddress.ip_address(host))
     except ValueError:
@@ -181,6 +181,6 @@ def _host(host: str) -> x509.GeneralName:
 
 
 def _write(path: Path, content: bytes, mode: int) -> None:
-    """Write a file that is not there yet, never readable by more than its mode says."""
+    """Write a file that does not exist yet; it has its mode from the start."""
     with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
         file.write(content)

@@ -1,4 +1,4 @@
-"""What a coordinator asks of the processes that compute, wherever these are."""
+"""The interface through which a coordinator uses workers, wherever they run."""
 
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -10,11 +10,11 @@ T = TypeVar("T")
 
 
 class WorkerDied(CampaignError):
-    """The process that was given a call ended before it answered, or hung; the message names it."""
+    """The process that ran a call ended before it answered, or hung; the message names it."""
 
 
 class SchedulerLost(UnreachableError):
-    """The connection to the workers is gone, and with it every call in flight."""
+    """The connection to the workers is lost, and with it every call in flight."""
 
 
 class NoWorkerLeft(CampaignError):
@@ -22,14 +22,14 @@ class NoWorkerLeft(CampaignError):
 
 
 class Workers(Protocol):
-    """Processes that run calls of functions of modules.
+    """Processes that run calls of module-level functions.
 
-    A finished call is a future with the result of the function, its exception, or `WorkerDied`.
+    A finished call is a future that holds the result of the function, its exception, or `WorkerDied`.
     """
 
     @property
     def name(self) -> str:
-        """What messages call the workers' place."""
+        """Name of the place of the workers in messages."""
 
     def count(self) -> int:
         """Return the number of workers.
@@ -37,7 +37,7 @@ class Workers(Protocol):
         Raises
         ------
         SchedulerLost
-            If the connection to them is gone.
+            If the connection to the workers is lost.
         """
 
     def submit(self, key: str, function: Callable[..., T], *arguments: Any) -> Future[T]:
@@ -46,9 +46,9 @@ class Workers(Protocol):
         Parameters
         ----------
         key : str
-            What a scheduler's own pages call it.
+            Name of the call on a scheduler's own pages.
         function : callable
-            A function of a module; workers find it by its name.
+            A module-level function; workers find it by its name.
         *arguments
             Small values that can be pickled.
 
@@ -66,28 +66,28 @@ class Workers(Protocol):
         """
 
     def next_finished(self, timeout: float | None = None) -> Future[Any] | None:
-        """Wait for a call that is finished and return it.
+        """Wait for a call to finish and return it.
 
         Parameters
         ----------
         timeout : float or None
-            How long to wait [s]; None for as long as it takes.
+            How long to wait [s]; None to wait without limit.
 
         Returns
         -------
         Future or None
-            None if none finished in time, or none is in flight.
+            None if no call finished in time, or none is in flight.
 
         Raises
         ------
         SchedulerLost
             If the connection to the workers is gone.
         NoWorkerLeft
-            If calls wait and every worker is refused.
+            If calls are waiting and every worker is refused.
         """
 
     def refuse(self, call: Future[Any]) -> str:
-        """Give no more calls to the worker in which this call failed; return the worker's name."""
+        """Submit no more calls to the worker in which this call failed; return the worker's name."""
 
     def cancel(self) -> None:
-        """Take back all calls in flight; their futures are never finished."""
+        """Cancel all calls in flight; their futures never finish."""

@@ -1,1 +1,1 @@
-"""What the footer of a Parquet file says, read without decoding it, so that it can be refused before it does harm."""
+"""Read the footer of a Parquet file without decoding the data, so that a harmful file can be refused beforehand."""

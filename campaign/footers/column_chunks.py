@@ -1,6 +1,6 @@
-"""The column chunks that the footer of a Parquet file names (Apache Parquet format, ``FileMetaData``), and their pages.
+"""The column chunks listed in the footer of a Parquet file (Apache Parquet format, ``FileMetaData``), and their pages.
 
-They are read here because pyarrow ends the process where the footer of a damaged file contradicts itself in a column.
+They are read here because pyarrow crashes the process if a damaged footer contradicts itself about a column.
 """
 
 from collections.abc import Iterator
@@ -9,12 +9,12 @@ from typing import Any
 
 from campaign.footers.thrift_structs import read_struct
 
-LARGEST_FOOTER = 4_000_000  # bytes; one of a thousand columns in a dozen groups has a million
+LARGEST_FOOTER = 4_000_000  # bytes; a footer of a thousand columns in a dozen groups has a million
 _TAIL = 8  # bytes: length of the footer, and PAR1
 _GROUPS, _COLUMNS, _ROWS, _META = 4, 1, 3, 3  # fields: of the file, of a group (two), of a column
 _PATH, _VALUES, _UNCOMPRESSED, _COMPRESSED, _DATA, _DICTIONARY = 3, 5, 6, 7, 9, 11  # fields of a column's metadata
 _PAGE_TYPE, _PAGE_UNCOMPRESSED, _PAGE_COMPRESSED = 1, 2, 3  # fields of a page header
-_PAGE_HEADS = (5, 7, 8)  # of them, the heads of a data page, a dictionary, a data page of version 2
+_PAGE_HEADS = (5, 7, 8)  # fields of a page header: heads of a data page, a dictionary, a data page of version 2
 _PAGE_VALUES = 1  # field of such a head
 
 
@@ -25,9 +25,9 @@ class ColumnChunk:
     Attributes
     ----------
     path : str
-        Name of the column, with those of its parents where it is nested.
+        Name of the column, preceded by the names of its parents if it is nested.
     rows, values : int
-        Rows of the group, and values of the column in it.
+        Number of rows of the group, and number of values of the column in it.
     uncompressed : int
         Size of its pages once decompressed [bytes].
     begin, end : int
@@ -48,12 +48,12 @@ def column_chunks(content: bytes) -> Iterator[ColumnChunk]:
     Parameters
     ----------
     content : bytes
-        Of the file.
+        Content of the file.
 
     Raises
     ------
     ValueError
-        If its footer is not sound, or too long.
+        If its footer is malformed or too long.
     """
     length = int.from_bytes(content[-_TAIL : -_TAIL // 2], "little")
     if length > min(LARGEST_FOOTER, len(content) - _TAIL):
@@ -65,7 +65,7 @@ def column_chunks(content: bytes) -> Iterator[ColumnChunk]:
 
 
 def _structs(struct: dict[int, Any], field: int) -> list[dict[int, Any]]:
-    """Return the structs of a list in a struct."""
+    """Return the list of structs in a field of a struct."""
     found = struct.get(field)
     if not isinstance(found, list) or not all(isinstance(element, dict) for element in found):
         raise ValueError("its footer lacks row groups or columns")
@@ -73,7 +73,7 @@ def _structs(struct: dict[int, Any], field: int) -> list[dict[int, Any]]:
 
 
 def _chunk(column: Any, rows: Any) -> ColumnChunk:
-    """Return a column chunk of its metadata."""
+    """Return the column chunk that a column's metadata describes."""
     if not isinstance(column, dict):
         raise ValueError("its footer lacks the metadata of a column")
     path, dictionary = column.get(_PATH), column.get(_DICTIONARY)
@@ -86,12 +86,12 @@ def _chunk(column: Any, rows: Any) -> ColumnChunk:
 
 
 def pages(content: bytes, chunk: ColumnChunk) -> Iterator[tuple[int, int]]:
-    """Yield the decoded size [bytes] and the number of values of each page of a column chunk, by the pages' headers.
+    """Yield the decoded size [bytes] and the number of values that each page header of a column chunk states.
 
     Raises
     ------
     ValueError
-        If a page has no sound header.
+        If a page has a malformed header.
     """
     at = chunk.begin
     while at < chunk.end:

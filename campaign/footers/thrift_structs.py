@@ -1,26 +1,26 @@
-"""Structs of the Thrift compact protocol, in which Parquet writes its footer and the headers of its pages.
+"""Structs of the Thrift compact protocol, in which Parquet writes its footer and its page headers.
 
-Every element takes at least a byte of the content, so no content takes longer than its length. Nothing is trusted:
-whatever is not sound raises ValueError.
+Every element takes at least one byte, so the time to read is proportional to the length of the content. Nothing is
+trusted: malformed content raises ValueError.
 """
 
 from typing import Any
 
 DEEPEST = 12  # nested structs and lists; a footer has seven
-_LONG = 15  # in the head of a list: its length follows
+_LONG = 15  # in the head of a list: the length follows
 
 
 def read_struct(content: bytes, at: int, depth: int = 0) -> tuple[dict[int, Any], int]:
-    """Return the fields of a struct by number, and where it ends.
+    """Return the fields of a struct by number, and the offset of its end.
 
     Parameters
     ----------
     content : bytes
-        That holds the struct.
+        Bytes that hold the struct.
     at : int
-        Where it begins.
+        Offset at which it begins.
     depth : int
-        How many structs and lists it lies in.
+        Number of structs and lists that enclose it.
 
     Returns
     -------
@@ -30,7 +30,7 @@ def read_struct(content: bytes, at: int, depth: int = 0) -> tuple[dict[int, Any]
     Raises
     ------
     ValueError
-        If there is no sound struct.
+        If the struct is malformed.
     """
     if depth > DEEPEST:
         raise ValueError("a header is nested too deeply")
@@ -45,15 +45,15 @@ def read_struct(content: bytes, at: int, depth: int = 0) -> tuple[dict[int, Any]
             field += head >> 4
         else:
             field, at = _number(content, at)
-        if kind in (1, 2):  # true and false take no more than their kind
+        if kind in (1, 2):  # true and false have no bytes of their own
             fields[field] = None
         else:
             fields[field], at = _value(content, at, kind, depth)
 
 
 def _value(content: bytes, at: int, kind: int, depth: int) -> tuple[Any, int]:
-    """Return a value of a kind, and where it ends."""
-    if kind in (1, 2, 3):  # a byte; in a list a Boolean is one too
+    """Return a value of a kind, and the offset of its end."""
+    if kind in (1, 2, 3):  # one byte; in a list a Boolean takes one byte, too
         return None, at + 1
     if kind in (4, 5, 6):
         return _number(content, at)
@@ -70,7 +70,7 @@ def _value(content: bytes, at: int, kind: int, depth: int) -> tuple[Any, int]:
 
 
 def _list(content: bytes, at: int, depth: int) -> tuple[list[Any], int]:
-    """Return the elements of a list, and where it ends."""
+    """Return the elements of a list, and the offset of its end."""
     if depth > DEEPEST:
         raise ValueError("a header is nested too deeply")
     head, at = _byte(content, at)
@@ -79,21 +79,21 @@ def _list(content: bytes, at: int, depth: int) -> tuple[list[Any], int]:
         length, at = _varint(content, at)
     elements = []
     for _ in range(length):
-        _byte(content, at)  # a length that lies must not be believed
+        _byte(content, at)  # ValueError at the end of the content: the stated length may be false
         element, at = _value(content, at, head & 15, depth)
         elements.append(element)
     return elements, at
 
 
 def _byte(content: bytes, at: int) -> tuple[int, int]:
-    """Return the byte at a place, and the next place."""
+    """Return the byte at an offset, and the next offset."""
     if not 0 <= at < len(content):
         raise ValueError("a header lies outside of the file")
     return content[at], at + 1
 
 
 def _varint(content: bytes, at: int) -> tuple[int, int]:
-    """Return a number of seven bits a byte, and where it ends."""
+    """Return a number stored with seven bits per byte, and the offset of its end."""
     value = 0
     for shift in range(0, 70, 7):
         byte, at = _byte(content, at)
@@ -104,6 +104,6 @@ def _varint(content: bytes, at: int) -> tuple[int, int]:
 
 
 def _number(content: bytes, at: int) -> tuple[int, int]:
-    """Return a number whose sign is its last bit, and where it ends."""
+    """Return a number whose sign is its last bit, and the offset of its end."""
     value, at = _varint(content, at)
     return (value >> 1) ^ -(value & 1), at

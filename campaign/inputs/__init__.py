@@ -1,1 +1,1 @@
-"""What varies: distributions of the variables, and the samplers that draw from them."""
+"""The inputs that vary: distributions of the variables, and the samplers that draw from them."""

@@ -1,1 +1,1 @@
-"""What a user writes in a campaign file: its models, the data files beside it, loading, messages."""
+"""The campaign file: its models, the data files beside it, loading, and messages about faults."""

@@ -1,4 +1,4 @@
-"""What looks wrong in a campaign that could run all the same: the cautions of its mechanism, before its first run."""
+"""Cautions before the first run of a campaign: what looks wrong in it, although it could run."""
 
 from collections.abc import Iterator
 
@@ -12,15 +12,15 @@ from engine.preflight.step_trial import step_caution
 
 
 def campaign_cautions(campaign: Campaign) -> Iterator[Caution]:
-    """Yield what `clearcap mechanism check` warns of, with all variables at their medians, and of a step too long.
+    """Yield the cautions of `clearcap mechanism check` with all variables at their medians, and one for a long step.
 
-    A fixed step that the campaign sets is tried on one run; where the mechanism does not come to rest with it, shorter
-    ones are tried too.
+    A fixed step that the campaign sets is tried on one run; if the mechanism does not come to rest with it, shorter
+    steps are tried too.
 
     Parameters
     ----------
     campaign : Campaign
-        As `campaign.spec.load.load_campaign` checked it.
+        A campaign checked by `campaign.spec.load.load_campaign`.
     """
     mechanism, settings = _typical(campaign), campaign.spec.simulation
     yield from cautions(mechanism)
@@ -31,7 +31,7 @@ def campaign_cautions(campaign: Campaign) -> Iterator[Caution]:
 
 
 def _typical(campaign: Campaign) -> Mechanism:
-    """Return the mechanism with all variables at their medians, or as it is if that is not allowed."""
+    """Return the mechanism with all variables at their medians, or unchanged if it refuses these values."""
     medians = {
         variable.target or name: float(variable.ppf(np.array([0.5]))[0])
         for name, variable in campaign.spec.variables.items()

@@ -1,4 +1,4 @@
-"""The models of a campaign file: what a user may write, and what is refused."""
+"""The pydantic models of a campaign file: which keys and values are allowed."""
 
 from decimal import Decimal
 from typing import Annotated, Any, Literal, Self
@@ -26,7 +26,7 @@ Levels = (
 
 
 def _known_sampler(value: Any) -> Any:
-    """Return the name of a sampler; refuse any other value, in pydantic's words for a choice."""
+    """Return the name of a sampler; refuse any other value with pydantic's error for a choice."""
     if value not in list(SAMPLERS):
         *first, last = (f"'{name}'" for name in SAMPLERS)
         raise PydanticKnownError("literal_error", {"expected": f"{', '.join(first)} or {last}"})
@@ -82,7 +82,7 @@ class Response(TableModel, strict=True):
         if self.nominal is None or self.tolerance is None:
             return self.lsl, self.usl, self.target
         target = self.nominal if self.target is None else self.target
-        # as a drawing adds them: 2.11 - 0.25 is 1.86 and not 1.8599999999999999
+        # in decimals, as on a drawing: 2.11 - 0.25 is 1.86 and not 1.8599999999999999
         nominal, tolerance = Decimal(repr(self.nominal)), Decimal(repr(self.tolerance))
         return float(nominal - tolerance), float(nominal + tolerance), target
 
@@ -186,7 +186,7 @@ class CampaignSpec(TableModel, strict=True):
     @model_validator(mode="before")
     @classmethod
     def _samples_of_a_stop(cls, data: Any) -> Any:
-        """Let a stopping rule's ``max_samples`` limit the number of samples, or be it if none is given."""
+        """Limit the number of samples to the stopping rule's ``max_samples``, which is also the default."""
         stop = data.get("stop") if isinstance(data, dict) else None
         largest = stop.get("max_samples") if isinstance(stop, dict) else None
         samples = data.get("samples", largest) if isinstance(largest, int) else None

@@ -1,4 +1,4 @@
-"""A campaign as the text of its file, from its tables: what a form has filled in, or a program has made."""
+"""Write the text of a campaign file from its tables, which a form or a program has filled in."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,18 +12,18 @@ def campaign_text(tables: Mapping[str, Any]) -> str:
     Parameters
     ----------
     tables : mapping
-        The tables of the file as Python data, sound or not; what is None is left out.
+        The tables of the file as Python data, valid or not; entries that are None are left out.
 
     Returns
     -------
     str
-        TOML with the keys at the top in reading order: format, name, mechanism, ..., variables, responses. Inside a
-        table they keep their order. It has the same values as the tables.
+        TOML with the same values. Top-level keys are in reading order: format, name, mechanism, ..., variables,
+        responses; keys inside a table keep their order.
 
     Raises
     ------
     TypeError
-        If something in the tables is no TOML.
+        If a value in the tables has no equivalent in TOML.
     """
     import tomli_w
 
@@ -32,7 +32,7 @@ def campaign_text(tables: Mapping[str, Any]) -> str:
 
 
 def _given(value: Any) -> Any:
-    """Return a value without what is None in its tables."""
+    """Return a value without the entries of its tables that are None."""
     if isinstance(value, Mapping):
         return {key: _given(inner) for key, inner in value.items() if inner is not None}
     if isinstance(value, list | tuple):

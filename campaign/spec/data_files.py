@@ -21,21 +21,21 @@ FORMATS = (".csv", ".parquet")
 
 
 def read_data_files(raw: Mapping[str, Any], files: NamedFiles) -> tuple[dict[str, Any], list[SpecFault]]:
-    """Return a campaign in which the columns of its data files replace the names of the files.
+    """Replace the names of data files in a campaign by the columns of the files.
 
     Parameters
     ----------
     raw : mapping
         The campaign as read. It may have faults.
     files : NamedFiles
-        What the names of files in it stand for.
+        The files that it names.
 
     Returns
     -------
     dict
-        The campaign; a table whose file cannot be read is left as it was.
+        The campaign; a table whose file cannot be read is unchanged.
     list of SpecFault
-        What is wrong with the files.
+        The faults of the files.
     """
     whole, faults = dict(raw), list[SpecFault]()
     variables, table = raw.get("variables"), raw.get("table")
@@ -62,14 +62,14 @@ def read_data_files(raw: Mapping[str, Any], files: NamedFiles) -> tuple[dict[str
 
 
 def read_columns(files: NamedFiles, file: str, names: list[str]) -> dict[str, list[float]]:
-    """Return columns of numbers of a CSV or Parquet file by name.
+    """Return columns of numbers from a CSV or Parquet file, by name.
 
     Parameters
     ----------
     files : NamedFiles
-        Where it is.
+        The files that the campaign names.
     file : str
-        Its name.
+        Name of the file to read.
     names : list of str
         The columns to read.
 
@@ -77,7 +77,7 @@ def read_columns(files: NamedFiles, file: str, names: list[str]) -> dict[str, li
     ------
     SpecError
         If the file cannot be read, lacks a column, has too many rows, or holds anything but finite numbers. The message
-        lacks the key.
+        does not name the key.
     """
     import pyarrow as pa
 
@@ -88,15 +88,15 @@ def read_columns(files: NamedFiles, file: str, names: list[str]) -> dict[str, li
     try:
         with bounded_memory():
             columns = (CsvColumns if suffix == ".csv" else ParquetColumns)(content)
-            if columns.names:  # otherwise reading says what is wrong
+            if columns.names:  # otherwise read() reports what is wrong
                 _check_names(names, columns.names, files.may_quote(file))
             table = columns.read(names)
     except MemoryError as error:
         raise SpecError("its content takes too much memory; keep only the columns and rows that you need") from error
-    except (pa.ArrowException, OverflowError, ValueError) as error:  # ValueError: a footer that is damaged
+    except (pa.ArrowException, OverflowError, ValueError) as error:  # ValueError: a damaged footer
         raise SpecError(f"not {suffix[1:]}: {_reason(error)}; correct the file") from error
     except OSError as error:
-        what = error.strerror if error.errno else _reason(error)  # pyarrow's own have no number
+        what = error.strerror if error.errno else _reason(error)  # pyarrow's own errors have no number
         raise SpecError(f"cannot be read ({what}); name a readable {suffix[1:]} file") from error
     return {name: _numbers(table.column(name), name) for name in names}
 
@@ -109,7 +109,7 @@ def _names_file(entry: Any, content: str) -> TypeGuard[dict[str, Any]]:
 
 
 def _check_names(names: Iterable[str], there: list[str], quote: bool) -> None:
-    """Refuse a file that has not exactly one column of each name."""
+    """Refuse a file unless it has exactly one column of each name."""
     for name in names:
         if (count := there.count(name)) != 1:
             what = f"no column {name}" if count == 0 else f"{count} columns {name}"
@@ -119,7 +119,7 @@ def _check_names(names: Iterable[str], there: list[str], quote: bool) -> None:
 
 
 def _reason(error: BaseException) -> str:
-    """Return pyarrow's reason in a line, without the row that it quotes: a campaign may name any file."""
+    """Return pyarrow's reason in one line, without the row that it quotes, as a campaign may name any file."""
     line = next(iter(str(error).splitlines()), "") or type(error).__name__
     return re.sub(r"(, got \d+|invalid value).*", r"\1", line)[:200]
 

@@ -1,4 +1,4 @@
-"""Columns in the content of a CSV or Parquet file, decoded only after it is known how much there is."""
+"""Columns in the content of a CSV or Parquet file, decoded only after their size has been checked."""
 
 import csv
 import io
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 MOST_ROWS = 1_000_000
 MOST_COLUMNS = 1000
 LONGEST_HEADER = 100_000  # bytes of a CSV file's first line
-LARGEST_COLUMN = 64_000_000  # bytes, decoded: of the most rows, eight for each, and many times as much for the encoding
+LARGEST_COLUMN = 64_000_000  # bytes, decoded: many times the eight bytes per row of the most rows, for any encoding
 LARGEST_DECODED = 1 << 30  # bytes that decoding may take
 BATCH = 65_536  # rows decoded at a time
 
@@ -28,7 +28,7 @@ class CsvColumns:
     Parameters
     ----------
     content : bytes
-        Of the file.
+        Content of the file.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class CsvColumns:
         self._content = content
 
     def read(self, names: list[str]) -> "pa.Table":
-        """Return some columns; pyarrow.ArrowException if the file is no CSV."""
+        """Return the named columns; pyarrow.ArrowException if the file is not CSV."""
         import pyarrow as pa
         from pyarrow import csv as arrow
 
@@ -66,13 +66,13 @@ class CsvColumns:
 class ParquetColumns:
     """The columns of a Parquet file.
 
-    A page of a few bytes may hold gigabytes. The footer says how much there is, and is asked before anything is
-    decoded. As it may be wrong, no more rows are decoded than are allowed, and in `bounded_memory`.
+    A page of a few bytes may decode to gigabytes. The sizes that the footer states are checked before anything is
+    decoded. As the footer may be wrong, no more rows than allowed are decoded, in `bounded_memory`.
 
     Parameters
     ----------
     content : bytes
-        Of the file.
+        Content of the file.
 
     Attributes
     ----------
@@ -84,7 +84,7 @@ class ParquetColumns:
     SpecError
         If there are too many rows or columns.
     pyarrow.ArrowException, OSError, ValueError
-        If it is no Parquet file, or damaged.
+        If the file is not Parquet, or is damaged.
     """
 
     def __init__(self, content: bytes) -> None:
@@ -97,13 +97,13 @@ class ParquetColumns:
         check_size(self._file.metadata.num_rows, MOST_ROWS, "rows")
 
     def read(self, names: list[str]) -> "pa.Table":
-        """Return some columns; errors as of the class."""
+        """Return the named columns; raises the same errors as the class."""
         import pyarrow as pa
 
         schema = self._file.schema_arrow
         empty = pa.schema([schema.field(name) for name in names]).empty_table()
         if not all(is_number(kind) for kind in empty.schema.types):
-            return empty  # the caller refuses the type
+            return empty  # the caller refuses columns of this type
         for chunk in column_chunks(self._content):
             if chunk.path in names:
                 check_size(chunk.values, MOST_ROWS, "values")
@@ -118,10 +118,10 @@ class ParquetColumns:
 
 @contextmanager
 def bounded_memory() -> Iterator[None]:
-    """Make allocations in the block fail with MemoryError if they take more than decoding any data file does."""
+    """Make allocations in the block fail with MemoryError beyond the memory that decoding a data file may take."""
     try:
         in_use = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
-    except OSError:  # an operating system that does not say
+    except OSError:  # an operating system without /proc
         yield
         return
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
@@ -141,6 +141,6 @@ def is_number(kind: "pa.DataType") -> bool:
 
 
 def check_size(count: int, most: int, what: str) -> None:
-    """Refuse a file that holds more of something than any campaign needs."""
+    """Raise SpecError if a file holds more of something than any campaign needs."""
     if count > most:
         raise SpecError(f"more than {most} {what} ({count}); keep only what the campaign needs")

@@ -1,4 +1,4 @@
-"""The wording of faults of a campaign file: which key, which value, what is allowed, what to do."""
+"""Messages about faults of a campaign file: the key, its value, what is allowed, and what to do."""
 
 import json
 import re
@@ -17,16 +17,16 @@ _LONGEST_VALUE = 60  # characters of a value in a line
 
 @dataclass(frozen=True)
 class SpecFault(Fault):
-    """One thing that is wrong with a campaign file; keys and values are shown as TOML has them."""
+    """One fault of a campaign file; keys and values are shown as TOML writes them."""
 
     @property
     def key(self) -> str:
-        """Dotted path of the key, parts quoted where TOML needs it."""
+        """Dotted path of the key, with parts quoted where TOML requires it."""
         return ".".join(k if re.fullmatch(r"[A-Za-z0-9_-]+", k) else json.dumps(k) for k in self.keys)
 
     @property
     def shown(self) -> str:
-        """The value; empty if there is none, and of tables and lists."""
+        """The value as text; empty for tables and lists, and if there is no value."""
         if self.value is None or isinstance(self.value, dict | list):
             return ""
         text = json.dumps(self.value, ensure_ascii=False, default=str)
@@ -34,12 +34,12 @@ class SpecFault(Fault):
 
 
 def structure_faults(error: ValidationError, root: type[BaseModel]) -> list[SpecFault]:
-    """Return the faults that pydantic sees, each once, at most as many as are listed.
+    """Return the faults that pydantic found, each once, at most `MOST_FAULTS` of them.
 
     Parameters
     ----------
     error : ValidationError
-        What pydantic raised.
+        The error that pydantic raised.
     root : type of BaseModel
         The model that was validated.
     """
@@ -48,7 +48,7 @@ def structure_faults(error: ValidationError, root: type[BaseModel]) -> list[Spec
 
 
 def fault(keys: Iterable[str], value: Any, text: str, within: tuple[Fault, ...] = ()) -> SpecFault:
-    """Return the fault of a key; ``within`` are those of the file that its value names."""
+    """Return the fault of a key; ``within`` are the faults of the file that its value names."""
     return SpecFault(tuple(keys), text, value, within=within)
 
 
@@ -58,7 +58,7 @@ def _fault(error: Mapping[str, Any], root: type[BaseModel]) -> SpecFault:
     below = refused.get("key")  # a table refuses one of its keys
     at = locate(root, (*error["loc"], *below.split(".")) if below else error["loc"])
     keys = list(at.path)
-    if keys[:1] == ["grid"] and len(keys) > 1:  # pydantic has an error for each of the two ways to write levels
+    if keys[:1] == ["grid"] and len(keys) > 1:  # pydantic reports one error for each way to write levels
         text = "must be a number of levels, 2 to a million, or a list of levels, finite numbers; correct it"
         return fault(keys[:2], None, text)
     text = _text(error, keys, at.known_keys)
@@ -68,7 +68,7 @@ def _fault(error: Mapping[str, Any], root: type[BaseModel]) -> SpecFault:
 
 
 def _with_its_key(text: str, root: type[BaseModel]) -> SpecFault:
-    """Return the fault of a file as a whole, with the key at which a text of the form ``key = value: ...`` begins."""
+    """Return the fault of a whole file, with the key and value if the text has the form ``key = value: ...``."""
     begins = re.fullmatch(r"([A-Za-z_][\w.-]*)(?: = ([^:]+))?: (.*)", text, re.DOTALL)
     if begins and begins[1].split(".")[0] in root.model_fields:
         try:
@@ -82,7 +82,7 @@ def _with_its_key(text: str, root: type[BaseModel]) -> SpecFault:
 
 
 def _text(error: Mapping[str, Any], keys: list[str], known: list[str]) -> str:
-    """Return what is wrong, what is allowed and the remedy; ``known`` are the keys that the table may have."""
+    """Return the fault, what is allowed and the remedy; ``known`` are the keys that the table may have."""
     match error["type"]:
         case "missing":
             return "missing; add it"
@@ -114,6 +114,6 @@ def _text(error: Mapping[str, Any], keys: list[str], known: list[str]) -> str:
 
 
 def _must(error: Mapping[str, Any]) -> str:
-    """Return pydantic's own words as a demand."""
+    """Return pydantic's message reworded as a requirement."""
     text = str(error["msg"]).replace("Input should be", "must be").replace("String should", "must")
     return text.replace("greater than or equal to", "at least").replace("less than or equal to", "at most")

@@ -1,6 +1,6 @@
-"""Loading a campaign from a file or a text: read it, check everything at once, and load its mechanism.
+"""Load a campaign from a file or a text: read it, check everything at once, and load its mechanism.
 
-All faults of a file are collected before it is refused, so that a user can correct it in one go.
+All faults of a file are collected before it is refused, so that users can correct them in one go.
 """
 
 import os
@@ -75,7 +75,7 @@ def load_campaign(source: Source, *, samples: int | None = None, seed: int | Non
     Raises
     ------
     SpecError
-        With all faults of the source, one a line, each with its key, its value, what is allowed and the remedy.
+        With all faults of the source, one per line, each with its key, its value, what is allowed and the remedy.
     """
     overrides = {key: value for key, value in (("samples", samples), ("seed", seed)) if value is not None}
     if isinstance(source, Mapping):
@@ -97,29 +97,30 @@ def load_campaign_text(
     samples: int | None = None,
     seed: int | None = None,
 ) -> Campaign:
-    """Check a campaign that came as text, with the files that it names.
+    """Check a campaign given as text, together with the files that it names.
 
-    No file is opened but those of clearcap itself. So text that anybody posts can name no file of this machine.
+    No files are opened except those of clearcap itself, so text from an untrusted user cannot read files of this
+    machine.
 
     Parameters
     ----------
     text : str or bytes
         Content of a campaign file, at most a megabyte; bytes are UTF-8.
     files : mapping of str to bytes
-        Content of each file that the campaign names, by that name: its mechanism, if that is not a shipped one, and its
-        data files. At most 100 files, of at most 200 MB in all.
+        Content of each file that the campaign names, by that name: its mechanism, unless it is a shipped one, and its
+        data files. At most 100 files, 200 MB in all.
     samples, seed : int, optional
         Number of samples and seed, instead of those of the text.
 
     Returns
     -------
     Campaign
-        The same as `load_campaign` returns of a folder with these files.
+        The same as `load_campaign` returns for a folder with these files.
 
     Raises
     ------
     SpecError
-        With all faults, as of `load_campaign`; also if it names a file that is not among those given.
+        With all faults, as in `load_campaign`; also if the campaign names a file that is not given.
     """
     overrides = {key: value for key, value in (("samples", samples), ("seed", seed)) if value is not None}
     content = text_bytes(text)
@@ -127,7 +128,7 @@ def load_campaign_text(
 
 
 def _checked(raw: dict[str, Any], files: NamedFiles, heading: str, content: bytes = b"") -> Campaign:
-    """Return the campaign of the tables of a file; with its content, faults know their lines."""
+    """Return the campaign from the tables of a file; if its content is given, faults state their lines."""
     raw, faults = read_data_files(raw, files)
     spec = None
     try:
@@ -156,12 +157,12 @@ def _checked(raw: dict[str, Any], files: NamedFiles, heading: str, content: byte
 
 
 def mechanism_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
-    """Yield what does not fit between a campaign and its mechanism, one for each.
+    """Yield a fault for each contradiction between a campaign and its mechanism.
 
     Parameters
     ----------
     raw : mapping
-        The campaign as read. It may have other faults; only tables that are sound by themselves are checked.
+        The campaign as read. It may have other faults; only tables that are valid by themselves are checked.
     mechanism : Mechanism
         The mechanism of the campaign.
     """
@@ -191,7 +192,7 @@ def _locate(name_or_path: str) -> Path:
 
 
 def _tables(content: bytes, path: Path | None) -> dict[str, Any]:
-    """Return the tables in the content of a file, or of a text that has no path."""
+    """Return the tables in the content of a file, or in a text if there is no path."""
     heading = f"campaign {path}" if path else "campaign"
     try:
         tables = parse_toml(content)
@@ -205,7 +206,7 @@ def _tables(content: bytes, path: Path | None) -> dict[str, Any]:
 
 
 def _name_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
-    """Yield the faults of variables with the name of another column, and of responses that the mechanism lacks."""
+    """Yield the faults of names: variables named like another column, and responses that the mechanism lacks."""
     responses = list(mechanism.responses)
     sampler = SAMPLERS.get(str(raw.get("sampler")))
     columns = {*CERTIFICATE_COLUMNS, *(sampler.columns if sampler else ())}
@@ -256,6 +257,6 @@ def _stop_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecF
 
 
 def _no_response(name: str, mechanism: Mechanism) -> str:
-    """Return that a mechanism has no response of a name, and which ones it has."""
+    """Return the message that a mechanism has no response of a name, with the responses it has."""
     allowed = ", ".join(mechanism.responses)
     return f"{mechanism.name} has no response of this name; allowed: {allowed}{did_you_mean(name, mechanism.responses)}"

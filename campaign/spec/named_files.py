@@ -1,4 +1,4 @@
-"""The files that a campaign names: those of a folder, or a closed set of contents that came with its text."""
+"""The files that a campaign names: files of a folder, or a closed set of contents given with its text."""
 
 import re
 from collections.abc import Mapping
@@ -13,43 +13,43 @@ from engine.mechanism.faults import did_you_mean
 from engine.preflight.start_gaps import with_start_gaps
 from engine.regular_file import UnfitFile, read_regular_file
 
-MOST_FILES = 100  # that come with a campaign's text
-LARGEST_TOTAL = 200_000_000  # bytes of all of them
+MOST_FILES = 100  # given with a campaign's text
+LARGEST_TOTAL = 200_000_000  # bytes of all given files
 LONGEST_NAME = 200  # characters
 
 
 class NamedFiles(Protocol):
-    """What the names of files in a campaign stand for."""
+    """Access to the files that a campaign names."""
 
     def mechanism(self, name: str) -> Mechanism:
-        """Return the mechanism of a name; MechanismError or SpecError if there is none, or it has faults."""
+        """Return the mechanism of this name; MechanismError or SpecError if it does not exist or has faults."""
 
     def content(self, name: str, at_most: int) -> bytes:
-        """Return the content of a data file of at most ``at_most`` bytes; SpecError without the key if it cannot."""
+        """Return the content of a data file of at most ``at_most`` bytes; SpecError, without the key, on failure."""
 
     def may_quote(self, name: str) -> bool:
-        """Return whether a message may tell what is in a data file."""
+        """Return whether a message may quote the content of a data file."""
 
 
 @dataclass(frozen=True)
 class FolderFiles:
-    """The files that a name leads to from a folder: all those that the user of this process may read.
+    """Files by path, relative to a folder: all files that the user of this process may read.
 
     Parameters
     ----------
     folder : Path
-        Where relative paths begin.
+        The folder that relative paths start from.
     """
 
     folder: Path
 
     def mechanism(self, name: str) -> Mechanism:
-        """Return a shipped mechanism, or that of a file; MechanismError if there is none, or it has faults."""
+        """Return a shipped mechanism or one from a file; MechanismError if it does not exist or has faults."""
         is_path = Path(name).suffix == ".toml" or len(Path(name).parts) > 1
         return with_start_gaps(load_mechanism(self.folder / name if is_path else name))
 
     def content(self, name: str, at_most: int) -> bytes:
-        """Return the content of a regular file; SpecError if there is none, or it cannot be read."""
+        """Return the content of a regular file; SpecError if it does not exist or cannot be read."""
         path = self.folder / name
         try:
             return read_regular_file(path, at_most)
@@ -64,7 +64,7 @@ class FolderFiles:
             raise SpecError(f"cannot be read ({error.strerror or error}); name a readable {kind} file") from error
 
     def may_quote(self, name: str) -> bool:
-        """Return whether a file lies in the folder: a campaign may name any file of the machine."""
+        """Return whether a file lies in the folder; others are not quoted, as a campaign may name any file."""
         try:
             return (self.folder / name).resolve().is_relative_to(self.folder.resolve())
         except (OSError, ValueError, RuntimeError):  # a loop of links, a NUL in the name
@@ -72,17 +72,17 @@ class FolderFiles:
 
 
 class GivenFiles:
-    """Files that came with the text of a campaign: the text cannot name any other.
+    """Files given with the text of a campaign, which cannot name any others.
 
     Parameters
     ----------
     contents : mapping of str to bytes
-        Content of each file by the name that the campaign has for it, such as ``latch.toml`` or ``data/gaps.csv``.
+        Content of each file by its name in the campaign, such as ``latch.toml`` or ``data/gaps.csv``.
 
     Raises
     ------
     SpecError
-        If there are too many files, too large ones, or one whose name leads out of the campaign's folder.
+        If there are too many files, if they are too large, or if a name leads out of the campaign's folder.
     """
 
     def __init__(self, contents: Mapping[str, bytes]) -> None:
@@ -101,13 +101,13 @@ class GivenFiles:
         self._contents = dict(contents)
 
     def mechanism(self, name: str) -> Mechanism:
-        """Return a shipped mechanism, or a given one; errors as of `NamedFiles`."""
+        """Return a shipped or a given mechanism; raises the same errors as `NamedFiles`."""
         if name in library_names():
             return load_mechanism(name)
         return load_mechanism_text(self._given(name, f", and shipped mechanisms: {', '.join(library_names())}"), name)
 
     def content(self, name: str, at_most: int) -> bytes:
-        """Return the content of a given file; SpecError if it is none of them, or too large."""
+        """Return the content of a given file; SpecError if it was not given or is too large."""
         content = self._given(name)
         if len(content) > at_most:
             raise SpecError(
@@ -117,11 +117,11 @@ class GivenFiles:
         return content
 
     def may_quote(self, name: str) -> bool:
-        """Return that a message may tell what is in a file: whoever gave it knows."""
+        """Return True: the sender of a file may see its content quoted."""
         return True
 
     def _given(self, name: str, others: str = "") -> bytes:
-        """Return the content of a file; SpecError names those that there are."""
+        """Return the content of a file; if it was not given, SpecError lists the given ones."""
         content = self._contents.get(name.removeprefix("./"))
         if content is None:
             names = f": {', '.join(self._contents)}" if self._contents else "; no file was given"
@@ -132,4 +132,4 @@ class GivenFiles:
         return content
 
 
-_RELATIVE = r"(?!.*(?:^|/)\.{0,2}(?:/|$))[^\\:]+"  # no part that is empty, . or ..; no drive
+_RELATIVE = r"(?!.*(?:^|/)\.{0,2}(?:/|$))[^\\:]+"  # no part may be empty, . or ..; no drive letter

@@ -1,4 +1,4 @@
-"""The questions that are still open in a campaign file, and in the mechanism file that it names."""
+"""The questions still open in a campaign file and in the mechanism file that it names."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -15,7 +15,7 @@ def campaign_questions(campaign: object) -> Iterator[str]:
     Parameters
     ----------
     campaign : object
-        The path of a campaign file; anything else, as a campaign that was loaded before, has none.
+        The path of a campaign file; anything else, such as a loaded campaign, has no open questions.
     """
     if not isinstance(campaign, str | Path):
         return
@@ -31,7 +31,7 @@ def _said(path: str | Path) -> Iterator[str]:
 
 
 def _tables(path: Path) -> Mapping[str, Any]:
-    """Return the tables of a file; none if it cannot be read: loading it gives the reason."""
+    """Return the tables of a file; empty if it cannot be read, as loading it reports the reason."""
     try:
         return parse_toml(read_regular_file(path, LARGEST))
     except (OSError, ValueError, UnfitToml):

@@ -1,4 +1,4 @@
-"""A mechanism as a file with plain numbers in the place of the geometry that it takes from a CAD file."""
+"""A mechanism as a file with plain numbers in place of the geometry that it takes from a CAD file."""
 
 from typing import Any
 

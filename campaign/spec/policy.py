@@ -1,4 +1,4 @@
-"""Tables of the campaign file on failed runs, on the end of a campaign, and on the cost of a run."""
+"""Tables of the campaign file about failed runs, stopping, and the cost of a run."""
 
 from typing import Annotated, Literal, Self
 
@@ -9,7 +9,7 @@ from engine.mechanism.base import PositiveNumber, TableModel
 RETRIED = ("not_at_rest", "not_converged", "jammed", "diverged", "timeout")
 """Statuses that other settings could avoid. An ``invalid`` run is a result, and settings do not cause a crash."""
 
-FIRST_RUNS = 100  # if all of them fail, so will the others: of runs of which 5 % succeed, 100 fail in 0.6 % of cases
+FIRST_RUNS = 100  # if all fail, so will the others: with 5 % success, the first 100 all fail in 0.6 % of cases
 GROWTH = 4  # from a checkpoint of n samples the next one is n / GROWTH samples away
 
 
@@ -29,7 +29,7 @@ class SimulationSettings(TableModel, strict=True):
     )
 
     def values(self) -> dict[str, float]:
-        """Return the settings that are keys of the mechanism, where they are given."""
+        """Return the given settings that are keys of the mechanism."""
         return {} if self.tolerance is None else {"simulation.tolerance": self.tolerance}
 
     def text(self) -> str:
@@ -39,7 +39,7 @@ class SimulationSettings(TableModel, strict=True):
 
 
 class Failures(TableModel, strict=True):
-    """What happens when runs fail."""
+    """What happens if runs fail."""
 
     retry: Annotated[tuple[SimulationSettings, ...], Field(max_length=10, strict=False)] = Field(
         default=(),
@@ -58,13 +58,13 @@ class Failures(TableModel, strict=True):
     )
 
     def most_failed(self, samples: int) -> float:
-        """Return how many rows of a campaign of ``samples`` samples may fail; infinite without a limit."""
+        """Return the number of rows that may fail in a campaign of ``samples`` samples; infinite without a limit."""
         if self.max_failed is None:
             return float("inf")
         return self.max_failed if isinstance(self.max_failed, int) else self.max_failed * samples
 
     def is_hopeless(self, ok: int, done: int) -> bool:
-        """Return whether enough runs have failed, without a single one ok, to stop the campaign."""
+        """Return whether enough runs are done, all of them failed, to stop the campaign."""
         return self.max_failed is None and ok == 0 and done >= FIRST_RUNS
 
 
@@ -89,17 +89,17 @@ class Execution(TableModel, strict=True):
     )
 
     def values(self) -> dict[str, float]:
-        """Return the limits that are keys of the mechanism, where they are given."""
+        """Return the given limits that are keys of the mechanism."""
         return {} if self.time_limit is None else {"simulation.wall_limit": self.time_limit}
 
 
 class Stop(TableModel, strict=True):
     """The campaign stops as soon as a statistic is precise enough, and computes no further samples.
 
-    The rule is evaluated at checkpoints: numbers of samples. At a checkpoint n it takes the first n samples and stops
-    the campaign if the confidence interval of the statistic is narrow enough. So the end of a campaign depends neither
-    on the number of workers nor on the order in which rows arrive. With production batches there must be five whole
-    ones at least, as intervals rest on the differences between them.
+    The rule is evaluated at checkpoints, which are numbers of samples. At a checkpoint n it takes the first n samples
+    and stops the campaign if the confidence interval of the statistic is narrow enough. So the end of a campaign
+    depends neither on the number of workers nor on the order in which rows arrive. With production batches, at least
+    five must be complete, as intervals rest on the differences between them.
     """
 
     response: Annotated[str, Field(min_length=1)] = Field(description="Name of the response that the rule is about.")
@@ -131,7 +131,7 @@ class Stop(TableModel, strict=True):
         return self
 
     def checkpoints(self, samples: int) -> tuple[int, ...]:
-        """Return the numbers of samples at which the rule is evaluated, the last of them ``samples``."""
+        """Return the numbers of samples at which the rule is evaluated; the last is ``samples``."""
         points, n = [], self.min_samples
         while n < samples:
             points.append(n)

@@ -1,11 +1,11 @@
-"""A campaign file proposed from the limits of size in a CAD file: what the drawing allows, as variables."""
+"""A campaign file proposed from the limits of size in a CAD file, with each limited diameter as a variable."""
 
 from collections.abc import Iterable
 
 from campaign.spec.campaign_text import campaign_text
 from engine.cad_import.proposed_joints import Diameter
 
-CPK = 1.33  # assumed of a dimension of which only the limits are known, as in the docs
+CPK = 1.33  # assumed for a dimension if only its limits are known, as in the docs
 SAMPLES = 1000
 
 _HEAD = """\
@@ -24,9 +24,9 @@ def proposed_campaign(diameters: Iterable[Diameter], mechanism: str, name: str) 
     diameters : iterable of Diameter
         Parameters of the mechanism file, with their limits.
     mechanism : str
-        The mechanism file, by its path from the campaign file.
+        Path of the mechanism file, relative to the campaign file.
     name : str
-        Of the campaign.
+        Name of the campaign.
     """
     variables = {
         diameter.parameter: {

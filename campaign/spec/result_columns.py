@@ -1,4 +1,4 @@
-"""Columns of the results: one row for each sample, every number with its unit."""
+"""Columns of the results: one row per sample, every number with its unit."""
 
 from collections.abc import Mapping
 
@@ -34,7 +34,7 @@ OF_SAMPLERS = {"component": pa.int64(), "log_weight": pa.float64(), "aimed": pa.
 
 
 def certificate_units(system: UnitSystem) -> dict[str, str]:
-    """Return the units of those numbers of a run's certificate that have one, by name; see `engine.Certificate`.
+    """Return the units of the numbers of a run's certificate that have one, by name; see `engine.Certificate`.
 
     Parameters
     ----------
@@ -52,11 +52,11 @@ def results_schema(
     Parameters
     ----------
     mechanism : Mechanism
-        The mechanism, which has the responses and all units.
+        The mechanism, which defines the responses and all units.
     targets : mapping of str to str
         Key of the mechanism that each variable sets, by variable name.
     campaign_id : str
-        Id of the campaign, for the metadata: it shows which campaign a part belongs to.
+        Id of the campaign for the metadata, which show the campaign that a part belongs to.
     of_sampler : tuple of str
         Columns that the sampler adds.
     """

@@ -1,4 +1,4 @@
-"""Whether the variables of a campaign can set what they aim at: keys that exist, one variable each, values allowed."""
+"""Check that the variables of a campaign can set their targets: existing keys, one variable each, allowed values."""
 
 from collections.abc import Iterator, Mapping
 from itertools import islice
@@ -19,12 +19,12 @@ _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(Variable)
 
 
 def target_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[SpecFault]:
-    """Yield the faults of variables and their targets, one for each.
+    """Yield the faults of variables and their targets, one at a time.
 
     Parameters
     ----------
     raw : mapping
-        The campaign as read. It may have other faults; only variables that are sound by themselves are checked.
+        The campaign as read. It may have other faults; only variables that are valid by themselves are checked.
     mechanism : Mechanism
         The mechanism of the campaign.
     """
@@ -54,13 +54,13 @@ def target_faults(raw: Mapping[str, Any], mechanism: Mechanism) -> Iterator[Spec
 
 
 def _sound_variables(table: Any) -> Iterator[tuple[str, Distribution]]:
-    """Yield the variables that are sound by themselves."""
+    """Yield the variables that are valid by themselves."""
     for name, entry in table.items() if isinstance(table, dict) else ():
         try:
             variable = _DISTRIBUTION.validate_python(entry)
         except ValidationError:
             continue
-        if not isinstance(variable, Empirical) or variable.values:  # an unreadable file is a fault already
+        if not isinstance(variable, Empirical) or variable.values:  # an unreadable file is already a fault
             yield name, variable
 
 
@@ -106,7 +106,7 @@ def _remedy(value: float, values: set[float]) -> str:
 
 
 def _reason(error: MechanismError, told: str = "") -> str:
-    """Return the faults of an error of the engine in one line, without its heading; of a key that is told its text."""
+    """Return the faults of an engine error in one line, without its heading; without the key if it is ``told``."""
     if told and error.faults:
         return "; ".join(fault.text if fault.key == told else str(fault) for fault in error.faults)
     heading, *lines = str(error).splitlines()

@@ -1,16 +1,16 @@
-"""The store of campaigns: its files alone decide what has been computed.
+"""The store of campaigns: its files alone determine what has been computed.
 
 STORE/CAMPAIGN_ID/campaign.toml   the spec
                   plan.json       the plan, immutable
                   manifest.json   the parts as last checked; without it a survey takes longer
                   labels-000001.json  owner, tags, note, archived; a new file for each change
-                  stopped.json    where the table ends, if the stopping rule ended the campaign
+                  stopped.json    the end of the table, if the stopping rule ended the campaign
                   parts/part-000123.parquet          the rows of batch 123, written whole or not at all
                         rows-000000-000999.parquet   the rows of batches 0 to 999, merged from their parts
-                  repeats-1/  the same files with the repeats that the plan asks for; their manifest is repeats-1.json
+                  repeats-1/  such files for the repeats that the plan asks for; their manifest is repeats-1.json
                   repeats.json    shares of further repeats, which are in repeats-2/ and so on
                   report/         the report
-                  comparisons/    a report for each campaign that it was compared with
+                  comparisons/    one report per campaign that it was compared with
 """
 
 from campaign.store.parts import BadPart, Part, part_name

@@ -1,9 +1,8 @@
-"""Which campaigns have changed: a token of each from a listing, without opening a file.
+"""Detect which campaigns have changed by a token for each, computed from a listing without opening a file.
 
-The token of a campaign is another when its plan, state, lease, rows, repeats, labels, report or one of its comparisons
-has changed. Heartbeats and the log have no part in it, and neither has a file that was damaged where it is. A campaign
-whose state is ``running`` can end without a change of any file, when its coordinator dies: such campaigns are observed
-(`campaign.coordinator.follow.observe`).
+The token of a campaign changes with its plan, state, lease, rows, repeats, labels, report and comparisons. Heartbeats
+and the log do not affect it, nor does damage to a file in place. A campaign whose state is ``running`` can end without
+any file changing, if its coordinator dies, so such campaigns must be observed (`campaign.coordinator.follow.observe`).
 """
 
 import hashlib
@@ -25,9 +24,9 @@ def change_token(store: Store, campaign_id: str) -> str | None:
     Parameters
     ----------
     store : Store
-        Where it is.
+        The store that holds the campaign.
     campaign_id : str
-        Its whole id.
+        Its full id.
     """
     stamps = store.files.stamps(campaign_id)
     if PLAN not in stamps:
@@ -41,8 +40,8 @@ def change_token(store: Store, campaign_id: str) -> str | None:
 def change_tokens(store: Store) -> dict[str, str]:
     """Return the token of each campaign of a store, by id.
 
-    In a folder it takes one listing a campaign and a look at each of its files and folders, but not into the folders of
-    rows. On S3 it takes a request for every thousand files of the store, so compact the campaigns that are complete.
+    In a folder this takes one listing per campaign and one stat of each of its files and folders, but does not read the
+    folders of rows. On S3 it takes one request per thousand files of the store, so compact complete campaigns.
     """
     if store.files.local:
         tokens = {name: change_token(store, name) for name in store.folders()}

@@ -1,4 +1,4 @@
-"""Commands about a campaign that a message prints, to be typed again as they stand."""
+"""Commands about a campaign for messages, complete so that users can copy them."""
 
 import os
 import shlex
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def command_line(files: "Files", verb: str, *words: str) -> str:
-    """Return a command with all that it needs, the store included.
+    """Return a complete command, including the store.
 
     Parameters
     ----------
@@ -27,9 +27,9 @@ def command_line(files: "Files", verb: str, *words: str) -> str:
 
 
 def store_option(files: "Files") -> list[str]:
-    """Return the words of a command that name the store.
+    """Return the command-line words that name the store.
 
-    None are needed where the environment names it with a password, which no command line should hold.
+    There are none if the environment names the store with a password, which no command line should contain.
     """
     named = os.environ.get(STORE)
     if files.has_secrets and named is not None and PrivateUrl(named).shown == files.url:

@@ -1,8 +1,8 @@
-"""Parts merged into files of about 100,000 rows: the same rows, read twenty times as fast.
+"""Merge parts into files of about 100,000 rows: the same rows, read twenty times as fast.
 
-A merged file is written whole and read back before any file that it replaces is removed. If the process is killed,
-every row is still in the store at least once. Readers take each row once: from the batch's own part, or else from the
-longest merged file.
+A merged file is written whole and read back before any file that it replaces is removed, so every row is in the store
+at least once even if the process is killed. Readers take each row once: from the batch's own part if it exists, else
+from the longest merged file.
 """
 
 import logging
@@ -34,9 +34,9 @@ class Compacted:
     removed : int
         Number of files that they replace.
     files : int
-        Number of sound files of rows now.
+        Number of sound files of rows after merging.
     bad : dict of int to str
-        Batches of files that are not sound, and what is wrong; these files stay as they are.
+        Batches in bad files, and what is wrong; these files stay as they are.
     parts : dict of int to Part
         Where the rows of each batch are now.
     """
@@ -97,7 +97,7 @@ def _merge(files: Files, plan: PlanHeader, run: list[Part], target: str) -> list
 
 
 def _remove_replaced(files: Files, plan: PlanHeader, target: str) -> int:
-    """Remove the sound files whose batches are all in a merged file; return their number."""
+    """Remove the sound files whose batches are all in a merged file; return the number of removed files."""
     first, last = batches_of(target, plan) or (0, -1)
     removed = 0
     for name in files.names(folder(plan)):

@@ -1,7 +1,7 @@
-"""How much memory a Parquet file takes once it is decoded, known before anything is.
+"""Check how much memory a Parquet file takes once decoded, before decoding anything.
 
-A file of some kilobytes may decode to gigabytes, and its footer may say otherwise. So the headers of its pages, which
-are what a reader goes by, are read.
+A file of some kilobytes may decode to gigabytes, and its footer may state less. So the page headers are read, which
+determine what a reader decodes.
 """
 
 from campaign.footers.column_chunks import column_chunks, pages
@@ -10,21 +10,21 @@ MOST = 2**30  # bytes: thirty times what the largest merged file takes
 
 
 def check_decoded_size(content: bytes, stated: int, rows: int) -> None:
-    """Check that a Parquet file holds this number of rows in every column, and no more memory than a file of rows may.
+    """Check that a Parquet file has the expected number of rows in every column and does not decode to more than 1 GiB.
 
     Parameters
     ----------
     content : bytes
-        Of the file.
+        Content of the file.
     stated : int
-        Number of rows by its footer.
+        Number of rows that its footer states.
     rows : int
         Number of rows that it must have.
 
     Raises
     ------
     ValueError
-        If it does not, or its footer or a page header is not sound; the message says what is wrong.
+        If it does not, or if its footer or a page header is malformed; the message says what is wrong.
     """
     if stated != rows:
         raise ValueError(f"its footer says {stated} rows in place of {rows}")

@@ -1,9 +1,8 @@
-"""The labels of campaigns in their store: no change is lost if several people change them at the same time.
+"""The labels of campaigns in their store; no change is lost if several people change them at the same time.
 
-Each change writes a document of its own, ``labels-000001.json`` and so on, which must not exist before. So of two
-people who change the same labels at once one is first, and the other begins again from what the first wrote, or is
-refused: no change replaces one that it has not seen, on shared folders without locks too. A campaign of an earlier
-version has none.
+Each change writes a new document, ``labels-000001.json`` and so on, which must not exist yet. If two people change the
+same labels at once, one is first; the other change is applied to the new labels, or refused. So no change overwrites
+another unseen, even on shared folders without locks. Campaigns of earlier versions have no labels.
 """
 
 import re
@@ -16,9 +15,9 @@ from campaign.store.labels import LabelChange, Labels
 from campaign.store.layout import PLAN, labels_name
 from campaign.store.store import Store
 
-LARGEST_LABELS = 2**14  # bytes of a document: what the limits of labels allow, in four bytes a character
+LARGEST_LABELS = 2**14  # bytes of a document; labels at their limits fit, with four bytes per character
 KEPT = 20  # documents of a campaign; older ones are removed
-TRIES = 20  # against others who change the same labels at this moment
+TRIES = 20  # while others change the same labels at the same time
 _NAME = re.compile(r"labels-(\d{6})\.json")
 
 
@@ -27,12 +26,12 @@ class StaleLabels(CampaignError):
 
 
 def read_labels(store: Store, campaign_id: str) -> Labels:
-    """Return the labels of a campaign; empty ones of version 0 if nobody has given it any.
+    """Return the labels of a campaign; empty ones of version 0 if it has none.
 
     Raises
     ------
     StoreError
-        If they cannot be read, or are not what clearcap wrote.
+        If they cannot be read, or were not written by clearcap.
     """
     return _newest(store, campaign_id, 0)
 
@@ -40,21 +39,21 @@ def read_labels(store: Store, campaign_id: str) -> Labels:
 def change_labels(
     store: Store, campaign_id: str, change: LabelChange, *, by: str = "", version: int | None = None
 ) -> Labels:
-    """Change the labels of a campaign, and return them.
+    """Change the labels of a campaign and return the new ones.
 
     Parameters
     ----------
     store : Store
-        Where the campaign is.
+        The store that holds the campaign.
     campaign_id : str
-        Its whole id.
+        Its full id.
     change : LabelChange
-        What is to change.
+        The change.
     by : str
-        Who changes it.
+        Who makes the change.
     version : int, optional
-        Of the labels that the change was made for: if they have another by now, it is refused. Without it, what the
-        change names is changed in whatever the labels are by now.
+        Version of the labels that the change was made for; the change is refused if they have another version by now.
+        Without it, the change applies to the current labels, whatever their version.
 
     Raises
     ------
@@ -79,12 +78,12 @@ def change_labels(
         is_first = store.create_json(campaign_id, labels_name(new.version), new.document())
         if is_first and _prune(store, campaign_id, new.version):
             return new
-        at_least = new.version  # which a listing of a shared folder may not show yet
+        at_least = new.version  # a listing of a shared folder may not show it yet
     raise _stale(campaign_id, labels)
 
 
 def claim(store: Store, campaign_id: str, wanted: LabelChange, by: str = "") -> Labels:
-    """Give a campaign an owner, unless it has one, and make the other changes; return the labels that it then has."""
+    """Apply a change of labels, but keep the owner if there is one already; return the resulting labels."""
     for _ in range(TRIES):
         labels = read_labels(store, campaign_id)
         change = replace(wanted, owner=None) if labels.owner else wanted
@@ -104,13 +103,13 @@ def _stale(campaign_id: str, labels: Labels) -> StaleLabels:
 
 
 def _versions(store: Store, campaign_id: str) -> list[int]:
-    """Return the numbers of the documents that are listed."""
+    """Return the numbers of the listed documents, sorted."""
     found = map(_NAME.fullmatch, store.files.names(campaign_id))
     return sorted(int(name[1]) for name in found if name)
 
 
 def _newest(store: Store, campaign_id: str, at_least: int) -> Labels:
-    """Return the newest labels; ``at_least`` is a version that is known to exist, whatever a listing shows."""
+    """Return the newest labels; ``at_least`` is a version known to exist even if a listing does not show it."""
     for _ in range(TRIES):
         newest = max([at_least, *_versions(store, campaign_id)])
         if newest == 0:
@@ -118,14 +117,15 @@ def _newest(store: Store, campaign_id: str, at_least: int) -> Labels:
         document = store.read_json(campaign_id, labels_name(newest), LARGEST_LABELS)
         if document is not None:
             return _parsed(store, campaign_id, newest, document)
-        at_least = 0  # it was removed, because there are many newer ones, or with its campaign
+        at_least = 0  # it was removed, either with its campaign or because there are many newer ones
     raise StoreError(f"store {store.url}: the labels of {campaign_id} change faster than they are read; try again")
 
 
 def _prune(store: Store, campaign_id: str, written: int) -> bool:
-    """Remove old documents; return whether the one that was written is not itself one of these.
+    """Remove old documents; return False if the document just written counts as old itself.
 
-    If it is, its number was free only because its turn was long ago, and others have made changes that it knows not.
+    In that case its number was free only because a document of that number had been pruned, and the change does not
+    take the changes of others since then into account.
     """
     versions = _versions(store, campaign_id)
     for version in versions:
@@ -135,7 +135,7 @@ def _prune(store: Store, campaign_id: str, written: int) -> bool:
 
 
 def _parsed(store: Store, campaign_id: str, version: int, document: dict[str, Any]) -> Labels:
-    """Return the labels in a document; StoreError if clearcap did not write it."""
+    """Return the labels in a document; StoreError if it was not written by clearcap."""
     try:
         return Labels.from_document(document, version)
     except ValueError as error:

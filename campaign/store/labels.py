@@ -1,6 +1,6 @@
 """Labels of a campaign: its owner, tags, a note, and whether it is archived.
 
-They say nothing of what is computed: neither the id nor a row depends on them. `campaign.store.label_versions` keeps
+They do not affect what is computed: neither the id nor any row depends on them. `campaign.store.label_versions` keeps
 them in the store.
 """
 
@@ -16,29 +16,29 @@ FORMAT = 1
 LONGEST_OWNER, LONGEST_TAG, LONGEST_NOTE = 100, 40, 2000  # characters
 MOST_TAGS = 20
 _TAG = re.compile(rf"[^\W_][\w.:/+-]{{0,{LONGEST_TAG - 1}}}")
-_HIDDEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}  # categories of characters that are not seen, or reorder others
+_HIDDEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}  # categories of characters that are invisible or reorder others
 
 
 @dataclass(frozen=True)
 class Labels:
-    """What people say of a campaign.
+    """The labels that people give a campaign.
 
     Attributes
     ----------
     owner : str
-        Who answers for it; empty if nobody does.
+        The person responsible for it; empty if there is none.
     tags : tuple of str
-        In the order of the alphabet.
+        Tags in alphabetical order.
     note : str
         A text of any number of lines.
     archived : bool
-        Whether lists leave it out unless they are asked for it.
+        Whether lists leave the campaign out by default.
     version : int
         Number of the last change; 0 if there was none.
     changed_by : str
-        Who made it.
+        Author of the last change.
     changed_at : float
-        When [s since 1970].
+        Time of the last change [s since 1970].
     """
 
     owner: str = ""
@@ -55,17 +55,17 @@ class Labels:
         return {**shown, "archived": self.archived, "version": self.version}
 
     def document(self) -> dict[str, Any]:
-        """Return what is written into the store."""
+        """Return the document to write into the store."""
         return {"format": FORMAT, **self.to_json(), "by": self.changed_by, "time": self.changed_at}
 
     @classmethod
     def from_document(cls, document: dict[str, Any], version: int) -> "Labels":
-        """Return the labels of a document.
+        """Return the labels in a document.
 
         Raises
         ------
         ValueError
-            If `document` did not make it.
+            If the document does not have the form that the method `document` returns.
         """
         try:
             tags, at = document["tags"], float(document["time"])
@@ -85,27 +85,27 @@ class Labels:
         return labels
 
     def has(self, owner: str | None, tags: Iterable[str]) -> bool:
-        """Return whether a campaign is this owner's, if one is given, and has all these tags."""
+        """Return whether the labels have this owner, if one is given, and all these tags."""
         return owner in (None, self.owner) and set(tags) <= set(self.tags)
 
 
 @dataclass(frozen=True)
 class LabelChange:
-    """What is to change in labels; what is None, or not named, stays.
+    """A change of labels; anything that is None or not named stays as it is.
 
     Attributes
     ----------
     owner, note : str, optional
-        Instead of the present ones; empty to have none.
+        New owner and note; empty to remove them.
     add, remove : tuple of str
-        Tags.
+        Tags to add and to remove.
     archived : bool, optional
-        Whether lists are to leave the campaign out.
+        Whether lists leave the campaign out by default.
 
     Raises
     ------
     SpecError
-        If something is too long, or has characters that are not allowed.
+        If a text is too long or contains characters that are not allowed.
     """
 
     owner: str | None = None
@@ -121,7 +121,7 @@ class LabelChange:
         object.__setattr__(self, "remove", tuple(map(_tag, self.remove)))
 
     def applied(self, labels: Labels) -> Labels:
-        """Return labels with this change; SpecError if they have too many tags then."""
+        """Return labels with this change applied; SpecError if they would have too many tags."""
         tags = tuple(sorted({*labels.tags, *self.add} - set(self.remove)))
         if len(tags) > MOST_TAGS:
             raise SpecError(f"tags: there would be {len(tags)}; allowed: up to {MOST_TAGS}; remove some")
@@ -135,7 +135,7 @@ class LabelChange:
 
 
 def is_owner(name: str) -> bool:
-    """Return whether an owner can have this name."""
+    """Return whether this is a valid name of an owner."""
     try:
         return bool(_owner(name))
     except SpecError:
@@ -161,7 +161,7 @@ def _tag(text: Any) -> str:
 
 
 def _plain(what: str, text: Any, longest: int, keep: str = "") -> str:
-    """Return a text in its normal form without spaces around it; SpecError if it is too long or hides characters."""
+    """Return a text in Unicode form NFC, stripped; SpecError if it is too long or contains hidden characters."""
     if not isinstance(text, str):
         raise SpecError(f"{what}: {text!r:.40} is no text")
     normal = unicodedata.normalize("NFC", text).strip()

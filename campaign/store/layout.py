@@ -1,7 +1,7 @@
-"""Names of the files and folders of a store; each is written here once.
+"""Names of the files and folders of a store, each defined only here.
 
-``STORE/CAMPAIGN_ID/`` holds what a campaign is (its plan), what has been computed (its parts and those of its repeats),
-what is computed now (state, lease, heartbeat, cancel marker), and its report.
+``STORE/CAMPAIGN_ID/`` holds the definition of a campaign (its plan), its results so far (its parts and those of its
+repeats), the state of its computation (state, lease, heartbeat, cancel marker), and its report.
 """
 
 from campaign.plan_header import PlanHeader
@@ -12,15 +12,15 @@ CAMPAIGN_FILE = "campaign.toml"
 SUBMISSION = "submission.json"  # who submitted it, and when
 PARTS = "parts"
 MANIFEST = "manifest.json"
-REPEATS = "repeats.json"  # exists once somebody has asked for more repeats than the plan
+REPEATS = "repeats.json"  # exists once somebody has asked for more repeats than the plan has
 STOPPED = "stopped.json"  # exists once the stopping rule has ended the campaign
 STATE = "state.json"
 LEASE = "lease.json"
 HEARTBEAT = "heartbeat.json"
 RERUN = "rerun.json"  # a request: the coordinator that serves the store computes failed rows again
-CANCEL = "cancel"  # a marker: who finds it ends the campaign
+CANCEL = "cancel"  # a marker: coordinator and workers that find it stop computing the campaign
 REPORT = "report"
-COMPARISONS = "comparisons"  # a folder for each campaign that it was compared with
+COMPARISONS = "comparisons"  # holds a folder for each campaign that this one was compared with
 LOG = "coordinator.log"
 
 SERVICE = "service"  # beside the campaigns: the lease and the heartbeat of a coordinator that serves the store

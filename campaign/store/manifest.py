@@ -1,6 +1,6 @@
-"""``manifest.json``: the parts as they were when last checked, so that they need not be read again.
+"""``manifest.json``: the parts as last checked, so that they need not be read again.
 
-The manifest only saves time. A file that it does not name, or names with another size, is read.
+The manifest only saves time. A file that it does not list, or lists with another size, is read.
 """
 
 import hashlib
@@ -33,7 +33,7 @@ def load(plan: PlanHeader, content: bytes) -> dict[str, list[Part]]:
     plan : PlanHeader
         The campaign.
     content : bytes
-        Of the manifest.
+        Content of the manifest.
 
 
     Raises
@@ -54,7 +54,7 @@ def load(plan: PlanHeader, content: bytes) -> dict[str, list[Part]]:
 
 
 def _parts(plan: PlanHeader, name: str, entry: dict[str, Any]) -> list[Part]:
-    """Return the parts in a file, as its entry names them; none if it does not name all of them."""
+    """Return the parts in a file, as its entry lists them; empty if the entry does not list all of them."""
     span = batches_of(name, plan)
     size, sha256 = int(entry["size"]), str(entry["sha256"])
     if span is None or size <= 0 or not re.fullmatch("[0-9a-f]{64}", sha256):

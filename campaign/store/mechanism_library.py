@@ -1,4 +1,4 @@
-"""Mechanisms that people have saved in a store, for all who use it: each change is a version of its own."""
+"""Mechanisms saved in a store for all its users; each change is saved as a new version."""
 
 import re
 import time
@@ -27,13 +27,13 @@ class SavedMechanism:
     ----------
     name : str
     version : int
-        From 1.
+        Version number, from 1.
     text : str
         Content of its TOML file.
     by : str
         Who saved it.
     at : float
-        When [s since 1970].
+        When it was saved [s since 1970].
     """
 
     name: str
@@ -53,12 +53,12 @@ def saved_mechanisms(store: Store) -> dict[str, int]:
 
 
 def read_mechanism(store: Store, name: str, version: int | None = None) -> SavedMechanism | None:
-    """Return a version of a mechanism, by default the newest; None if there is none.
+    """Return a version of a mechanism, by default the newest; None if it does not exist.
 
     Raises
     ------
     StoreError
-        If it cannot be read, or is not what clearcap wrote.
+        If it cannot be read, or was not written by clearcap.
     """
     if not _NAME.fullmatch(name):
         return None
@@ -82,7 +82,7 @@ def save_mechanism(store: Store, name: str, text: str, by: str, version: int | N
     by : str
         Who saves it.
     version : int, optional
-        The newest version that its author has seen, 0 for none: if there is a later one, it is refused.
+        The newest version that its author has seen, 0 for none; saving is refused if there is a later one.
 
     Raises
     ------
@@ -112,7 +112,7 @@ def _file(name: str, version: int) -> str:
 
 
 def _parsed(store: Store, name: str, version: int, document: dict[str, Any]) -> SavedMechanism:
-    """Return what a document holds; StoreError if clearcap did not write it."""
+    """Return the mechanism in a document; StoreError if it was not written by clearcap."""
     text, by, at = (document.get(key) for key in ("text", "by", "time"))
     if not (isinstance(text, str) and isinstance(by, str) and isinstance(at, int | float)):
         raise StoreError(

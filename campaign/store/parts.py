@@ -1,7 +1,7 @@
-"""Parts, the files of rows: their names, their content, and the seal that tells a sound file from any other.
+"""Parts, the files of rows: their names, their content, and the seal that shows that a file is sound.
 
-Each is a Parquet file with a seal among its metadata: campaign, samples, columns, statuses, and a SHA-256 over the
-whole file. So every file proves by itself that it is whole, and rows are counted without reading them. A merged file
+Each part is a Parquet file with a seal in its metadata: campaign, samples, columns, statuses, and a SHA-256 over the
+whole file. So every file proves by itself that it is complete, and rows are counted without reading them. A merged file
 holds the rows of several batches and is otherwise the same.
 """
 
@@ -20,22 +20,22 @@ from campaign.store.decoded_size import MOST, check_decoded_size
 if TYPE_CHECKING:
     import pyarrow as pa
 
-ROW_GROUP = 10_000  # rows that a reader of a merged file must hold in memory at least
+ROW_GROUP = 10_000  # rows; the least that a reader of a merged file holds in memory
 FEW_STRINGS = ("status", "message", "earlier_attempts")  # columns of few distinct values, each written once
 SEAL = "clearcap.seal"  # key of the metadata
 _HEAD = b'{"clearcap":1,"sha256":"'
-_UNSEALED = b"0" * 64  # in place of the digest, while it is computed
+_UNSEALED = b"0" * 64  # stands for the digest while the digest is computed
 _PART = re.compile(r"part-(\d{6,9})\.parquet")
 _MERGED = re.compile(r"rows-(\d{6,9})-(\d{6,9})\.parquet")
 
 
 class BadPart(Exception):
-    """A file of rows is not what its name says; the message says why."""
+    """A file of rows is not what its name says; the message gives the reason."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """The rows of one batch, as they are in the store.
+    """The rows of one batch in the store.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ def file_name(first: int, last: int, *, merged: bool = False) -> str:
 
 
 def batches_of(name: str, plan: PlanHeader) -> tuple[int, int] | None:
-    """Return the first and last batch in a file of this name; None if no file of rows of this plan has such a name."""
+    """Return the first and last batch in a file of this name; None if it is not the name of a file of this plan."""
     if match := _PART.fullmatch(name):
         first = last = int(match[1])
     elif match := _MERGED.fullmatch(name):
@@ -120,7 +120,7 @@ def encode(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> bytes:
         "first": plan.batches[first][0],
         "statuses": _statuses(plan, rows, first, last),
     }
-    codec = "lz4" if first == last else "zstd"  # zstd makes a batch's few rows no smaller, in three times the time
+    codec = "lz4" if first == last else "zstd"  # for the few rows of a batch zstd is no smaller, but three times slower
     writer = pq.ParquetWriter(
         buffer, plan.schema, compression=codec, use_dictionary=list(FEW_STRINGS), write_statistics=False
     )
@@ -141,7 +141,7 @@ def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bo
     plan : PlanHeader
         The campaign.
     content : bytes
-        Of the file.
+        Content of the file.
     first, last : int
         Batch numbers.
     merged : bool
@@ -150,7 +150,7 @@ def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bo
     Raises
     ------
     BadPart
-        If it is truncated, damaged, or from elsewhere.
+        If the file is truncated, damaged, or of another campaign.
     """
     digest, seal = _seal(content)
     begin, batches = plan.batches[first][0], plan.batches[first : last + 1]
@@ -169,14 +169,14 @@ def check(plan: PlanHeader, content: bytes, first: int, last: int, *, merged: bo
 
 
 def decode(plan: PlanHeader, content: bytes, rows: int, columns: Sequence[str] | None = None) -> "pa.Table":
-    """Return the rows in the content of a file that has been checked.
+    """Return the rows in the content of a checked file.
 
     Parameters
     ----------
     plan : PlanHeader
         The campaign.
     content : bytes
-        Of the file.
+        Content of the file.
     rows : int
         Number of rows that it must have.
     columns : sequence of str, optional
@@ -185,7 +185,7 @@ def decode(plan: PlanHeader, content: bytes, rows: int, columns: Sequence[str] |
     Raises
     ------
     BadPart
-        If this version cannot read the rows, or they would take more memory than a file of rows may.
+        If this version cannot read the rows, or if they would take more memory than a file of rows may.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -208,7 +208,7 @@ def decode(plan: PlanHeader, content: bytes, rows: int, columns: Sequence[str] |
 
 
 def _plain(table: "pa.Table") -> "pa.Table":
-    """Return a table with its few strings written out; ValueError if that takes more memory than a file of rows may."""
+    """Return a table with its dictionary columns as plain strings; ValueError if that takes too much memory."""
     import pyarrow as pa
     import pyarrow.compute as pc
 
@@ -226,9 +226,9 @@ def _plain(table: "pa.Table") -> "pa.Table":
 
 
 def _seal(content: bytes) -> tuple[str, dict[str, Any]]:
-    """Return the digest of a file and what it says of itself, if it is whole.
+    """Return the digest and the content of the seal of a file; BadPart if the file is not complete.
 
-    The digest is over the file with zeros in its own place.
+    The digest covers the file with zeros in place of the digest itself.
     """
     start = content.rfind(_HEAD)
     digest_at = start + len(_HEAD)
@@ -251,7 +251,7 @@ def _seal(content: bytes) -> tuple[str, dict[str, Any]]:
 
 
 def _statuses(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> list[dict[str, int]]:
-    """Return how many rows of each batch ended in which status; ValueError if they are not the batches' rows."""
+    """Return the number of rows by status for each batch; ValueError if the rows are not those of the batches."""
     begin, end = plan.batches[first][0], sum(plan.batches[last])
     if table["sample"].to_pylist() != plan.numbers_of(begin, end):
         raise ValueError(f"the rows are not those of samples {_span(plan, begin, end)}")
@@ -261,7 +261,7 @@ def _statuses(plan: PlanHeader, table: "pa.Table", first: int, last: int) -> lis
 
 
 def _span(plan: PlanHeader, begin: int, end: int) -> str:
-    """Return the first and the last sample of some successive rows."""
+    """Return the first and the last sample of the rows ``begin`` to ``end - 1``, in words."""
     numbers = plan.numbers_of(begin, end)
     return f"{numbers[0]} to {numbers[-1]}"
 

@@ -1,4 +1,4 @@
-"""Quarantine of bad files: each gets another name, so that its rows are computed again and a person can look at it."""
+"""Quarantine bad files: each is renamed, so that its rows are computed again and a person can inspect it."""
 
 import logging
 from collections.abc import Iterable
@@ -13,7 +13,7 @@ logger = logging.getLogger(__name__)
 
 
 def quarantine(files: Files, plan: PlanHeader, bad: Iterable[int]) -> list[str]:
-    """Rename the unsound files of some batches; see `Store.quarantine`."""
+    """Rename the bad files of some batches; see `Store.quarantine`."""
     by_batch, moved = files_by_batch(files, plan), []
     suspects = dict.fromkeys(name for batch in bad for name in by_batch.get(batch, []))
     taken = set(files.names(folder(plan))) if suspects else set()

@@ -1,4 +1,4 @@
-"""The repeats of a campaign in its store: which there are to be, how far they are, and their rows."""
+"""The repeats of a campaign in its store: which are planned, which are done, and their rows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,18 +20,18 @@ MOST_SETS = 20
 
 @dataclass(frozen=True)
 class RepeatSurvey:
-    """What a store holds of a campaign's repeats.
+    """The state of a campaign's repeats in a store.
 
     Attributes
     ----------
     missing : frozenset of int
-        Batches of the campaign of which a repeat is missing; none beyond the end of its table.
+        Batches of the campaign with a missing repeat; none beyond the end of its table.
     bad : list of str
-        What is wrong with files that are not sound.
+        What is wrong with bad files.
     statuses : dict of str to int
         Number of repeats by status.
     planned, done : int
-        Number of repeats that there are to be, and that there are.
+        Number of planned repeats, and of those that the store holds.
     """
 
     missing: frozenset[int]
@@ -42,7 +42,7 @@ class RepeatSurvey:
 
 
 def repeated_shares(store: Store, plan: PlanHeader) -> tuple[float, ...]:
-    """Return the share of samples that a campaign's plan repeats, and the larger ones that were asked for later.
+    """Return the share of samples that a campaign's plan repeats, and the larger shares requested later.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def repeated_shares(store: Store, plan: PlanHeader) -> tuple[float, ...]:
 
 
 def add_share(store: Store, plan: PlanHeader, share: float) -> None:
-    """Have a campaign repeat a larger share of its samples; those that it repeats already count."""
+    """Make a campaign repeat a larger share of its samples; existing repeats count towards it."""
     shares = repeated_shares(store, plan)
     if share > shares[-1] and len(shares) <= MOST_SETS:
         store.write_json(plan.campaign_id, REPEATS, {"shares": [*shares[1:], share]})
@@ -76,18 +76,18 @@ def repeat_plans(store: Store, plan: PlanHeader) -> tuple[RepeatPlan, ...]:
 def survey_repeats(
     store: Store, sets: Sequence[RepeatPlan], *, verify: bool = False, mend: bool = False
 ) -> RepeatSurvey:
-    """Return what a store holds of some sets of repeats.
+    """Return the state of some sets of repeats in a store.
 
     Parameters
     ----------
     store : Store
-        Where they are.
+        The store.
     sets : sequence of RepeatPlan
         The sets.
     verify : bool
         Read every file; see `Store.survey`.
     mend : bool
-        Quarantine files that are not sound, so that they are computed again, and write the manifests.
+        Quarantine bad files, so that their rows are computed again, and write the manifests.
     """
     missing, bad, statuses = set[int](), list[str](), list[dict[str, int]]()
     for repeats in sets:
@@ -104,12 +104,12 @@ def survey_repeats(
 
 
 def read_repeats(store: Store, plan: PlanHeader, columns: Sequence[str] | None = None) -> "pa.Table | None":
-    """Return the repeats of a campaign that there are, set by set; None if there are to be none.
+    """Return the repeats of a campaign that the store holds, set by set; None if no repeats are planned.
 
     Parameters
     ----------
     store : Store
-        Where they are.
+        The store.
     plan : PlanHeader
         The campaign.
     columns : sequence of str, optional

@@ -1,4 +1,4 @@
-"""Where the reports of a campaign are: its own, and a folder for each campaign that it was compared with."""
+"""The folders of a campaign's reports: its own, and one for each campaign that it was compared with."""
 
 from campaign.store.files.files import TEMPORARY
 from campaign.store.layout import COMPARISONS, REPORT
@@ -11,9 +11,9 @@ def report_folder(campaign_id: str, against: str | None = None) -> str:
 
 
 def comparisons(store: Store, campaign_id: str) -> dict[str, list[str]]:
-    """Return the comparisons of a campaign with others: the names of the files, by the id of the other campaign.
+    """Return the names of the files of a campaign's comparisons, by the id of the other campaign.
 
-    A comparison stays when the other campaign is deleted.
+    A comparison is kept if the other campaign is deleted.
     """
     others = store.files.names(f"{campaign_id}/{COMPARISONS}")
     written = {other: store.files.names(report_folder(campaign_id, other)) for other in others}

@@ -1,4 +1,4 @@
-"""The request that failed rows of a campaign be computed again: a document in the store that a coordinator fulfils."""
+"""The request to compute failed rows of a campaign again: a document in the store, fulfilled by a coordinator."""
 
 import time
 from collections.abc import Iterable
@@ -12,14 +12,14 @@ from campaign.store.store import Store
 
 @dataclass(frozen=True)
 class RerunRequest:
-    """What is to be computed again.
+    """Which failed rows to compute again.
 
     Attributes
     ----------
     statuses : tuple of str
-        Rows with one of these statuses; all failed rows if there are none.
+        Statuses of the rows; empty for all failed rows.
     by : str
-        Who asked for it.
+        Who requested it.
     """
 
     statuses: tuple[str, ...] = ()
@@ -27,18 +27,18 @@ class RerunRequest:
 
 
 def request_rerun(store: Store, campaign_id: str, statuses: Iterable[str], by: str) -> None:
-    """Ask that failed rows be computed again; it takes the place of an earlier request."""
+    """Request that failed rows be computed again; this replaces an earlier request."""
     document = {"statuses": sorted(set(statuses)), "by": by, "time": time.time()}
     store.write_json(campaign_id, RERUN, document)
 
 
 def rerun_request(store: Store, campaign_id: str) -> RerunRequest | None:
-    """Return what is to be computed again; None if nobody has asked, or it is done.
+    """Return the open request to compute rows again; None if there is none.
 
     Raises
     ------
     StoreError
-        If the document cannot be read, or is not what clearcap wrote.
+        If the document cannot be read, or was not written by clearcap.
     """
     document = store.read_json(campaign_id, RERUN)
     if document is None:

@@ -1,4 +1,4 @@
-"""Rows in the order of the samples, some at a time, from any file and even while parts are merged."""
+"""Read rows in the order of the samples, piece by piece, from parts and merged files, even during a merge."""
 
 import logging
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -22,7 +22,7 @@ def files_by_batch(files: Files, plan: PlanHeader) -> dict[int, list[str]]:
 
 
 def holders(plan: PlanHeader, names: Iterable[str]) -> dict[int, list[str]]:
-    """Return which of some files hold each batch, in the order in which to try them.
+    """Return the names of the files that hold each batch, in the order in which to try them.
 
     A batch's own part comes first, then the longest merged file.
     """
@@ -67,7 +67,7 @@ def stream(
     pieces: list[pa.Table] = []
     for table in _tables_of_files(files, plan, end, columns, batches):
         pieces.append(table)
-        if sum(map(len, pieces)) >= ROW_GROUP:  # small files together: each table costs its reader some time
+        if sum(map(len, pieces)) >= ROW_GROUP:  # join small files, because each table costs its reader time
             yield pa.concat_tables(pieces)
             pieces = []
     if pieces:
@@ -77,14 +77,14 @@ def stream(
 def _tables_of_files(
     files: Files, plan: PlanHeader, end: int, columns: Sequence[str] | None, batches: Collection[int] | None
 ) -> "Iterator[pa.Table]":
-    """Yield rows in the order of the samples, those of a file at a time."""
+    """Yield rows in the order of the samples, one table per file."""
     by_batch = _wanted(files_by_batch(files, plan), batches)
     batch, last = 0, max(number for number, (first, _) in enumerate(plan.batches) if first < end)
     listed_for = -1
     bad: set[str] = set()
     while batch <= last:
         names = [name for name in by_batch.get(batch, []) if name not in bad]
-        if not names and listed_for != batch and batch in by_batch:  # its file was merged since, or is bad: list anew
+        if not names and listed_for != batch and batch in by_batch:  # its file was merged, or is bad: list anew
             by_batch, listed_for = _wanted(files_by_batch(files, plan), batches), batch
             continue
         if not names:
@@ -106,12 +106,12 @@ def _tables_of_files(
 
 
 def _wanted(by_batch: dict[int, list[str]], batches: Collection[int] | None) -> dict[int, list[str]]:
-    """Return the files of those batches that are wanted; None are all."""
+    """Return the files of the wanted batches; None means all batches."""
     return by_batch if batches is None else {batch: by_batch[batch] for batch in batches if batch in by_batch}
 
 
 def _last_from_file(by_batch: dict[int, list[str]], name: str, batch: int, last: int) -> int:
-    """Return the last of the successive batches from ``batch`` on that are best read from this file."""
+    """Return the last of the successive batches from ``batch`` on whose first choice is this file."""
     while batch < last and by_batch.get(batch + 1, [None])[0] == name:
         batch += 1
     return batch

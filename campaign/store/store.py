@@ -41,12 +41,12 @@ class Store:
 
     @property
     def url(self) -> str:
-        """Folder or URL that the store was opened with, as it may be shown: without passwords."""
+        """Folder or URL that the store was opened with, without passwords, so that it may be shown."""
         return self.files.url
 
     @property
     def hasty(self) -> "Store":
-        """The same store for callers that must not wait: each operation is tried once."""
+        """The same store for callers that must not wait: each operation is tried only once."""
         return Store(self.files.hasty)
 
     # -- campaigns ---------------------------------------------------------------------------------------------------
@@ -60,15 +60,15 @@ class Store:
         return folders_of_campaigns(self.files.names(""))
 
     def command(self, verb: str, *words: str) -> str:
-        """Return a command on this store, to be typed as it stands; see `command_line`."""
+        """Return a complete command on this store; see `command_line`."""
         return command_line(self.files, verb, *words)
 
     def find(self, campaign_id: str | None) -> str:
-        """Return the id of a campaign by its first letters; None stands for the only one. See `which_campaign`."""
+        """Return the full id of a campaign from its first letters; None means the only one. See `which_campaign`."""
         return which_campaign(self.files, self.campaigns(), campaign_id)
 
     def create_plan(self, plan: "Plan") -> "Plan":
-        """Write a plan, unless the store has one of this id already; return the plan that the store then has."""
+        """Write a plan unless the store already has one of this id; return the plan that is in the store."""
         name = f"{plan.campaign_id}/{PLAN}"
         if not self.files.exists(name):
             import tomli_w
@@ -81,12 +81,12 @@ class Store:
 
     def plan(self, campaign_id: str) -> "Plan":
         """Read a campaign's plan."""
-        from campaign.plan import Plan  # loads the models of mechanism and campaign, which a header does without
+        from campaign.plan import Plan  # loads the models of mechanism and campaign, which a header does not need
 
         return self._read_plan(campaign_id, Plan.from_json)
 
     def plan_header(self, campaign_id: str) -> PlanHeader:
-        """Read the header of a plan, enough to count rows, in a hundredth of the time that `plan` takes."""
+        """Read the header of a plan, which is enough to count rows, in a hundredth of the time that `plan` takes."""
         return self._read_plan(campaign_id, lambda text: parse_plan(text)[0])
 
     def _read_plan(self, campaign_id: str, parse: Callable[[str], P]) -> P:
@@ -118,7 +118,7 @@ class Store:
         Returns
         -------
         Part
-            What was written.
+            The written part.
         """
         content = encode(plan, table, batch, batch)
         self.files.write(part_name(plan, batch), content)
@@ -132,23 +132,23 @@ class Store:
         FileNotFoundError
             If no file holds the batch.
         BadPart
-            If every file that holds it is truncated, damaged, or from elsewhere.
+            If every file that holds it is truncated, damaged, or of another campaign.
         """
         return read_batch(self.files, plan, batch)
 
     def read_own_part(self, plan: PlanHeader, batch: int) -> "pa.Table":
-        """Read the rows of a batch from its own part only; errors as of `read_part`."""
+        """Read the rows of a batch from its own part only; raises the same errors as `read_part`."""
         return read_file(self.files, plan, file_name(batch, batch))
 
     def survey(self, plan: PlanHeader, verify: bool = False) -> Survey:
-        """Return what the store holds of a plan.
+        """Return which parts and rows of a plan the store holds.
 
         Parameters
         ----------
         plan : PlanHeader
             The campaign.
         verify : bool
-            Read and check every file, and not only those that the manifest does not know or knows with another size.
+            Read and check every file, not only files that the manifest lacks or lists with another size.
         """
         return survey(self.files, plan, self.end(plan), verify=verify)
 
@@ -164,7 +164,7 @@ class Store:
         plan : PlanHeader
             The campaign.
         bad : iterable of int
-            Batch numbers, such as a survey's ``bad``. Each file is read once more: one that is sound by now stays.
+            Batch numbers, such as a survey's ``bad``. Each file is read once more; a file that is sound by now stays.
 
         Returns
         -------
@@ -176,17 +176,17 @@ class Store:
     def compact(self, plan: PlanHeader) -> "Compacted":
         """Merge the parts into files of about 100,000 rows, and write the manifest.
 
-        It may be killed and repeated at any time, also while the campaign runs: the next call merges later parts. Bad
+        It may be killed and repeated at any time, even while the campaign runs; the next call merges later parts. Bad
         files stay; running the campaign quarantines them.
         """
-        from campaign.store.compact import compact  # loads pyarrow, which `status` does without
+        from campaign.store.compact import compact  # loads pyarrow, which `status` does not need
 
         compacted = compact(self.files, plan)
         self.record(plan, compacted.parts.values())
         return compacted
 
     def end(self, plan: PlanHeader) -> int:
-        """Return the number of rows in the table: all that are planned, unless the stopping rule ended the campaign.
+        """Return the number of rows in the table: all planned rows, unless the stopping rule ended the campaign.
 
         Raises
         ------
@@ -208,7 +208,7 @@ class Store:
     def stream(
         self, plan: PlanHeader, columns: Sequence[str] | None = None, batches: Collection[int] | None = None
     ) -> "Iterator[pa.Table]":
-        """Yield the rows of a campaign in the order of the samples, some ten thousand at a time.
+        """Yield the rows of a campaign in the order of the samples, about ten thousand at a time.
 
         Parameters
         ----------
@@ -238,7 +238,7 @@ class Store:
         Returns
         -------
         pyarrow.Table
-            One row a sample, units in the field metadata. Bad parts are left out, with a warning.
+            One row per sample, with units in the field metadata. Bad parts are left out, with a warning.
         """
         import pyarrow as pa
 
@@ -265,9 +265,9 @@ class Store:
         self.files.write(f"{campaign_id}/{name}", _json(content))
 
     def create_json(self, campaign_id: str, name: str, content: dict[str, Any]) -> bool:
-        """Write a document of a campaign unless it exists; of several writers at once, one gets True.
+        """Write a document of a campaign unless it exists; of several simultaneous writers, only one gets True.
 
-        Behind a URL the content must name its writer: two writers of the same content may both get True.
+        Behind a URL the content must name its writer, because two writers of the same content may both get True.
         """
         return self.files.create(f"{campaign_id}/{name}", _json(content))
 
@@ -284,12 +284,12 @@ def open_store(url: str, patience: Patience = PATIENT) -> Store:
     url : str
         Path of a folder, or an fsspec URL.
     patience : Patience
-        For how long an operation that fails is tried again.
+        How long a failing operation is tried again.
 
     Raises
     ------
     SpecError
-        If the URL names no file system that is installed here.
+        If the URL names a file system that is not installed here.
     """
     return Store(Files(url, patience))
 

@@ -1,4 +1,4 @@
-"""What a store holds of a plan: from a listing, the manifest, and the files that the manifest does not know."""
+"""Survey which parts of a plan a store holds, from a listing, the manifest, and the files that the manifest lacks."""
 
 import logging
 from collections.abc import Iterable, Sequence
@@ -23,7 +23,7 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Survey:
-    """What a store holds of a plan.
+    """The parts and rows of a plan that a store holds.
 
     Attributes
     ----------
@@ -32,8 +32,7 @@ class Survey:
     missing : list of int
         Batches whose rows the table still lacks; none beyond its end.
     bad : dict of int to str
-        Batches of files that are not sound, and what is wrong with them. Such a batch is missing, unless another
-        file holds it too.
+        What is wrong with bad files, by batch. Such a batch is missing unless another file holds it too.
     statuses : dict of str to int
         Number of rows of the table by status.
     rows : int
@@ -49,7 +48,7 @@ class Survey:
 
 @dataclass
 class PartIndex:
-    """The sound parts of a plan and the bad files, while a survey goes on.
+    """The sound parts of a plan and its bad files, collected during a survey.
 
     Attributes
     ----------
@@ -63,7 +62,7 @@ class PartIndex:
     bad: dict[int, str] = field(default_factory=dict)
 
     def add(self, parts: Iterable[Part]) -> None:
-        """Add the parts of a file; of two parts of a batch the one that `rank` puts first stays."""
+        """Add the parts of a file; of two parts of a batch, the one that `rank` puts first is kept."""
         for part in parts:
             other = self.parts.get(part.batch)
             if other is None or rank(part) < rank(other):
@@ -71,12 +70,12 @@ class PartIndex:
 
 
 def rank(part: Part) -> tuple[int, int]:
-    """Return a key that orders files to read a batch from: its own file first, then longer merged files first."""
+    """Return a sort key for the files that hold a batch: its own file first, then longer merged files first."""
     return (0, 0) if part.merged is None else (1, part.merged[0] - part.merged[1])
 
 
 def survey(files: Files, plan: PlanHeader, end: int, *, verify: bool) -> Survey:
-    """Return what a store holds of a plan; see `Store.survey`.
+    """Return which parts and rows of a plan a store holds; see `Store.survey`.
 
     Parameters
     ----------
@@ -85,7 +84,7 @@ def survey(files: Files, plan: PlanHeader, end: int, *, verify: bool) -> Survey:
     plan : PlanHeader
         The campaign.
     end : int
-        The table ends before this sample.
+        Number of rows of the table; later rows do not count.
     verify : bool
         Whether to read every file.
     """
@@ -98,7 +97,7 @@ def survey(files: Files, plan: PlanHeader, end: int, *, verify: bool) -> Survey:
 
 
 def load_manifest(files: Files, plan: PlanHeader) -> dict[str, list[Part]]:
-    """Return the parts that the manifest knows, by file; nothing, with a warning, if it cannot be used."""
+    """Return the parts that the manifest lists, by file; empty, with a warning, if it cannot be used."""
     name = manifest_name(plan)
     try:
         return manifest.load(plan, files.read(name))
@@ -115,15 +114,15 @@ def check_file(files: Files, plan: PlanHeader, name: str) -> list[Part]:
     Raises
     ------
     FileNotFoundError
-        If the file does not exist, or no file of rows of this plan has such a name.
+        If the file does not exist, or its name is not that of a file of rows of this plan.
     BadPart
-        If it is truncated, damaged, too large, or from elsewhere.
+        If it is truncated, damaged, too large, or of another campaign.
     """
     return _read_checked(files, plan, name)[1]
 
 
 def read_file(files: Files, plan: PlanHeader, name: str, columns: Sequence[str] | None = None) -> "pa.Table":
-    """Return the rows of a file, all columns or those named; errors as of `check_file`."""
+    """Return the rows of a file, with all columns or the named ones; raises the same errors as `check_file`."""
     content, parts = _read_checked(files, plan, name)
     return decode(plan, content, sum(part.rows for part in parts), columns)
 
@@ -138,7 +137,7 @@ def _read_checked(files: Files, plan: PlanHeader, name: str) -> tuple[bytes, lis
 
 
 def _read_content(files: Files, plan: PlanHeader, name: str) -> bytes:
-    """Return the content of a file of rows; BadPart if it is none, or too large for one."""
+    """Return the content of a file of rows; BadPart if it is not a regular file, or too large."""
     try:
         return files.read(f"{folder(plan)}/{name}")
     except OddFile as error:
@@ -148,8 +147,8 @@ def _read_content(files: Files, plan: PlanHeader, name: str) -> bytes:
 def _index_parts(files: Files, plan: PlanHeader, *, verify: bool) -> PartIndex:
     """Return the sound and the bad files in a plan's folder of parts.
 
-    While a folder is listed, parts may be merged, so that the listing misses both the part and the merged file. If a
-    batch is missing, the folder is therefore listed a second time.
+    If parts are merged while the folder is being listed, the listing may miss both the part and the merged file. So if
+    a batch is missing, the folder is listed a second time.
     """
     recorded, index = load_manifest(files, plan), PartIndex()
     done: set[str] = set()
@@ -171,7 +170,7 @@ def _index_parts(files: Files, plan: PlanHeader, *, verify: bool) -> PartIndex:
 
 
 def _sizes_of_unlisted(files: Files, plan: PlanHeader, names: Iterable[str]) -> dict[str, int]:
-    """Return the sizes of those files that exist though the listing lacks them."""
+    """Return the sizes of the files that exist although the listing lacks them."""
     sizes = {}
     for name in names:
         try:
@@ -187,15 +186,15 @@ def _unchanged(plan: PlanHeader, name: str, recorded: list[Part] | None, size: i
 
 
 def _check_files(files: Files, plan: PlanHeader, names: list[str], index: PartIndex) -> None:
-    """Read files and add them to the index, some at a time: an object store answers slowly.
+    """Read files, several at a time because an object store answers slowly, and add them to the index.
 
-    If the store fails, this thread alone waits for it, so that Ctrl-C ends the waiting.
+    If the store fails, only this thread waits for it, so that Ctrl-C ends the waiting.
     """
 
     def check_one(files: Files, name: str) -> list[Part] | str:
         try:
             return check_file(files, plan, name)
-        except FileNotFoundError:  # merged or quarantined since it was listed
+        except FileNotFoundError:  # merged or quarantined since the listing
             return []
         except BadPart as error:
             return f"{name} {error}"
@@ -218,7 +217,7 @@ def _check_files(files: Files, plan: PlanHeader, names: list[str], index: PartIn
 
 
 def _count_statuses(files: Files, plan: PlanHeader, part: Part, end: int) -> dict[str, int]:
-    """Return the number of rows of a part before sample ``end``, by status."""
+    """Return the number of rows of a part before row ``end``, by status."""
     first, count = plan.batches[part.batch]
     if first + count <= end:
         return part.statuses

@@ -1,4 +1,4 @@
-"""Which campaign of a store a user means: an id, the beginning of one, or none where the store has only one."""
+"""Find the campaign of a store that a user means, from its id, its first letters, or nothing if there is only one."""
 
 import os
 import re
@@ -15,12 +15,12 @@ _CAMPAIGN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,99}")
 
 
 def check_is_store(files: Files) -> None:
-    """Check that the folder of a store exists; behind a URL there need be no folder.
+    """Check that the folder of a store exists; behind a URL no folder is needed.
 
     Raises
     ------
     SpecError
-        If there is none, or it is something else.
+        If it does not exist, or is a file or the folder of one campaign.
     """
     if not files.local:
         return
@@ -32,7 +32,7 @@ def check_is_store(files: Files) -> None:
             f" {command_line(files, 'run', 'CAMPAIGN')}"
         ) from None
     except OSError:
-        return  # who reads it says why it cannot be read
+        return  # reading it reports why it cannot be read
     if not is_folder:
         raise SpecError(f"store {files.url}: is a file, not a folder of campaigns; name the folder with --store")
     if files.exists(PLAN):
@@ -43,7 +43,7 @@ def check_is_store(files: Files) -> None:
 
 
 def folders_of_campaigns(names: Iterable[str]) -> list[str]:
-    """Return those names of folders that a campaign's can have, sorted."""
+    """Return the names that are valid as the folder of a campaign, sorted."""
     return sorted(filter(_CAMPAIGN.fullmatch, names))
 
 
@@ -57,12 +57,12 @@ def which_campaign(files: Files, ids: Sequence[str], wanted: str | None) -> str:
     ids : sequence of str
         The campaigns of the store.
     wanted : str, optional
-        An id, or its first letters if no other id begins with them; None stands for the only campaign of the store.
+        An id, or its first letters if no other id begins with them; None means the only campaign of the store.
 
     Raises
     ------
     SpecError
-        If it is none of them, or could be several.
+        If no campaign matches, or several do.
     """
     check_is_store(files)
     if not ids:
@@ -82,7 +82,7 @@ def which_campaign(files: Files, ids: Sequence[str], wanted: str | None) -> str:
 
 
 def _listed(files: Files, ids: Sequence[str]) -> str:
-    """Return ids in one line, and how many others there are."""
+    """Return the first ids in one line, and the number of further ones."""
     others = len(ids) - MOST_LISTED
     return ", ".join(ids[:MOST_LISTED]) + (
         f" and {others} more, see: {command_line(files, 'list')}" if others > 0 else ""

@@ -1,1 +1,1 @@
-"""What a worker does: a batch request becomes rows and one part of the store."""
+"""The work of a worker: it turns a batch request into rows and writes them as one part of the store."""

@@ -1,8 +1,8 @@
 """Compute a batch on a worker and write its part to the store; only counts travel back to the coordinator.
 
-Every run becomes a row, however it ends. A run that kills its process takes the batch with it; the coordinator then
-requests the batch again with its runs in an isolated subprocess, where the run at fault becomes a row too. A run whose
-error may be the machine's is repeated in such a subprocess at once.
+Every run becomes a row, however it ends. If a run kills its process, the batch is lost; the coordinator then requests
+the batch again with its runs in an isolated subprocess, where the run at fault becomes a row too. If the machine may
+have caused the error of a run, the run is repeated in such a subprocess at once.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from campaign.worker.subprocess_runs import rows_in_subprocess
 
 
 def run_batches(address: CampaignAddress, requests: Sequence[BatchRequest]) -> list[BatchResult]:
-    """Compute batches one after the other; the parts written before an error stay. Errors are those of `run_batch`."""
+    """Compute batches one after the other; parts written before an error stay. Raises what `run_batch` raises."""
     return [run_batch(address, request) for request in requests]
 
 
@@ -36,18 +36,18 @@ def run_batch(address: CampaignAddress, request: BatchRequest) -> BatchResult:
     Returns
     -------
     BatchResult
-        What the part holds.
+        The written part, and counts of its rows and repeats.
 
     Raises
     ------
     WrongBuild
-        If this process runs another build of clearcap than the campaign is planned for.
+        If this process runs another build of clearcap than the one the campaign is planned for.
     Cancelled
         If the campaign is cancelled meanwhile.
     StoreError
         If the store fails.
     ChildFailed
-        If the process that computes the runs in isolation fails again and again.
+        If the process that computes the runs in isolation fails repeatedly.
     """
     store, plan = open_campaign(address)
     start = perf_counter()
@@ -66,7 +66,7 @@ def run_batch(address: CampaignAddress, request: BatchRequest) -> BatchResult:
 
 
 def _repeats(address: CampaignAddress, request: BatchRequest) -> int:
-    """Repeat samples of a batch, as far as the store lacks their repeats; return how many of them are repeated."""
+    """Compute the repeats of a batch's samples that the store lacks; return the number of repeats of the batch."""
     (store, plan), number = open_campaign(address), 0
     for repeats in open_repeats(address):
         batch = repeats.batch_of(request.batch)
@@ -83,7 +83,7 @@ def _repeats(address: CampaignAddress, request: BatchRequest) -> int:
 
 
 def _rows(address: CampaignAddress, samples: Sequence[int], request: BatchRequest) -> list[Row]:
-    """Return the rows of a batch, computed in this process unless it asks for another or a run casts a doubt."""
+    """Return the rows of a batch, computed in this process unless isolation is requested or a run is doubtful."""
     if not request.isolated:
         with suppress(DoubtfulRun):
             return list(rows_in_process(address, samples, request.attempt))

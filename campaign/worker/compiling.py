@@ -1,4 +1,4 @@
-"""Say that the engine is being compiled, when it is: without that, minutes without a sign of life."""
+"""Log that the engine is being compiled; otherwise there would be no output for minutes."""
 
 import logging
 import os
@@ -11,18 +11,18 @@ logger = logging.getLogger(__name__)
 
 LOOK_EVERY = 0.5  # s
 SAY_EVERY = 15.0  # s
-_announcing = threading.Lock()  # one voice a process: what estimates the time of a run opens a campaign meanwhile
+_announcing = threading.Lock()  # one announcer per process: estimating the run time opens a campaign in the same block
 
 
 @contextmanager
 def announced_compilation(missing: Sequence[str]) -> Iterator[None]:
-    """While the block runs, log that the engine is compiled, and for how long, from the first kernel that is written.
+    """Log during the block that the engine is being compiled, and for how long, once the first kernel is written.
 
     Parameters
     ----------
     missing : sequence of str
-        Files that compiling writes, see `engine.missing_kernels`; where none is missing, nothing is logged. Nor is it
-        in a block within such a block.
+        Files that compiling writes; see `engine.missing_kernels`. Nothing is logged if no file is missing, or if the
+        block lies within another such block.
     """
     if not missing or not _announcing.acquire(blocking=False):
         yield
@@ -39,7 +39,7 @@ def announced_compilation(missing: Sequence[str]) -> Iterator[None]:
 
 
 def _announce(missing: Sequence[str], start: float, over: threading.Event) -> None:
-    """Log how long it takes, from the first file that was written since the start, until it is over."""
+    """Log the elapsed time until ``over`` is set, once the first file has been written since the start."""
     said_at: float | None = None
     while not over.wait(LOOK_EVERY):
         if said_at is None and not any(_is_written(path, start) for path in missing):
@@ -54,7 +54,7 @@ def _announce(missing: Sequence[str], start: float, over: threading.Event) -> No
 
 
 def _is_written(path: str, start: float) -> bool:
-    """Return whether a file was written since a time [s since 1970], which the clock of its disk may count in full."""
+    """Return whether a file was written since a time [s since 1970]; its timestamp may be in whole seconds."""
     try:
         return os.stat(path).st_mtime >= start - 1.0
     except OSError:

@@ -1,7 +1,7 @@
 """A run with half the step: the same physics of the same sample, stepped differently.
 
-Where a mechanism sticks, slides and strikes, its rest depends on what it went through. With steps of other lengths it
-goes through something else by chance, so two runs of a sample show how far its result is determined by its inputs.
+If a mechanism sticks, slides and impacts, its position of rest depends on its history. With other step lengths the
+history differs by chance, so two runs of a sample show to what extent its inputs determine its result.
 """
 
 from collections.abc import Mapping
@@ -23,14 +23,14 @@ WALL_LIMIT = "simulation.wall_limit"
 
 @dataclass(frozen=True)
 class HalvedStep:
-    """A function in the place of `engine.simulate` that halves the step: every step's length, if they are adaptive.
+    """A replacement of `engine.simulate` that halves the step, or all step lengths if steps are adaptive.
 
-    A run with twice the steps may take twice the time.
+    The time limit of the run is doubled, because it takes twice as many steps.
 
     Attributes
     ----------
     simulate : callable
-        What simulates.
+        The function that simulates, with the parameters of `engine.simulate`.
     """
 
     simulate: Simulate
@@ -44,7 +44,7 @@ class HalvedStep:
         horizon: float | None = None,
         cancel: "Cancel | None" = None,
     ) -> Run:
-        """Simulate a mechanism; parameters as of `engine.simulate`."""
+        """Simulate a mechanism; the parameters are those of `engine.simulate`."""
         halved = halved_settings(mechanism, values, step)
         limit = {WALL_LIMIT: 2.0 * values.get(WALL_LIMIT, mechanism.simulation.wall_limit)}
         fixed = None if step is None else halved.pop(STEP)
@@ -52,16 +52,16 @@ class HalvedStep:
 
 
 def halved_settings(mechanism: Mechanism, values: Mapping[str, float], step: float | None) -> dict[str, float]:
-    """Return half of each setting that the lengths of a run's steps depend on, by its key.
+    """Return, by key, half of each setting that determines the step lengths of a run.
 
     Parameters
     ----------
     mechanism : Mechanism
-        Its settings count where ``values`` has none.
+        The mechanism; its settings apply unless ``values`` contains them.
     values : mapping of str to float
-        Numbers that the run changes.
+        Numbers that the run changes, by key.
     step : float or None
-        The one fixed step of the run, which replaces the mechanism's steps.
+        The fixed step of the run, in place of the mechanism's steps; None for the mechanism's steps.
     """
     if step is not None:
         return {STEP: 0.5 * step}
@@ -70,7 +70,7 @@ def halved_settings(mechanism: Mechanism, values: Mapping[str, float], step: flo
 
 
 def what_differs(plan: Plan, inputs: Mapping[str, float]) -> str:
-    """Return the settings of a sample's repeat that are not those of its run, in words.
+    """Return, in words, the settings in which a sample's repeat differs from its run.
 
     Parameters
     ----------

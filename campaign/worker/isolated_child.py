@@ -1,14 +1,14 @@
-"""The process that computes runs in isolation, which `campaign.worker.subprocess_runs` starts.
+"""The child process that computes runs in isolation; `campaign.worker.subprocess_runs` starts it.
 
-It reads from its standard input what to compute. On what was its standard output it writes one pickle for each thing
-that happens, so that the process that started it knows at any time whether a run was under way:
+It reads the request from its standard input. To its original standard output it writes one pickle per event, so that
+the parent process always knows whether a run is in progress:
 
 - ``("begun", sample)`` before a run begins,
-- ``("row", row)`` when the run has ended,
-- ``("doubtful", row)`` when the run raised an error that may be the machine's; nothing follows,
-- ``("failed", error)`` when the process cannot go on for reasons of its own; nothing follows.
+- ``("row", row)`` after the run has ended,
+- ``("doubtful", row)`` if the run raised an error that the machine may have caused; nothing follows,
+- ``("failed", error)`` if the process cannot go on for reasons of its own; nothing follows.
 
-What this module imports is in the standard library: an error in an import of the project is sent like any other.
+This module imports only the standard library, so that an error while importing the project is sent like any other.
 """
 
 import os
@@ -22,8 +22,8 @@ COMMAND = (sys.executable, "-P", "-c", "from campaign.worker.isolated_child impo
 
 
 def main() -> None:
-    """Compute what standard input asks for; end the process."""
-    for from_a_terminal in (signal.SIGINT, signal.SIGHUP):  # they are for the process that talks to the user
+    """Compute the rows requested on standard input, then end the process."""
+    for from_a_terminal in (signal.SIGINT, signal.SIGHUP):  # meant for the process that talks to the user
         signal.signal(from_a_terminal, signal.SIG_IGN)
     request, answers = _take_pipes()
     try:
@@ -37,7 +37,7 @@ def main() -> None:
 
 
 def _compute(request: BinaryIO, answers: BinaryIO) -> None:
-    """Compute the rows that are requested and send them."""
+    """Compute the requested rows and send them."""
     from campaign.worker.limits import end_with
     from campaign.worker.messages import DoubtfulRun
     from campaign.worker.runs import rows_in_process
@@ -52,7 +52,7 @@ def _compute(request: BinaryIO, answers: BinaryIO) -> None:
 
 
 def _take_pipes() -> tuple[BinaryIO, BinaryIO]:
-    """Return the pipes from and to the parent; what runs read is empty, and what they print goes to standard error."""
+    """Return the pipes from and to the parent; runs get an empty standard input, and print to standard error."""
     request, answers = os.fdopen(os.dup(0), "rb", buffering=0), os.fdopen(os.dup(1), "wb")
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)
@@ -68,10 +68,10 @@ def _send(answers: BinaryIO, kind: str, content: Any) -> None:
 
 
 def _portable(error: Exception) -> Exception:
-    """Return an error that survives the pipe: itself, or a `ChildFailed` with its text."""
+    """Return an error that can be pickled: the error itself, or a `ChildFailed` with its text."""
     try:
         pickle.loads(pickle.dumps(error))
-    except Exception:  # an error of any class can refuse in any way
+    except Exception:  # pickling an error of any class can fail in any way
         from campaign.worker.messages import ChildFailed
 
         return ChildFailed(f"{type(error).__name__}: {error}")

@@ -1,4 +1,4 @@
-"""Limits of a run: real time, memory, a campaign that is cancelled, a parent process that ends."""
+"""Limits of a run: real time, memory, cancellation of its campaign, and the end of the parent process."""
 
 import os
 import resource
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, BinaryIO
 if TYPE_CHECKING:
     from engine.loop import Cancel
 
-CHECK_INTERVAL = 2.0  # s, between two checks whether the campaign is cancelled
+CHECK_INTERVAL = 2.0  # s between two checks whether the campaign is cancelled
 GIB = 1 << 30
 
 
@@ -19,8 +19,8 @@ GIB = 1 << 30
 def time_limit(seconds: float) -> Iterator[None]:
     """Kill this process with SIGALRM if the block takes longer than ``seconds``.
 
-    The engine ends a run at its own time limit. This limit is for code that ignores the engine's: the operating
-    system's timer needs neither the interpreter nor its lock.
+    The engine ends a run at its own time limit. This limit is for code that ignores that one: the operating system's
+    timer needs neither the interpreter nor its lock.
     """
     signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
@@ -31,7 +31,7 @@ def time_limit(seconds: float) -> Iterator[None]:
 
 @contextmanager
 def memory_limit(gib: float) -> Iterator[None]:
-    """Make allocations in the block fail with MemoryError if they take this process beyond ``gib`` GiB of data."""
+    """Make allocations in the block fail with MemoryError once this process has more than ``gib`` GiB of data."""
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
     limit = int(gib * GIB)
     resource.setrlimit(resource.RLIMIT_DATA, (limit if hard == resource.RLIM_INFINITY else min(limit, hard), hard))
@@ -43,7 +43,7 @@ def memory_limit(gib: float) -> Iterator[None]:
 
 @contextmanager
 def cancelled_by(is_cancelled: Callable[[], bool], cancel: "Cancel") -> Iterator[None]:
-    """Set ``cancel`` when ``is_cancelled`` returns True; a thread calls it every two seconds while the block runs."""
+    """Set ``cancel`` when ``is_cancelled`` returns True; a thread calls it every two seconds during the block."""
     over = threading.Event()
 
     def check() -> None:
@@ -52,7 +52,7 @@ def cancelled_by(is_cancelled: Callable[[], bool], cancel: "Cancel") -> Iterator
                 if is_cancelled():
                     cancel.set()
                     return
-            except Exception:  # a store that cannot be reached: writing the batch will report it
+            except Exception:  # the store cannot be reached: writing the batch will report it
                 continue
 
     watcher = threading.Thread(target=check, name="cancel", daemon=True)
@@ -65,7 +65,7 @@ def cancelled_by(is_cancelled: Callable[[], bool], cancel: "Cancel") -> Iterator
 
 
 def end_with(pipe: BinaryIO) -> None:
-    """End this process when a pipe is closed, which happens when the process at its other end does."""
+    """End this process when a pipe is closed, which happens when the process at its other end ends."""
 
     def wait() -> None:
         while pipe.read(4096):

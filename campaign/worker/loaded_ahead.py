@@ -1,7 +1,7 @@
-"""What a worker of this machine loads when it starts, rather than with its first batch.
+"""Make a worker of this machine load modules and kernels when it starts rather than with its first batch.
 
-Dask's setting ``distributed.worker.preload`` names this module, see `campaign.cluster.local`. A worker that another
-program started is left alone: what it loads is not this project's to say.
+Dask's setting ``distributed.worker.preload`` names this module; see `campaign.cluster.local`. Workers started by other
+programs are left alone, because this project does not control what they load.
 """
 
 import sys
@@ -17,30 +17,30 @@ BATCHES_NEED = ("campaign.worker.batch", "pyarrow.parquet")
 
 
 class NoPandas:
-    """A finder of modules that says of pandas that it is not installed."""
+    """A module finder that reports pandas as not installed."""
 
     @staticmethod
     def find_spec(name: str, path: Sequence[str] | None = None, target: ModuleType | None = None) -> None:
-        """Raise ModuleNotFoundError for pandas; find nothing else."""
+        """Raise ModuleNotFoundError for pandas; return None for all other modules."""
         if name == "pandas":
             raise ModuleNotFoundError("pandas is left out of this process", name=name)
 
 
 def dask_setup(worker: Any) -> None:
-    """Have a worker that starts load ahead; dask calls this.
+    """Make a starting worker load ahead; dask calls this.
 
-    The thread of its batches does it, so that the worker joins the scheduler meanwhile, and its first batch waits. The
-    versions that the worker states when it joins are looked up before: while another thread imports modules one of
-    them was not found, once in thousands of starts, and dask warned of different versions.
+    The thread for batches does the loading, so that the worker joins the scheduler in the meantime and its first batch
+    waits. The versions that the worker states when it joins are looked up before: once in thousands of starts, one of
+    them was not found while another thread imported modules, and dask warned of different versions.
     """
-    get_versions()  # and remembers them
+    get_versions()  # caches them
     worker.executors["default"].submit(load_ahead)
 
 
 def load_ahead() -> None:
-    """Load what batches need, and the engine if it is compiled.
+    """Load the modules that batches need, and the engine if it is compiled.
 
-    What fails here fails again with the first batch, where the coordinator hears of it.
+    An error here is ignored, because it recurs with the first batch, which reports it to the coordinator.
     """
     with suppress(Exception):
         keep_pandas_out()
@@ -48,9 +48,9 @@ def load_ahead() -> None:
 
 
 def keep_pandas_out() -> None:
-    """Have pyarrow go without pandas in this process, where it would load it with the first array that it makes.
+    """Keep pyarrow in this process from importing pandas, as it does when it makes its first array.
 
-    Rows are no tables of pandas, and loading it takes longer than the first runs. Other code may still import it.
+    Rows are not pandas tables, and importing it takes longer than the first runs. Other code may still import it.
     """
     import pyarrow as pa
 
@@ -64,7 +64,7 @@ def keep_pandas_out() -> None:
 
 
 def _load() -> None:
-    """Import what batches need, and load compiled kernels; compiling them is left to one worker, which says so."""
+    """Import the modules that batches need, and load compiled kernels; one worker compiles them, and logs this."""
     for module in BATCHES_NEED:
         import_module(module)
     from engine import missing_kernels, warm_up

@@ -1,6 +1,6 @@
-"""What a coordinator and its workers say to each other: which batch to compute, what came of it, and what prevented it.
+"""Messages between a coordinator and its workers: requests for batches, results, and errors.
 
-Everything here is pickled: it travels between processes and machines.
+Everything here is pickled, because it is sent between processes and machines.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ Simulate = Callable[..., Run]
 
 
 class WrongBuild(CampaignError):
-    """A process runs another build of clearcap than the campaign is planned for."""
+    """A process runs another build of clearcap than the one the campaign is planned for."""
 
 
 class ChildFailed(CampaignError):
@@ -27,12 +27,12 @@ class ChildFailed(CampaignError):
 
 
 class DoubtfulRun(CampaignError):
-    """A run raised an error that may be the machine's; a process of its own will show.
+    """A run raised an error that the machine may have caused; repeating it in a process of its own will show.
 
     Parameters
     ----------
     row : dict
-        The row of the run, if the error is its own.
+        The row of the run, valid if the run caused the error itself.
     """
 
     def __init__(self, row: dict[str, Any]) -> None:
@@ -48,24 +48,24 @@ class Cancelled(CampaignError):
 
 @dataclass(frozen=True)
 class CampaignAddress:
-    """Where a worker finds a campaign, and what it needs to compute it; less than a kilobyte.
+    """Where a worker finds a campaign, and how it computes it; less than a kilobyte.
 
     Attributes
     ----------
     store : str
-        URL of the store that holds the plan and takes the rows, with its secrets: it is not shown.
+        URL of the store that holds the plan and the rows, with its secrets, so it must not be shown.
     campaign_id : str
         Id of the campaign.
     row_build : str
         Build that the campaign is planned for; see `campaign.row_build`.
     simulate : callable
-        `engine.simulate`, or a function of a module with the same parameters that takes its place.
+        `engine.simulate`, or a module-level function with the same parameters to use instead.
     patience : Patience
-        For how long a worker tries again what the store refuses.
+        How long a worker tries failing operations on the store again.
     repeats : tuple of float
         Shares of the samples that are repeated; see `campaign.repeat_plan.plan_repeats`.
     halved : bool
-        Whether runs have half the step: repeats.
+        Whether runs have half the step, as repeats do.
     """
 
     store: str = field(repr=False)
@@ -85,12 +85,12 @@ class CampaignAddress:
 
 
 def check_build(campaign_id: str, planned: str) -> None:
-    """Refuse to compute rows of a campaign that is planned for another build than that of this process.
+    """Check that a campaign is planned for the build of this process.
 
     Raises
     ------
     WrongBuild
-        It says what differs.
+        If it is planned for another build; the message says what differs.
     """
     if different := differences(planned):
         raise WrongBuild(
@@ -112,7 +112,7 @@ class BatchRequest:
     isolated : bool
         Whether its runs are computed in an isolated subprocess, because an earlier attempt killed its worker.
     has_rows : bool
-        Whether the store has its rows, so that only repeats of its samples are missing.
+        Whether the store already has its rows, so that only repeats of its samples are missing.
     """
 
     batch: int
@@ -128,7 +128,7 @@ class BatchResult:
     Attributes
     ----------
     part : Part or None
-        The part that was written; None if the request was for repeats only.
+        The written part; None if the request was for repeats only.
     moments : dict of str to Moments
         Moments of each response over the rows of the batch.
     computed : bool

@@ -12,15 +12,15 @@ import pyarrow.compute as pc
 class Moments:
     """Number, mean and sum of squared deviations of a set of values.
 
-    The sum of two is that of both sets together. The formula of Chan, Golub and LeVeque (1983) loses no digits where
-    the mean is large.
+    The sum of two objects describes both sets together. The formula of Chan, Golub and LeVeque (1983) loses no digits
+    if the mean is large.
 
     Attributes
     ----------
     n : int
         Number of values.
     mean : float
-        Mean; 0 if there is no value.
+        Mean; 0 if there are no values.
     squares : float
         Sum of squared deviations from the mean.
     """
@@ -55,7 +55,7 @@ def moments(table: pa.Table, responses: Iterable[str]) -> dict[str, Moments]:
 
 
 def plain_rows(table: pa.Table) -> pa.Table:
-    """Return the rows that are drawn from the distributions themselves: all, but with importance sampling some."""
+    """Return the rows drawn from the distributions themselves: all rows, except with importance sampling."""
     return table.filter(pc.field("component") == 0) if "component" in table.column_names else table
 
 

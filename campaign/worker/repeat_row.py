@@ -25,11 +25,11 @@ class RepeatedSample:
     Attributes
     ----------
     row : dict
-        What was computed now.
+        The row computed now.
     stored : dict or None
-        What the store has; None if it has no row of this sample.
+        The row in the store; None if it has no row of this sample.
     same : bool or None
-        Whether both agree in all that the sample determines; None if the store has no row.
+        Whether both agree in everything that the sample determines; None if the store has no row.
     """
 
     row: dict[str, Any]
@@ -45,23 +45,23 @@ def repeated_sample(
     Parameters
     ----------
     store : Store
-        Where the campaign is.
+        The store that holds the campaign.
     plan : Plan
         The campaign.
     sample : int
         Number of the sample.
     motion : Path, optional
-        HDF5 file for its motion.
+        HDF5 file to write its motion to.
     halved : bool
-        Compute its repeat with half the step instead.
+        Whether to compute its repeat with half the step instead.
 
     Raises
     ------
     MechanismError, TrajectoryError
-        As of `engine.simulate`.
+        As in `engine.simulate`.
     """
     with announced_compilation(missing_kernels()):
-        warm_up()  # before any clock runs
+        warm_up()  # so that compiling does not count as time of the run
     run = partial(simulate, trajectory=motion) if motion else simulate
     row = compute_row(plan, HalvedStep(run) if halved else run, sample, sample_values(plan, sample), 1, Cancel())
     tables = repeat_plans(store, plan) if halved else (plan,)
@@ -71,7 +71,7 @@ def repeated_sample(
 
 
 def stored_row(store: Store, table: PlanHeader, sample: int) -> dict[str, Any] | None:
-    """Return the row of a sample as the store has it, in a campaign or a set of its repeats; None if it has none.
+    """Return the stored row of a sample, from a campaign or a set of its repeats; None if there is none.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def stored_row(store: Store, table: PlanHeader, sample: int) -> dict[str, Any] |
 
 
 def _same(row: dict[str, Any], stored: dict[str, Any], responses: list[str]) -> bool:
-    """Return whether two rows agree in all that the sample determines."""
+    """Return whether two rows agree in everything that the sample determines."""
     names = ["status", "message", "steps", "max_residual", "max_penetration", "settled", *responses]
     names += [name for name in ENERGY_COLUMNS if name in stored]
     return all(_equal(row[name], stored[name]) for name in names)

@@ -24,25 +24,25 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]
 
-# Errors by which a machine says that it lacks something: memory, a disk, a file that was there a moment ago.
+# Errors that show that the machine lacks something: memory, a disk, a file that existed a moment ago.
 OF_THE_MACHINE = (MemoryError, OSError, ImportError)
 
 
 class DoubtfulRow(Row):
-    """The row of a run that raised an error which may be the machine's: the run is repeated elsewhere."""
+    """The row of a run that raised an error that the machine may have caused; the run is repeated elsewhere."""
 
 
 def compute_row(
     plan: Plan, simulate: Simulate, sample: int, values: Mapping[str, float], attempt: int, cancel: "Cancel"
 ) -> Row:
-    """Simulate one sample, and again with each setting of the retry policy until a run succeeds; return its row.
+    """Simulate one sample, again with each setting of the retry policy until a run succeeds, and return its row.
 
     Parameters
     ----------
     plan : Plan
         The campaign.
     simulate : callable
-        `engine.simulate`, or a function with the same parameters that takes its place.
+        `engine.simulate`, or a function with the same parameters to use instead.
     sample : int
         Number of the sample.
     values : mapping of str to float
@@ -55,7 +55,7 @@ def compute_row(
     Returns
     -------
     Row
-        Of the last run; it counts the attempts and says how the earlier ones ended.
+        The row of the last run; it counts the attempts and says how the earlier ones ended.
     """
     earlier: list[str] = []
     for settings in (plan.spec.simulation, *plan.spec.failures.retry):
@@ -77,7 +77,7 @@ def crashed_row(
     wall_s: float | None = None,
     attempts: int = 1,
 ) -> Row:
-    """Return the row of a run that has no certificate, because it raised an error or ended its process.
+    """Return the row of a run without a certificate, because it raised an error or ended its process.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def crashed_row(
 
 
 def rows_to_table(plan: Plan, rows: list[Row], schema: pa.Schema | None = None) -> pa.Table:
-    """Return rows as a table of the plan's schema, or another one, with the columns that the sampler adds."""
+    """Return rows as a table with the plan's schema, or another one, including the columns that the sampler adds."""
     schema = plan.schema if schema is None else schema
     sample = np.array([row["sample"] for row in rows], np.int64)
     added = sampler_named(plan.spec.sampler).own_columns(plan.spec, sample)
@@ -112,12 +112,12 @@ def rows_to_table(plan: Plan, rows: list[Row], schema: pa.Schema | None = None) 
 
 
 def repeats_to_table(plan: Plan, repeats: RepeatPlan, rows: list[Row]) -> pa.Table:
-    """Return repeats as a table that also says what differed from the runs of their rows."""
+    """Return repeats as a table that also says in which settings they differ from the runs of their rows."""
     return rows_to_table(plan, [row | {SETTINGS: what_differs(plan, row)} for row in rows], repeats.schema)
 
 
 def sample_inputs(plan: Plan, samples: Sequence[int]) -> Iterator[tuple[int, dict[str, float]]]:
-    """Yield each sample and its inputs by variable name; all samples from the first to the last are drawn at once."""
+    """Yield each sample and its inputs by variable name; all samples from smallest to largest are drawn at once."""
     first = min(samples)
     drawn = draw(plan.spec, first, max(samples) + 1 - first)
     for sample in samples:
@@ -137,7 +137,7 @@ def _attempt(
     settings: SimulationSettings,
     cancel: "Cancel",
 ) -> Row:
-    """Simulate one sample once, with given settings; return a row, however the run ends."""
+    """Simulate one sample once with the given settings; return a row, however the run ends."""
     start = perf_counter()
     inputs_by_key = {plan.targets[name]: x for name, x in values.items()}
     changes = {**settings.values(), **plan.spec.execution.values(), **inputs_by_key}
@@ -164,7 +164,7 @@ def _attempt(
 
 
 def _text(error: BaseException, plan: Plan) -> str:
-    """Return what the row of a run says of the error that the run raised."""
+    """Return the message of a row about the error that its run raised."""
     if isinstance(error, MemoryError):
         limit = plan.spec.execution.memory_limit
         return f"out of memory: the process may use {limit:g} GiB (execution.memory_limit)"
@@ -172,18 +172,18 @@ def _text(error: BaseException, plan: Plan) -> str:
 
 
 def longest_sample(plan: Plan) -> float:
-    """Return the time [s] that a sample may take, with all repetitions of its run that the retry policy asks for."""
+    """Return the time that a sample may take, including all attempts that the retry policy allows [s]."""
     return (1 + len(plan.spec.failures.retry)) * _longest(plan)
 
 
 def _longest(plan: Plan) -> float:
-    """Return the time [s] after which a run that ignores its time limit is killed: twice that limit plus a second."""
+    """Return the time after which a run that ignores its time limit is killed: twice that limit plus a second [s]."""
     limit = plan.spec.execution.time_limit
     return 2.0 * (plan.mechanism.simulation.wall_limit if limit is None else limit) + 1.0
 
 
 def _checked(run: Run, mechanism: Mechanism) -> tuple[str, str]:
-    """Return status and message of a run; a run that claims success must have a finite value of every response."""
+    """Return status and message of a run; an ``ok`` run without a finite value of every response is ``invalid``."""
     if run.status == "ok":
         responses: Mapping[str, float] = run.responses
         unusable = [name for name in mechanism.responses if not isfinite(responses.get(name, nan))]

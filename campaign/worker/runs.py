@@ -17,7 +17,7 @@ from engine import missing_kernels, simulate, warm_up
 
 @lru_cache(maxsize=4)
 def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
-    """Return the store and the plan of a campaign, with the engine compiled, for a process that computes rows.
+    """Return the store and the plan of a campaign after compiling the engine, for a process that computes rows.
 
     Raises
     ------
@@ -27,18 +27,18 @@ def open_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
     check_build(address.campaign_id, address.row_build)
     if address.simulate is simulate:
         with announced_compilation(missing_kernels()):
-            warm_up()  # compiling must not count as time of a run
+            warm_up()  # so that compiling does not count as time of a run
     return read_campaign(address)
 
 
 @lru_cache(maxsize=4)
 def read_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
-    """Return the store and the plan of a campaign, read once in each process; the engine need not be compiled.
+    """Return the store and the plan of a campaign, read once per process; the engine need not be compiled.
 
     Raises
     ------
     WrongBuild
-        If this process runs another build of clearcap than the campaign is planned for.
+        If this process runs another build of clearcap than the one the campaign is planned for.
     StoreError
         If the store or the plan cannot be read.
     """
@@ -49,7 +49,7 @@ def read_campaign(address: CampaignAddress) -> tuple[Store, Plan]:
 
 @lru_cache(maxsize=4)
 def open_repeats(address: CampaignAddress) -> tuple[RepeatPlan, ...]:
-    """Return the sets of repeats of a campaign; errors as of `open_campaign`."""
+    """Return the sets of repeats of a campaign; raises the same errors as `open_campaign`."""
     return plan_repeats(open_campaign(address)[1], address.repeats)
 
 
@@ -82,7 +82,7 @@ def rows_in_process(
     Cancelled
         If the campaign is cancelled meanwhile.
     DoubtfulRun
-        If a run raises an error that may be the machine's.
+        If a run raises an error that the machine may have caused.
     WrongBuild, StoreError
         If the campaign cannot be opened; see `open_campaign`.
     """

@@ -1,4 +1,4 @@
-"""End a child process that hangs, stopped by someone or stuck in a run that takes no notice of its time limit."""
+"""End a child process that hangs, because somebody stopped it or its run ignores its time limit."""
 
 import logging
 import os
@@ -11,21 +11,21 @@ from types import TracebackType
 
 logger = logging.getLogger(__name__)
 
-LOOK_INTERVAL = 2.0  # s, between two looks
+LOOK_INTERVAL = 2.0  # s between two checks
 
 
 class ChildWatch:
-    """Kill a child that sends nothing for longer than it may; a context, in which a thread looks every two seconds.
+    """A context in which a thread kills a child that sends nothing for too long, checking every two seconds.
 
-    Only time in which this process is awake counts: a look counts for no more than twice the interval of looks, so that
-    nobody is to blame when a laptop sleeps or all processes of a campaign are stopped.
+    Only time while this process is awake counts: a check adds at most twice the interval between checks, so that the
+    child is not blamed if a laptop sleeps or all processes of a campaign are stopped.
 
     Parameters
     ----------
     child : subprocess.Popen
-        A process that leads a session of its own; what it has started itself is killed with it.
+        A process that leads a session of its own; processes that it started are killed with it.
     allowed : float
-        For how long it may be silent at first [s].
+        How long it may be silent at first [s].
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class ChildWatch:
     def __init__(self, child: "subprocess.Popen[bytes]", allowed: float) -> None:
         self.hung = False
         self._child = child
-        self._last = self._seen = (0, allowed)  # number of messages; for how long the child may be silent now
+        self._last = self._seen = (0, allowed)  # number of messages; how long the child may be silent now
         self._silent_for = 0.0
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="silent child", daemon=True)
@@ -52,11 +52,11 @@ class ChildWatch:
         self._thread.join()
 
     def heard(self, allowed: float) -> None:
-        """Note that the child has sent a message, after which it may be silent for ``allowed`` seconds."""
+        """Record that the child has sent a message, after which it may be silent for ``allowed`` seconds."""
         self._last = (self._last[0] + 1, allowed)
 
     def is_silent(self, passed: float) -> bool:
-        """Return whether the child has sent nothing for too long, ``passed`` seconds [s] after the look before."""
+        """Return whether the child has been silent for too long, ``passed`` seconds after the last check."""
         if self._last != self._seen:
             self._seen, self._silent_for = self._last, 0.0
         else:

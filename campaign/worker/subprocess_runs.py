@@ -1,10 +1,10 @@
-"""Compute rows in an isolated subprocess, for a batch that killed its worker: the run at fault becomes a row.
+"""Compute rows in an isolated subprocess, for a batch that killed its worker; the run at fault becomes a row.
 
-Only a run that had begun can be to blame for the end of its child process, and only if it was the child's first run:
-what an earlier one left behind, a thread or a full memory, may have ended it. A child that ends before a run, between
-two runs, or with an error of its own has failed itself; it is started again. Where the cause may lie outside, such as a
-signal that others send too, a run is guilty when child after child ends in it, with ever longer pauses. A child that
-hangs, because someone stopped it, is killed, and counts as one that others have killed.
+A run is to blame for the end of its child process only if it had begun and was the child's first run; otherwise a
+remnant of an earlier run, such as a thread or full memory, may be the cause. A child that ends before a run, between
+two runs, or with an error of its own has failed by itself, and another is started. If the cause may be external, such
+as a signal that others send too, a run is guilty only if several children in a row end in it, with increasing pauses.
+A child that hangs, for example because somebody stopped it, is killed, and counts as killed by others.
 """
 
 import logging
@@ -27,14 +27,14 @@ from campaign.worker.silent_child import ChildWatch
 
 logger = logging.getLogger(__name__)
 
-READY_WITHIN = 900.0  # s, for a child to start, compile the engine and open the store, beyond the store's patience
-BUSY = 60.0  # s, that a run may take beyond its limit, on a machine with too much to do
+READY_WITHIN = 900.0  # s for a child to start, compile the engine and open the store, beyond the store's patience
+BUSY = 60.0  # s that a run may take beyond its limit on an overloaded machine
 # Signals that operators and the operating system send too, so that they do not prove the run guilty.
 AMBIGUOUS = {signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP}
-TRIES = 5  # processes that a run must end one after the other to be guilty, if the cause may be another one
-TIMEOUTS = 2  # processes whose time limit it must exceed: one that was paused runs out of time too
-STARTS = 10  # attempts at a process that fails on its own
-PAUSES = (0.5, 8.0)  # s, the first and the longest between two processes; each is twice as long as the one before
+TRIES = 5  # processes in a row that a run must end to be guilty, if there may be another cause
+TIMEOUTS = 2  # processes whose time limit a run must exceed to be guilty; a paused process exceeds it too
+STARTS = 10  # attempts to start a process that fails by itself
+PAUSES = (0.5, 8.0)  # s; the first and the longest pause between two processes; each is twice the one before
 
 
 @dataclass(frozen=True)
@@ -44,11 +44,11 @@ class _Ending:
     Attributes
     ----------
     rows : int
-        Rows that it sent.
+        Number of rows that it sent.
     kind, content
-        Its last message, see `campaign.worker.isolated_child`; the kind is empty if it sent none.
+        Its last message; see `campaign.worker.isolated_child`. The kind is empty if it sent none.
     exit_status : int
-        As of `subprocess.Popen.wait`.
+        Exit status as in `subprocess.Popen.wait`.
     hung : bool
         Whether it was killed because it hung.
     """
@@ -61,7 +61,7 @@ class _Ending:
 
     @property
     def in_run(self) -> bool:
-        """Whether a run had begun that did not end."""
+        """Whether a run had begun but not ended."""
         return self.kind in ("begun", "doubtful")
 
     @property
@@ -79,7 +79,7 @@ class _Ending:
 
 
 def rows_in_subprocess(address: CampaignAddress, samples: Sequence[int], attempt: int) -> Iterator[Row]:
-    """Yield the row of each sample, computed in a child process; a child that ends too early is replaced by another.
+    """Yield the row of each sample, computed in a child process; replace a child that ends too early.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def rows_in_subprocess(address: CampaignAddress, samples: Sequence[int], attempt
     Yields
     ------
     Row
-        One for each sample, in the order of ``samples``; of a run that is to blame for the end of its process too.
+        One for each sample, in the order of ``samples``, including runs that ended their process.
 
     Raises
     ------
@@ -130,7 +130,7 @@ def rows_in_subprocess(address: CampaignAddress, samples: Sequence[int], attempt
 def _rows_of_child(
     address: CampaignAddress, samples: Sequence[int], attempt: int, longest: float
 ) -> Generator[Row, None, _Ending]:
-    """Yield the rows of one child, of which none takes more than ``longest`` seconds; return how it ended."""
+    """Yield the rows of one child, each of which may take ``longest`` seconds; return how the child ended."""
     ready_within = READY_WITHIN + address.patience.seconds
     rows, kind, content = 0, "", None
     try:
@@ -148,14 +148,14 @@ def _rows_of_child(
 
 
 def _start_child() -> "subprocess.Popen[bytes]":
-    """Start a child; Ctrl-C does not reach it, and it imports what this process can, from no current folder."""
+    """Start a child that Ctrl-C does not reach and that imports like this process, but not from the current folder."""
     return subprocess.Popen(
         COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=python_environment(), start_new_session=True
     )
 
 
 def _messages(child: "subprocess.Popen[bytes]", request: object) -> Iterator[tuple[str, Any]]:
-    """Send a child what to compute, and yield its messages until it ends; an incomplete one is dropped."""
+    """Send a request to a child and yield its messages until it ends; drop an incomplete message."""
     assert child.stdin is not None
     assert child.stdout is not None
     try:
@@ -169,14 +169,14 @@ def _messages(child: "subprocess.Popen[bytes]", request: object) -> Iterator[tup
             kind, content = message
         except EOFError:
             return
-        except Exception:  # bytes that are no message raise anything
+        except Exception:  # unpickling arbitrary bytes can raise anything
             child.kill()
             return
         yield kind, content
 
 
 def _raise_failure(ending: _Ending, failures: int) -> None:
-    """Raise the error of a child that failed, if another child would meet it too or enough of them have failed."""
+    """Raise the error of a child that failed, if another child would fail too or enough children have failed."""
     error = ending.content if ending.kind == "failed" else None
     if isinstance(error, CampaignError) and not isinstance(error, ChildFailed):
         raise error
@@ -201,7 +201,7 @@ def _guilty_row(plan: Plan, sample: int, ending: _Ending) -> Row:
 
 
 def _deed(ending: _Ending) -> str:
-    """Return what a run did to its process."""
+    """Describe how a run ended its process."""
     if ending.exit_status == -signal.SIGALRM:
         return "took no notice of its time limit and was ended"
     if ending.hung:
@@ -215,6 +215,6 @@ def _deed(ending: _Ending) -> str:
 
 
 def _pause(failures: int) -> None:
-    """Wait, the longer the more often it failed."""
+    """Wait; each failure doubles the pause, up to a limit."""
     first, longest = PAUSES
     time.sleep(min(first * 2.0 ** (failures - 1), longest))

@@ -1,9 +1,9 @@
 """Distributions of the sampled inputs: one model each, read from ``[variables.NAME]`` of a campaign file.
 
-A value depends on its own uniform number alone, bit for bit, and not on how many others are transformed beside it: a
-row must not depend on its batch. The formulas are made of scipy's element-wise special functions. ``scipy.stats`` has
-the same distributions, but it gives other bits (lognormal, Weibull, the upper tails of beta, uniform and triangular),
-and every worker would pay for its import (half a second, 50 MB).
+A value depends, bit for bit, on its own uniform number alone and not on how many others are transformed with it: a row
+must not depend on its batch. The formulas use scipy's element-wise special functions. ``scipy.stats`` has the same
+distributions, but gives other bits (lognormal, Weibull, the upper tails of beta, uniform and triangular), and every
+worker would pay for its import (half a second, 50 MB).
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""What every distribution of an input can do, and what the distributions check in common."""
+"""The interface of every distribution of an input, and checks that the distributions share."""
 
 from abc import abstractmethod
 from typing import Annotated, ClassVar
@@ -21,8 +21,8 @@ StandardDeviation = Annotated[
     PositiveNumber | None, Field(description="Standard deviation before the cut, in the target's unit, above 0.")
 ]
 
-DRAWN = np.array([2.0**-54, 1.0 - 2.0**-53])  # the outermost probabilities that are drawn
-TAIL = 1e-6  # probability beyond the ends at which an unbounded variable is tried on the mechanism
+DRAWN = np.array([2.0**-54, 1.0 - 2.0**-53])  # the smallest and the largest probability that is drawn
+TAIL = 1e-6  # probability beyond each end at which an unbounded variable is tried on the mechanism
 
 
 class Distribution(TableModel, strict=True):
@@ -42,9 +42,9 @@ class Distribution(TableModel, strict=True):
     )
 
     def check_size(self) -> None:
-        """Raise ValueError if values that can be drawn, or their mean and deviation, are beyond any real size."""
-        tried = self.model_copy()  # keeps what it computes to itself
-        with np.errstate(all="ignore"):  # what is not finite is refused
+        """Raise ValueError if values that can be drawn, or their mean or deviation, are implausibly large."""
+        tried = self.model_copy()  # so that this object does not cache what is computed here
+        with np.errstate(all="ignore"):  # values that are not finite are refused below
             try:
                 low, high = tried.ppf(DRAWN).tolist()
                 sizes = np.abs([low, high, *tried.moments()])
@@ -66,29 +66,29 @@ class Distribution(TableModel, strict=True):
 
     @abstractmethod
     def logpdf(self, x: Array) -> Array:
-        """Return the logarithm of the density [1/unit] at ``x``, or of the probability if the values are separate.
+        """Return the logarithm of the density [1/unit] at ``x``; of the probability if the distribution is discrete.
 
         It is minus infinity for a value that is never drawn.
         """
 
     @abstractmethod
     def support(self) -> tuple[float, float]:
-        """Return the ends between which every value lies; infinite where there is no end."""
+        """Return the lower and upper end of the values; infinite where there is no end."""
 
     @abstractmethod
     def moments(self) -> tuple[float, float]:
-        """Return mean and standard deviation of what is drawn, cuts and production batches included."""
+        """Return mean and standard deviation of the drawn values, including cuts and production batches."""
 
     @abstractmethod
     def text(self) -> str:
-        """Return the distribution in words and numbers, without unit."""
+        """Return the distribution in words and numbers, without units."""
 
     def density_points(self, count: int = 101) -> tuple[tuple[float, float], ...]:
-        """Return ``count`` points (x, density) between the ends, for drawing; none if there is no density."""
+        """Return ``count`` points (x, density) between the ends, for plotting; empty if there is no density."""
         return ()
 
     def ends(self) -> tuple[float, float]:
-        """Return the support, an infinite end replaced by the quantile with probability 1e-6 beyond it."""
+        """Return the support, with an infinite end replaced by the quantile that has probability 1e-6 beyond it."""
         low, high = self.support()
         tails = self.ppf(np.array([TAIL, 1.0 - TAIL]))
         return (low if np.isfinite(low) else float(tails[0])), (high if np.isfinite(high) else float(tails[1]))
@@ -110,12 +110,12 @@ def check_parameter_groups(table: TableModel, *groups: tuple[str, ...], hint: st
     *groups : tuple of str
         The groups of keys.
     hint : str
-        What else to do if no group is given, for the message.
+        Another remedy for the message if no group is given.
 
     Raises
     ------
     ValueError
-        If no group is given, or more than one, or one in part.
+        If no group is given, more than one, or one only in part.
     """
     given = [key for group in groups for key in group if getattr(table, key) is not None]
     choices = " or ".join(" and ".join(group) for group in groups)

@@ -11,7 +11,7 @@ from campaign.inputs.distributions.bounded import Cut
 from engine.arrays import Array
 from engine.mechanism.base import Number, PositiveNumber
 
-LARGEST_EXPONENT = 1e12  # beyond, its quantiles lose their order
+LARGEST_EXPONENT = 1e12  # above it, quantiles are no longer in order
 
 
 class Beta(Cut):

@@ -1,4 +1,4 @@
-"""Distributions between two ends of their own."""
+"""Distributions whose definition includes two ends."""
 
 from typing import Annotated
 
@@ -12,7 +12,7 @@ Within = Annotated[tuple[Number, Number], Field(strict=False)]
 
 
 class Bounded(Continuous):
-    """A distribution whose ``lower`` and ``upper`` are its own ends, and hold in every production batch."""
+    """A distribution whose ``lower`` and ``upper`` are part of its definition; they hold in every production batch."""
 
     lower: Number = Field(description="Lower end of the distribution, in the target's unit; below the upper end.")
     upper: Number = Field(description="Upper end of the distribution, in the target's unit; above the lower end.")
@@ -27,7 +27,7 @@ class Bounded(Continuous):
 
 
 class Cut(Bounded):
-    """A distribution between ends that may be cut further."""
+    """A distribution between two ends that may be cut further."""
 
     within: Within | None = Field(
         default=None,
@@ -35,7 +35,7 @@ class Cut(Bounded):
     )
 
     def cut(self) -> tuple[float, float]:
-        """Return the bounds to which it is cut."""
+        """Return the bounds to which the distribution is cut."""
         return self.within or (self.lower, self.upper)
 
     def check_parameters(self) -> None:

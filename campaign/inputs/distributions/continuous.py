@@ -1,12 +1,13 @@
-"""Distributions with a density: cut to bounds, shifted from production batch to production batch.
+"""Distributions with a density: cut to bounds, and shifted from one production batch to the next.
 
-Both are done here for all of them. A *parent* distribution has its probabilities and quantiles from either tail, so
-that no digit is lost where the bounds leave only a far tail. The distribution in a production batch is the parent,
-moved by the shift d of the batch and then cut to the bounds:
+Cutting and shifting are done here for all of them. A *parent* distribution gives probabilities and quantiles from
+either tail, so that no digit is lost if the bounds leave only a far tail. The distribution in a production batch is the
+parent, moved by the shift d of the batch and then cut to the bounds:
 
     X | d  =  d + X0, given lower <= d + X0 <= upper,    d normal with mean 0, cut at 6 standard deviations
 
-So the bounds hold in every production batch, as if each were inspected. Over all batches, the mixture is drawn.
+So the bounds hold in every production batch, as if each batch were inspected. The distribution over all batches is the
+mixture of these.
 """
 
 from abc import abstractmethod
@@ -24,10 +25,11 @@ from campaign.inputs.distributions.base import TAIL, Distribution, LowerBound, U
 from campaign.inputs.distributions.production_batch import LARGEST_SHIFT, ProductionBatch
 from engine.arrays import Array
 
-LEAST_PROBABILITY = 1e-290  # between bounds: below, quantiles lose their digits
+LEAST_PROBABILITY = 1e-290  # between the bounds; below it, quantiles lose digits
 TINIEST = float(np.finfo(np.float64).tiny)
 SHIFTS = 97  # number of shifts at which a mixture over production batches is evaluated
-# probabilities of the pieces over which moments are integrated; the decades resolve any tail, the others a corner
+# limits, as probabilities, of the intervals over which moments are integrated; the decades resolve any tail, the even
+# steps a kink of the density
 DECADES = np.array([300, 250, 200, 150, 100, 70, 50, 40, 30, 25, *range(20, 0, -1)], dtype=np.float64)
 EDGES = np.concatenate([[0.0], 10.0**-DECADES, np.linspace(0.12, 0.5, 20)])
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(12)
@@ -50,7 +52,7 @@ class Continuous(Distribution):
 
     @abstractmethod
     def parent_sf(self, x: Array) -> Array:
-        """Return the parent's probability of values above ``x``, with all its digits."""
+        """Return the parent's probability of values above ``x``, with full relative precision."""
 
     @abstractmethod
     def parent_ppf(self, p: Array) -> Array:
@@ -80,7 +82,7 @@ class Continuous(Distribution):
         """Raise ValueError if the parameters contradict each other."""
 
     def cut(self) -> tuple[float, float]:
-        """Return the bounds to which it is cut; infinite where it is not."""
+        """Return the bounds to which the distribution is cut; infinite where it is not cut."""
         return (-inf if self.lower is None else self.lower), (inf if self.upper is None else self.upper)
 
     @model_validator(mode="after")
@@ -103,7 +105,7 @@ class Continuous(Distribution):
         return self
 
     def ppf(self, u: Array, shift: float | Array = 0.0) -> Array:
-        """Return the quantiles at probabilities ``u``, in production batches with these shifts."""
+        """Return the quantiles at probabilities ``u`` in production batches with the given shifts."""
         unshifted = isinstance(shift, float) and shift == 0.0
         below, above, probability, from_above = self._unshifted_window if unshifted else self._window(shift)
         x = self.parent_ppf(below + u * probability)
@@ -137,7 +139,7 @@ class Continuous(Distribution):
     def density_points(self, count: int = 101) -> tuple[tuple[float, float], ...]:
         low, high = self.ends()
         x = np.linspace(low, high, count)
-        if not np.all(self.logpdf(x[[0, -1]]) < inf):  # an infinite density is shown a little inside of its end
+        if not np.all(self.logpdf(x[[0, -1]]) < inf):  # show an infinite density slightly inside of its end
             x = np.clip(x, low + 1e-6 * (high - low), high - 1e-6 * (high - low))
         return tuple(zip(x.tolist(), np.exp(self.logpdf(x)).tolist(), strict=True))
 
@@ -148,7 +150,7 @@ class Continuous(Distribution):
 
         def quantile(p: float) -> float:
             least, most = (float(self.ppf(np.array([p]), shift)[0]) for shift in (-batch.reach, batch.reach))
-            if excess(least, p) >= 0.0:  # the shifts are too small to be seen beside the numbers
+            if excess(least, p) >= 0.0:  # the shifts vanish beside the values in double precision
                 return least
             return most if excess(most, p) <= 0.0 else float(brentq(excess, least, most, (p,)))
 
@@ -171,7 +173,7 @@ class Continuous(Distribution):
         return self._window(0.0)
 
     def _window(self, shift: float | Array) -> Window:
-        """Return the probabilities below, above and between the bounds, and whether the last is counted from above."""
+        """Return the probabilities below, above and between the bounds, and whether to count from the upper tail."""
         lower, upper = (np.asarray(bound - shift) for bound in self.cut())
         below, above = self.parent_cdf(lower), self.parent_sf(upper)
         from_above = below > 0.5
@@ -210,7 +212,7 @@ class Continuous(Distribution):
         return mean, sqrt(float(sum(np.sum(weight * (x - mean) ** 2) for x in tails)))
 
     def _tail(self, v: Array, shift: float, *, upper: bool) -> Array:
-        """Return the values with probability ``v`` beyond them, at the lower or the upper end."""
+        """Return the values with probability ``v`` between them and the lower or the upper end."""
         below, above, probability, _ = self._window(shift)
         beyond = np.maximum(v * probability, TINIEST)  # 0 would have no finite quantile
         if upper:

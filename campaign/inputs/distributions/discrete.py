@@ -1,4 +1,4 @@
-"""Distributions of separate values, drawn from a table of values and probabilities: any cut keeps its digits."""
+"""Discrete distributions, drawn from a table of values and probabilities, so that any cut keeps full precision."""
 
 from abc import abstractmethod
 from functools import cached_property
@@ -14,12 +14,12 @@ from campaign.inputs.distributions.elementary import log
 from engine.arrays import Array
 from engine.mechanism.base import Number, PositiveNumber
 
-LARGEST_COUNT = 10**15  # beyond, counts lose their last digit
-ROUNDING = 1e-9  # of a step: a value this near to a bound lies within it
+LARGEST_COUNT = 10**15  # above it, counts lose their last digit
+ROUNDING = 1e-9  # of a step: a value this close to a bound counts as within it
 
 
 class Discrete(Distribution):
-    """A distribution of separate values."""
+    """A discrete distribution."""
 
     lower: LowerBound = None
     upper: UpperBound = None
@@ -32,7 +32,7 @@ class Discrete(Distribution):
         """Raise ValueError if the parameters contradict each other."""
 
     def bounds(self) -> tuple[float, float]:
-        """Return the bounds; infinite where there is none."""
+        """Return the lower and upper bound; infinite where there is none."""
         return (-inf if self.lower is None else self.lower), (inf if self.upper is None else self.upper)
 
     @model_validator(mode="after")
@@ -111,7 +111,7 @@ class Count(Discrete):
         self.check_size()
 
     def scaled(self, k: NDArray[np.int64]) -> Array:
-        """Return the values of counts, shape (n,); never beyond a bound by rounding."""
+        """Return the values of counts, shape (n,), clipped so that rounding moves none beyond a bound."""
         return np.clip(self.origin + self.step * k, *self.bounds())
 
     def support(self) -> tuple[float, float]:

@@ -1,7 +1,7 @@
-"""Exponential, logarithm and power whose bits do not depend on the array's length.
+"""Exponential, logarithm and power whose results do not depend, bit for bit, on the array's length.
 
-They are made of scipy's special functions, which treat every element alike. NumPy's own ``exp``, ``log`` and ``power``
-may treat the last elements of an array by other instructions than the first ones.
+They use scipy's special functions, which treat every element alike. NumPy's own ``exp``, ``log`` and ``power`` may use
+other instructions for the last elements of an array than for the first ones.
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ HALF_LOG_TWO_PI = 0.9189385332046728
 
 
 def exp(x: Any) -> Array:
-    """Return e to the ``x``; same shape."""
+    """Return e to the power ``x``; same shape."""
     return np.asarray(exp2(np.multiply(LOG2_E, x)), dtype=np.float64)
 
 
@@ -26,5 +26,5 @@ def log(x: Any) -> Array:
 
 
 def power(x: Any, exponent: float) -> Array:
-    """Return ``x`` >= 0 to a positive exponent; same shape."""
+    """Return ``x`` >= 0 to the power of a positive exponent; same shape."""
     return exp(exponent * log(x))

@@ -1,4 +1,4 @@
-"""Measured values."""
+"""Empirical distribution of measured values."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -17,7 +17,7 @@ Values = Annotated[tuple[Number, ...], Field(strict=False, min_length=1, max_len
 class Empirical(Discrete):
     """Measured values, each drawn with equal probability and any number of times."""
 
-    smallest: ClassVar[float] = 0.0  # measured values may be as small as they are
+    smallest: ClassVar[float] = 0.0  # measured values may be of any size
 
     distribution: Literal["empirical"] = Field(description="Name of the distribution.")
     values: Values | None = Field(
@@ -33,7 +33,7 @@ class Empirical(Discrete):
     source: str = Field(default="", description="Where the values come from, in words.")
 
     def check_parameters(self) -> None:
-        """Raise ValueError unless there are values, within the bounds if there are any."""
+        """Raise ValueError unless there are values, and some within the bounds if bounds are given."""
         if self.values is None and self.file is None and self.column is None:
             raise ValueError("its values are missing; give values, or file and column")
         if self.values is not None and (self.file or self.column):
@@ -48,7 +48,7 @@ class Empirical(Discrete):
             )
 
     def outcomes(self) -> tuple[Array, Array]:
-        """Return the different values within the bounds and how often each was measured.
+        """Return the distinct values within the bounds and how often each was measured.
 
         Raises
         ------

@@ -14,7 +14,7 @@ from engine.mechanism.base import PositiveNumber
 
 
 class Exponential(Skewed):
-    """Exponential distribution: its mean above the origin is its standard deviation and its scale."""
+    """Exponential distribution: its standard deviation and its mean above the origin both equal its scale."""
 
     distribution: Literal["exponential"] = Field(description="Name of the distribution.")
     scale: PositiveNumber | None = Field(

@@ -13,7 +13,7 @@ LEAST_PROBABILITY = 1e-4
 
 
 class Geometric(Count):
-    """Geometric distribution of a count k = 1, 2, 3, ...: trials up to the first success."""
+    """Geometric distribution of a count k = 1, 2, 3, ...: number of trials up to the first success."""
 
     least: ClassVar[int] = 1
 

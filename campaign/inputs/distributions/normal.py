@@ -1,4 +1,4 @@
-"""Normal distribution: by mean and standard deviation, or by nominal, tolerance and the capability assumed."""
+"""Normal distribution, given by mean and standard deviation or by nominal, tolerance and assumed capability."""
 
 from typing import ClassVar, Literal
 
@@ -46,7 +46,7 @@ class Normal(Continuous):
         return self.std or 0.0
 
     def check_parameters(self) -> None:
-        """Raise ValueError unless one set of parameters is complete and the nominal within the bounds."""
+        """Raise ValueError unless one set of parameters is complete and the nominal lies within the bounds."""
         check_parameter_groups(self, ("mean", "std"), ("nominal", "tolerance", "cpk"), hint=self.hint)
         low, high = self.cut()
         if self.nominal is not None and not low <= self.nominal <= high:

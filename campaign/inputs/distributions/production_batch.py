@@ -9,11 +9,11 @@ from scipy.special import ndtri
 from engine.arrays import Array
 from engine.mechanism.base import PositiveNumber, TableModel
 
-LARGEST_SHIFT = 6.0  # in standard deviations; two in a thousand million would be larger
+LARGEST_SHIFT = 6.0  # in standard deviations; without the cut, two in a thousand million would be larger
 
 
 class ProductionBatch(TableModel, strict=True):
-    """The parts of a production batch share a shift, which is normal with mean 0, cut at 6 standard deviations."""
+    """A shift that all parts of a production batch share: normal with mean 0, cut at 6 standard deviations."""
 
     size: Annotated[int, Field(ge=1, le=100_000_000)] = Field(
         description="Number of consecutive samples with the same shift, at least 1."

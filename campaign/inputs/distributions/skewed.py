@@ -10,11 +10,11 @@ from campaign.inputs.distributions.continuous import Continuous
 from engine.arrays import Array
 from engine.mechanism.base import Number
 
-WIDEST = 1e12  # ratio of std and mean, or its inverse: squares of it are far from the ends of the numbers
+WIDEST = 1e12  # ratio of std and mean, or its inverse: the square is still far from overflow
 
 
 class Skewed(Continuous):
-    """A distribution of values above an origin; ``natural_keys`` are given instead of mean and std."""
+    """A distribution of values above an origin; ``natural_keys`` are its parameters other than mean and std."""
 
     natural_keys: ClassVar[tuple[str, ...]]
 
@@ -30,7 +30,7 @@ class Skewed(Continuous):
         self.check_mean()
 
     def check_mean(self) -> None:
-        """Raise ValueError unless the mean lies above the origin and std is of a size that fits it."""
+        """Raise ValueError unless the mean lies above the origin and std is in a plausible ratio to it."""
         if self.mean is not None and not self.mean > self.origin:
             raise ValueError(
                 f"mean = {self.mean:g} is not above origin = {self.origin:g}, below which there is no value;"
@@ -45,12 +45,12 @@ class Skewed(Continuous):
 
     @property
     def height(self) -> float:
-        """The mean above the origin, where it is given."""
+        """The mean minus the origin, if the mean is given."""
         return (self.mean or 0.0) - self.origin
 
     @property
     def variation(self) -> float:
-        """Standard deviation divided by the mean above the origin, where they are given."""
+        """Standard deviation divided by the mean above the origin, if both are given."""
         return (self.std or 0.0) / self.height
 
     def above(self, x: Array) -> Array:
@@ -61,5 +61,5 @@ class Skewed(Continuous):
         return self.origin, np.inf
 
     def named(self, parameters: str) -> str:
-        """Return ``parameters``, a distribution in words, with the origin if it is not 0."""
+        """Return ``parameters``, a distribution in words, followed by the origin if it is not 0."""
         return f"{parameters}, origin {self.origin:g}" if self.origin else parameters

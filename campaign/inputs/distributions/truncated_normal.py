@@ -9,7 +9,7 @@ from engine.mechanism.base import Number
 
 
 class TruncatedNormal(Normal):
-    """Normal distribution cut to [lower, upper]; the distribution of a variable that names none."""
+    """Normal distribution cut to [lower, upper]; the default if a variable names no distribution."""
 
     hint: ClassVar[str] = "; or name another distribution: truncated_normal is used where none is named"
 

@@ -10,7 +10,7 @@ from engine.arrays import Array
 
 
 class Uniform(Bounded):
-    """Every value of [lower, upper] equally likely."""
+    """Uniform distribution: every value of [lower, upper] is equally likely."""
 
     distribution: Literal["uniform"] = Field(description="Name of the distribution.")
 

@@ -16,7 +16,7 @@ from engine.mechanism.base import PositiveNumber
 
 LARGE = 1e4
 ZETA = (1.6449340668482264, 1.2020569031595942, 1.0823232337111382)  # zeta(2), zeta(3), zeta(4)
-SHAPES = (0.2, 1000.0)  # the shape for a mean and a deviation is between them; there std / mean is 15.8 and 0.00128
+SHAPES = (0.2, 1000.0)  # range of shapes that mean and std can give; at its ends std / mean is 15.8 and 0.00128
 
 
 class Weibull(Skewed):
@@ -33,7 +33,7 @@ class Weibull(Skewed):
     )
 
     def check_mean(self) -> None:
-        """Raise ValueError unless a Weibull distribution has such a mean and deviation."""
+        """Raise ValueError unless a Weibull distribution with this mean and standard deviation exists."""
         super().check_mean()
         most, least = (_variation(shape) for shape in SHAPES)
         if self.mean is not None and not least < self.variation < most:
@@ -44,7 +44,7 @@ class Weibull(Skewed):
 
     @cached_property
     def parameters(self) -> tuple[float, float]:
-        """Shape and scale; found from mean and deviation by bisection, since their ratio falls with the shape."""
+        """Shape and scale; if mean and std are given, found by bisection, since std / mean falls with the shape."""
         if self.shape is not None and self.scale is not None:
             return self.shape, self.scale
         low, high = SHAPES
@@ -90,7 +90,7 @@ class Weibull(Skewed):
 
 def _variation(shape: float) -> float:
     """Return the standard deviation divided by the mean of a Weibull distribution whose origin is 0."""
-    if shape > LARGE:  # the difference below would lose its digits; the series of the logarithm of gamma at 1
+    if shape > LARGE:  # the difference below would lose digits: use the series of log gamma at 1
         x = 1.0 / shape
         return float(np.sqrt(np.expm1(x * x * (ZETA[0] - 2.0 * ZETA[1] * x + 3.5 * ZETA[2] * x * x))))
     return float(np.sqrt(np.expm1(lgamma(1.0 + 2.0 / shape) - 2.0 * lgamma(1.0 + 1.0 / shape))))

@@ -1,7 +1,7 @@
 """Sampling: the inputs of a sample are a function of the campaign file and the sample number alone.
 
-A sampler is one object in one module; `SAMPLERS` is the only place that lists them. Most of them draw from the
-variables' distributions (`inverse_transform`), the others enumerate values (`enumerating`).
+Each sampler is one object in a module of its own; `SAMPLERS` is the only place that lists them. Most samplers draw from
+the variables' distributions (`inverse_transform`), the others enumerate values (`enumerating`).
 """
 
 from campaign.inputs.sampling.correlation import check_correlations
@@ -58,14 +58,14 @@ def draw(inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
     Parameters
     ----------
     inputs : SampledInputs
-        What is sampled; a campaign's spec is one.
+        The inputs to sample, such as a campaign's spec.
     first, count : int
         First sample number and number of samples.
 
     Returns
     -------
     dict of str to ndarray, each of shape (count,)
-        Values by variable, each in its target's unit; the same bits whatever piece is drawn.
+        Values by variable, each in its target's unit; bit for bit the same however the samples are split into calls.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def draw(inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
 
 
 def check_sampling(inputs: SampledInputs) -> None:
-    """Check that the samples of a campaign can be drawn, and that no key is given that would have no effect.
+    """Check that the samples of a campaign can be drawn, and that every given key has an effect.
 
     Raises
     ------

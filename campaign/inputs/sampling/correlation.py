@@ -1,8 +1,9 @@
 """Correlated variables: a Gaussian copula, given by Spearman's rank correlations.
 
-The uniform numbers of correlated variables become normal scores, the scores are mixed, and mixed scores become uniform
-numbers again: every variable keeps its distribution. A rank correlation r does not depend on distributions; the scores'
-own correlation is 2 sin(pi r / 6) (K. Pearson, "On further methods of determining correlation", 1907).
+The uniform numbers of correlated variables are transformed to normal scores, the scores are mixed, and the mixed scores
+are transformed back to uniform numbers, so every variable keeps its distribution. A rank correlation r does not depend
+on the distributions; the correlation of the scores is 2 sin(pi r / 6) (K. Pearson, "On further methods of determining
+correlation", 1907).
 """
 
 from collections import Counter
@@ -18,7 +19,7 @@ from campaign.inputs.sampling.sampler import Correlations, SampledInputs
 from engine.arrays import Array
 from engine.mechanism.faults import did_you_mean
 
-LEAST_EIGENVALUE = 1e-9  # of the scores' correlation matrix: below, one variable is a function of the others
+LEAST_EIGENVALUE = 1e-9  # of the scores' correlation matrix; below it, one variable is a function of the others
 LARGEST = 1.0 - 2.0**-53  # uniform number: the double next to 1
 
 
@@ -28,8 +29,8 @@ def check_correlations(inputs: SampledInputs) -> None:
     Raises
     ------
     ValueError
-        If one is of an unknown variable, a constant, or a variable with itself, is given twice, or they cannot hold
-        together.
+        If a correlation names an unknown variable, a constant, or one variable twice, if a pair is given twice, or if
+        the correlations contradict each other.
     """
     pairs = Counter(frozenset((a, b)) for a, b, _ in inputs.correlations or ())
     for a, b, rank in inputs.correlations or ():
@@ -52,26 +53,26 @@ def check_correlations(inputs: SampledInputs) -> None:
 
 
 def correlated(u: Mapping[str, Array], correlations: Correlations) -> dict[str, Array]:
-    """Return the uniform numbers of the correlated variables, mixed, each in its former shape.
+    """Return the uniform numbers of the correlated variables after mixing; shapes stay the same.
 
     Parameters
     ----------
     u : mapping of str to ndarray
-        Independent uniform numbers of all variables, inside (0, 1); the order of names is that of the mixing.
+        Independent uniform numbers of all variables, inside (0, 1); variables are mixed in the order of the names.
     correlations : tuple of (str, str, float)
         Pairs of variables with their rank correlation.
     """
     names = [name for name in u if any(name in pair for pair in correlations)]
     scores, mixed = [ndtri(u[name]) for name in names], {names[0]: u[names[0]]}
     for name, row in zip(names[1:], _factor(tuple(names), correlations)[1:], strict=True):
-        # summed one by one: the bits of a matrix product depend on how many samples are drawn
+        # a plain sum: the bits of a matrix product depend on the number of samples
         score = sum(share * z for share, z in zip(row, scores, strict=False) if share)
         mixed[name] = np.clip(ndtr(score), 1.0 - LARGEST, LARGEST)
     return mixed
 
 
 def matrix(names: tuple[str, ...], correlations: Correlations, scale: float = 1.0) -> Array:
-    """Return the correlation matrix of the normal scores, shape (k, k), all rank correlations scaled."""
+    """Return the correlation matrix of the normal scores, shape (k, k), with all rank correlations scaled."""
     result, at = np.eye(len(names)), {name: i for i, name in enumerate(names)}
     for a, b, rank in correlations:
         result[at[a], at[b]] = result[at[b], at[a]] = 2.0 * sin(pi * scale * rank / 6.0)
@@ -85,7 +86,7 @@ def smallest_eigenvalue(correlations: Correlations, scale: float = 1.0) -> float
 
 
 def largest_scale(correlations: Correlations) -> float:
-    """Return the largest factor from 0 to 1, in steps of 0.01, with which all correlations together are possible."""
+    """Return the largest factor from 0 to 1, in steps of 0.01, that makes all correlations together possible."""
     return next(
         (n / 100 for n in range(100, 0, -1) if smallest_eigenvalue(correlations, n / 100) >= LEAST_EIGENVALUE), 0.0
     )
@@ -93,7 +94,7 @@ def largest_scale(correlations: Correlations) -> float:
 
 @lru_cache(maxsize=8)
 def _factor(names: tuple[str, ...], correlations: Correlations) -> tuple[tuple[float, ...], ...]:
-    """Return the rows of the lower Cholesky factor, computed in plain arithmetic: a library's blocking changes bits."""
+    """Return the rows of the lower Cholesky factor; plain arithmetic, as a library's blocking would change bits."""
     rows: list[tuple[float, ...]] = []
     for i, target in enumerate(matrix(names, correlations).tolist()):
         row: list[float] = []

@@ -1,4 +1,4 @@
-"""Samplers that enumerate values and draw nothing at random, and what they check in common."""
+"""Samplers that enumerate values and draw nothing at random, and the checks that they share."""
 
 from collections.abc import Mapping
 from math import isfinite
@@ -8,18 +8,18 @@ from engine.mechanism.faults import did_you_mean
 
 
 class EnumeratingSampler(Sampler):
-    """A sampler whose samples are enumerated, so that they stand for no production."""
+    """A sampler whose samples are enumerated, so that they do not represent a production."""
 
     production = False
     weighted = False
 
     def check(self, inputs: SampledInputs) -> None:
-        """Raise ValueError if a key asks for something random, which would have no effect."""
+        """Raise ValueError for a key that asks for something random, because it would have no effect."""
         if key := dependence(inputs):
             raise ValueError(f"{key}: sampler {self.name} draws nothing at random and would ignore it; remove it")
 
     def check_ends(self, inputs: SampledInputs, names: list[str], remedy: str = "") -> None:
-        """Raise ValueError if a variable has no lower or no upper end; ``remedy`` is another way than to give both."""
+        """Raise ValueError if a variable lacks its lower or upper end; ``remedy`` is an alternative to giving both."""
         endless = [name for name in names if not all(map(isfinite, inputs.variables[name].support()))]
         if endless:
             raise ValueError(
@@ -29,7 +29,7 @@ class EnumeratingSampler(Sampler):
 
 
 def check_names(inputs: SampledInputs, key: str, given: list[str], needed: list[str], remedy: str) -> None:
-    """Raise ValueError for an entry of a table ``key`` that is no variable, or a variable without an entry."""
+    """Raise ValueError if an entry of a table ``key`` is not a variable, or a variable has no entry."""
     for name in given:
         if name not in inputs.variables:
             raise ValueError(
@@ -41,7 +41,7 @@ def check_names(inputs: SampledInputs, key: str, given: list[str], needed: list[
 
 
 def check_bounds(inputs: SampledInputs, key: str, given: Mapping[str, tuple[float, ...]]) -> None:
-    """Raise ValueError for a value of a table ``key`` that the variable's distribution excludes."""
+    """Raise ValueError for a value of a table ``key`` outside of the range of the variable's distribution."""
     for name, values in given.items():
         low, high = inputs.variables[name].support()
         for row, value in enumerate(values):

@@ -23,7 +23,7 @@ class Grid(EnumeratingSampler):
     not_extendable = "a grid consists of all combinations of its levels"
 
     def check(self, inputs: SampledInputs) -> None:
-        """Raise ValueError unless every variable that varies has levels and the samples are all points."""
+        """Raise ValueError unless every variable that varies has levels and ``samples`` is the number of points."""
         super().check(inputs)
         given, names = inputs.grid or {}, varied(inputs)
         check_names(inputs, "grid", list(given), names, "give a number of levels, or the levels")
@@ -40,7 +40,7 @@ class Grid(EnumeratingSampler):
         return {name: _levels(variable, given.get(name, 1)) for name, variable in inputs.variables.items()}
 
     def draw(self, inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
-        """Return points by number; the first variable turns fastest."""
+        """Return points by number; the first variable changes fastest."""
         number, drawn = np.arange(first, first + count), {}
         for name, levels in self.levels(inputs).items():
             number, at = np.divmod(number, len(levels))
@@ -49,7 +49,7 @@ class Grid(EnumeratingSampler):
 
 
 def _levels(variable: Distribution, given: int | tuple[float, ...]) -> tuple[float, ...]:
-    """Return the levels of a variable: those given, or a number of them, evenly from its lower to its upper end."""
+    """Return the given levels of a variable, or the given number of levels, evenly spaced from end to end."""
     if isinstance(given, tuple):
         return given
     if isinstance(variable, Constant):

@@ -1,7 +1,7 @@
-"""Scrambled Halton points: digits of the sample number in the base of a prime per variable, mirrored and permuted.
+"""Scrambled Halton points: digits of the sample number in a prime base for each variable, mirrored and permuted.
 
-J. H. Halton, "On the efficiency of certain quasi-random sequences of points", 1960; an independent random permutation
-of every digit: A. B. Owen, "A randomized Halton algorithm in R", 2017.
+J. H. Halton, "On the efficiency of certain quasi-random sequences of points", 1960. Every digit has an independent
+random permutation, as in A. B. Owen, "A randomized Halton algorithm in R", 2017.
 """
 
 from functools import lru_cache
@@ -15,7 +15,7 @@ from campaign.inputs.sampling.sampler import SampledInputs
 from campaign.inputs.sampling.streams import SCRAMBLE, permutation
 from engine.arrays import Array
 
-BITS = 52  # a point keeps as many digits as fit
+BITS = 52  # a point keeps as many digits as fit into these
 
 
 class Halton(InverseTransformSampler):
@@ -26,7 +26,7 @@ class Halton(InverseTransformSampler):
     report = f"Scrambled Halton sequence: evenly spread in all variables at once, so {EVENLY_SPREAD}"
 
     def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
-        """Return the points of the sequence, one dimension a variable."""
+        """Return the points of the sequence, one dimension per variable."""
         return halton(inputs.seed, names, first, count)
 
 
@@ -38,7 +38,7 @@ def halton(seed: int, names: list[str], first: int, count: int) -> dict[str, Arr
 
 
 def _points(seed: int, name: str, base: int, number: NDArray[np.int64]) -> Array:
-    """Return the points of one variable with these numbers, shape (count,)."""
+    """Return the points of one variable by their numbers, shape (count,)."""
     permuted, endings = _digits(seed, name, base)
     point, left, last = np.zeros_like(number), number, int(number.max(initial=0))
     used = 0
@@ -52,9 +52,9 @@ def _points(seed: int, name: str, base: int, number: NDArray[np.int64]) -> Array
 
 @lru_cache(maxsize=1024)
 def _digits(seed: int, name: str, base: int) -> tuple[NDArray[np.int64], list[int]]:
-    """Return the permutation of every digit, shape (digits, base), and what a point ends on from each digit on.
+    """Return the permutation of every digit, shape (digits, base), and the permuted trailing zeros from each digit on.
 
-    Behind its last digit a number has zeros without end, and they are permuted like any digit.
+    A number has infinitely many zeros after its last digit, and they are permuted like any other digit.
     """
     count = floor(BITS / log(base, 2))
     permuted = np.array([permutation(seed, name, base, base * digit, SCRAMBLE) for digit in range(count)])

@@ -1,6 +1,6 @@
-"""Importance sampling: most samples are drawn where rejects are expected, and weighted for it.
+"""Importance sampling: most samples are drawn where rejects are expected, and get weights that correct for this.
 
-What is drawn and what weight it has follows from the campaign file and the number of the sample alone: see `proposal`.
+A sample and its weight follow from the campaign file and the number of the sample alone; see `proposal`.
 """
 
 import numpy as np
@@ -33,7 +33,7 @@ class ImportanceSampler(InverseTransformSampler):
     columns = ("component", "log_weight", "aimed")
 
     def check(self, inputs: SampledInputs) -> None:
-        """Raise ValueError unless there is a proposal of variables that vary, and every sample has its own weight."""
+        """Raise ValueError unless a proposal names variables that vary and every sample has a weight of its own."""
         if inputs.importance is None:
             raise ValueError(
                 "importance: missing; it says where rejects are expected: clearcap design writes it from the rows of"
@@ -59,7 +59,7 @@ class ImportanceSampler(InverseTransformSampler):
                     )
 
     def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
-        """Return the uniform numbers: those of sampler ``random``, moved as the sample's component says."""
+        """Return the uniform numbers of sampler ``random``, moved as each sample's component requires."""
         component = _component(inputs, first, count)
         nominal = {name: uniforms(inputs.seed, name, first, count) for name in names}
         return {
@@ -68,11 +68,11 @@ class ImportanceSampler(InverseTransformSampler):
         }
 
     def independent(self, inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which samples are drawn from the distributions themselves."""
+        """Return which samples are drawn from the distributions themselves, in the shape of ``sample``."""
         return np.asarray(self.own_columns(inputs, sample)["component"] == 0)
 
     def own_columns(self, inputs: SampledInputs, sample: NDArray[np.int64]) -> dict[str, NDArray[np.generic]]:
-        """Return what has drawn each sample, the logarithm of its weight, and whether a component aims there."""
+        """Return each sample's component, the logarithm of its weight, and whether any component aims there."""
         first = int(sample.min()) if sample.size else 0
         count = int(sample.max()) + 1 - first if sample.size else 0
         proposal, scores = _proposal(inputs), _scores(inputs, varied(inputs), first, count)
@@ -81,7 +81,7 @@ class ImportanceSampler(InverseTransformSampler):
 
 
 def _proposal(inputs: SampledInputs) -> Proposal:
-    """Return the proposal of a campaign that was checked."""
+    """Return the proposal of a checked campaign."""
     if inputs.importance is None:
         raise ValueError("importance: missing; sampler importance draws from it")
     return inputs.importance

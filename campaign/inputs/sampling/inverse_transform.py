@@ -1,7 +1,7 @@
 """Samplers that draw from the variables' distributions, by inverse transform sampling.
 
-The sampler gives every variable a uniform number for each sample; correlated variables exchange theirs; the variable's
-distribution turns it into a value, moved by the shift of the sample's production batch.
+The sampler gives every variable a uniform number for each sample, the numbers of correlated variables are mixed, and
+the variable's distribution turns the number into a value, moved by the shift of the sample's production batch.
 """
 
 from abc import abstractmethod
@@ -29,7 +29,7 @@ class InverseTransformSampler(Sampler):
         Parameters
         ----------
         inputs : SampledInputs
-            What is sampled.
+            The inputs to sample.
         names : list of str
             The variables that vary.
         first, count : int
@@ -38,7 +38,7 @@ class InverseTransformSampler(Sampler):
         Returns
         -------
         dict of str to ndarray, each of shape (count,)
-            Strictly inside (0, 1); the same bits whatever piece is drawn.
+            Strictly inside (0, 1); bit for bit the same however the samples are split into calls.
         """
 
     def scores(self, inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:

@@ -1,4 +1,4 @@
-"""Latin hypercube: each variable has as many strata of equal probability as there are samples, one sample in each.
+"""Latin hypercube: each variable has as many equally likely strata as there are samples, with one sample in each.
 
 McKay, Beckman, Conover, "A comparison of three methods for selecting values of input variables in the analysis of
 output from a computer code", 1979. A random permutation for each variable assigns the strata to the samples.
@@ -14,7 +14,7 @@ from campaign.inputs.sampling.sampler import SampledInputs
 from campaign.inputs.sampling.streams import PLACE, STRATA, permutation, words
 from engine.arrays import Array
 
-LARGEST = 10_000_000  # samples: the permutation of a variable is kept in memory
+LARGEST = 10_000_000  # samples; limited because the permutation of each variable is kept in memory
 
 
 class LatinHypercube(InverseTransformSampler):
@@ -36,7 +36,7 @@ class LatinHypercube(InverseTransformSampler):
             )
 
     def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
-        """Return a number of each sample's own stratum for each variable."""
+        """Return, for each variable, a uniform number within each sample's own stratum."""
         return {name: stratified(inputs.seed, name, inputs.samples, first, count) for name in names}
 
 
@@ -46,15 +46,15 @@ def stratified(seed: int, name: str, samples: int, first: int, count: int) -> Ar
     Parameters
     ----------
     samples : int
-        Number of samples of the whole campaign, and of strata; at most 10 million.
+        Number of samples of the whole campaign, which is the number of strata; at most 10 million.
     """
     stratum = _strata(seed, name, samples)[first : first + count]
-    # 26 bits, centred: the sum below is exact, and its quotient stays in the stratum
+    # 26 bits, centred: the sum below is exact, and the quotient stays within the stratum
     place = ((words(seed, name, first, count, PLACE) >> np.uint64(38)).astype(np.float64) + 0.5) * 2.0**-26
     return (stratum + place) / samples
 
 
 @lru_cache(maxsize=64)
 def _strata(seed: int, name: str, samples: int) -> NDArray[np.int32]:
-    """Return the stratum of each sample, shape (samples,); it is kept, so that a process makes it only once."""
+    """Return the stratum of each sample, shape (samples,); cached, so that a process computes it only once."""
     return permutation(seed, name, samples, 0, STRATA).astype(np.int32)

@@ -1,4 +1,4 @@
-"""The rows of a user's table."""
+"""Samples read from the rows of a user's table."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ class UserTable(EnumeratingSampler):
         if inputs.table is None:
             raise ValueError('table: missing; sampler "list" draws its rows; add table = {file = "..."}')
         columns = inputs.table.columns
-        if columns is None:  # its file is still to be read
+        if columns is None:  # the file has not been read yet
             return
         check_names(inputs, "table.columns", list(columns), list(inputs.variables), "add its column")
         check_bounds(inputs, "table.columns", columns)

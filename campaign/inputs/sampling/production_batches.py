@@ -10,15 +10,15 @@ from engine.arrays import Array
 
 
 def production_batch(inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArray[np.int64] | None:
-    """Return the number of the production batch that each sample is in.
+    """Return the number of the production batch of each sample.
 
-    Samples of one number share all their shifts. Where variables have batches of different sizes, a new number begins
-    with every new batch of any of them.
+    Samples with the same number share all their shifts. If variables have batches of different sizes, a new number
+    begins with every new batch of any variable.
 
     Parameters
     ----------
     inputs : SampledInputs
-        What is sampled.
+        The inputs to sample.
     sample : array of int64
         Sample numbers.
 
@@ -42,7 +42,7 @@ def quantiles(variable: Distribution, seed: int, name: str, u: Array | None, fir
     Parameters
     ----------
     variable : Distribution
-        What it is drawn from.
+        The distribution of the variable.
     seed : int
         Seed of the campaign.
     name : str

@@ -1,15 +1,15 @@
 """The proposal of importance sampling: a mixture of normal distributions of the variables' standard scores.
 
-A variable's standard score z is normal with mean 0 and deviation 1, and Phi(z) is the uniform number that its
-distribution turns into a value. A component of the mixture moves the centre of the scores, widens them, or both. With
-the share of each component in the samples known, the weight of a sample is known, too:
+A variable's standard score z is normal with mean 0 and standard deviation 1, and Phi(z) is the uniform number that its
+distribution turns into a value. A component of the mixture moves the centre of the scores, widens them, or both. The
+shares a0, a1, ... of the components in the samples give the weight of a sample:
 
     w(z) = f(z) / (a0 f(z) + a1 q1(z) + a2 q2(z) + ...)
 
-f is the density of the scores in production. The rest of the samples, a0, is drawn from f itself, so that no weight
-exceeds 1 / a0 (the defensive mixture of T. Hesterberg, "Weighted average importance sampling and defensive mixture
-distributions", 1995; A. Owen and Y. Zhou, "Safe and effective importance sampling", 2000). The mean of a weighted
-number over all samples is without bias, whatever the components are; good components make it precise.
+Here f is the density of the scores in production and qk that of component k. The remaining share a0 of the samples is
+drawn from f itself, so that no weight exceeds 1 / a0 (the defensive mixture of T. Hesterberg, "Weighted average
+importance sampling and defensive mixture distributions", 1995; A. Owen and Y. Zhou, "Safe and effective importance
+sampling", 2000). A weighted mean over all samples is unbiased for any components; good components make it precise.
 """
 
 from collections.abc import Mapping
@@ -26,16 +26,16 @@ from campaign.inputs.distributions.elementary import log as log_of
 from engine.arrays import Array
 from engine.mechanism.base import TableModel
 
-LEAST_NOMINAL = 0.05  # share of samples drawn from the distributions themselves: weights are at most 20
-LARGEST_SHIFT = 8.0  # standard scores: double precision ends a little beyond
+LEAST_NOMINAL = 0.05  # share of samples drawn from the distributions themselves; it limits weights to 20
+LARGEST_SHIFT = 8.0  # standard scores; little beyond, the uniform number rounds to 1 in double precision
 MOST_COMPONENTS = 100
-AIM = 0.75  # of the way to a centre: beyond, a component would have drawn many
+AIM = 0.75  # of the way to a centre; a component draws many samples beyond this
 
 Shift = Annotated[float, Field(ge=-LARGEST_SHIFT, le=LARGEST_SHIFT, allow_inf_nan=False)]
 
 
 class Component(TableModel, strict=True):
-    """A part of the samples, drawn where rejects are expected."""
+    """A component of the mixture: draws a share of the samples where rejects are expected."""
 
     share: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
         description="Share of the samples that it draws, above 0; all shares together at most 0.95."
@@ -53,7 +53,7 @@ class Component(TableModel, strict=True):
 
 
 class Proposal(TableModel, strict=True):
-    """Where importance sampling draws; the samples that are left over follow the variables' distributions."""
+    """Where importance sampling draws; the remaining samples follow the variables' distributions."""
 
     components: Annotated[tuple[Component, ...], Field(strict=False, min_length=1, max_length=MOST_COMPONENTS)] = Field(
         description="Where rejects are expected: 1 to 100 components with their shares of the samples."
@@ -70,26 +70,26 @@ class Proposal(TableModel, strict=True):
 
     @property
     def nominal(self) -> float:
-        """Share of the samples that are drawn from the distributions themselves."""
+        """Share of the samples drawn from the distributions themselves."""
         return 1.0 - sum(component.share for component in self.components)
 
 
 def drawn_from(proposal: Proposal, u: Array) -> NDArray[np.int64]:
-    """Return the component that draws each sample: 0 the distributions themselves, k the component number k, from 1.
+    """Return the number of the component that draws each sample: 0 for the distributions themselves, then from 1.
 
     Parameters
     ----------
     proposal : Proposal
         The mixture.
     u : array, shape (n,)
-        A uniform number of each sample, inside (0, 1).
+        A uniform number for each sample, inside (0, 1).
     """
     ends = list(accumulate((c.share for c in proposal.components), initial=proposal.nominal))
     return np.minimum(np.searchsorted(ends, u, side="right"), len(proposal.components)).astype(np.int64)
 
 
 def moved(proposal: Proposal, component: NDArray[np.int64], scores: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the standard scores of each variable as its sample's component moves and widens them; shape (n,) each."""
+    """Return the standard scores of each variable, moved and widened by each sample's component; shape (n,) each."""
     scale = np.array([1.0, *(c.scale for c in proposal.components)])[component]
     return {
         name: np.array([0.0, *(c.shift.get(name, 0.0) for c in proposal.components)])[component] + scale * z
@@ -98,7 +98,7 @@ def moved(proposal: Proposal, component: NDArray[np.int64], scores: Mapping[str,
 
 
 def aimed(proposal: Proposal, scores: Mapping[str, Array]) -> NDArray[np.bool_]:
-    """Return whether the moved scores of each sample lie beyond three quarters of the way to a component's centre."""
+    """Return whether the moved scores of each sample lie beyond 3/4 of the way to the centre of any component."""
     result = np.zeros(next(iter(scores.values())).shape, np.bool_)
     for c in proposal.components:
         beyond = np.zeros(result.shape)
@@ -109,9 +109,10 @@ def aimed(proposal: Proposal, scores: Mapping[str, Array]) -> NDArray[np.bool_]:
 
 
 def log_weights(proposal: Proposal, scores: Mapping[str, Array]) -> Array:
-    """Return the logarithm of the weight of each sample, from its moved scores, shape (n,).
+    """Return the logarithm of the weight of each sample from its moved scores, shape (n,).
 
-    Sums go variable by variable and component by component, so an element depends on its own scores alone, to the bit.
+    Sums run variable by variable and component by component, so that an element depends, bit for bit, on its own scores
+    alone.
     """
     z = list(scores.values())
     terms = [np.full(z[0].shape, log(proposal.nominal))]

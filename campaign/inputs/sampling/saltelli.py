@@ -1,10 +1,11 @@
 """Saltelli's design: two independent samples A and B, and A with one variable at a time taken from B.
 
 A. Saltelli et al., "Variance based sensitivity analysis of model output. Design and estimator for the total sensitivity
-index", 2010. The only samples that show what a variable does together with others: two runs that differ in it alone.
-A and B are the halves of one scrambled Sobol sequence with two dimensions a variable. With k variables, sample s
-belongs to row i = s // (k + 2) of the design; s % (k + 2) says which of its runs it is: 0 A's, 1 B's, 2 + j A's with
-variable j of B. So more samples keep the first ones, and the rows of A are the samples of sampler sobol.
+index", 2010. Only this design has pairs of runs that differ in one variable alone, which show its interactions.
+
+A and B are the halves of one scrambled Sobol sequence with two dimensions per variable. With k variables, sample s
+belongs to row i = s // (k + 2) of the design, and s % (k + 2) selects its run: 0 that of A, 1 that of B, 2 + j that of
+A with variable j from B. So more samples keep the first ones, and the rows of A are the samples of sampler sobol.
 """
 
 import numpy as np
@@ -15,11 +16,11 @@ from campaign.inputs.sampling.sampler import SampledInputs, dependence, varied
 from campaign.inputs.sampling.sobol import sobol
 from engine.arrays import Array
 
-MOST_VARIABLES = 10_600  # two dimensions each, and 21,201 have direction numbers
+MOST_VARIABLES = 10_600  # each takes two dimensions, and there are direction numbers for 21,201
 
 
 class Saltelli(InverseTransformSampler):
-    """Two samples, and combinations of them that show the variables' total indices."""
+    """Two samples, and combinations of them that give the variables' total indices."""
 
     name = "saltelli"
     summary = "Saltelli's design, for total Sobol' indices"
@@ -31,7 +32,7 @@ class Saltelli(InverseTransformSampler):
     )
 
     def check(self, inputs: SampledInputs) -> None:
-        """Raise ValueError unless the variables are independent and the samples a complete design."""
+        """Raise ValueError unless the variables are independent and the samples form a complete design."""
         if key := dependence(inputs):
             raise ValueError(
                 f"{key}: sampler saltelli changes one variable at a time, so the variables must be independent;"
@@ -56,11 +57,11 @@ class Saltelli(InverseTransformSampler):
             )
 
     def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
-        """Return the points of A, of B, and of A with a variable of B."""
+        """Return the points of A, of B, and of A with one variable from B."""
         return saltelli(inputs.seed, names, first, count)
 
     def independent(self, inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which samples belong to A or B."""
+        """Return which samples belong to A or B, in the shape of ``sample``."""
         return np.asarray(sample % (len(varied(inputs)) + 2) < 2)
 
     def designed(self, inputs: SampledInputs) -> tuple[str, ...]:
@@ -82,10 +83,10 @@ def saltelli(seed: int, names: list[str], first: int, count: int) -> dict[str, A
 
 
 def nearest_sizes(variables: int, samples: int) -> tuple[int, ...]:
-    """Return the sizes of a design next to ``samples``, below and above; only ``samples`` if it is such a size.
+    """Return the nearest sizes of a design below and above ``samples``; only ``samples`` if it is such a size.
 
-    A design has ``n (variables + 2)`` samples, n a power of 2: so many points of a Sobol sequence are evenly spread.
-    Below the smallest design there is only the next larger size.
+    A design has ``n (variables + 2)`` samples with n a power of 2, because such a number of Sobol points is evenly
+    spread. If ``samples`` is below the smallest design, only the size of that design is returned.
     """
     width = variables + 2
     below = width << max((samples // width).bit_length() - 1, 0)

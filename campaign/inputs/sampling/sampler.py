@@ -1,4 +1,4 @@
-"""What a sampler is: it says how the variables of a campaign's samples get their values."""
+"""The interface of a sampler, which gives the variables of a campaign's samples their values."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
@@ -20,11 +20,11 @@ class SampleRows(Protocol):
 
     @property
     def columns(self) -> Mapping[str, tuple[float, ...]] | None:
-        """Values of each variable by its name, one a sample; None until their file is read."""
+        """Values of each variable by its name, one per sample; None until their file is read."""
 
 
 class SampledInputs(Protocol):
-    """What samplers must know of a campaign, under the keys of the campaign file."""
+    """The properties of a campaign that samplers need, named like the keys of the campaign file."""
 
     @property
     def sampler(self) -> str:
@@ -40,7 +40,7 @@ class SampledInputs(Protocol):
 
     @property
     def seed(self) -> int:
-        """Seed of all that is drawn at random."""
+        """Seed of all random numbers."""
 
     @property
     def correlations(self) -> Correlations | None:
@@ -48,7 +48,7 @@ class SampledInputs(Protocol):
 
     @property
     def grid(self) -> Levels | None:
-        """Number of levels of each variable, or the levels; only sampler ``grid`` reads it."""
+        """Number of levels of each variable, or the levels themselves; only sampler ``grid`` reads it."""
 
     @property
     def table(self) -> SampleRows | None:
@@ -73,13 +73,13 @@ class Sampler(ABC):
     summary : str
         What the samples are, in a few words.
     report : str
-        What the report says of the samples: what they are, and how far its intervals hold for them.
+        What the report says about the samples: what they are, and to what extent its intervals hold for them.
     production : bool
-        Whether the samples stand for what would be produced, so that their sigma and capability mean something.
+        Whether the samples represent a production, so that their sigma and capability are meaningful.
     corners : bool
         Whether the samples are the corners of the variables' ranges, so that the report has a worst case.
     weighted : bool
-        Whether the samples are drawn from the variables' distributions, so that weights can stand for other ones.
+        Whether the samples are drawn from the variables' distributions, so that weights can represent other ones.
     ordered : bool
         Whether the order of the variables is part of the campaign's identity.
     own_key : str
@@ -102,14 +102,14 @@ class Sampler(ABC):
     not_extendable: ClassVar[str] = ""
 
     def check(self, inputs: SampledInputs) -> None:  # noqa: B027
-        """Raise ValueError, with key, value and remedy, if the sampler cannot draw what the campaign file says."""
+        """Raise ValueError, with key, value and remedy, if the sampler cannot draw what the campaign file asks for."""
 
     @abstractmethod
     def draw(self, inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
-        """Return the values of all variables at samples ``first .. first + count - 1``, see `draw` of the package."""
+        """Return the values of all variables at samples ``first .. first + count - 1``; see `draw` of the package."""
 
     def independent(self, inputs: SampledInputs, sample: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Return which samples are draws of their own and repeat no values, in the shape of ``sample``."""
+        """Return which samples are independent draws that repeat no values, in the shape of ``sample``."""
         return np.ones(sample.shape, np.bool_)
 
     def own_columns(self, inputs: SampledInputs, sample: NDArray[np.int64]) -> dict[str, NDArray[np.generic]]:
@@ -117,17 +117,17 @@ class Sampler(ABC):
         return {}
 
     def designed(self, inputs: SampledInputs) -> tuple[str, ...] | None:
-        """Return the variables of Saltelli's design, in its order; None if the samples are no such design."""
+        """Return the variables of Saltelli's design, in its order; None for samples of any other kind."""
         return None
 
 
 def varied(inputs: SampledInputs) -> list[str]:
-    """Return the names of the variables that vary, in their order: they are the dimensions of a sampler."""
+    """Return the names of the variables that vary, in order: they are the dimensions of a sampler."""
     return [name for name, variable in inputs.variables.items() if not isinstance(variable, Constant)]
 
 
 def dependence(inputs: SampledInputs) -> str:
-    """Return the key that makes variables, or samples, depend on each other; empty if there is none."""
+    """Return the key that makes variables or samples depend on each other; empty if there is none."""
     if inputs.correlations:
         return "correlations"
     shifted = (name for name, v in inputs.variables.items() if isinstance(v, Continuous) and v.batch)

@@ -2,11 +2,11 @@
 
 I. M. Sobol, "On the distribution of points in a cube", 1967; direction numbers of S. Joe and F. Y. Kuo, "Constructing
 Sobol sequences with better two-dimensional projections", 2008, as scipy holds them; random linear scramble and digital
-shift of J. Matousek, "On the L2-discrepancy for anchored boxes", 1998, from words of this campaign's own streams.
+shift of J. Matousek, "On the L2-discrepancy for anchored boxes", 1998, with random words from the campaign's streams.
 
-In binary digits, point i of a variable is x(i) = L C b(i) + e: b(i) the digits of i, C the variable's generator matrix,
-L a random lower triangular matrix with ones on its diagonal, e a random vector, all modulo 2. Columns of L C are kept
-as integers, so a point is an exclusive or of as many of them as i has ones.
+In binary digits, point i of a variable is x(i) = L C b(i) + e modulo 2, where b(i) are the digits of i, C is the
+variable's generator matrix, L a random lower triangular matrix with ones on its diagonal, and e a random vector. The
+columns of L C are kept as integers, so a point is e and the columns for the ones of i, combined by exclusive or.
 """
 
 from functools import lru_cache
@@ -19,9 +19,9 @@ from campaign.inputs.sampling.sampler import SampledInputs
 from campaign.inputs.sampling.streams import SCRAMBLE, words
 from engine.arrays import Array
 
-DIGITS = 52  # of a point, binary
-OWN_DIGITS = 30  # of an unscrambled point, as many as its number may have; scipy skips points only with up to 32
-DEPTHS = 4  # columns are made in groups of this size: a process that draws many batches makes them a few times only
+DIGITS = 52  # binary digits of a point
+OWN_DIGITS = 30  # of an unscrambled point, and the most that its number may have; scipy's fast_forward allows up to 32
+DEPTHS = 4  # columns are made in groups of this size, so that a process that draws many batches makes few groups
 
 Integers = NDArray[np.uint64]
 
@@ -34,7 +34,7 @@ class Sobol(InverseTransformSampler):
     report = f"Scrambled Sobol' sequence: evenly spread in all variables at once, so {EVENLY_SPREAD}"
 
     def uniforms(self, inputs: SampledInputs, names: list[str], first: int, count: int) -> dict[str, Array]:
-        """Return the points of the sequence, one dimension a variable."""
+        """Return the points of the sequence, one dimension per variable."""
         return sobol(inputs.seed, names, first, count)
 
 
@@ -80,9 +80,9 @@ def _times(matrix: Integers, columns: Integers) -> Integers:
 
 
 def generators(variables: int, depth: int) -> Integers:
-    """Return the columns of the generator matrices C as integers of 52 digits, shape (depth, variables).
+    """Return the columns of the generator matrices C as integers of 52 binary digits, shape (depth, variables).
 
-    scipy's points are numbered in Gray code: point 2^k is the exclusive or of columns k and k - 1.
+    scipy numbers its points in Gray code, so point 2^k is the exclusive or of columns k and k - 1.
     """
     from scipy.stats import qmc
 

@@ -1,8 +1,8 @@
-"""Random words of 64 bits by number: any word of any stream at once, so the order of drawing does not matter.
+"""Random words of 64 bits by number: any word of any stream is available directly, in any order.
 
-Counter-based (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", 2011): word ``i`` of a Philox stream, keyed
-by the campaign's seed and a variable's name, belongs to sample ``i``. So more samples keep the first ones, and one more
-variable does not change the others.
+The generator is counter-based (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", 2011): word ``i`` of a
+Philox stream, keyed by the campaign's seed and a variable's name, belongs to sample ``i``. So more samples keep the
+first ones, and an additional variable does not change the others.
 """
 
 import hashlib
@@ -23,7 +23,7 @@ COMPONENT = "component\n"
 
 
 class _Generator(threading.local):
-    """One generator for each thread, set to another stream each time: making a new one takes seven times as long."""
+    """One generator per thread, set to another stream at each call, because a new one takes seven times as long."""
 
     def __init__(self) -> None:
         self.philox = np.random.Philox(key=0)
@@ -46,19 +46,19 @@ _generator = _Generator()
 
 
 def words(seed: int, name: str, first: int, count: int, purpose: str = VALUE) -> Words:
-    """Return ``count`` random words of a stream from word ``first`` on, shape (count,)."""
+    """Return ``count`` random words of a stream, starting at word ``first``, shape (count,)."""
     block, skipped = divmod(first, WORDS_PER_BLOCK)
     return _generator.words(_key(seed, name, purpose), block, skipped + count)[skipped:]
 
 
 def uniforms(seed: int, name: str, first: int, count: int, purpose: str = VALUE) -> Array:
     """Return uniform numbers strictly inside (0, 1), shape (count,)."""
-    # 52 bits, centred in their cells: neither 0 nor 1 can appear, and 1 - u is exact.
+    # 52 bits, centred in their cells: neither 0 nor 1 can occur, and 1 - u is exact.
     return ((words(seed, name, first, count, purpose) >> np.uint64(12)).astype(np.float64) + 0.5) * 2.0**-52
 
 
 def permutation(seed: int, name: str, size: int, first: int = 0, purpose: str = VALUE) -> NDArray[np.int64]:
-    """Return a random permutation of 0 .. size - 1, from the words ``first`` to ``first + size - 1`` of a stream."""
+    """Return a random permutation of 0 .. size - 1 from the words ``first`` to ``first + size - 1`` of a stream."""
     return np.argsort(words(seed, name, first, size, purpose), kind="stable")
 
 

@@ -1,4 +1,4 @@
-"""The corners of the box that the variables' ranges span, and its middle (paper, eqs. 24 and 25)."""
+"""Samples at the corners and the middle of the box that the variables' ranges span (paper, eqs. 24 and 25)."""
 
 import numpy as np
 
@@ -20,7 +20,7 @@ class Corners(EnumeratingSampler):
     not_extendable = "worst_case consists of all corners and the middle"
 
     def check(self, inputs: SampledInputs) -> None:
-        """Raise ValueError unless all variables have ends and the samples are all corners and the middle."""
+        """Raise ValueError unless all variables have two ends and ``samples`` counts all corners and the middle."""
         super().check(inputs)
         self.check_ends(inputs, list(inputs.variables))
         corners = 2 ** len(inputs.variables)
@@ -31,7 +31,7 @@ class Corners(EnumeratingSampler):
             )
 
     def draw(self, inputs: SampledInputs, first: int, count: int) -> dict[str, Array]:
-        """Return corners by number: its bit j says at which end variable j is."""
+        """Return corners by number: bit j of the number says at which end variable j is."""
         number, drawn = np.arange(first, first + count), {}
         for j, (name, variable) in enumerate(inputs.variables.items()):
             low, high = variable.support()

@@ -1,4 +1,4 @@
-"""Which names files of a store may have."""
+"""The names that files of a store may have."""
 
 from campaign.errors import StoreError
 
@@ -13,11 +13,12 @@ def check_name(store: str, name: str) -> None:
     store : str
         The store, as messages name it.
     name : str
-        Relative to the root.
+        The name, relative to the root.
 
     Raises
     ------
     StoreError
+        If the name is not allowed.
     """
     if (
         len(name) > LONGEST_NAME

@@ -28,29 +28,29 @@ T = TypeVar("T")
 
 
 class Files:
-    """Reads and writes under one root.
+    """Read and write files under one root.
 
-    Whatever the operation, a fault that may pass is tried again for as long as ``patience`` says; `StoreError` is what
-    remains after that. A second attempt at something that the first one had done, but not confirmed, succeeds.
+    After a fault that may pass, an operation is tried again for as long as ``patience`` allows; then `StoreError` is
+    raised. A second attempt succeeds if the first one had done its work without confirming it.
 
     Parameters
     ----------
     url : str
         A folder's path, or an fsspec URL.
     patience : Patience
-        For how long a fault is tried again.
+        How long an operation is tried again after a fault.
     known_outage : KnownOutage, optional
-        Shared by all who ask at once and must not wait.
+        Shared by concurrent callers that must not wait.
 
     Attributes
     ----------
     local : bool
-        The root is a folder of this machine, maybe one it shares with others.
+        Whether the root is a folder of this machine, possibly shared with other machines.
 
     Raises
     ------
     SpecError
-        If the URL names no file system that is installed here.
+        If the URL names a file system that is not installed here.
     """
 
     def __init__(self, url: str, patience: Patience = PATIENT, known_outage: KnownOutage | None = None) -> None:
@@ -62,12 +62,12 @@ class Files:
 
     @property
     def url(self) -> str:
-        """The folder or URL as it may be shown: without its secrets."""
+        """The folder or URL without its secrets, so that it may be shown."""
         return self._private.shown
 
     @property
     def full_url(self) -> str:
-        """The path or URL by which any process opens the same files; never to be shown, logged or stored."""
+        """The path or URL with which any process opens the same files; it must never be shown, logged or stored."""
         return self._backend.root if isinstance(self._backend, LocalFolder) else self._private.full
 
     @property
@@ -77,7 +77,7 @@ class Files:
 
     @property
     def hasty(self) -> "Files":
-        """The same files for callers that must not wait: each operation is tried once."""
+        """The same files for callers that must not wait: each operation is tried only once."""
         hasty = copy(self)
         hasty.patience = HASTY
         hasty._backend = self._backend.within(HASTY.answer)
@@ -85,7 +85,7 @@ class Files:
 
     @property
     def fault(self) -> str:
-        """Why the store is known not to answer now; empty if it does, or nobody keeps it in mind."""
+        """Why the store is known not to answer now; empty if it answers, or if there is no ``known_outage``."""
         return self._known_outage.fault if self._known_outage else ""
 
     @property
@@ -105,17 +105,17 @@ class Files:
         return self._backend.path(name)
 
     def address(self, name: str) -> str:
-        """Return the path or URL by which other programs open a file."""
+        """Return the path or URL with which other programs open a file."""
         check_name(self.url, name)
         return self._backend.path(name) if self.local else f"{self.url.rstrip('/')}/{name}"
 
     def check_writable(self) -> None:
-        """Check, in one attempt, that files can be written; none is left.
+        """Check in one attempt that files can be written; no file remains.
 
         Raises
         ------
         SpecError
-            If the user named a place that does not exist, is no folder, or is another's.
+            If the user named a place that does not exist, is not a folder, or belongs to another user.
         StoreError
             If the disk or the server fails.
         """
@@ -135,7 +135,7 @@ class Files:
         at_most : int
             Largest number of bytes allowed.
         must_exist : bool
-            The file was there before: if it is not found, the store may be away, so it is waited for.
+            The file is known to exist; if it is not found, the store may be unavailable, so the read is tried again.
 
         Raises
         ------
@@ -149,7 +149,7 @@ class Files:
         return self._do(lambda path: self._backend.read(path, at_most), name, "read", must_exist=must_exist)
 
     def size(self, name: str) -> int:
-        """Return a file's size in bytes, -1 if it is no regular file; FileNotFoundError if it does not exist."""
+        """Return a file's size in bytes, -1 if it is not a regular file; FileNotFoundError if it does not exist."""
         return self._do(self._backend.size, name, "read")
 
     def exists(self, name: str) -> bool:
@@ -161,23 +161,23 @@ class Files:
         return True
 
     def sizes(self, folder: str) -> dict[str, int]:
-        """Return the size of each file in a folder, by name, as `size` does; none if there is no such folder."""
+        """Return the size of each file in a folder by name, as `size` does; empty if there is no such folder."""
         return self._do(self._backend.sizes, folder, "listed")
 
     def names(self, folder: str) -> list[str]:
-        """Return the names of the files and folders in a folder, sorted; none if there is no such folder."""
+        """Return the names of the files and folders in a folder, sorted; empty if there is no such folder."""
         return self._do(self._backend.names, folder, "listed")
 
     def stamps(self, folder: str) -> dict[str, str]:
-        """Return a stamp by name, which is another when what has the name has changed.
+        """Return a stamp for each name; the stamp differs after a change.
 
-        In a folder of this machine the names are those of its files and folders; a folder has changed when a file in it
-        was written or removed. Behind a URL, where there are no folders, they are those of all files below it.
+        For a folder of this machine, the names are those of its files and folders; a folder has changed if a file in it
+        was written or removed. Behind a URL, where there are no folders, they are the names of all files below it.
         """
         return self._do(self._backend.stamps, folder, "listed")
 
     def listed(self, folder: str) -> "Files":
-        """Return these files to read one folder: behind a URL it is listed here, once for all questions."""
+        """Return these files for reading one folder; behind a URL it is listed only once, in this call."""
         if isinstance(self._backend, LocalFolder):
             return self
         from campaign.store.files.listed_objects import ListedObjects
@@ -187,14 +187,14 @@ class Files:
         return listed
 
     def write(self, name: str, content: bytes) -> None:
-        """Write a file whole or not at all, replacing an earlier one; StoreError if it would hold the URL's secret."""
+        """Write a file whole or not at all, replacing an earlier one; StoreError if it contains the URL's secret."""
         self._refuse_secret(name, content)
         self._do(lambda path: self._backend.write(path, content), name, "written")
 
     def create(self, name: str, content: bytes) -> bool:
         """Write a file whole or not at all, unless it exists; return whether it was written.
 
-        The content must name its writer: by it, a writer knows that its own earlier attempt had succeeded.
+        The content must name its writer, so that a writer can recognize that its own earlier attempt had succeeded.
         """
         self._refuse_secret(name, content)
         return self._do(
@@ -204,9 +204,9 @@ class Files:
         )
 
     def move(self, old: str, new: str) -> None:
-        """Give a file another name; FileNotFoundError if it does not exist.
+        """Rename a file; FileNotFoundError if it does not exist.
 
-        Behind a URL it is copied and then removed: if the process is killed between, both exist.
+        Behind a URL it is copied and then removed; if the process is killed in between, both exist.
         """
         check_name(self.url, new)
         attempts = count(1)
@@ -223,11 +223,11 @@ class Files:
         self._do(move, old, "moved")
 
     def remove(self, name: str) -> None:
-        """Remove a file, or a folder without files, if it exists."""
+        """Remove a file or an empty folder, if it exists."""
         self._do(self._backend.remove, name, "removed")
 
     def remove_tree(self, name: str) -> None:
-        """Remove a file, or a folder with all that it holds, if it exists; a link is not followed."""
+        """Remove a file, or a folder with all its content, if it exists; links are not followed."""
         self._do(self._backend.remove_tree, name, "removed")
 
     def sweep(self, folder: str) -> None:
@@ -235,7 +235,7 @@ class Files:
         self._do(lambda path: self._backend.sweep(path, TEMPORARY, DEAD_AFTER), folder, "swept")
 
     def _do(self, action: Callable[[str], T], name: str, what: str, *, must_exist: bool = False) -> T:
-        """Return the result of an action on a file; after a fault that may pass, try again while patience lasts."""
+        """Return the result of an action on a file, trying again after faults that may pass while patience lasts."""
         check_name(self.url, name)
         with self._known_outage.asking() if self._known_outage else nullcontext():
             return self._try(action, name, what, must_exist=must_exist)
@@ -264,7 +264,7 @@ class Files:
         raise AssertionError
 
     def _refuse_secret(self, name: str, content: bytes) -> None:
-        """Refuse to write a secret of the URL into the store, where every reader of results would find it."""
+        """Refuse to write a secret of the URL into the store, where every reader of results could see it."""
         if self.has_secrets and self._private.is_in(content):
             raise StoreError(
                 f"store {self.url}: {name} is not written, because its content holds the password of the store's URL;"
@@ -273,23 +273,23 @@ class Files:
 
     @property
     def _remedy(self) -> str:
-        """What to do about a store that keeps failing."""
+        """Advice for a store that keeps failing."""
         remedy = "free or repair the disk" if self.local else "check that it exists and can be reached"
         return f"{remedy}, then run the same command again"
 
     def _reason(self, error: Exception) -> str:
-        """Return in words why something failed."""
+        """Describe why an operation failed."""
         text = (error.strerror if isinstance(error, OSError) else None) or str(error) or type(error).__name__
         return self._private.redact(str(text))
 
     def _cause(self, error: Exception) -> Exception | None:
-        """Return the cause to show with an error of ours; none if it might quote the URL with its secrets."""
+        """Return the cause to chain to an error; None if it might quote the URL with its secrets."""
         return None if self.has_secrets else error
 
 
 def _open_url(url: PrivateUrl, patience: Patience) -> "ObjectStore":
     """Open the file system of a URL."""
-    from campaign.store.files.object_store import ObjectStore  # imports fsspec, which folders do without
+    from campaign.store.files.object_store import ObjectStore  # imports fsspec, which folders do not need
 
     try:
         return ObjectStore(url.full, patience.answer)

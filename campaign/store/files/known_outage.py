@@ -1,4 +1,4 @@
-"""What is known of a store that does not answer: of many who must not wait for it, only one asks it at a time."""
+"""Remember that a store does not answer, so that of many callers that must not wait only one asks it at a time."""
 
 import time
 from collections.abc import Iterator
@@ -7,16 +7,16 @@ from threading import Lock
 
 from campaign.errors import StoreError
 
-LONG = 1.0  # s, after which a fault has kept somebody waiting
-ASK_EVERY = 1.0  # s, between two questions to a store that does not answer
+LONG = 1.0  # s; a fault that takes longer has kept its caller waiting
+ASK_EVERY = 1.0  # s between two requests to a store that does not answer
 
 
 class KnownOutage:
-    """Shared by all threads that ask a store for somebody who must not wait, such as those of a server.
+    """An outage shared by all threads that ask a store for callers that must not wait, such as those of a server.
 
-    A server of files that is overloaded or cut off refuses nothing: each question to it takes seconds until it is given
-    up. Once that has happened, one thread goes on to ask, and all others fail at once with its fault, until the store
-    answers again. Faults that come at once, such as a missing permission, keep nobody waiting and are not remembered.
+    A file server that is overloaded or cut off does not refuse requests: each takes seconds until it times out. Once
+    that has happened, one thread goes on asking and all others fail at once with the same fault, until the store
+    answers again. Immediate faults, such as a missing permission, keep nobody waiting and are not remembered.
     """
 
     def __init__(self) -> None:
@@ -31,12 +31,12 @@ class KnownOutage:
 
     @contextmanager
     def asking(self) -> Iterator[None]:
-        """Ask the store in the block.
+        """Guard a block that asks the store.
 
         Raises
         ------
         StoreError
-            At once, if the store is known not to answer, and another thread asks it now or has just done so.
+            At once, if the store is known not to answer and another thread is asking it or has just done so.
         """
         begin = time.monotonic()
         with self._lock:
@@ -56,7 +56,7 @@ class KnownOutage:
             self._answered("")
 
     def _answered(self, fault: str) -> None:
-        """Take note of how a question ended."""
+        """Record how a request ended."""
         if not (fault or self._fault):
             return
         with self._lock:

@@ -1,4 +1,4 @@
-"""Files behind a URL, of which a folder was listed once: nobody asks the server again which of them exist."""
+"""Files behind a URL with one folder listed in advance, so that the server is not asked again which files exist."""
 
 from collections.abc import Mapping
 
@@ -6,9 +6,9 @@ from campaign.store.files.object_store import ObjectStore
 
 
 class ListedObjects(ObjectStore):
-    """Files under a URL, to be read; what is below the folder is taken to be as it was when it was listed.
+    """Files under a URL for reading; the content of one folder is taken from an earlier listing.
 
-    A file that was removed since is not found when it is read, as anywhere else.
+    Reading a file that was removed since the listing raises FileNotFoundError, as usual.
 
     Parameters
     ----------
@@ -25,13 +25,13 @@ class ListedObjects(ObjectStore):
         self._start, self._listed = f"{folder.rstrip('/')}/", sizes
 
     def read(self, path: str, at_most: int) -> bytes:
-        """Return a file's content; one that was not listed is not asked for."""
+        """Return a file's content; FileNotFoundError without a request if it was not listed."""
         if path.startswith(self._start) and path.removeprefix(self._start) not in self._listed:
             raise FileNotFoundError(path)
         return super().read(path, at_most)
 
     def size(self, path: str) -> int:
-        """Return a file's size in bytes, as it was listed."""
+        """Return a file's size in bytes from the listing."""
         if not path.startswith(self._start):
             return super().size(path)
         try:
@@ -40,17 +40,17 @@ class ListedObjects(ObjectStore):
             raise FileNotFoundError(path) from None
 
     def names(self, path: str) -> list[str]:
-        """Return the names in a folder, sorted, as they were listed."""
+        """Return the names in a folder from the listing, sorted."""
         below = self._below(path)
         return super().names(path) if below is None else sorted({name.partition("/")[0] for name in below})
 
     def sizes(self, path: str) -> dict[str, int]:
-        """Return the size of each file in a folder, as it was listed."""
+        """Return the size of each file in a folder from the listing."""
         below = self._below(path)
         return super().sizes(path) if below is None else {n: size for n, size in below.items() if "/" not in n}
 
     def _below(self, path: str) -> dict[str, int] | None:
-        """Return the sizes of the files below a folder, by their names relative to it; None if it was not listed."""
+        """Return the sizes of the files below a folder by their names relative to it; None if it was not listed."""
         start = f"{path.rstrip('/')}/"
         if not start.startswith(self._start):
             return None

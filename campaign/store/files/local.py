@@ -1,7 +1,7 @@
-"""Files in a folder of this machine, or in one that many machines share.
+"""Files in a folder of this machine, or in a folder that many machines share.
 
-Nothing here needs locks, which shared folders do not always have. A file is written under a temporary name, forced to
-the disk, and renamed. Of two writers that create the same file, the first ``link`` wins. Folders are listed anew each
+No locks are needed, because shared folders do not always support them. A file is written under a temporary name, forced
+to the disk, and renamed. If two writers create the same file, the first ``link`` wins. Folders are listed anew each
 time.
 """
 
@@ -21,14 +21,14 @@ from pathlib import Path
 
 from engine.regular_file import UnfitFile, read_regular_file
 
-RECENT = 2.0  # s: no file system dates files more coarsely
-FINAL = {errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.EINVAL}  # the same if it were tried again
+RECENT = 2.0  # s; no file system has coarser timestamps
+FINAL = {errno.ENOTDIR, errno.EISDIR, errno.EEXIST, errno.ENAMETOOLONG, errno.EINVAL}  # the same at every attempt
 
 
 class LocalFolder:
-    """Files under a folder. Paths are full; errors are those of the operating system.
+    """Files under a folder. Paths are full paths; errors are those of the operating system.
 
-    Only regular files are read. Links are followed up to the root, and below it only from folder to folder within it.
+    Only regular files are read. Links are followed in the path of the root; below it, only links to folders within it.
 
     Parameters
     ----------
@@ -43,11 +43,11 @@ class LocalFolder:
         self.root = os.path.abspath(os.path.expanduser(root))
 
     def within(self, answer_s: float) -> "LocalFolder":
-        """Return these files: how long an operation takes is up to the operating system."""
+        """Return these files; the operating system determines how long an operation takes."""
         return self
 
     def path(self, name: str) -> str:
-        """Return the full path of a name, the folder's own for an empty one; UnfitFile if a link leads out of it."""
+        """Return the full path of a name, that of the root if empty; UnfitFile if a link leads out of the root."""
         path = os.path.join(self.root, name) if name else self.root
         if "/" in name:
             self._check_within(os.path.dirname(path))
@@ -58,7 +58,7 @@ class LocalFolder:
         return isinstance(error, OSError) and error.errno in FINAL
 
     def reopen(self) -> None:
-        """Do nothing: a folder has no connection that could be broken."""
+        """Do nothing: a folder has no connection that could break."""
 
     def probe(self) -> None:
         """Write and remove a file in the folder, or in its nearest parent that exists."""
@@ -69,11 +69,11 @@ class LocalFolder:
             pass
 
     def read(self, path: str, at_most: int) -> bytes:
-        """Return a file's content; UnfitFile if it is a link, not a regular file, or has more bytes."""
+        """Return a file's content; UnfitFile if it is a link, not a regular file, or longer than ``at_most`` bytes."""
         return read_regular_file(path, at_most, follow_link=False)
 
     def size(self, path: str) -> int:
-        """Return a file's size in bytes; -1 if it is no regular file."""
+        """Return a file's size in bytes; -1 if it is not a regular file."""
         status = os.lstat(path)
         return status.st_size if stat.S_ISREG(status.st_mode) else -1
 
@@ -89,20 +89,20 @@ class LocalFolder:
         """Return the size of each file in a folder, as `size` does."""
         sizes = {}
         for name in self.names(path):
-            with contextlib.suppress(FileNotFoundError):  # renamed since it was listed
+            with contextlib.suppress(FileNotFoundError):  # renamed since the listing
                 sizes[name] = self.size(os.path.join(path, name))
         return sizes
 
     def stamps(self, path: str) -> dict[str, str]:
-        """Return a stamp of each file and folder in a folder; one that changed just now never has the same twice.
+        """Return a stamp for each file and folder in a folder; recently changed ones get a new stamp at every call.
 
-        A second change may come in the same tick of the clock that dates files, and would not be seen.
+        Otherwise, a second change within the same tick of the file system's clock would go unnoticed.
         """
         self._check_within(path)
         stamps: dict[str, str] = {}
         with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(path) as entries:
             for entry in entries:
-                with contextlib.suppress(FileNotFoundError):  # removed since it was listed
+                with contextlib.suppress(FileNotFoundError):  # removed since the listing
                     found = entry.stat(follow_symlinks=False)
                     stamp, now = f"{found.st_ino} {found.st_size} {found.st_mtime_ns}", time.time_ns()
                     is_recent = now - found.st_mtime_ns < RECENT * 1e9
@@ -137,17 +137,17 @@ class LocalFolder:
         _sync_names(new)
 
     def remove(self, path: str) -> None:
-        """Remove a file, or a folder that is empty; one that is not stays."""
+        """Remove a file or an empty folder; a folder that is not empty stays."""
         try:
             _discard(path)
-        except (IsADirectoryError, PermissionError):  # the latter on systems that say so of folders
+        except (IsADirectoryError, PermissionError):  # PermissionError: some systems raise it for folders
             if not os.path.isdir(path) or os.path.islink(path):
                 raise
             with contextlib.suppress(OSError):
                 os.rmdir(path)
 
     def remove_tree(self, path: str) -> None:
-        """Remove a file, or a folder with all that it holds; of a link, the link."""
+        """Remove a file, or a folder with all its content; for a link, the link itself."""
         if os.path.isdir(path) and not os.path.islink(path):
             self._check_within(path)
             shutil.rmtree(path)
@@ -157,8 +157,8 @@ class LocalFolder:
     def sweep(self, path: str, ending: str, dead_after: float) -> None:
         """Remove the temporary files of dead writers.
 
-        A writer on this machine is dead when its process is gone. Any other writer is dead when its file is older than
-        ``dead_after`` seconds by the clock that dates the files.
+        A writer on this machine is dead if its process is gone. Any other writer is dead if its file is older than
+        ``dead_after`` seconds by the clock of the file system.
         """
         leftovers = [os.path.join(path, name) for name in self.names(path) if name.endswith(ending)]
         if not leftovers:
@@ -174,15 +174,15 @@ class LocalFolder:
                 _discard(leftover)
 
     def _check_within(self, folder: str) -> None:
-        """Refuse a folder below the root to which a link leads from elsewhere."""
-        if self._is_below_without_links(folder):  # the usual case, in a tenth of the time of the other one
+        """Raise UnfitFile if links lead from the root to a folder outside of it."""
+        if self._is_below_without_links(folder):  # the usual case, ten times faster than realpath
             return
         root, real = os.path.realpath(self.root), os.path.realpath(folder)
         if real != root and not real.startswith(os.path.join(root, "")):
             raise UnfitFile(errno.ELOOP, "is reached through a link that leads out of the store", folder)
 
     def _is_below_without_links(self, folder: str) -> bool:
-        """Return whether a path leads from the root downwards, and over no link on this way."""
+        """Return whether a path leads from the root downwards without passing a link."""
         if not folder.startswith(os.path.join(self.root, "")):
             return folder == self.root
         path = self.root
@@ -195,14 +195,14 @@ class LocalFolder:
 
 @cache
 def _process_space() -> str:
-    """Return an identity of the space of process numbers: this machine since its start, or a container on it."""
+    """Return an id of the PID namespace: this machine since its last boot, or a container on it."""
     boot = Path("/proc/sys/kernel/random/boot_id")
     identity = f"{socket.gethostname()} {boot.read_text()}{os.stat('/proc/self/ns/pid').st_ino}"
     return hashlib.sha256(identity.encode()).hexdigest()[:12]
 
 
 def _writer_is_gone(temporary: str) -> bool:
-    """Return whether the process that began a temporary file was of this process space and has ended."""
+    """Return whether the process that began a temporary file was in this PID namespace and has ended."""
     writer = re.search(r"\.([0-9a-f]{12})-(\d+)-[0-9a-f]{8}\.tmp$", temporary)
     return writer is not None and writer[1] == _process_space() and not os.path.exists(f"/proc/{writer[2]}")
 
@@ -223,7 +223,7 @@ def _write_temporary(path: str, content: bytes) -> str:
 
 
 def _sync_names(path: str) -> None:
-    """Force the names in the folder of ``path`` to the disk: a file whose name is lost is lost."""
+    """Force the entries of the folder of ``path`` to the disk; without its name, a file would be lost."""
     descriptor = os.open(os.path.dirname(path), os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -1,4 +1,4 @@
-"""Files behind a URL that fsspec opens, such as an object store: one PUT writes one file whole."""
+"""Files behind a URL that fsspec opens, such as an object store, where one PUT writes one whole file."""
 
 import errno
 import secrets
@@ -9,7 +9,7 @@ from typing import Any
 from campaign.store.files.opened_file_system import MANY_FILES, SLOWEST, OpenedFileSystem
 from engine.regular_file import UnfitFile
 
-FINAL = (  # errors that would be the same if the request were repeated
+FINAL = (  # errors that repeating the request would not change
     FileNotFoundError,
     FileExistsError,
     IsADirectoryError,
@@ -20,23 +20,23 @@ FINAL = (  # errors that would be the same if the request were repeated
     AttributeError,
     ImportError,
 )
-STAMPED = ("size", "ETag", "LastModified", "mtime", "modify", "created", "md5")  # what file systems say of a file
+STAMPED = ("size", "ETag", "LastModified", "mtime", "modify", "created", "md5")  # properties that show a change
 
 
 class ObjectStore:
-    """Files under a URL. Paths are those of the file system, and so are errors.
+    """Files under a URL. Paths and errors are those of the file system.
 
     Parameters
     ----------
     url : str
         An fsspec URL, with its secrets.
     answer_s : float
-        For how long an answer of the server is waited for, besides the time that the bytes of a file take [s].
+        How long to wait for the server's answer, in addition to the time that the bytes of a file take [s].
 
     Raises
     ------
     ValueError, ImportError
-        If no file system of this name is installed.
+        If the file system of the URL is not installed.
     """
 
     faults = Exception  # every file system has its own errors
@@ -48,13 +48,13 @@ class ObjectStore:
         self.shared = self._fs.shared
 
     def within(self, answer_s: float) -> "ObjectStore":
-        """Return the same files for somebody who waits as long as this for an answer [s]."""
+        """Return the same files for callers that wait this long for an answer [s]."""
         other = copy(self)
         other._answer_s = answer_s
         return other
 
     def path(self, name: str) -> str:
-        """Return the full path of a name; the root's own for an empty one."""
+        """Return the full path of a name; the path of the root if the name is empty."""
         return f"{self._fs.root}/{name}" if name else self._fs.root
 
     def is_final(self, error: Exception) -> bool:
@@ -62,7 +62,7 @@ class ObjectStore:
         return isinstance(error, FINAL)
 
     def reopen(self) -> None:
-        """Forget the connection of this thread, which may be what is broken."""
+        """Drop the connection of this thread, because it may be broken."""
         self._fs.reopen()
 
     def probe(self) -> None:
@@ -72,14 +72,14 @@ class ObjectStore:
         self.remove(probe)
 
     def read(self, path: str, at_most: int) -> bytes:
-        """Return a file's content; UnfitFile if it has more bytes."""
+        """Return a file's content; UnfitFile if it has more than ``at_most`` bytes."""
         size = self.size(path)
         if size > at_most:
             raise UnfitFile(errno.EFBIG, f"has {size} bytes; allowed: up to {at_most}", path)
         try:
             content = bytes(self._ask("cat_file", path, carried=size))
         except FileNotFoundError:
-            if self._exists(path):  # over FTP every fault has this name
+            if self._exists(path):  # over FTP every fault is reported as a missing file
                 raise OSError(errno.EIO, "it is there, but was not sent") from None
             raise
         if len(content) > at_most:  # it grew
@@ -103,7 +103,7 @@ class ObjectStore:
         return {_name(entry): int(entry["size"]) for entry in self._entries(path) if entry["type"] == "file"}
 
     def stamps(self, path: str) -> dict[str, str]:
-        """Return a stamp of each file below a folder, by its name relative to the folder; on S3 from one listing."""
+        """Return a stamp for each file below a folder, by its name relative to the folder; on S3 from one listing."""
         found = self._found(path)
         return {name: " ".join(str(entry.get(key, "")) for key in STAMPED) for name, entry in found.items()}
 
@@ -112,7 +112,7 @@ class ObjectStore:
         return {name: int(entry["size"]) for name, entry in self._found(path).items()}
 
     def _found(self, path: str) -> dict[str, dict[str, Any]]:
-        """Return what the file system says of each file below a folder, by its name relative to the folder."""
+        """Return the file system's entry for each file below a folder, by its name relative to the folder."""
         self._fs.forget_listings()
         try:
             found = self._ask_for_many("find", path, detail=True)
@@ -128,8 +128,8 @@ class ObjectStore:
     def create(self, path: str, content: bytes) -> bool:
         """Put a file unless it exists; return whether it was written.
 
-        The server decides (on S3 by ``If-None-Match``). A server that cannot is first asked whether the file exists:
-        then two writers at the same moment may both get True.
+        The server decides (on S3 by ``If-None-Match``). If it cannot, it is first asked whether the file exists; in
+        that case two simultaneous writers may both get True.
         """
         try:
             self._put(path, content, mode="create")
@@ -144,7 +144,7 @@ class ObjectStore:
         return True
 
     def move(self, path: str, new: str) -> None:
-        """Rename a file; on an object store, which cannot, copy it and remove it."""
+        """Rename a file; on an object store, which cannot rename, copy and remove it."""
         if not self._fs.is_async:
             self._ask("mv", path, new)
             return
@@ -155,12 +155,12 @@ class ObjectStore:
         """Remove a file."""
         try:
             self._ask("rm_file", path)
-        except Exception:  # every file system has its own error for a file that is not there
+        except Exception:  # every file system has its own error for a missing file
             if self._exists(path):
                 raise
 
     def remove_tree(self, path: str) -> None:
-        """Remove a file, or all files whose names begin with a folder."""
+        """Remove a file, or all files below a folder."""
         with suppress(FileNotFoundError):
             self._ask_for_many("rm", path, recursive=True)
 
@@ -168,15 +168,15 @@ class ObjectStore:
         """Do nothing: a PUT that does not finish leaves no file."""
 
     def _ask(self, operation: str, *arguments: Any, carried: int = 0, **how: Any) -> Any:
-        """Return the answer of the server; ``carried``: how many bytes go with the question or the answer."""
+        """Return the answer of the server; ``carried`` is the number of bytes in the request or the answer."""
         return self._fs.ask(operation, *arguments, seconds=self._answer_s + carried / SLOWEST, **how)
 
     def _ask_for_many(self, operation: str, *arguments: Any, **how: Any) -> Any:
-        """Return the answer of the server to what it answers in many pieces."""
+        """Return the answer of the server to an operation that it answers in many pieces."""
         return self._fs.ask(operation, *arguments, seconds=self._answer_s + MANY_FILES, **how)
 
     def _exists(self, path: str) -> bool:
-        """Return whether there is such a file; a fault is raised, where fsspec's own `exists` says no."""
+        """Return whether a file exists; raises faults, whereas fsspec's own `exists` returns False."""
         try:
             self.size(path)
         except FileNotFoundError:
@@ -184,7 +184,7 @@ class ObjectStore:
         return True
 
     def _put(self, path: str, content: bytes, **how: Any) -> None:
-        """Put a file; where there are true folders, make its own first if that was why it failed."""
+        """Put a file; if that fails on a file system with true folders, make its folder and put it again."""
         try:
             self._ask("pipe_file", path, content, carried=len(content), **how)
         except FileExistsError:
@@ -198,7 +198,7 @@ class ObjectStore:
             self._ask("pipe_file", path, content, **how)
 
     def _entries(self, path: str) -> list[dict[str, Any]]:
-        """Return what the file system lists in a folder."""
+        """Return the file system's entries for the content of a folder."""
         self._fs.forget_listings()
         try:
             return list(self._ask("ls", path, detail=True))

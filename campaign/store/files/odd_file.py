@@ -1,10 +1,10 @@
-"""The error of a file that clearcap did not write."""
+"""The error for a file that was not written by clearcap."""
 
 from campaign.errors import StoreError
 
 
 class OddFile(StoreError):
-    """What has the name of a file is not one that clearcap wrote: a pipe, a link, a folder, or too large.
+    """An entry of the store was not written by clearcap: it is a pipe, a link or a folder, or too large.
 
     Parameters
     ----------

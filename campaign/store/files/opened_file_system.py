@@ -9,15 +9,15 @@ import fsspec
 from fsspec.asyn import sync
 from fsspec.core import split_protocol
 
-SLOWEST = 500e3  # bytes/s of the slowest connection to a server
-MANY_FILES = 60.0  # s, longer for an operation that the server answers in many pieces
+SLOWEST = 500e3  # bytes/s; the slowest connection to a server that is allowed for
+MANY_FILES = 60.0  # s, added for an operation that the server answers in many pieces
 
 
 class OpenedFileSystem:
-    """The file system of a URL, opened at the first use.
+    """The file system of a URL, opened at first use.
 
-    One that works over a connection of its own (FTP, SFTP) is opened once in each thread, because two threads cannot
-    talk over one connection.
+    A file system with a connection of its own (FTP, SFTP) is opened once in each thread, because two threads cannot
+    share one connection.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class OpenedFileSystem:
     Raises
     ------
     ValueError, ImportError
-        If no file system of this name is installed.
+        If the file system of the URL is not installed.
     """
 
     def __init__(self, url: str) -> None:
@@ -51,11 +51,11 @@ class OpenedFileSystem:
 
     @property
     def is_async(self) -> bool:
-        """Whether it is an object store, whose operations need no connection of their own, nor folders."""
+        """Whether it is an object store, whose operations need neither a connection per thread nor folders."""
         return bool(self._pair()[0].async_impl)
 
     def reopen(self) -> None:
-        """Forget the connection of this thread, which may be what is broken."""
+        """Drop the connection of this thread, because it may be broken."""
         self._opened = threading.local()
 
     def ask(self, operation: str, *arguments: Any, seconds: float, **how: Any) -> Any:
@@ -68,16 +68,16 @@ class OpenedFileSystem:
         *arguments
             Its arguments.
         seconds : float
-            For how long the answer is waited for. Libraries try again by themselves, and of a server that takes
-            connections and says nothing they let go after minutes. Where each thread has a connection of its own, the
-            file system's own limit holds.
+            How long to wait for the answer. This limit is needed because libraries retry by themselves, and give up a
+            server that accepts connections but does not answer only after minutes. For file systems with a connection
+            per thread, their own limit applies instead.
         **how
-            More arguments of the method.
+            Further arguments of the method.
 
         Raises
         ------
         TimeoutError
-            If there is no answer by then; the operation may still be done.
+            If there is no answer in time; the operation may still be carried out.
         """
         fs, _ = self._pair()
         coroutine = getattr(fs, f"_{operation}", None)
@@ -89,11 +89,11 @@ class OpenedFileSystem:
             raise TimeoutError(errno.ETIMEDOUT, f"no answer within {seconds:.0f} s") from error
 
     def forget_listings(self) -> None:
-        """Have the server list files anew."""
+        """Make the next listing ask the server anew."""
         self._pair()[0].invalidate_cache()
 
     def _pair(self) -> tuple[Any, str]:
-        """Return the file system and the root in it."""
+        """Return the file system and the path of the root in it."""
         opened: tuple[Any, str] | None = self._for_all_threads or getattr(self._opened, "pair", None)
         if opened is None:
             fs, root = fsspec.url_to_fs(self._url, use_listings_cache=False)

@@ -1,4 +1,4 @@
-"""How long operations on a store are waited for and tried again: the one policy, in a folder and behind a URL."""
+"""How long operations on a store may take and are tried again: one policy for folders and URLs."""
 
 import logging
 import time
@@ -11,16 +11,16 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Patience:
-    """For how long a fault that may pass is tried again.
+    """How long an operation is tried again after a fault that may pass.
 
     Attributes
     ----------
     seconds : float
-        From the first fault to the last attempt [s]; 0 for one attempt only.
+        Time from the first fault to the last attempt [s]; 0 for one attempt only.
     first, longest : float
-        Pauses between attempts [s]; each is twice as long as the one before.
+        First and longest pause between attempts [s]; each pause is twice as long as the one before.
     answer : float
-        For how long an attempt waits for a server's answer, besides the time that the bytes of a file take [s].
+        How long an attempt waits for a server's answer, in addition to the time that the bytes of a file take [s].
     """
 
     seconds: float
@@ -29,7 +29,7 @@ class Patience:
     answer: float = 60.0
 
     def pauses(self) -> Iterator[float]:
-        """Yield how long to wait before each further attempt [s]; by chance a quarter more or less."""
+        """Yield the pause before each further attempt [s], varied at random by up to a quarter."""
         end, pause = time.monotonic() + self.seconds, self.first
         while (left := end - time.monotonic()) > 0.0:
             yield min(pause * uniform(0.75, 1.25), left)
@@ -38,18 +38,18 @@ class Patience:
 
 PATIENT = Patience(180.0)  # for computing: an outage of minutes must not end a night's work
 QUICK = Patience(10.0, answer=10.0)  # for commands that only read
-HASTY = Patience(0.0, answer=8.0)  # for callers that must not wait: they are ending, or come again by themselves
+HASTY = Patience(0.0, answer=8.0)  # for callers that must not wait: they are ending, or try again by themselves
 
 
 class Outage:
-    """A time in which something in a store fails: one message when it begins, one when it ends.
+    """A period in which operations on a store fail: logs one message when it begins and one when it ends.
 
     Parameters
     ----------
     store : str
         The store, as messages name it.
     patience : Patience
-        For how long it is tried again.
+        How long operations are tried again.
     """
 
     def __init__(self, store: str, patience: Patience) -> None:
@@ -58,17 +58,17 @@ class Outage:
 
     @property
     def too_long(self) -> bool:
-        """Whether patience is at its end."""
+        """Whether the outage has lasted longer than the patience."""
         return self._since is not None and time.monotonic() - self._since > self._patience.seconds
 
     def begin(self, fault: object) -> None:
-        """Take note of a fault, a message that names the store; say so if it is the first."""
+        """Record a fault, given as a message that names the store; log it if it is the first."""
         if self._since is None:
             self._since = time.monotonic()
             logger.info("%s; trying again for %.0f s", fault, self._patience.seconds)
 
     def end(self) -> None:
-        """Take note of a success; say so if there was a fault before."""
+        """Record a success; log it if there was a fault before."""
         if self._since is not None:
             logger.info("store %s: answers again after %.0f s", self._store, time.monotonic() - self._since)
             self._since = None

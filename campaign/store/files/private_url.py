@@ -1,7 +1,7 @@
-"""The URL of a store and the secrets in it: the full URL opens the file system, everything else sees it without them.
+"""The URL of a store and its secrets: only opening the file system uses the full URL, all else sees it redacted.
 
 A secret is the password of ``ftp://user:password@host``, or the value of a parameter such as ``?token=...``. The full
-URL lives here and in the `CampaignAddress` that is sent to workers, and nowhere else.
+URL is kept here and in the `CampaignAddress` that is sent to workers, and nowhere else.
 """
 
 import html
@@ -14,7 +14,7 @@ from itertools import zip_longest
 from urllib.parse import quote, quote_plus, unquote, unquote_plus
 
 HIDDEN = "***"
-SHORTEST = 6  # characters of a secret that is looked for without its user name: a shorter one would be found anywhere
+SHORTEST = 6  # characters; a shorter secret is only searched for with its context, as it would match anywhere
 _SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 _SECRET_NAMES = re.compile(r"token|sig|pass|pwd|secret|key|cred|auth|session|code|jwt|sas", re.IGNORECASE)
 _PARAMETER = re.compile(r"([?&;#])([^=&?#;]+)=((?:(?!::)[^&#;])*)")
@@ -27,7 +27,7 @@ class PrivateUrl:
     Attributes
     ----------
     full : str
-        With its secrets.
+        The path or URL with its secrets.
     """
 
     full: str
@@ -43,7 +43,7 @@ class PrivateUrl:
 
     @cached_property
     def has_secrets(self) -> bool:
-        """Whether anything is hidden."""
+        """Whether the URL has secrets."""
         return bool(self._places)
 
     def __str__(self) -> str:
@@ -62,12 +62,12 @@ class PrivateUrl:
         return text
 
     def is_in(self, content: bytes) -> bool:
-        """Return whether a content that is to be stored holds a secret, as it is or as JSON, HTML or URLs write it."""
+        """Return whether content to be stored contains a secret, plain or as JSON, HTML or URLs write it."""
         return any(secret.encode() in content for secret, _ in self._forms)
 
     @cached_property
     def _places(self) -> list[tuple[int, int, str]]:
-        """Begin and end of each secret in the URL, and what stands before it that tells whose it is."""
+        """Begin and end of each secret in the URL, and the text before it that identifies it, such as the user."""
         schemes = list(_SCHEME.finditer(self.full))
         places = []
         for scheme, following in zip_longest(schemes, schemes[1:]):
@@ -85,7 +85,7 @@ class PrivateUrl:
 
     @cached_property
     def _forms(self) -> list[tuple[str, str]]:
-        """Each form in which a secret may be written, and what is written instead, the longest first."""
+        """Each form in which a secret may be written, with its replacement; the longest first."""
         forms = {}
         for begin, end, before in self._places:
             after = "@" if before.endswith((":", "//")) else ""
@@ -97,9 +97,9 @@ class PrivateUrl:
 
 
 def _login(rest: str) -> str:
-    """Return the user and password of what follows ``scheme://``; empty if it has none.
+    """Return the user and password in the text after ``scheme://``; empty if there are none.
 
-    A password with a slash, which no URL may have, is taken for one all the same: it must not be shown.
+    A password with a slash, which is invalid in a URL, is recognized all the same, because it must not be shown.
     """
     authority = re.split(r"[/?#]", rest, maxsplit=1)[0]
     if "@" in authority:
