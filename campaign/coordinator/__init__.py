@@ -1,1 +1,1 @@
-"""From a plan to a complete store: the work queue, dispatch, results, lease and heartbeat of a campaign."""
+"""Compute a campaign from its plan to a complete store: work queue, dispatch, results, lease and heartbeat."""

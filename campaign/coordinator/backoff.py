@@ -1,18 +1,18 @@
-"""Ever longer pauses between attempts at what fails."""
+"""Increasing pauses between attempts at an operation that fails."""
 
 import time
 
 TRIES = 10  # attempts in a row at a batch
-PAUSES = (0.5, 15.0)  # s, the first and the longest; each is twice as long as the one before
+PAUSES = (0.5, 15.0)  # s; the first and the longest pause; each is twice as long as the one before
 
 
 class Backoff:
-    """Counts failures in a row and waits after each.
+    """Count successive failures and wait after each.
 
     Attributes
     ----------
     failures : int
-        Failures since the last success.
+        Number of failures since the last success.
     """
 
     def __init__(self) -> None:
@@ -23,10 +23,10 @@ class Backoff:
         self.failures += 1
 
     def wait(self) -> None:
-        """Wait as long as the number of failures asks for."""
+        """Wait for the pause that the number of failures determines."""
         first, longest = PAUSES
         time.sleep(min(first * 2.0 ** min(self.failures - 1, 20), longest))
 
     def reset(self) -> None:
-        """Forget the failures, after a success."""
+        """Forget the failures after a success."""
         self.failures = 0

@@ -7,19 +7,19 @@ from campaign.store.layout import CANCEL
 
 
 def cancel_campaign(store: Store, campaign_id: str) -> str:
-    """End a campaign: unfinished runs are given up, finished rows stay.
+    """End a campaign: unfinished runs are abandoned, finished rows stay.
 
     Parameters
     ----------
     store : Store
-        Where it is.
+        The store that holds the campaign.
     campaign_id : str
-        Its whole id.
+        Its full id.
 
     Returns
     -------
     str
-        The state before; nothing is done if that is ``completed``.
+        The previous state; if it is ``completed``, nothing is done.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Have one worker of this machine compile the engine, if it is not compiled, so that all others load the result."""
+"""Have one worker of this machine compile the engine if needed, so that all others load the result."""
 
 import logging
 from collections.abc import Callable
@@ -17,14 +17,15 @@ T = TypeVar("T")
 
 
 def compile_first(workers: Workers) -> None:
-    """Have a worker compile the engine; if something ends that worker, have another do it.
+    """Have a worker compile the engine; if that worker dies, have another do it.
 
-    Where it is compiled, nothing is done: every worker loads it, all at the same time, with its first batch.
+    If the engine is already compiled, nothing is done: every worker loads it with its first batch, all at the same
+    time.
 
     Raises
     ------
     UnreachableError
-        If no worker survives it.
+        If several workers in a row die while they compile or load the engine.
     """
     for attempt in range(1, ATTEMPTS + 1):
         try:

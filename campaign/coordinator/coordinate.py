@@ -1,4 +1,4 @@
-"""Coordinate a campaign to its end: hold its lease, connect to the cluster, compute, and write down how it ended."""
+"""Coordinate a campaign to its end: hold its lease, connect to the cluster, compute, and record how it ended."""
 
 import logging
 import time
@@ -27,22 +27,22 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Outcome:
-    """A campaign that is completed.
+    """The result of a completed campaign.
 
     Attributes
     ----------
     plan : Plan
         The campaign.
     survey : Survey
-        What the store holds.
+        The parts and rows that the store holds.
     samples : int
-        Number of samples: those planned, or fewer if the stopping rule ended the campaign.
+        Number of samples: the planned number, or fewer if the stopping rule ended the campaign.
     computed : int
-        Rows that this call computed; the store had the others already.
+        Number of rows that this call computed; the store already had the others.
     wall_s : float
         How long the call took [s].
     verdict : Verdict or None
-        Of the stopping rule, if the campaign has one.
+        Last verdict of the stopping rule in this call; None if it was not evaluated.
     """
 
     plan: Plan
@@ -69,7 +69,7 @@ def coordinate(
     Parameters
     ----------
     store : Store
-        Where the plan is and the rows go.
+        The store that holds the plan and takes the rows.
     plan : Plan
         The campaign.
     cluster : Cluster
@@ -77,18 +77,20 @@ def coordinate(
     show : callable
         Called every two seconds with a heartbeat.
     simulate : callable
-        `engine.simulate`, or a function with the same parameters that takes its place.
+        `engine.simulate`, or a function with the same parameters to use instead.
     is_served : bool
-        Whether a service computes it: then Ctrl-C ends the service, and leaves the campaign open for the next one.
+        Whether a service computes the campaign; in that case Ctrl-C ends the service and leaves the campaign open for
+        the next one.
     report_due : bool
-        Leave the campaign open at its end, for a service that still has to write the report and may be killed before.
+        Whether to leave the campaign open at its end, because a service still has to write the report and might be
+        killed before.
     connect : callable, optional
-        What connects to the cluster, in the place of `campaign.cluster.dask_workers.connect_workers`.
+        Function that connects to the cluster, in place of `campaign.cluster.dask_workers.connect_workers`.
 
     Returns
     -------
     Outcome
-        With a row for every sample.
+        The completed campaign, with a row for every sample.
 
     Raises
     ------
@@ -101,13 +103,13 @@ def coordinate(
     TooManyFailed
         If more runs fail than the campaign's policy allows.
     StoreError, UnreachableError
-        If the store or the cluster keeps failing; the rows that are stored stay.
+        If the store or the cluster keeps failing; stored rows stay.
     KeyboardInterrupt
-        On Ctrl-C; coordinating the campaign again goes on from there.
+        On Ctrl-C; coordinating the campaign again continues from there.
     """
     start = time.perf_counter()
     with hold_lease(store, plan.campaign_id) as token:
-        store.plan_header(plan.campaign_id)  # which may have been deleted since it was read, but no longer can be
+        store.plan_header(plan.campaign_id)  # it may have been deleted since; from now on it cannot be
         write_state(store, plan.campaign_id, "running")
         try:
             coordinator = Coordinator(store, plan, token, show, simulate)
@@ -118,7 +120,7 @@ def coordinate(
         verdict = coordinator.checkpoints.verdict
         survey = store.survey(plan)
         message = "; ".join(filter(None, (lack_of_ok(plan, survey.statuses), verdict.text() if verdict else "")))
-        coordinator.publish_heartbeat("completed")  # first, for clients that watch until the state is this
+        coordinator.publish_heartbeat("completed")  # before the state, for clients that watch until this state
         write_state(store, plan.campaign_id, "completed", message, is_open=report_due)
     wall = time.perf_counter() - start
     return Outcome(plan, survey, store.end(plan), coordinator.progress.computed, wall, verdict)
@@ -128,7 +130,7 @@ def coordinate(
 def _ready_workers(
     plan: Plan, cluster: Cluster, simulated: Simulate, connect: Callable[[Cluster], AbstractContextManager[Workers]]
 ) -> Iterator[Workers]:
-    """Connect to the workers; on this machine one compiles the engine first, so that the others load the result."""
+    """Connect to the workers; on this machine, one worker compiles the engine first and the others load the result."""
     if cluster.starts_here:
         check_build(plan.campaign_id, plan.row_build)
     with connect(cluster) as workers:
@@ -138,10 +140,10 @@ def _ready_workers(
 
 
 def _write_failure(store: Store, campaign_id: str, error: BaseException, *, is_served: bool) -> None:
-    """Write down how a campaign ended; a store that cannot take it must not hide the error.
+    """Record how a campaign ended; a failure to write this must not hide the original error.
 
-    A campaign that a supervisor, the store or the cluster ended stays open for the next coordinator; one that Ctrl-C
-    ended stays open if the interrupt was for the service that computes it.
+    A campaign that a supervisor, the store or the cluster ended stays open for the next coordinator; a campaign ended
+    by Ctrl-C stays open if a service was computing it.
     """
     if isinstance(error, LeaseLost):
         return
@@ -149,7 +151,7 @@ def _write_failure(store: Store, campaign_id: str, error: BaseException, *, is_s
     is_open = isinstance(error, SystemExit | StoreError | UnreachableError) or (is_interrupted and is_served)
     state = "cancelled" if isinstance(error, Cancelled) else "failed"
     state = "interrupted" if is_open or is_interrupted else state
-    # Of a SystemExit that is a number only, and of a campaign that was cancelled the state says it all.
+    # The text of SystemExit is only a number, and for a cancelled campaign the state says everything.
     message = "" if isinstance(error, SystemExit | Cancelled) else str(error)
     with suppress(StoreError):
         write_state(store.hasty, campaign_id, state, message, is_open=is_open)

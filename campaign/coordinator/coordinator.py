@@ -1,13 +1,13 @@
-"""Coordinate a campaign: dispatch the batches that the store lacks, until it lacks none.
+"""Coordinate a campaign: dispatch the batches that the store lacks until it is complete.
 
-What happens when something fails:
+Failures are handled as follows:
 
-- a run fails: it becomes a row with its status, and the others go on;
-- a batch kills its worker, or the worker hangs: it is computed again with its runs in an isolated subprocess;
-- a worker has another engine build: it gets no more batches, and a message names it;
-- the store fails: operations on it are tried again for minutes, and batches go on as far as they can; in the end the
+- a run fails: it becomes a row with its status, and the other runs go on;
+- a batch kills its worker, or the worker hangs: the batch is computed again with its runs in an isolated subprocess;
+- a worker has another build: it gets no more batches, and a message names it;
+- the store fails: operations on it are tried again for minutes while batches go on as far as possible; finally the
   campaign pauses with a message;
-- the scheduler is lost: connect again, survey the store, and go on.
+- the scheduler is lost: the coordinator connects again, surveys the store, and goes on.
 """
 
 import logging
@@ -45,37 +45,37 @@ from engine import simulate
 
 logger = logging.getLogger(__name__)
 
-RECONNECTS_FOR = 600.0  # s after a scheduler was lost
+RECONNECTS_FOR = 600.0  # s after the scheduler was lost
 RECORD_INTERVAL = 30.0  # s between two manifests, which only save time
-STORE_TRIES = 3  # workers in a row for which the store fails, each after it has tried for minutes
+STORE_TRIES = 3  # workers in a row for which the store fails, each after trying for minutes
 
 Connect = Callable[[], AbstractContextManager[Workers]]
 
 
 class Coordinator:
-    """Computes the missing batches of a campaign on workers, and says how far it is.
+    """Compute the missing batches of a campaign on workers, and publish its progress.
 
     Parameters
     ----------
     store : Store
-        Where the plan is and the rows go.
+        The store that holds the plan and takes the rows.
     plan : Plan
         The campaign.
     token : str
-        Of the lease that this process holds.
+        Token of the lease that this process holds.
     show : callable
         Called with each heartbeat.
     simulate : callable
-        `engine.simulate`, or a function with the same parameters that takes its place.
+        `engine.simulate`, or a function with the same parameters to use instead.
 
     Attributes
     ----------
     queue : WorkQueue
-        The batches to compute, with the repeats of their samples, and the parts of those that are completed.
+        The batches to compute, with the repeats of their samples, and the parts of completed batches.
     progress : Progress
         Counts and moments of the rows.
     checkpoints : Checkpoints
-        When the stopping rule is asked, and its last verdict.
+        The checkpoints of the stopping rule, and its last verdict.
     """
 
     def __init__(self, store: Store, plan: Plan, token: str, show: Show, simulate: Simulate = simulate) -> None:
@@ -90,21 +90,21 @@ class Coordinator:
         self._token = token
         self._heartbeats = 0
         self._outage = Outage(store.url, store.files.patience)
-        self._store_failures = 0  # of workers, in a row
+        self._store_failures = 0  # successive failures that workers reported
         self._recorded_at = 0.0
 
     def run(self, connect: Connect) -> None:
-        """Compute until the store lacks no batch; parts that are damaged meanwhile are computed again.
+        """Compute until the store has all batches; parts damaged in the meantime are computed again.
 
         Parameters
         ----------
         connect : callable
-            Returns a context manager that yields workers; called again after a loss.
+            Returns a context manager that yields workers; called again if the scheduler is lost.
 
         Raises
         ------
         LeaseLost, Cancelled, TooManyFailed, StoreError, UnreachableError, CampaignError
-            What ends the campaign; see `campaign.coordinator.coordinate.coordinate`.
+            If the campaign ends early; see `campaign.coordinator.coordinate.coordinate`.
         """
         self._stop_at_checkpoint()
         for _ in range(TRIES):
@@ -129,9 +129,9 @@ class Coordinator:
         Raises
         ------
         SchedulerLost
-            If the connection to the workers is gone.
+            If the connection to the workers is lost.
         LeaseLost, Cancelled, TooManyFailed, StoreError, CampaignError
-            What ends the campaign.
+            If the campaign ends early.
         """
         window = Window(workers, self.address)
         next_check = time.monotonic()
@@ -154,14 +154,14 @@ class Coordinator:
             workers.cancel()
 
     def publish_heartbeat(self, state: str, store: Store | None = None) -> None:
-        """Show the progress of the campaign, and write it into the store."""
+        """Show the progress of the campaign and write it into the store."""
         self._heartbeats += 1
         heartbeat = self.progress.heartbeat(state, token=self._token, beat=self._heartbeats, pid=os.getpid())
         self.show(heartbeat)
         (store or self.store).write_json(self.plan.campaign_id, HEARTBEAT, heartbeat.to_json())
 
     def _compute_through_losses(self, connect: Connect) -> None:
-        """Connect and compute; connect again when the scheduler is lost."""
+        """Connect and compute; connect again if the scheduler is lost."""
         lost_at: float | None = None
         pauses = Backoff()
         while self.queue:
@@ -185,9 +185,9 @@ class Coordinator:
                 self._rescan()
 
     def _check(self, window: Window) -> None:
-        """Check workers and store every two seconds.
+        """Check workers and store; called every two seconds.
 
-        A store that fails is not waited for here, so that batches go on meanwhile; the next check tries again.
+        This does not wait for a failing store, so that batches go on in the meantime; the next check tries again.
         """
         self.progress.workers = window.count_workers()
         try:
@@ -213,7 +213,7 @@ class Coordinator:
             self._recorded_at = time.monotonic()
 
     def _handle_result(self, window: Window, requests: list[BatchRequest], future: Future[list[BatchResult]]) -> None:
-        """Take in the batches of a finished call, or requeue them for another attempt."""
+        """Record the batches of a finished call, or requeue them for another attempt."""
         try:
             results = future.result()
         except WorkerDied as error:
@@ -248,7 +248,7 @@ class Coordinator:
         check_failures(self.store, self.plan, self.progress)
 
     def _stop_at_checkpoint(self) -> bool:
-        """Ask the stopping rule, if a checkpoint is completed; return whether the campaign ends there."""
+        """Evaluate the stopping rule if a checkpoint is complete; return whether the campaign ends there."""
         if not self.checkpoints.reached_end(self.queue):
             return False
         self.queue = self._queue_missing(self.queue.parts)
@@ -256,7 +256,7 @@ class Coordinator:
         return True
 
     def _rescan(self, *, verify: bool = False) -> None:
-        """Survey the store anew; what was in flight is forgotten."""
+        """Survey the store anew, and forget the calls in flight."""
         survey = self._survey(verify=verify)
         if self.queue.parts.keys() <= survey.parts.keys():
             needed = range(self.queue.batches_for(self.store.end(self.plan)))
@@ -270,19 +270,19 @@ class Coordinator:
         self._stop_at_checkpoint()
 
     def _queue_missing(self, parts: Mapping[int, Part]) -> WorkQueue:
-        """Return the batches of which rows or repeats are missing; damaged files of repeats are quarantined."""
+        """Return the batches with missing rows or repeats; quarantine damaged files of repeats."""
         repeats = survey_repeats(self.store, self.repeats, verify=True, mend=True)
         self.progress.repeats, self.progress.repeated = repeats.planned, repeats.done
         return WorkQueue(self.plan, parts, self.store.end(self.plan), repeats.missing)
 
     def _survey(self, *, verify: bool) -> Survey:
-        """Return what the store holds; files that are damaged are quarantined."""
+        """Return the parts and rows that the store holds; quarantine damaged files."""
         survey = self.store.survey(self.plan, verify=verify)
         self.store.quarantine(self.plan, survey.bad)
         return survey
 
 
 def _text(requests: list[BatchRequest]) -> str:
-    """Return what messages call batches that travelled together."""
+    """Return the name in messages of batches that were requested together."""
     first, last = requests[0].batch, requests[-1].batch
     return f"batch {first}" if first == last else f"one of batches {first} to {last}"

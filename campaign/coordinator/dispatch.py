@@ -15,25 +15,25 @@ from campaign.worker.messages import BatchRequest, BatchResult, CampaignAddress
 logger = logging.getLogger(__name__)
 
 CALLS_PER_WORKER = 3  # in flight: one runs, one waits at the worker, one at the scheduler
-CALL_SECONDS = 0.5  # s, that batches which travel together take at most: dask spends milliseconds on each call
+CALL_SECONDS = 0.5  # s; the most that batches sent in one call may take: dask spends milliseconds on each call
 LARGEST_CALL = 20  # batches
 WARN_AFTER = 60.0  # s without a worker
 
 
 class Window:
-    """The calls in flight: a bounded number, so that a lost worker or a cancelled campaign costs little.
+    """The calls in flight, in a limited number so that a lost worker or a cancelled campaign costs little.
 
     Parameters
     ----------
     workers : Workers
-        Where the batches are computed.
+        The workers that compute the batches.
     address : CampaignAddress
         The campaign.
 
     Attributes
     ----------
     worker_count : int
-        Number of workers when they were last counted.
+        Number of workers when last counted.
     batch_seconds : float or None
         How long one of the last batches took [s]; None before the first.
     """
@@ -55,12 +55,12 @@ class Window:
         return len(self._in_flight)
 
     def fill(self, queue: WorkQueue) -> None:
-        """Submit batches until the window is full or the queue hands out none.
+        """Submit batches until the window is full or the queue hands out no more.
 
         Raises
         ------
         SchedulerLost
-            If the connection to the workers is gone.
+            If the connection to the workers is lost.
         CampaignError
             If every worker runs another build of clearcap.
         """
@@ -77,21 +77,21 @@ class Window:
             self._in_flight[future] = requests
 
     def next_finished(self, timeout: float) -> tuple[list[BatchRequest], Future[list[BatchResult]]] | None:
-        """Wait for a call that is finished; return what was requested and its future, or None after ``timeout`` [s]."""
+        """Wait for a call to finish; return its requests and its future, or None after ``timeout`` [s]."""
         future = self._workers.next_finished(timeout)
         return None if future is None else (self._in_flight.pop(future), future)
 
     def refuse(self, future: Future[list[BatchResult]]) -> str:
-        """Give no more batches to the worker in which a call failed; return the worker's name."""
+        """Submit no more batches to the worker in which a call failed; return the worker's name."""
         return self._workers.refuse(future)
 
     def count_workers(self) -> int:
-        """Count the workers, and warn every minute that there is none.
+        """Count the workers; if there are none, warn every minute.
 
         Raises
         ------
         SchedulerLost
-            If the connection to them is gone.
+            If the connection to the workers is lost.
         """
         self.worker_count = self._workers.count()
         now = time.monotonic()
@@ -102,7 +102,7 @@ class Window:
         return self.worker_count
 
     def _next_requests(self, queue: WorkQueue) -> list[BatchRequest]:
-        """Return what travels next: one batch, or several short ones as long as other workers need not wait."""
+        """Return the requests of the next call: one batch, or several short ones if no other workers need to wait."""
         share = len(queue) // self.size
         fitting = 1 if self.batch_seconds is None else int(CALL_SECONDS / max(self.batch_seconds, 1e-3))
         most = max(min(fitting, share, LARGEST_CALL), 1)
@@ -113,7 +113,7 @@ class Window:
 
 
 def isolated(request: BatchRequest) -> BatchRequest:
-    """Return the next attempt at a batch that killed its worker."""
+    """Return the request for the next attempt at a batch that killed its worker."""
     if request.attempt >= TRIES:
         raise CampaignError(
             f"batch {request.batch} ended each of the {TRIES} workers that computed it, although its runs had a process"

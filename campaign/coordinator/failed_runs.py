@@ -1,4 +1,4 @@
-"""Campaigns in which too few runs are ok: when they stop, and what to say: how many failed, how, and what to do."""
+"""Campaigns with too few ok runs: when they stop, and the messages about how many failed, how, and what to do."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -16,15 +16,15 @@ class TooManyFailed(CampaignError):
 
 
 def check_failures(store: Store, plan: Plan, progress: Progress) -> None:
-    """End a campaign of which too many runs failed.
+    """Raise if too many runs of a campaign have failed.
 
-    Without ``failures.max_failed`` these are the first runs that a coordinator computes, if no run at all is ok. So
-    a campaign that is resumed nevertheless computes as many again.
+    Without ``failures.max_failed`` that is the case if all of the first runs of a coordinator fail and no run at all is
+    ok. So a campaign that is resumed nevertheless computes as many runs again.
 
     Parameters
     ----------
     store : Store
-        Where the rows are.
+        The store that holds the rows.
     plan : Plan
         The campaign.
     progress : Progress
@@ -33,7 +33,7 @@ def check_failures(store: Store, plan: Plan, progress: Progress) -> None:
     Raises
     ------
     TooManyFailed
-        With the message of one of them, and what to do.
+        With the message of one failed run, and what to do.
     """
     policy, end = plan.spec.failures, progress.samples
     most = policy.most_failed(plan.spec.samples)
@@ -50,16 +50,16 @@ def check_failures(store: Store, plan: Plan, progress: Progress) -> None:
 
 
 def lack_of_ok(plan: Plan, statuses: Mapping[str, int]) -> str:
-    """Return that too few of the stored runs of a campaign are ok; empty if enough are, or if there is none.
+    """Return the message that too few stored runs of a campaign are ok; empty if enough are, or if there are no runs.
 
     Parameters
     ----------
     plan : Plan
-        The campaign, whose ``failures.min_ok`` says how many are enough.
+        The campaign, whose ``failures.min_ok`` is the least share of ok runs.
     statuses : mapping of str to int
         Number of stored runs by status.
     """
-    from reporting.ok_share import statuses_in_words, too_few_ok  # loads numpy, which `clearcap status` does without
+    from reporting.ok_share import statuses_in_words, too_few_ok  # loads numpy, which `clearcap status` does not need
 
     done, ok, least = sum(statuses.values()), statuses.get("ok", 0), plan.spec.failures.min_ok
     if done and not ok:
@@ -73,7 +73,7 @@ def lack_of_ok(plan: Plan, statuses: Mapping[str, int]) -> str:
 
 
 def what_to_do(store: Store, plan: Plan) -> str:
-    """Return the message of a run with the most frequent status of failure, how to look at it, and what may help."""
+    """Return the message of one run with the most frequent failed status, how to inspect it, and what may help."""
     counts: Counter[str] = Counter()
     first: dict[str, tuple[int, str]] = {}
     for table in store.stream(plan, ["sample", "status", "message"]):
@@ -81,7 +81,7 @@ def what_to_do(store: Store, plan: Plan) -> str:
         counts.update(row["status"] for row in failed)
         for row in failed:
             first.setdefault(row["status"], (row["sample"], row["message"] or "no message"))
-    if not counts:  # their parts were damaged meanwhile
+    if not counts:  # the parts were damaged in the meantime
         return "their messages cannot be read"
     (status, _), *_ = counts.most_common(1)
     sample, message = first[status]

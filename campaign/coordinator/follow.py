@@ -16,24 +16,24 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Observation:
-    """What one look at a campaign shows; two are equal if a follower of the first has nothing to learn from the second.
+    """One observation of a campaign; equal to an earlier one if it shows a follower nothing new.
 
     Attributes
     ----------
     campaign : str
         Id of the campaign.
     state, message : str
-        As `state_of` gives them; the state is ``gone`` where there is no plan, state or heartbeat.
+        State and message as in `state_of`; the state is ``gone`` if there is no plan, state or heartbeat.
     since : float or None
         When the state began [s since 1970].
     is_open : bool
         Whether a coordinator that serves the store would continue the campaign.
     heartbeat : Heartbeat or None
-        The last one, with the state and the message above; None if there is none that clearcap wrote.
+        The last heartbeat, with the state and the message above; None if there is none written by clearcap.
     odd : str or None
-        What the files say that clearcap never writes.
+        Content of the files that clearcap never writes.
     sign : SignOfLife or None
-        Of the coordinator, while the state is ``running``.
+        The coordinator's sign of life while the state is ``running``.
     """
 
     campaign: str
@@ -47,25 +47,25 @@ class Observation:
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing more happens unless somebody asks for it."""
+        """Whether nothing more happens without a new request."""
         return self.state not in ("running", "queued")
 
 
 def observe(
     store: Store, campaign_id: str, earlier: Observation | None = None, now: float | None = None
 ) -> Observation:
-    """Look at a campaign once: four small files at most, and nothing waits, so one poller can look at many campaigns.
+    """Observe a campaign once, from at most four small files and without waiting, so that one poller can observe many.
 
     Parameters
     ----------
     store : Store
-        Where the campaign is; use `Store.hasty` where nothing may wait for a store that cannot be reached.
+        The store that holds the campaign; use `Store.hasty` to avoid waiting for an unreachable store.
     campaign_id : str
-        Its whole id.
+        Its full id.
     earlier : Observation, optional
-        What the look before returned: a coordinator on another machine is judged by two looks.
+        The previous observation; judging a coordinator on another machine takes two.
     now : float, optional
-        By default the monotonic clock of this process [s].
+        Time of a monotonic clock [s]; by default that of this process.
 
     Raises
     ------
@@ -93,9 +93,9 @@ def observe(
 
 
 def heartbeats(store: Store, campaign_id: str) -> Iterator[Heartbeat]:
-    """Yield the heartbeats of a campaign as they are written, the last with the state in which the campaign ended.
+    """Yield the heartbeats of a campaign as they are written, the last one with the state in which it ended.
 
-    A queued campaign is waited for. It sleeps between two looks: for one follower, and not for a server.
+    This waits for a queued campaign. It sleeps between two observations, so it suits one follower but not a server.
     """
     said: set[str] = set()
     seen: Observation | None = None
@@ -111,7 +111,7 @@ def heartbeats(store: Store, campaign_id: str) -> Iterator[Heartbeat]:
 
 
 def _before_first(store: Store, campaign_id: str) -> Heartbeat:
-    """Return a heartbeat for a campaign that no coordinator has written one for."""
+    """Return a heartbeat for a campaign without one from a coordinator."""
     plan = store.plan(campaign_id)
     survey = store.survey(plan)
     ok = survey.statuses.get("ok", 0)

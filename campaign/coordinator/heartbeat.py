@@ -1,4 +1,4 @@
-"""Say how far a campaign is: a small JSON file that its coordinator replaces every two seconds."""
+"""The progress of a campaign, in a small JSON file that its coordinator replaces every two seconds."""
 
 import math
 import time
@@ -14,12 +14,12 @@ from campaign.store import Store, Survey
 from campaign.worker.messages import BatchResult
 from campaign.worker.moments import Moments, add_moments, moments
 
-RATE_WINDOW = 60.0  # s, over which the rate of runs is taken
+RATE_WINDOW = 60.0  # s over which the rate of runs is averaged
 
 
 @dataclass(frozen=True)
 class Heartbeat:
-    """How far a campaign is.
+    """The progress of a campaign.
 
     Attributes
     ----------
@@ -28,12 +28,12 @@ class Heartbeat:
     state : str
         ``running``, and at the end ``completed``, ``cancelled``, ``failed`` or ``interrupted``.
     samples, done, ok, failed, left : int
-        Rows: planned (or fewer, once the stopping rule ended the campaign), stored, with status ``ok``, with another
-        status, and to be computed.
+        Number of rows that are planned (or fewer, once the stopping rule ended the campaign), stored, stored with
+        status ``ok``, stored with another status, and still to be computed.
     statuses : dict of str to int
         Stored rows by status.
     rate : float
-        Runs a second over the last minute.
+        Runs per second over the last minute.
     eta_s : float or None
         Remaining time at that rate [s]; None while the rate is unknown.
     workers : int
@@ -41,19 +41,19 @@ class Heartbeat:
     idle_s : float
         Time since the last batch was completed, or since the start [s].
     responses : dict
-        By name: ``n``, ``mean``, ``std`` and ``cpk`` of the stored rows.
+        ``n``, ``mean``, ``std`` and ``cpk`` of the stored rows, by response.
     token : str
-        Of the coordinator's lease.
+        Token of the coordinator's lease.
     pid : int
-        Process number of the coordinator.
+        Process id of the coordinator.
     beat : int
         Number of this heartbeat, from 1.
     time : float
         When it was written [s since 1970].
     message : str
-        Details of the state, if there are any.
+        Details of the state; may be empty.
     repeats, repeated : int
-        Samples that are to be repeated with half the step, and those that are; no row counts them.
+        Number of samples to be repeated with half the step, and of those already repeated; not counted as rows.
     """
 
     campaign: str
@@ -83,7 +83,7 @@ class Heartbeat:
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> "Heartbeat | None":
-        """Return the heartbeat that ``to_json`` wrote; None if it has another format."""
+        """Return the heartbeat that ``to_json`` wrote; None if the content has another format."""
         try:
             heartbeat = cls(**content)
         except TypeError:
@@ -125,26 +125,26 @@ class Progress:
     Parameters
     ----------
     store : Store
-        Where the rows are.
+        The store that holds the rows.
     plan : Plan
         The campaign.
     survey : Survey
-        What the store holds at the start.
+        The parts and rows that the store holds at the start.
 
     Attributes
     ----------
     statuses : Counter of str
         Stored rows by status.
     moments : dict of str to Moments
-        Of each response.
+        Moments of each response.
     samples : int
-        Number of samples of the campaign, as far as it is known.
+        Number of samples of the campaign; it decreases if the stopping rule ends the campaign.
     computed : int
-        Rows computed since the start.
+        Number of rows computed since the start.
     workers : int
-        Number of workers when they were last counted.
+        Number of workers when last counted.
     repeats, repeated : int
-        Samples that are to be repeated, and those that are.
+        Number of samples to be repeated, and of those already repeated.
     """
 
     def __init__(self, store: Store, plan: Plan, survey: Survey) -> None:
@@ -159,7 +159,7 @@ class Progress:
         self.recount(store, survey)
 
     def recount(self, store: Store, survey: Survey) -> None:
-        """Count again what the store holds, up to the sample where the campaign ends."""
+        """Count the rows in the store again, up to the end of the campaign."""
         self.statuses, self.moments = Counter(survey.statuses), {}
         self.samples = store.end(self.plan)
         if survey.parts:
@@ -227,10 +227,10 @@ class Progress:
 
 
 def _cpk(m: Moments, lsl: float | None, usl: float | None, least: float) -> float | None:
-    """Return Cpk of the values so far; None without limits, or without a spread above `least` and above rounding."""
+    """Return Cpk of the values so far; None without limits, or if the spread does not exceed `least` and rounding."""
     if not m.std or m.std <= least or (lsl is None and usl is None):
         return None
-    from reporting.capability.indices import cpk  # loads all of reporting, which `clearcap status` does without
+    from reporting.capability.indices import cpk  # loads all of reporting, which `clearcap status` does not need
     from reporting.capability.moments import ROUNDING
 
     return None if m.std <= ROUNDING * abs(m.mean) else cpk(m.mean, m.std, lsl, usl)

@@ -1,8 +1,8 @@
 """The lease of a campaign: a file in its folder that keeps two coordinators from doing the same work.
 
-If they did, nothing would break: parts are written whole, under names of their own, and are equal. A lease is stale
-when the process that holds it has ended, if that process ran on this machine, and otherwise when its heartbeat no
-longer changes. Clocks of two machines are never compared.
+Even if they did, nothing would break: each part is written whole under a name of its own, and both would write the same
+content. If the holder of a lease ran on this machine, the lease is stale once that process has ended; otherwise it is
+stale once its heartbeat no longer changes. Clocks of two machines are never compared.
 """
 
 import os
@@ -21,9 +21,9 @@ from campaign.store import Store
 from campaign.store.files.patience import Outage
 from campaign.store.layout import HEARTBEAT, LEASE, SERVICE
 
-HEARTBEAT_INTERVAL = 2.0  # s, between two heartbeats
+HEARTBEAT_INTERVAL = 2.0  # s between two heartbeats
 STALE_AFTER = 5 * HEARTBEAT_INTERVAL  # s without a new heartbeat
-RACE_WAIT = 0.3  # s, in which another process that takes the same stale lease becomes visible
+RACE_WAIT = 0.3  # s after which another process that takes the same stale lease is visible
 
 
 class LeaseHeld(CampaignError):
@@ -53,7 +53,7 @@ def hold_lease(store: Store, campaign_id: str) -> Iterator[str]:
 
 
 def _give_back(store: Store, campaign_id: str, token: str) -> None:
-    """Remove the lease, if it is still ours; one that stays becomes stale when this process ends."""
+    """Remove the lease if this process still holds it; if that fails, the lease becomes stale when the process ends."""
     with suppress(StoreError):
         if lease_holder(store, campaign_id) == token:
             store.remove(campaign_id, LEASE)
@@ -61,12 +61,12 @@ def _give_back(store: Store, campaign_id: str, token: str) -> None:
 
 @contextmanager
 def beating(store: Store, folder: str) -> Iterator[None]:
-    """Write a heartbeat every two seconds while the block runs, for a process that holds a lease and computes nothing.
+    """Write a heartbeat every two seconds during the block, for a process that holds a lease and computes nothing.
 
     Parameters
     ----------
     store : Store
-        Where the lease is.
+        The store that holds the lease.
     folder : str
         Id of a campaign, or `campaign.store.layout.SERVICE`.
     """
@@ -93,7 +93,7 @@ def beating(store: Store, folder: str) -> Iterator[None]:
 
 
 def take_lease(store: Store, campaign_id: str) -> str:
-    """Take the lease of a campaign, if it is free or stale, and return its token; `LeaseHeld` otherwise."""
+    """Take the lease of a campaign if it is free or stale, and return its token; raise `LeaseHeld` otherwise."""
     mine = {"token": secrets.token_hex(8), **this_process()}
     if store.create_json(campaign_id, LEASE, mine):
         return str(mine["token"])
@@ -111,12 +111,12 @@ def take_lease(store: Store, campaign_id: str) -> str:
 
 
 def _holding(store: Store, folder: str) -> str:
-    """Return what the holder of a lease does."""
+    """Describe what the holder of a lease is doing."""
     return f"store {store.url} is served" if folder == SERVICE else f"campaign {folder} is computed"
 
 
 def _remedy(store: Store, folder: str) -> str:
-    """Return what to do about a campaign that another process computes."""
+    """Return advice on a campaign or a store that another process holds."""
     if folder == SERVICE:
         return "end that process first"
     return f"follow it with: {store.command('watch', folder)}; or end it with: {store.command('cancel', folder)}"
@@ -129,25 +129,25 @@ def lease_holder(store: Store, campaign_id: str) -> str | None:
 
 
 def check_lease(store: Store, campaign_id: str, token: str) -> None:
-    """Raise `LeaseLost` if another process has taken the lease, such as after an outage of the store."""
+    """Raise `LeaseLost` if another process has taken the lease, for example after an outage of the store."""
     if lease_holder(store, campaign_id) not in (token, None):
         raise LeaseLost(f"campaign {campaign_id} was taken over by another process")
 
 
 @dataclass(frozen=True)
 class SignOfLife:
-    """What has been seen of the process that holds a lease; pass it to the next look.
+    """The observed signs of life of the process that holds a lease; pass it to the next check.
 
     Attributes
     ----------
     token : str or None
-        Of the lease; None if there is none.
+        Token of the lease; None if there is no lease.
     heartbeat : dict or None
-        The last heartbeat, where it tells whether the process lives.
+        The last heartbeat, if it is needed to judge whether the process is alive.
     seen_at : float
-        When the lease, or this heartbeat, was first seen, by this process's clock [s].
+        When the lease or this heartbeat was first seen, by this process's clock [s].
     is_alive : bool or None
-        Whether the process lives; None as long as neither a new heartbeat nor enough silence has told.
+        Whether the process is alive; None until there has been a new heartbeat or a long enough silence.
     """
 
     token: str | None
@@ -159,24 +159,24 @@ class SignOfLife:
 def judge_life(
     lease: dict[str, Any] | None, heartbeat: dict[str, Any] | None, earlier: SignOfLife | None, now: float
 ) -> SignOfLife:
-    """Return whether the process of a lease lives, as far as this look and the one before tell; nothing waits.
+    """Judge from this check and the previous one, without waiting, whether the process that holds a lease is alive.
 
     Parameters
     ----------
     lease : dict or None
         Content of the lease; None if there is none.
     heartbeat : dict or None
-        Content of the heartbeat beside it.
+        Content of the heartbeat in the same folder.
     earlier : SignOfLife or None
-        What the look before returned; None at the first.
+        Result of the previous check; None at the first.
     now : float
-        When the two were read, by a clock that only goes on [s].
+        When both files were read, by a monotonic clock [s].
 
     Returns
     -------
     SignOfLife
-        Of a process on this machine the answer is known at once. One elsewhere is alive when its heartbeat is another
-        than before, and dead when it has been the same for `STALE_AFTER` seconds.
+        For a process on this machine the answer is known at once. A process elsewhere is alive if its heartbeat has
+        changed, and dead if it has been the same for `STALE_AFTER` seconds.
     """
     if lease is None:
         return SignOfLife(None, None, now, False)
@@ -191,25 +191,25 @@ def judge_life(
 
 
 def sign_of_life(store: Store, folder: str, earlier: SignOfLife | None = None, now: float | None = None) -> SignOfLife:
-    """Look once at the lease and the heartbeat in a folder; see `judge_life`. It reads two files and waits for nothing.
+    """Check the lease and the heartbeat in a folder once; see `judge_life`. This reads two files and does not wait.
 
     Parameters
     ----------
     store : Store
-        Where they are; use `Store.hasty` where nothing may wait for a store that cannot be reached.
+        The store that holds them; use `Store.hasty` to avoid waiting for an unreachable store.
     folder : str
         Id of a campaign, or `campaign.store.layout.SERVICE`.
     earlier : SignOfLife, optional
-        What the look before returned.
+        Result of the previous check.
     now : float, optional
-        By default the monotonic clock of this process [s].
+        Time of a monotonic clock [s]; by default that of this process.
     """
     lease, heartbeat = store.read_json(folder, LEASE), store.read_json(folder, HEARTBEAT)
     return judge_life(lease, heartbeat, earlier, time.monotonic() if now is None else now)
 
 
 def is_alive(store: Store, folder: str, lease: dict[str, Any]) -> bool:
-    """Return whether the process of a lease lives; look for up to `STALE_AFTER` seconds if it is on another machine."""
+    """Return whether the holder of a lease is alive; on another machine, this takes up to `STALE_AFTER` seconds."""
     sign: SignOfLife | None = None
     while True:
         sign = judge_life(lease, store.read_json(folder, HEARTBEAT), sign, time.monotonic())
@@ -219,23 +219,23 @@ def is_alive(store: Store, folder: str, lease: dict[str, Any]) -> bool:
 
 
 def is_coordinated(store: Store, campaign_id: str) -> bool:
-    """Return whether a process that is not known to have ended holds the lease of a campaign; answers at once."""
+    """Return at once whether the lease of a campaign is held by a process that is not known to have ended."""
     lease = store.read_json(campaign_id, LEASE)
     return lease is not None and (lease.get("host") != _host() or _lives(lease))
 
 
 def _lives(lease: dict[str, Any]) -> bool:
-    """Return whether the process of a lease of this machine is alive, and not another one of the same number."""
+    """Return whether the holder of a lease on this machine is alive, and not another process with the same id."""
     return lease.get("started") is not None and lease.get("started") == _started(lease.get("pid"))
 
 
 def this_process() -> dict[str, Any]:
-    """Return what identifies this process among those of all machines."""
+    """Return data that identify this process among those of all machines."""
     return {"name": socket.gethostname(), "host": _host(), "pid": os.getpid(), "started": _started(os.getpid())}
 
 
 def _host() -> str:
-    """Return an identifier that two processes share exactly when one can see the other's process number."""
+    """Return an identifier that two processes share exactly if they are in the same PID namespace."""
     try:
         boot = Path("/proc/sys/kernel/random/boot_id").read_text().strip()
         return f"{boot} {os.stat('/proc/self/ns/pid').st_ino}"
@@ -244,7 +244,7 @@ def _host() -> str:
 
 
 def _started(pid: Any) -> str | None:
-    """Return when a process started, in ticks since the machine did; None if it has ended or is a zombie."""
+    """Return when a process started, in clock ticks since boot; None if it has ended or is a zombie."""
     try:
         fields = Path(f"/proc/{int(pid)}/stat").read_text().rpartition(")")[2].split()
         return None if fields[0] in "ZX" else fields[19]

@@ -1,4 +1,4 @@
-"""Check all that a user gave, then write the plan of a campaign into a store."""
+"""Check all inputs of a user, then write the plan of a campaign into a store."""
 
 import logging
 from collections.abc import Callable
@@ -25,25 +25,25 @@ def plan_campaign(
     *,
     when_new: Callable[[], None] = lambda: None,
 ) -> tuple[Store, Plan]:
-    """Open the store, load the campaign and plan it; return the plan that the store has if it has one.
+    """Open the store, load the campaign and plan it; if the store already has its plan, return that one.
 
-    What looks wrong in a new campaign is logged, one warning each: see `campaign.spec.campaign_cautions`. So is each
-    question of its file that is still open, a line that begins with ``#?``.
+    For a new campaign, each caution is logged as a warning (see `campaign.spec.campaign_cautions`), and so is each open
+    question of its file, which is a line that begins with ``#?``.
 
     Parameters
     ----------
-    campaign : Campaign, or what `load_campaign` takes
+    campaign : Campaign, or a source that `load_campaign` accepts
         What to compute.
     url : str
         Folder or URL of the store.
     samples, seed : int, optional
-        Instead of those of the campaign.
+        Number of samples and seed, instead of those of the campaign.
     batch_size : int, optional
-        Samples in a batch, see `campaign.coordinator.submit.submit`.
+        Number of samples in a batch; see `campaign.coordinator.submit.submit`.
     labels : LabelChange, optional
-        Owner and tags, see there.
+        Owner and tags; see `campaign.coordinator.submit.submit`.
     when_new : callable
-        Called as soon as the campaign is known to be sound and new, before anything of it is simulated.
+        Called as soon as the campaign is known to be valid and new, before any run.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Compute rows again: of runs that crashed or timed out for a reason that is fixed by now."""
+"""Compute rows again, for runs that crashed or timed out for a reason that has been fixed."""
 
 from bisect import bisect_right
 from collections import Counter, defaultdict
@@ -40,7 +40,7 @@ class RerunResult:
     before, after : dict of str to int
         Number of rows by status, before and after.
     repeats : dict of str to int
-        Number of repeats that were computed again by status, after.
+        Number of repeats computed again, by status afterwards.
     """
 
     samples: int
@@ -54,9 +54,9 @@ class RerunResult:
 
 
 def failed_samples(store: Store, plan: PlanHeader, statuses: Iterable[str] = ()) -> list[int]:
-    """Return the samples whose run has one of ``statuses``, or by default any but ``ok``, in order.
+    """Return, in order, the samples whose run has one of ``statuses``, or by default any status except ``ok``.
 
-    Of a set of repeats these are the samples whose repeat has.
+    For a set of repeats, the statuses are those of the repeats.
     """
     selected, samples = set(statuses), []
     for table in store.stream(plan, ["sample", "status"]):
@@ -74,12 +74,12 @@ def rerun(
     repeated: Iterable[int] = (),
     begun: Callable[[], None] = lambda: None,
 ) -> RerunResult:
-    """Compute rows again, those of each batch in an isolated subprocess, and replace the batch's part.
+    """Compute rows again in isolated subprocesses, and replace the parts of their batches.
 
     Parameters
     ----------
     store : Store
-        Where the rows are.
+        The store that holds the rows.
     plan : Plan
         The campaign.
     samples : iterable of int
@@ -87,16 +87,16 @@ def rerun(
     cluster : Cluster
         Where to compute.
     simulate : callable
-        `engine.simulate`, or a function with the same parameters that takes its place.
+        `engine.simulate`, or a function with the same parameters to use instead.
     repeated : iterable of int
-        Samples whose repeats are computed again, as far as there are any.
+        Samples whose repeats are computed again, if the store has them.
     begun : callable
-        Called when the campaign's lease is held and the workers are there.
+        Called once the campaign's lease is held and the workers are connected.
 
     Returns
     -------
     RerunResult
-        How many rows have which status, before and after.
+        Numbers of rows by status, before and after.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def rerun(
     LeaseHeld
         If a process coordinates the campaign.
     WorkerDied, SchedulerLost, StoreError
-        If a worker, the cluster or the store fails; the parts that are replaced stay.
+        If a worker, the cluster or the store fails; parts that have been replaced stay.
     """
     batches = _by_batch(store, plan, samples)
     address = CampaignAddress.of(store, plan, simulate, repeated_shares(store, plan))
@@ -137,15 +137,16 @@ def rerun(
 
 
 def rerun_requested(store: Store, plan: Plan, cluster: Cluster, simulate: Simulate = simulate) -> RerunResult | None:
-    """Compute the failed rows again that somebody has asked for in the store; return None if nobody has.
+    """Compute failed rows again if the store holds a request for this; return None if it does not.
 
-    The request is removed when all is done, so that a coordinator that is killed before begins again; rows that are
+    The request is removed at the end, so that after a coordinator is killed, the next one starts again; rows that are
     ok by then stay as they are.
 
     Raises
     ------
     CampaignError
-        As of `rerun`. Where another try may succeed, the request stays; else it is removed, and the state says why.
+        As in `rerun`. If another attempt may succeed, the request stays; otherwise it is removed, and the state says
+        why.
     """
     asked = rerun_request(store, plan.campaign_id)
     if asked is None:
@@ -171,7 +172,7 @@ def rerun_requested(store: Store, plan: Plan, cluster: Cluster, simulate: Simula
 
 
 def rerun_batch(address: CampaignAddress, batch: int, samples: tuple[int, ...]) -> tuple[Counts, Counts]:
-    """Compute some rows of a batch again; return how many had and have which status.
+    """Compute some rows of a batch again; return their numbers by status, before and after.
 
     Parameters
     ----------
@@ -189,7 +190,7 @@ def rerun_batch(address: CampaignAddress, batch: int, samples: tuple[int, ...]) 
 
 
 def rerun_repeats(address: CampaignAddress, at: int, batch: int, samples: tuple[int, ...]) -> Counts:
-    """Compute some repeats of a batch of the set at position ``at`` again; return how many have which status."""
+    """Compute some repeats of a batch of the set at position ``at`` again; return their new numbers by status."""
     (store, plan), repeats = open_campaign(address), open_repeats(address)[at]
     rows, (_, after) = _replaced(store, repeats, batch, samples, replace(address, halved=True))
     store.write_part(repeats, batch, repeats_to_table(plan, repeats, rows))
@@ -199,7 +200,7 @@ def rerun_repeats(address: CampaignAddress, at: int, batch: int, samples: tuple[
 def _replaced(
     store: Store, table: PlanHeader, batch: int, samples: tuple[int, ...], address: CampaignAddress
 ) -> tuple[list[Row], tuple[Counts, Counts]]:
-    """Return the rows of a batch, some of them computed again, and how many of these had and have which status."""
+    """Return the rows of a batch, some computed again, and the numbers of these by status, before and after."""
     rows = {row["sample"]: row for row in store.read_part(table, batch).to_pylist()}
     old_rows = [rows[sample] for sample in samples]
     for old, new in zip(old_rows, rows_in_subprocess(address, samples, 1), strict=True):
@@ -208,7 +209,7 @@ def _replaced(
 
 
 def _with_history(old: Row, new: Row) -> Row:
-    """Return a new row that also tells the attempts of the old one that it replaces."""
+    """Return a new row that also lists the attempts of the old row that it replaces."""
     ending = f"{old['status']} ({old['message']})" if old["message"] else old["status"]
     earlier = "; ".join(filter(None, (old["earlier_attempts"], ending, new["earlier_attempts"])))
     return new | {"attempts": old["attempts"] + new["attempts"], "earlier_attempts": earlier}
@@ -219,7 +220,7 @@ def _count_statuses(rows: list[Row]) -> Counts:
 
 
 def _there(store: Store, repeats: RepeatPlan, wanted: set[int]) -> list[int]:
-    """Return those of the wanted samples of which a set has a repeat in the store."""
+    """Return the wanted samples whose repeats in a set are in the store."""
     if not wanted:
         return []
     return [s for table in store.stream(repeats, ["sample"]) for s in table["sample"].to_pylist() if s in wanted]

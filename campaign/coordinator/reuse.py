@@ -1,7 +1,7 @@
-"""Reuse the rows of another campaign, when a new one has more samples or other limits.
+"""Reuse the rows of another campaign if a new one differs only in its number of samples or its limits.
 
-A row depends on what is varied, on what is simulated, and on the number of its sample. It does not depend on how many
-samples there are, on the limits, or on the name of the campaign.
+A row depends on the variables, on what is simulated, and on the number of its sample. It does not depend on the number
+of samples, the limits, or the name of the campaign.
 """
 
 import json
@@ -29,11 +29,9 @@ DETERMINED = ("ok", "not_at_rest", "not_converged", "jammed", "diverged", "inval
 
 
 def reuse_rows(store: Store, plan: Plan) -> int:
-    """Write the parts of a new plan whose rows another campaign of the store has, and their repeats.
+    """Copy rows of a new plan, and their repeats, from other campaigns of the store; return the number of rows.
 
-    Return the number of rows.
-
-    With a sampler whose first samples change with their number, nothing is reused, and a message says why.
+    With a sampler whose first samples depend on the number of samples, nothing is reused, and a message says why.
     """
     reused = 0
     for other in _plans_with_same_rows(store, plan):
@@ -46,7 +44,7 @@ def reuse_rows(store: Store, plan: Plan) -> int:
 
 
 def _plans_with_same_rows(store: Store, plan: Plan) -> Iterator[Plan]:
-    """Yield the plans of the store whose rows are rows of this one."""
+    """Yield the other plans of the store whose rows are also rows of this plan."""
     required = _what_rows_depend_on(json.loads(plan.to_json()))
     for campaign_id in store.campaigns():
         try:
@@ -54,11 +52,11 @@ def _plans_with_same_rows(store: Store, plan: Plan) -> Iterator[Plan]:
             if campaign_id != plan.campaign_id and _what_rows_depend_on(content) == required:
                 yield store.plan(campaign_id)
         except StoreError:
-            continue  # the plan is damaged, or of another version
+            continue  # the plan is damaged or of another version
 
 
 def _what_rows_depend_on(content: Mapping[str, Any]) -> list[Any]:
-    """Return all of a plan's document that a row depends on, besides the number of its sample."""
+    """Return everything in a plan's document that a row depends on, besides the number of its sample."""
     document = content.get("spec", {})
     spec = {key: value for key, value in document.items() if key not in IRRELEVANT}
     spec["failures"] = document.get("failures", {}).get("retry", [])
@@ -67,7 +65,7 @@ def _what_rows_depend_on(content: Mapping[str, Any]) -> list[Any]:
 
 
 def _copy(store: Store, other: Plan, plan: Plan) -> int:
-    """Write the parts of a plan that the rows of another campaign fill; return the number of rows."""
+    """Write the parts of a plan that the rows of another campaign fill completely; return the number of rows."""
     there = store.survey(plan).parts
     waiting = (batch for batch in range(len(plan.batches)) if batch not in there)
     batch, copied, kept = next(waiting, None), 0, plan.schema.empty_table()
@@ -85,7 +83,7 @@ def _copy(store: Store, other: Plan, plan: Plan) -> int:
 
 
 def _copy_repeats(store: Store, other: Plan, plan: Plan) -> None:
-    """Write the parts of a plan's repeats that the repeats of another campaign fill."""
+    """Write the parts of a plan's repeats that the repeats of another campaign fill completely."""
     rows, sets = read_repeats(store, other), repeat_plans(store, plan)
     if rows is None or not sets:
         return

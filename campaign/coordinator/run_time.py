@@ -1,4 +1,4 @@
-"""Estimate how long a run takes, before a campaign is divided into batches."""
+"""Estimate how long a run takes before a campaign is divided into batches."""
 
 import json
 import tempfile
@@ -19,14 +19,14 @@ from campaign.worker.subprocess_runs import rows_in_subprocess
 from engine import missing_kernels
 from engine import simulate as engine_simulate
 
-RUNS = 4  # that are tried
-ENOUGH = 5.0  # s; after a run that takes longer no other is tried
+RUNS = 4  # number of trial runs
+ENOUGH = 5.0  # s; if the first run takes longer, no other is tried
 
 
 def seconds_per_run(plan: Plan, simulate: Simulate) -> float | None:
     """Return how long a run of a plan takes on this machine [s]; None if one of its first runs kills its process.
 
-    The runs are computed in an isolated subprocess, and their rows are thrown away.
+    The runs are computed in an isolated subprocess, and their rows are discarded.
     """
     runs = min(RUNS, plan.spec.samples)
     with tempfile.TemporaryDirectory(prefix="clearcap-probe-") as folder:
@@ -44,10 +44,10 @@ def seconds_per_run(plan: Plan, simulate: Simulate) -> float | None:
 
 
 def known_seconds_per_run(store: Store, plan: Plan) -> float | None:
-    """Return how long runs of a plan's mechanism took in the other campaigns of a store [s]; None if it has none.
+    """Return how long runs of a plan's mechanism took in other campaigns of a store [s]; None if there are none.
 
-    Nothing is simulated. One file of rows is read, of the first campaign whose mechanism and settings of a run are the
-    same; its distributions may differ.
+    Nothing is simulated. One file of rows is read, from the first campaign with the same mechanism and the same run
+    settings; its distributions may differ.
     """
     wanted = _what_time_depends_on(json.loads(plan.to_json()))
     for campaign_id in store.campaigns():
@@ -58,12 +58,12 @@ def known_seconds_per_run(store: Store, plan: Plan) -> float | None:
                 if seconds is not None:
                     return seconds
         except StoreError:
-            continue  # the plan is damaged, or of another version
+            continue  # the plan is damaged or of another version
     return None
 
 
 def _what_time_depends_on(document: dict[str, Any]) -> list[Any]:
-    """Return those parts of a plan's document that decide, more than others, how long a run takes."""
+    """Return the parts of a plan's document that have the most influence on how long a run takes."""
     spec = document.get("spec", {})
     return [document.get("mechanism_digest"), *(spec.get(key) for key in ("simulation", "bench", "preset"))]
 
@@ -83,5 +83,5 @@ def _mean_time(store: Store, campaign_id: str) -> float | None:
 
 
 def _first_batch(samples: int, runs: int) -> tuple[tuple[int, int], ...]:
-    """Return batches of a plan whose first one holds the runs that are tried; the others complete the plan."""
+    """Return batches of a plan; the first holds the trial runs, a second one all other samples, if any."""
     return ((0, runs),) if samples == runs else ((0, runs), (runs, samples - runs))

@@ -1,4 +1,4 @@
-"""Serve a store: coordinate every queued campaign, one after the other."""
+"""Serve a store: coordinate its queued campaigns one after the other."""
 
 import logging
 import time
@@ -18,23 +18,23 @@ logger = logging.getLogger(__name__)
 
 
 def serve(store: Store, cluster: Cluster, *, once: bool = False, with_report: bool = True) -> list[str]:
-    """Coordinate the campaigns of a store that are queued, and those whose coordinator died.
+    """Coordinate the queued campaigns of a store, and those whose coordinator died.
 
     Parameters
     ----------
     store : Store
-        Where the campaigns are.
+        The store that holds the campaigns.
     cluster : Cluster
         Where to compute.
     once : bool
-        Return when no campaign is queued; otherwise wait for more, for ever.
+        Whether to return when no campaign is queued, instead of waiting for more without end.
     with_report : bool
-        Write the report of each campaign at its end.
+        Whether to write the report of each campaign at its end.
 
     Returns
     -------
     list of str
-        Ids of the campaigns that were completed.
+        Ids of the completed campaigns.
 
     Raises
     ------
@@ -59,9 +59,9 @@ def serve(store: Store, cluster: Cluster, *, once: bool = False, with_report: bo
 
 
 def _is_open(store: Store, campaign_id: str, unreadable: dict[str, str]) -> bool:
-    """Return whether a campaign is to be continued; one whose files cannot be read is logged once and passed over.
+    """Return whether to continue a campaign; one whose files cannot be read is logged once and skipped.
 
-    ``unreadable`` holds what was logged, by campaign.
+    ``unreadable`` holds the logged messages by campaign.
     """
     try:
         is_open: bool = state_of(store, campaign_id)["open"]
@@ -75,7 +75,7 @@ def _is_open(store: Store, campaign_id: str, unreadable: dict[str, str]) -> bool
 
 
 def _coordinate(store: Store, campaign_id: str, cluster: Cluster, with_report: bool) -> bool:
-    """Coordinate one campaign and write its report; its failure is logged and does not end the service."""
+    """Coordinate one campaign and write its report; a failure is logged and does not end the service."""
     try:
         plan = store.plan(campaign_id)
         if again := rerun_requested(store, plan, cluster):
@@ -97,9 +97,9 @@ def _coordinate(store: Store, campaign_id: str, cluster: Cluster, with_report: b
 
 
 def _report(store: Store, plan: Plan) -> None:
-    """Write the report of a completed campaign, then close it: a service that is killed before starts over.
+    """Write the report of a completed campaign, then close it; if the service is killed before, it starts over.
 
-    A report that cannot be written closes the campaign with the reason, so that the next one gets its turn.
+    If the report cannot be written, the campaign is closed with the reason, so that the next campaign gets its turn.
     """
     from campaign.reports.report import report
 

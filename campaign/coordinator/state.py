@@ -13,7 +13,7 @@ STATES = ("queued", "running", "completed", "cancelled", "failed", "interrupted"
 
 
 def write_state(store: Store, campaign_id: str, state: str, message: str = "", *, is_open: bool = False) -> None:
-    """Write a new state, and whether a coordinator that serves the store is to continue the campaign."""
+    """Write a new state, and whether a coordinator that serves the store shall continue the campaign."""
     process = this_process()
     content = {"state": state, "since": time.time(), "message": message, "open": is_open}
     content |= {"pid": process["pid"], "on": process["name"]}
@@ -30,11 +30,11 @@ def close_campaign(store: Store, campaign_id: str, message: str | None = None) -
 def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
     """Return the state of a campaign: ``state``, ``message``, ``since``, and whether it is ``open`` for a service.
 
-    What the file says beyond what clearcap writes counts as not said, and ``fault`` names it; otherwise that is None.
-    A campaign that is running by its file but has no living coordinator is ``interrupted``, and open like a queued one.
-    Without a state in the file the heartbeat says how far the campaign came, and it is open, since nothing says that
-    its report is written; without either it is ``planned``. The ``message`` of one that runs may be that it is being
-    cancelled.
+    Values in the file that clearcap never writes are ignored, and ``fault`` names them; otherwise ``fault`` is None. A
+    campaign that is running according to its file but has no living coordinator is ``interrupted``, and open like a
+    queued one. Without a state in the file, the state follows from the heartbeat; if that says ``completed``, the
+    campaign is open, because its report may be missing. Without either the state is ``planned``. The ``message`` of a
+    running campaign may be that it is being cancelled.
     """
     content = store.read_json(campaign_id, STATE) or {}
     is_written = content.get("state") in STATES
@@ -52,13 +52,13 @@ def state_of(store: Store, campaign_id: str) -> dict[str, Any]:
 
 
 def _state_by_heartbeat(store: Store, campaign_id: str) -> str:
-    """Return how far a campaign came whose state was lost: to its end, to a coordinator, or to its plan only."""
+    """Return the state of a campaign without a state file: ``completed``, ``running`` or ``planned``."""
     heartbeat = store.read_json(campaign_id, HEARTBEAT) or {}
     return heartbeat["state"] if heartbeat.get("state") in ("running", "completed") else "planned"
 
 
 def _fault(content: dict[str, Any]) -> str | None:
-    """Return what a state file says that clearcap never writes; None if it says nothing of the kind."""
+    """Return the message about values in a state file that clearcap never writes; None if there are none."""
     sound = {
         "state": content.get("state") in (None, *STATES),
         "since": content.get("since") is None or _date(content["since"]) is not None,
@@ -69,6 +69,6 @@ def _fault(content: dict[str, Any]) -> str | None:
 
 
 def _date(since: Any) -> float | None:
-    """Return when a state began [s since 1970]; None if the file holds no such number of this millennium."""
+    """Return when a state began [s since 1970]; None if the file has no number from 1970 to the year 3000."""
     is_number = isinstance(since, int | float) and not isinstance(since, bool)
     return float(since) if is_number and 0.0 <= since < LATEST else None

@@ -1,9 +1,9 @@
-"""Stop a campaign when a number is known narrowly enough.
+"""Stop a campaign once a statistic is known precisely enough.
 
-The rule sees nothing but the rows of the first samples, so it decides alike for any number of workers. Its intervals
-are those of a fixed number of samples; a rule on their width that is asked a few dozen times nearly keeps their
-coverage (Chow and Robbins 1965: exactly, as the width goes to zero). With production lots the intervals are those of
-lots, and the rule waits for lots enough, however narrow an interval of one lot's samples looks.
+The rule uses only the rows of the first samples, so its decision does not depend on the number of workers. Its
+intervals are those for a fixed number of samples; a rule on their width that is evaluated a few dozen times nearly
+keeps their coverage (Chow and Robbins 1965: exactly, as the width goes to zero). With production lots the intervals
+are those of lots, and the rule waits for enough lots, however narrow the interval of a single lot's samples is.
 """
 
 import logging
@@ -26,12 +26,12 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a stopping rule says of the first samples.
+    """The verdict of a stopping rule on the first samples.
 
     Attributes
     ----------
     samples : int
-        Number of samples that were judged.
+        Number of judged samples.
     statistic : str
         The statistic and its response, such as ``mean of FC-1``.
     value : float or None
@@ -39,7 +39,7 @@ class Verdict:
     low, high : float or None
         Its confidence interval.
     sure : bool
-        Whether half the interval is as narrow as the rule asks.
+        Whether the campaign may stop: the interval is narrow enough, and there are enough whole lots.
     lots : int or None
         Number of whole production lots among the samples; None without lots.
     reason : str
@@ -70,19 +70,19 @@ class Verdict:
 
 
 class Checkpoints:
-    """The numbers of samples at which a campaign's stopping rule is asked, and its last verdict.
+    """The numbers of samples at which a campaign's stopping rule is evaluated, and its last verdict.
 
     Parameters
     ----------
     store : Store
-        Where the rows are.
+        The store that holds the rows.
     plan : Plan
-        The campaign; without a stopping rule, or when it has stopped already, there is no checkpoint.
+        The campaign; without a stopping rule, or once it has stopped, there are no checkpoints.
 
     Attributes
     ----------
     verdict : Verdict or None
-        Of the last checkpoint; None before the first.
+        Verdict at the last checkpoint; None before the first.
     """
 
     def __init__(self, store: Store, plan: Plan) -> None:
@@ -98,12 +98,12 @@ class Checkpoints:
         return self._remaining[0] if self._remaining else None
 
     def limit(self, queue: WorkQueue, ahead: int) -> None:
-        """Let a queue hand out no more than ``ahead`` batches beyond the next checkpoint."""
+        """Limit a queue to ``ahead`` batches beyond the next checkpoint."""
         if self.next is not None:
             queue.limit = queue.batches_for(self.next) + ahead
 
     def reached_end(self, queue: WorkQueue) -> bool:
-        """Judge each checkpoint whose samples are completed; return whether the campaign ends at one of them."""
+        """Evaluate each checkpoint whose samples are complete; return whether the campaign ends at one of them."""
         while self.next is not None and queue.completed(self.next):
             self.verdict = judge(self._store, self._plan, self._remaining.pop(0))
             logger.info("%s", self.verdict.text())
@@ -115,7 +115,7 @@ class Checkpoints:
 
 
 def judge(store: Store, plan: Plan, samples: int) -> Verdict:
-    """Ask a campaign's stopping rule about its first ``samples`` samples, whose rows must be in the store."""
+    """Evaluate a campaign's stopping rule on its first ``samples`` samples, whose rows must be in the store."""
     rule = plan.spec.stop
     assert rule is not None
     from campaign.reports.samples import lots_of  # see `_interval`
@@ -140,7 +140,7 @@ def judge(store: Store, plan: Plan, samples: int) -> Verdict:
 
 
 def values(store: Store, plan: Plan, response: str, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the values of a response over the first ``samples`` samples, and their numbers; without failed runs."""
+    """Return the values of a response among the first ``samples`` samples, and their numbers; without failed runs."""
     pieces, numbers, count = [np.zeros(0)], [np.zeros(0, np.int64)], 0
     for table in store.stream(plan, ["sample", response]):
         first: pa.Table = table.slice(0, samples - count)
@@ -154,12 +154,12 @@ def values(store: Store, plan: Plan, response: str, samples: int) -> tuple[np.nd
 
 
 def _whole(lots: np.ndarray | None) -> int:
-    """Return the number of lots that end before the last of these samples, the one after those that are judged."""
+    """Return the number of lots that end before the last of these samples, which follows the judged ones."""
     return 0 if lots is None else int(lots[-1])
 
 
 def _enough(whole: int | None) -> bool:
-    """Return whether there are whole lots enough for an interval; samples without lots need none."""
+    """Return whether there are enough whole lots for an interval; True for samples without lots."""
     from reporting.capability.lots import LEAST_LOTS
 
     return whole is None or whole >= LEAST_LOTS
@@ -168,7 +168,7 @@ def _enough(whole: int | None) -> bool:
 def _interval(
     rule: Stop, x: np.ndarray, limits: Response, lots: np.ndarray | None
 ) -> tuple[tuple[float, tuple[float, float]] | None, str]:
-    """Return a statistic of values and its interval, or None and why."""
+    """Return a statistic of values with its interval, or None and the reason."""
     from reporting import capability  # takes half a second, and few campaigns have a stopping rule
     from reporting.capability.shares import nonconforming
 

@@ -1,4 +1,4 @@
-"""Write the plan of a campaign into a store, and see to it that a coordinator computes it."""
+"""Write the plan of a campaign into a store, and assign a coordinator to it."""
 
 import getpass
 import logging
@@ -39,25 +39,26 @@ def submit(
     tries_runs: bool = True,
     by: str | None = None,
 ) -> Plan:
-    """Write the plan of a campaign into a store, or return the one that the store has.
+    """Write the plan of a campaign into a store, or return the plan that the store already has.
 
     Parameters
     ----------
     store : Store
-        Where to write it.
+        The store to write the plan to.
     campaign : Campaign
         The campaign.
     batch_size : int, optional
-        Samples in a batch of a new plan; default: as many as take about ten seconds. A plan that the store has keeps
-        its batches.
+        Number of samples in a batch of a new plan; by default, so many that a batch takes about ten seconds. An
+        existing plan keeps its batches.
     simulate : callable
-        `engine.simulate`, or a function with the same parameters that takes its place.
+        `engine.simulate`, or a function with the same parameters to use instead.
     labels : LabelChange, optional
-        Owner and tags. By default a new campaign's owner is the user of this process. Equal campaigns of two people are
-        one campaign: its first owner stays, and a message says so; tags are added.
+        Owner and tags. By default a new campaign's owner is the user of this process. Identical campaigns of two people
+        are one campaign: its first owner stays, and a message says so; tags are added.
     tries_runs : bool
-        Estimate how long a run takes from a few runs, in a process of their own that may take minutes. If not, nothing
-        is simulated: the time is that of runs of this mechanism in the store; without any, batches are small.
+        Whether to estimate the time of a run from a few runs in a separate process, which may take minutes. If False,
+        nothing is simulated: the time is taken from runs of this mechanism in the store; without any, batches are
+        small.
     by : str, optional
         Who submits it; by default the user of this process.
 
@@ -90,7 +91,7 @@ def submit(
 
 
 def _label(store: Store, plan: Plan, wanted: LabelChange, user: str, *, is_new: bool) -> None:
-    """Give a campaign the owner and the tags that it is submitted with; say so if it has another owner already."""
+    """Give a campaign the owner and the tags that it is submitted with; log if it already has another owner."""
     if wanted.owner is None and is_new and is_owner(user):
         wanted = replace(wanted, owner=user)
     labels = claim(store, plan.campaign_id, wanted, user)
@@ -100,7 +101,7 @@ def _label(store: Store, plan: Plan, wanted: LabelChange, user: str, *, is_new: 
 
 
 def user_name() -> str:
-    """Return the name of this process's user; empty if the system has none for it, as in some containers."""
+    """Return the name of this process's user; empty if the system has no name for the user, as in some containers."""
     try:
         return getpass.getuser()
     except (OSError, KeyError):
@@ -109,15 +110,15 @@ def user_name() -> str:
 
 @dataclass(frozen=True)
 class Assignment:
-    """Which coordinator computes a campaign.
+    """The coordinator that computes a campaign.
 
     Attributes
     ----------
     kind : str
-        ``service`` (a coordinator that serves the store), ``coordinator`` (one of the campaign's own), or ``none`` (it
-        waits for a service).
+        ``service`` (a coordinator that serves the store), ``coordinator`` (one for this campaign alone), or ``none``
+        (the campaign waits for a service).
     pid : int or None
-        Process number of a coordinator that was started for it.
+        Process id of a coordinator that was started for it.
     log : str or None
         Path of that coordinator's log.
     """
@@ -142,18 +143,18 @@ class Assignment:
 
 
 def assign_coordinator(store: Store, plan: Plan, options: list[str], *, queue_only: bool = False) -> Assignment:
-    """See to it that a coordinator computes a campaign.
+    """Assign a coordinator to a campaign, and start one if needed.
 
     Parameters
     ----------
     store : Store
-        Where the plan is.
+        The store that holds the plan.
     plan : Plan
         The campaign.
     options : list of str
-        Options of ``clearcap coordinate``, if it is started here: where to compute.
+        Options of ``clearcap coordinate`` if it is started here, which say where to compute.
     queue_only : bool
-        Leave the campaign to a coordinator that serves the store, now or later.
+        Whether to leave the campaign to a coordinator that serves the store, now or later.
     """
     store.remove(plan.campaign_id, CANCEL)
     if is_coordinated(store, plan.campaign_id):
@@ -179,16 +180,16 @@ def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int
     Parameters
     ----------
     store : Store
-        Where the plan is.
+        The store that holds the plan.
     plan : Plan
         The campaign.
     options : list of str
-        Options of the command: where to compute.
+        Options of the command, which say where to compute.
 
     Returns
     -------
     (int, str)
-        Number of the process, and path of its log.
+        Id of the process, and path of its log.
     """
     folder = Path(store.files.path(plan.campaign_id)) if store.files.local else Path.cwd()
     log = folder / (LOG if store.files.local else f"{plan.campaign_id}.log")
@@ -205,7 +206,7 @@ def start_coordinator(store: Store, plan: Plan, options: list[str]) -> tuple[int
             stdout=file,
             stderr=file,
             cwd="/",
-            env={**python_environment(), STORE: store.files.full_url},  # where other users do not see its password
+            env={**python_environment(), STORE: store.files.full_url},  # other users cannot read it there
             start_new_session=True,  # neither Ctrl-C nor the end of the terminal reaches it
         )
     return process.pid, str(log)

@@ -1,1 +1,1 @@
-"""Pictures of one run: curves over time, and the mechanism as it moves; drawn with matplotlib's objects, no window."""
+"""Pictures of one run, drawn with matplotlib without a window: curves over time, and the mechanism in motion."""

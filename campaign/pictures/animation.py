@@ -1,4 +1,4 @@
-"""The mechanism in motion: bodies and contact forces on one plane, beside them each joint's play, magnified."""
+"""Animation of a run: bodies and contact forces on one plane, and beside them the magnified play of each joint."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ from campaign.pictures.style import styled
 from engine import Trajectory
 
 FRAMES, PER_SECOND = 90, 15
-HOLD = 20  # frames for which the end stays before the animation begins again
+HOLD = 20  # frames for which the last one stays before the animation begins again
 LARGEST_PAGE = 100.0  # MB; matplotlib leaves out the frames beyond
 SYMBOLS = {
     "minus": "slower",
@@ -36,13 +36,13 @@ def animate(trajectory: Trajectory, path: Path, frames: int | None = None) -> No
     path : Path
         File to write: ``.gif``, ``.html``, or with ffmpeg ``.mp4``.
     frames : int, optional
-        Most frames; they are dense where much moves, see `poses.progress`. Default 90.
+        Largest number of frames, by default 90; they are dense where much moves, see `poses.progress`.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     scene = scene_of(trajectory, frames or FRAMES)
-    with styled(**{"axes.titley": 1.02}):  # fixed: else every frame measures the titles
+    with styled(**{"axes.titley": 1.02}):  # fixed, because otherwise every frame measures the titles
         figure = Figure(figsize=SIZE, dpi=DPI)
         FigureCanvasAgg(figure)
         drawing = AnimationFigure(figure, scene, trajectory)
@@ -57,7 +57,7 @@ def animate(trajectory: Trajectory, path: Path, frames: int | None = None) -> No
 
 
 def _hold(writer: Any, frames: int) -> None:
-    """Show the figure unchanged for a number of frames."""
+    """Keep showing the last frame for a number of frames."""
     from campaign.pictures.gif import GifWriter
 
     if isinstance(writer, GifWriter):
@@ -84,13 +84,13 @@ def _writer(suffix: str) -> Any:
 
 
 def _page(player: str, label: str) -> str:
-    """Return matplotlib's player as a page that needs no network and describes itself to a screen reader."""
+    """Return matplotlib's player as a page that needs no network and has a description for screen readers."""
     from html import escape
 
     player = re.sub(r'<link rel="stylesheet"[^>]*>', "", player)
     player = re.sub(r'<i class="fa fa-([a-z -]+)"></i>', lambda match: SYMBOLS[match[1]], player)
     player = player.replace("<img ", f'<img alt="{escape(label)}" ', 1)
-    # matplotlib's player is inline script; nothing is loaded from elsewhere or sent there
+    # matplotlib's player is an inline script; the page neither loads nor sends anything
     policy = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:"
     head = f'<meta charset="utf-8"><meta http-equiv="Content-Security-Policy" content="{policy}">'
     head += f"<title>{escape(label)}</title>"

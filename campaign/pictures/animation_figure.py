@@ -1,4 +1,4 @@
-"""The drawing of an animation: everything is drawn once, then moved from frame to frame."""
+"""The figure of an animation: everything is drawn once, then moved from frame to frame."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COMMON = 95  # percentile of the forces that are not zero: the force of a common arrow
-ARROW = 0.1  # length of its arrow, in diagonals of the box
-CUT = 2.0  # longer arrows are cut at this multiple of it
+COMMON = 95  # percentile of the nonzero forces that gives the common force
+ARROW = 0.1  # length of the arrow of the common force, in diagonals of the box
+CUT = 2.0  # longer arrows are cut at this multiple of that length
 SIZE, DPI = (10.0, 6.2), 90
 TRAIL = 12  # frames for which the path of a journal stays visible
 
@@ -29,7 +29,7 @@ class AnimationFigure:
     figure : Figure
         Empty figure to draw in.
     scene : Scene
-        What to draw.
+        The scene to draw.
     trajectory : Trajectory
         The run, for its name and units.
     """
@@ -80,7 +80,7 @@ class _Body:
         self._body = body
         self._outline: Any = None
         if not body.fixed and body.outline.shape[1]:
-            wide = {1: 0.0, 2: 5.0}.get(body.outline.shape[1], 1.2)  # a body that is a line is a rod
+            wide = {1: 0.0, 2: 5.0}.get(body.outline.shape[1], 1.2)  # a body whose outline is a line is drawn as a rod
             (self._outline,) = axes.fill([0], [0], facecolor=colour + "30", edgecolor=colour, linewidth=wide)
             self._outline.set_joinstyle("round")
         (self._lines,) = axes.plot([], [], color=colour, linewidth=1.0)
@@ -116,7 +116,7 @@ class _Arrows:
 
 
 def _clock(figure: "Figure", wide: float, end: float, unit: str) -> Any:
-    """Draw a line from the start of the run to its end, and return the line upon it that shows the time."""
+    """Draw a line from the start to the end of the run, and return the line on top of it that shows the time."""
     axes = figure.add_axes((0.1, 0.03, wide - 0.16, 0.02))
     axes.set_axis_off()
     axes.set(xlim=(0.0, end or 1.0), ylim=(-1.0, 1.0))
@@ -133,14 +133,14 @@ def _quiver(axes: "Axes", points: Array, arrows: Array) -> Any:
 
 
 def _explain_arrows(axes: "Axes", corner: Array, long: float, force: str) -> None:
-    """Draw the key in a corner: an arrow as long as that of ``force``."""
+    """Draw the key in a corner: an arrow of the length that represents ``force``."""
     _quiver(axes, corner[None], np.array([[long, 0.0]]))
     text = f" {force} contact force, mean since the frame before; cut at {CUT:g} of these"
     axes.text(corner[0] + long, corner[1], text, va="center", fontsize=8)
 
 
 class _Inset:
-    """The circle in which a journal's axis can be, where it is now, and its path."""
+    """The circle that limits a journal's axis, the axis's position, and its path."""
 
     def __init__(self, axes: "Axes", play: Play, unit: str) -> None:
         from matplotlib.patches import Circle
@@ -160,14 +160,14 @@ class _Inset:
         ]
 
     def show(self, since: int, row: int) -> None:
-        """Draw where the axis is at a row, and its path since an earlier one."""
+        """Draw the position of the axis at a row, and its path since an earlier row."""
         for ring, (trail, dot) in enumerate(zip(self._trails, self._dots, strict=True)):
             trail.set_data(*self._eccentricity[since : row + 1, ring].T)
             dot.set_data(*self._eccentricity[row : row + 1, ring].T)
 
 
 def common_force(forces: Array) -> float:
-    """Return a round number (1, 2 or 5 times a power of ten) not above the larger ones of the forces; 0 without any."""
+    """Return a round number (1, 2 or 5 times a power of ten) up to the 95th percentile of forces; 0 without forces."""
     sizes = np.linalg.norm(forces, axis=-1)
     if not (sizes > 0).any():
         return 0.0
@@ -177,7 +177,7 @@ def common_force(forces: Array) -> float:
 
 
 def arrow_lengths(forces: Array, common: float, long: float) -> Array:
-    """Return the forces as arrows: the common force has length ``long``, none is longer than ``CUT`` times that."""
+    """Return the forces as arrows; the common force has length ``long``, and none is longer than ``CUT`` times that."""
     if not common:
         return np.zeros_like(forces)
     sizes = np.linalg.norm(forces, axis=-1, keepdims=True) / common
@@ -200,7 +200,7 @@ def join_lines(lines: list[Array]) -> Array:
 
 
 def limits(box: Array, ends: Array) -> Array:
-    """Return lower left and upper right corner of the bodies' box and the ends of the arrows, with a margin."""
+    """Return the corners, lower left and upper right, of a box around bodies and arrow ends, with a margin."""
     flat = np.vstack([box, ends.reshape(-1, 2)])
     corners = np.array([flat.min(axis=0), flat.max(axis=0)])
     margin = 0.06 * float(np.ptp(corners, axis=0).max() or 1.0)
@@ -208,7 +208,7 @@ def limits(box: Array, ends: Array) -> Array:
 
 
 def _explain_insets(figure: "Figure", rings: int) -> None:
-    """Write below the insets what they show."""
+    """Write an explanation below the insets."""
     from matplotlib.lines import Line2D
 
     figure.text(0.65, 0.045, "axis of each journal in its bearing; circle: its clearance", fontsize=8)
@@ -220,7 +220,7 @@ def _explain_insets(figure: "Figure", rings: int) -> None:
 
 
 def _grid(figure: "Figure", count: int) -> list["Axes"]:
-    """Return axes for the circles of the joints, at the right of the figure."""
+    """Return axes for the circles of the joints, on the right of the figure."""
     columns = 1 if count <= 3 else 2 if count <= 8 else 3
     rows = max(-(-count // columns), 2)
     wide, high = 0.34 / columns, 0.84 / rows

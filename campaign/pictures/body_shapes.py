@@ -1,4 +1,4 @@
-"""The shape of a body as drawn: the primitives and joints that the file gives it, and an outline around them."""
+"""The drawn shape of a body: its primitives and joints from the file, and an outline around them."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -15,8 +15,8 @@ from engine.arrays import Array
 from engine.mechanism.base import BodyPoint
 
 DRAWN_WITH_OUTLINE = ("arc", "rectangle")  # of a body with an outline: a whole cylinder would hide the body
-FACE_ON = 0.95  # cosine between a plane's normal and the line of sight: planes beyond are not drawn
-LEAST_PATCH = 0.05  # half a side of a patch of a plane, in sizes of the mechanism, where one point is touched
+FACE_ON = 0.95  # cosine between a plane's normal and the line of sight; planes with a larger one are not drawn
+LEAST_PATCH = 0.05  # half a side of a plane's patch with a single contact point, in sizes of the mechanism
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,12 @@ class BodyShape:
     lines : tuple of ndarray, each of shape (k, 3)
         Polylines of primitives and pins.
     faces : tuple of ndarray, each of shape (5, 3)
-        Patches of planes that are touched.
+        Patches of planes with contacts.
     joints : ndarray, shape (k, 3)
-        Where its joints are.
+        Positions of its joints.
     outline : ndarray, shape (k, 3)
-        That of the file, or corners around all but the planes: a polygon, the two ends of a line, a point, or none.
+        Outline from the file, or the corners of a hull around everything except the planes: a polygon, the two ends of
+        a line, a point, or none.
     """
 
     lines: tuple[Array, ...]
@@ -47,13 +48,13 @@ def body_shape(mechanism: Mechanism, body: str, view: View, touched: dict[str, A
     Parameters
     ----------
     mechanism : Mechanism
-        What the body is part of.
+        The mechanism of the body.
     body : str
         Name of the body.
     view : View
-        The plane it will be drawn on.
+        The plane to draw it on.
     touched : dict of str to ndarray, each of shape (m, 3)
-        Points of each contact during the run, in the frame of this body; NaN does not count.
+        Points of each contact during the run, in the frame of this body; NaN is ignored.
     size : float
         Size of the mechanism [length].
     """
@@ -78,7 +79,7 @@ def body_shape(mechanism: Mechanism, body: str, view: View, touched: dict[str, A
 
 
 def _outline(mechanism: Mechanism, body: str, lines: list[Array], view: View) -> Array:
-    """Return the outline the file gives a body; else the hull around its lines and the points the file names on it."""
+    """Return the outline of a body from the file, else the hull around its lines and its points in the file."""
     outline = mechanism.bodies[body].outline
     if outline is not None:
         return np.array(outline)
@@ -87,7 +88,7 @@ def _outline(mechanism: Mechanism, body: str, lines: list[Array], view: View) ->
 
 
 def hull(points: Array) -> list[int]:
-    """Return the indices of the corners of the convex hull of points (k, 2), in order; the two ends of a line."""
+    """Return the indices of the corners of the convex hull of points (k, 2), in order; for a line, its two ends."""
     if len(points) < 2:
         return list(range(len(points)))
     try:
@@ -105,13 +106,13 @@ def linear_loads(mechanism: Mechanism) -> list[tuple[BodyPoint, BodyPoint]]:
 
 
 def _sides(mechanism: Mechanism, body: str) -> Iterator[tuple[str, Any]]:
-    """Yield the sides of contacts that are on a body, with the contact's name."""
+    """Yield the sides of contacts on a body, with the name of the contact."""
     for name, contact in mechanism.contacts.items():
         yield from ((name, side) for side in (contact.a, contact.b) if side.body == body)
 
 
 def _pins(mechanism: Mechanism, body: str, facing: Array) -> list[Array]:
-    """Return a circle for each pin, bore, ball and socket of the body; the play is too small to see."""
+    """Return a circle for each pin, bore, ball and socket of a body; the play is too small to be visible."""
     return [
         circle(side.point, facing if joint.axes is None else joint.axes[i], _radius(joint))
         for joint in mechanism.joints.values()
@@ -127,7 +128,7 @@ def _radius(joint: Any) -> float:
 
 
 def _points(mechanism: Mechanism, body: str) -> Iterator[tuple[float, float, float]]:
-    """Yield the points the file names on a body: its centre of mass, joints, contacts, loads, measures."""
+    """Yield the points on a body from the file: its centre of mass, joints, contacts, loads and responses."""
     yield mechanism.bodies[body].center_of_mass
     yield from (side.point for _, side in _sides(mechanism, body) if side.kind == "point")
     ends: list[Any] = [side for joint in mechanism.joints.values() for side in joint.sides]

@@ -1,4 +1,4 @@
-"""One figure of a run: every response, energy, contacts and the largest contact force over time."""
+"""The figure of a run over time: every response, energy, contacts and the largest contact force."""
 
 import textwrap
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from engine.arrays import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COMMON, OUTSIDE = 98, 3.0  # percentile; ranges of the common values beyond which a peak is cut
+COMMON, OUTSIDE = 98, 3.0  # percentile of common values; a peak beyond this many of their ranges is cut
 PANEL = (4.6, 1.75)  # inches
 LINE = 130  # characters of a line of the heading
 
@@ -27,11 +27,11 @@ class Panel:
     Attributes
     ----------
     title : str
-        Above the graph.
+        Title above the graph.
     axis : str
-        What is on the vertical axis.
+        Label of the vertical axis.
     unit : str
-        Its unit.
+        Unit of the vertical axis.
     curves : dict of str to ndarray, shape (n,)
         Values over time, by name.
     """
@@ -48,7 +48,7 @@ class Panel:
 
 
 def plot(trajectory: Trajectory, path: Path) -> None:
-    """Write the figure; its metadata say in words what it shows.
+    """Write the figure; its metadata describe it in words.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ def panels(trajectory: Trajectory) -> list[Panel]:
 
 
 def describe(trajectory: Trajectory, shown: list[Panel]) -> str:
-    """Return in words what the figure shows: for each curve its last, smallest and largest value."""
+    """Describe the figure in words: for each curve its last, smallest and largest value."""
     parts = [
         f"{name} ends at {values[-1]:.5g}, between {values.min():.5g} and {values.max():.5g}"
         f"{'' if panel.unit == '1' else ' ' + panel.unit}"
@@ -109,7 +109,7 @@ def describe(trajectory: Trajectory, shown: list[Panel]) -> str:
 
 
 def heading(trajectory: Trajectory) -> str:
-    """Return what ran, how it ended, and the message of a run that failed."""
+    """Return the name of the mechanism, how the run ended, and the message of a failed run."""
     name = trajectory.description.get("title") or trajectory.description["name"]
     end = f"{trajectory.time[-1]:.4g} {trajectory.units['time']}"
     message = textwrap.wrap(trajectory.message, LINE)
@@ -117,7 +117,7 @@ def heading(trajectory: Trajectory) -> str:
 
 
 def cut_range(values: Array) -> tuple[float, float] | None:
-    """Return the lowest and highest value to show if a few lie far outside the others; None if all fit."""
+    """Return the lowest and highest value to show if a few values lie far outside of the others; None if all fit."""
     values = values[np.isfinite(values)]  # a run may diverge
     if not values.size:
         return None
@@ -130,7 +130,7 @@ def cut_range(values: Array) -> tuple[float, float] | None:
 
 def _draw(axes: "Axes", time: Array, panel: Panel) -> None:
     """Draw the curves of a panel, each in its own colour and dash."""
-    draw: Callable[..., Any] = axes.step if panel.counts else axes.plot  # a count is that of the step that ends here
+    draw: Callable[..., Any] = axes.step if panel.counts else axes.plot  # a count is for the step that ends here
     for i, (name, values) in enumerate(panel.curves.items()):
         draw(time, values, color=PALETTE[i], linestyle=DASHES[i], label=name)
     axes.set_title(panel.title, color=INK)
@@ -150,7 +150,7 @@ def _draw(axes: "Axes", time: Array, panel: Panel) -> None:
 
 
 def file_metadata(suffix: str, text: str) -> dict[str, Any]:
-    """Return the metadata of a file: what it shows, and no date, so that the same run gives the same bytes."""
+    """Return the metadata of a file: a description, and no date, so that the same run gives the same bytes."""
     if suffix == ".pdf":
         return {"Title": "clearcap simulate", "Subject": text, "CreationDate": None}
     if suffix == ".svg":

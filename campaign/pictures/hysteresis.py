@@ -1,4 +1,4 @@
-"""The hysteresis of a test bench: one response against another, such as the force of a probe against its travel."""
+"""The hysteresis on a test bench: one response against another, such as the force of a probe against its travel."""
 
 from itertools import pairwise
 from pathlib import Path
@@ -11,16 +11,16 @@ from engine import Trajectory
 from engine.arrays import Array
 
 SIZE = (6.4, 4.4)  # inches
-STILL = 1e-6  # share of the range of x: a smaller change is no motion
+STILL = 1e-6  # share of the range of x; a smaller change is not a motion
 
 
 def plot_hysteresis(trajectory: Trajectory, path: Path) -> None:
-    """Write y against x, as the mechanism's ``plot`` names them: forward strokes solid, backward strokes dashed.
+    """Write the figure of y against x, as named in the mechanism's ``plot``: forward strokes solid, backward dashed.
 
     Parameters
     ----------
     trajectory : Trajectory
-        Run on a test bench.
+        A run on a test bench.
     path : Path
         File to write: ``.png``, ``.svg`` or ``.pdf``.
     """
@@ -50,7 +50,7 @@ def plot_hysteresis(trajectory: Trajectory, path: Path) -> None:
 
 
 def strokes(x: Array) -> list[tuple[int, int, int]]:
-    """Return the strokes between the turning points of a motion to and fro.
+    """Return the strokes between the turning points of a reciprocating motion.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def strokes(x: Array) -> list[tuple[int, int, int]]:
 
 
 def describe(trajectory: Trajectory) -> str:
-    """Return in words what the figure shows."""
+    """Describe the figure in words."""
     names = trajectory.description["plot"]
     x, y = trajectory.responses[names["x"]], trajectory.responses[names["y"]]
     top = int(np.argmax(y))

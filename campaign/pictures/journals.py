@@ -1,4 +1,4 @@
-"""Where journals lie in their bearings at the end of runs, and with what force they press."""
+"""The positions of journals in their bearings at the end of runs, and their forces on the bearings."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class JournalPositions:
     ring : int
         Number of the ring along the axis, from 1.
     eccentricities : ndarray, shape (n, 2)
-        From the bearing's axis to the journal's, divided by the clearance: of length 1 where they touch.
+        Vector from the bearing's axis to the journal's, divided by the clearance; its length is 1 if they touch.
     forces : ndarray, shape (n, 2)
         Force of the journal on the bearing [force].
     """
@@ -34,19 +34,19 @@ class JournalPositions:
 
 
 def journal_positions(trajectory: Trajectory) -> list[JournalPositions]:
-    """Return where the journals lie at the end of one run, one entry a ring.
+    """Return the positions of the journals at the end of one run.
 
     Parameters
     ----------
     trajectory : Trajectory
-        The run; only its last row counts.
+        The run; only its last row is used.
 
     Returns
     -------
     list of JournalPositions
-        Each of one run.
+        One entry per ring, for one run.
     """
-    from engine.trajectory.forces import contact_forces  # compiled code, which other pictures do without
+    from engine.trajectory.forces import contact_forces  # compiled code, which other pictures do not need
 
     mechanism, last_row = trajectory.mechanism(), np.array([len(trajectory.time) - 1])
     _, forces = contact_forces(trajectory, last_row.tolist())
@@ -62,7 +62,7 @@ def journal_positions(trajectory: Trajectory) -> list[JournalPositions]:
 
 
 def merge_runs(runs: list[list[JournalPositions]]) -> list[JournalPositions]:
-    """Return the positions of several runs of one mechanism, ring by ring, as those of all runs."""
+    """Merge the positions of several runs of one mechanism, ring by ring."""
     return [
         JournalPositions(
             of_ring[0].joint,

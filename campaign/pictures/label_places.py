@@ -1,4 +1,4 @@
-"""Where labels stand: near what they name, on no other label, within the canvas, and off lines where there is room."""
+"""Place labels near their anchors, on the canvas, without overlapping each other, and off lines if there is room."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -9,8 +9,8 @@ from engine.arrays import Array
 
 DIRECTIONS = 16
 DISTANCES = (4.0, 12.0, 22.0, 34.0, 50.0, 70.0, 95.0, 125.0, 160.0, 200.0)
-CROSSED = 6.0  # a point of a line under a label is as bad as this much distance
-GAP = 2.0  # between two labels
+CROSSED = 6.0  # a point of a line under a label costs as much as this distance
+GAP = 2.0  # least distance between two labels
 
 
 class Label(NamedTuple):
@@ -19,11 +19,11 @@ class Label(NamedTuple):
     Attributes
     ----------
     anchor : ndarray, shape (2,)
-        What they name.
+        The point that they name.
     size : (float, float)
         Width and height.
     away : ndarray, shape (2,)
-        Direction in which they stand best.
+        Preferred direction from the anchor.
     """
 
     anchor: Array
@@ -32,18 +32,18 @@ class Label(NamedTuple):
 
 
 def place_labels(labels: Sequence[Label], marked: Array, canvas: Array) -> Array:
-    """Return the centre of each label, shape (n, 2): no two of them overlap.
+    """Return the centre of each label, shape (n, 2), such that no two of them overlap.
 
-    A label that finds no room on the canvas stands below it, under the others that found none.
+    A label without room on the canvas is placed below it, under earlier labels without room.
 
     Parameters
     ----------
     labels : sequence of Label
-        The first ones choose first.
+        The labels, placed in this order.
     marked : ndarray, shape (m, 2)
         Points of lines that labels should not cover.
     canvas : ndarray, shape (2,)
-        Its width and height.
+        Width and height of the canvas.
     """
     centres, halves = np.zeros((0, 2)), np.zeros((0, 2))
     for label in labels:
@@ -62,7 +62,7 @@ def place_labels(labels: Sequence[Label], marked: Array, canvas: Array) -> Array
 
 
 def _candidates(label: Label, half: Array) -> tuple[Array, Array]:
-    """Return costs (k,) and centres (k, 2) of possible places: all around the anchor, best where a label should be."""
+    """Return costs (k,) and centres (k, 2) of places around the anchor; the preferred direction costs least."""
     first = float(np.arctan2(label.away[1], label.away[0])) if label.away.any() else -0.5 * np.pi
     turn = 2 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     direction = np.stack([np.cos(first + turn), np.sin(first + turn)], axis=1)

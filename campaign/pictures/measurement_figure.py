@@ -1,4 +1,4 @@
-"""A picture of what the responses of a mechanism measure, as a file."""
+"""A picture file that shows what the responses of a mechanism measure."""
 
 from pathlib import Path
 
@@ -9,12 +9,12 @@ from engine import Mechanism
 
 
 def plot_measurements(mechanism: Mechanism, path: Path) -> None:
-    """Write the mechanism at its start pose, with what its responses measure.
+    """Write a picture of the mechanism at its start pose, with what its responses measure.
 
     Parameters
     ----------
     mechanism : Mechanism
-        What to draw.
+        The mechanism to draw.
     path : Path
         File to write: ``.png``, ``.svg`` or ``.pdf``.
     """
@@ -23,6 +23,6 @@ def plot_measurements(mechanism: Mechanism, path: Path) -> None:
 
 
 def describe(mechanism: Mechanism, sketch: Sketch) -> str:
-    """Return in words what the picture shows."""
+    """Describe the picture in words."""
     listed = "; ".join(f"{name}: {', '.join(filter(None, rest))}" for name, *rest, _ in sketch.legend)
     return f"{mechanism.title or mechanism.name} at its start, with arrows for what is measured. {listed}."

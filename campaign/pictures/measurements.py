@@ -17,13 +17,13 @@ class StartContact(NamedTuple):
     Attributes
     ----------
     gap : float
-        Distance of its sides [length].
+        Distance between its sides [length].
     point : ndarray, shape (3,)
         Contact point in the world [length].
     normal : ndarray, shape (3,)
         Direction of the normal force on ``body``.
     body : str
-        The first of its two bodies that moves.
+        The first moving body of the two.
     """
 
     gap: float
@@ -34,22 +34,22 @@ class StartContact(NamedTuple):
 
 @dataclass(frozen=True)
 class Measurement:
-    """A response as drawn.
+    """A response to be drawn.
 
     Attributes
     ----------
     name, title : str
-        Of the response.
+        Name and title of the response.
     kind : str
         "length" from ``start`` to ``end``; "arrow", a force or speed at ``start`` towards ``end``; "turn" at ``start``
-        about the axis to ``end``; "point", a force without one direction; "span", a spring from ``start`` to ``end``;
-        "none", which has no place.
+        about the axis to ``end``; "point", a force without a single direction; "span", a spring from ``start`` to
+        ``end``; "none", a response without a place.
     start, end : ndarray, shape (3,)
         Ends of an arrow in the world that points in the positive direction.
     point : ndarray, shape (3,)
         The measured point, beside one end or at it.
     value : str
-        Of a length its value at the start pose, with its unit; else what it is, and of which body.
+        For a length its value at the start pose with its unit; otherwise the measured quantity and its body.
     """
 
     name: str
@@ -72,14 +72,14 @@ def measurements(mechanism: Mechanism, contacts: dict[str, StartContact]) -> Ite
     Parameters
     ----------
     mechanism : Mechanism
-        Its responses.
+        The mechanism with the responses.
     contacts : dict of str to StartContact
         See `contacts_at_start`.
 
     Yields
     ------
     Measurement
-        One a response, at the start pose.
+        One per response, at the start pose.
     """
     for name, response in mechanism.responses.items():
         kind, start, end, point, value = _measured(mechanism, response, contacts)
@@ -119,7 +119,7 @@ def _measured(
 
 
 def _length(mechanism: Mechanism, response: Any) -> tuple[str, Array, Array, Array, str]:
-    """Return a position: from a point, or from the foot of the measured point on an axis, along a direction."""
+    """Return a position along a direction, measured from a point, or from the measured point's foot on an axis."""
     start, direction = response.from_, _direction(mechanism, response.direction)
     to = _world(mechanism, response.to.body, response.to.point)
     if start.axis is None:
@@ -151,7 +151,7 @@ def _of_contact(
 def _turn(
     mechanism: Mechanism, body: str, against: str | None, axis: Any, value: str
 ) -> tuple[str, Array, Array, Array, str]:
-    """Return a rotation of a body about an axis of another: at a joint between the two, else where the body is."""
+    """Return a rotation of a body about an axis of another, at a joint between them or else at its centre of mass."""
     others = {against} if against else {name for name, each in mechanism.bodies.items() if each.fixed}
     sides = [joint.sides for joint in mechanism.joints.values()]
     between = [(a, b) for pair in sides for a, b in (pair, pair[::-1]) if a.body == body and b.body in others]
@@ -161,7 +161,7 @@ def _turn(
 
 
 def _without_place(response: Any) -> str:
-    """Return what a response is that is no place of the mechanism."""
+    """Describe a response that has no place in the mechanism."""
     if response.type == "difference":
         return f"{response.of[0]} minus {response.of[1]}"
     if response.type == "condition":
@@ -177,7 +177,7 @@ def _direction(mechanism: Mechanism, along: Any) -> Array:
 
 def contacts_at_start(mechanism: Mechanism) -> dict[str, StartContact]:
     """Return every contact at the start pose, by name."""
-    # compiled code, which other pictures do without
+    # compiled code, which other pictures do not need
     from engine.assembly import assemble
     from engine.assembly.frames import order_bodies
     from engine.kernels.contact_geometry.gaps import find_contacts

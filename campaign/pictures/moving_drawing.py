@@ -1,4 +1,4 @@
-"""A run as a drawing that a page sets in motion: every outline once, and where it lies in each frame."""
+"""A run as a drawing that a page animates: every outline once, and its position in each frame."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from campaign.pictures.style import MUTED, PALETTE
 from engine import Trajectory
 from engine.arrays import Array
 
-LARGER_SIDE = 1000.0  # of the drawing, in its own units; numbers of points have one decimal
-HEAD = 12.0  # length of the head of an arrow
+LARGER_SIDE = 1000.0  # of the drawing, in its own units; coordinates have one decimal
+HEAD = 12.0  # length of an arrow's head
 TURN_DECIMALS, PLAY_DECIMALS = 6, 3
 
 
@@ -26,13 +26,13 @@ class BodyDrawing:
     Attributes
     ----------
     name, colour : str
-        The colour as SVG writes it.
+        Name, and colour as written in SVG.
     is_fixed, is_rod : bool
-        It is ground; its outline is a line.
+        Whether it is ground, and whether its outline is a line.
     parts : dict of str to str
-        ``outline``, ``lines``, ``faces`` and ``joints``: each the data of one path of SVG, empty if there is none.
+        ``outline``, ``lines``, ``faces`` and ``joints``: each the data of one SVG path, empty if there is none.
     label : list of float
-        Where its name stands.
+        Position of its name.
     """
 
     name: str
@@ -45,28 +45,30 @@ class BodyDrawing:
 
 @dataclass(frozen=True)
 class MovingDrawing:
-    """A run as a drawing, y downwards; it shows the last frame until a page sets it in motion.
+    """A run as a drawing with y downwards; it shows the last frame until a page animates it.
 
     Attributes
     ----------
     width, height : float
-        Of the drawing; the larger one is 1000.
+        Size of the drawing; the larger side is 1000.
     unit, length_unit : str
-        Of time and length.
+        Units of time and length.
     bodies : list of BodyDrawing
+        The bodies at the last frame.
     springs, arrows : str
-        Data of the paths of all springs, and of all contact forces.
+        Path data of all springs, and of all contact forces.
     common, key : str
         A force, and the path of its arrow; empty without forces.
     key_length, cut : float
-        Length of that arrow; longer ones are cut at so many times it.
+        Length of that arrow, and the multiple of it at which longer arrows are cut.
     plays : list of dict
-        Each with ``joint``, ``clearance``, and ``rings``: each the paths of a journal's ``trail`` and of its ``dot``.
+        Each with ``joint``, ``clearance``, and ``rings``, each with the paths of a journal's ``trail`` and ``dot``.
     frames : dict
-        What a page moves in m frames: ``time`` (m), ``springs`` and ``arrows`` (m paths each); ``bodies``, each with
+        The data to animate m frames: ``time`` (m), ``springs`` and ``arrows`` (m paths each); ``bodies``, each with
         ``parts`` (polylines ``x, y, z, x, ...`` in the body's frame), ``middle``, and ``places`` (m lists ``a b c d e f
-        g h``: a point is drawn at ``a x + b y + c z + g, d x + e y + f z + h``); ``plays``, for each ring the m places
-        of the axis, in clearances; and how many frames a ``second`` has, a ``trail``, and the ``hold`` at the end.
+        g h``: a point is drawn at ``a x + b y + c z + g, d x + e y + f z + h``); ``plays``, for each ring the m
+        positions of the axis in clearances; and the numbers of frames per ``second``, of a ``trail``, and of the
+        ``hold`` at the end.
     """
 
     width: float
@@ -90,6 +92,7 @@ def moving_drawing(scene: Scene, trajectory: Trajectory) -> MovingDrawing:
     Parameters
     ----------
     scene : Scene
+        The scene to draw.
     trajectory : Trajectory
         The run, for its units.
     """
@@ -139,7 +142,7 @@ def moving_drawing(scene: Scene, trajectory: Trajectory) -> MovingDrawing:
 
 
 def path_data(polylines: Iterable[Array], *, closed: bool = False) -> str:
-    """Return polylines, each of shape (k, 2), as the data of one path of SVG; a single point becomes a dot."""
+    """Return polylines, each of shape (k, 2), as the data of one SVG path; a single point becomes a dot."""
     texts = []
     for line in polylines:
         points = [f"{x:.1f} {y:.1f}" for x, y in line]
@@ -149,7 +152,7 @@ def path_data(polylines: Iterable[Array], *, closed: bool = False) -> str:
 
 
 def arrow_data(starts: Array, ends: Array) -> str:
-    """Return arrows with their heads as the data of one path; those that are shorter than a unit are left out."""
+    """Return arrows with their heads as the data of one SVG path; arrows shorter than one unit are left out."""
     lengths = np.linalg.norm(ends - starts, axis=1)
     starts, ends, lengths = (each[lengths > 1.0] for each in (starts, ends, lengths))
     back = (starts - ends) * np.minimum(HEAD / lengths, 0.4)[:, None]
@@ -159,7 +162,7 @@ def arrow_data(starts: Array, ends: Array) -> str:
 
 
 def _moved(body: BodyFrames, scale: float, corner: Array) -> dict[str, Any]:
-    """Return what a page moves of a body."""
+    """Return the data with which a page animates a body."""
     turn = body.turn * np.array([1.0, -1.0])[:, None]
     places = np.hstack([turn.reshape(-1, 6).round(TURN_DECIMALS), ((body.origin - corner) * [scale, -scale]).round(1)])
     shape = body.shape
@@ -175,7 +178,7 @@ def _moved(body: BodyFrames, scale: float, corner: Array) -> dict[str, Any]:
 
 
 def _at_the_end(name: str, colour: str, body: BodyFrames, moved: dict[str, Any]) -> BodyDrawing:
-    """Return a body where the page draws it at the last frame."""
+    """Return a body as the page draws it at the last frame."""
     place = np.array(moved["places"][-1])
 
     def drawn(numbers: list[float]) -> Array:
@@ -193,6 +196,6 @@ def _rings(play: Play, scene: Scene) -> list[list[list[float]]]:
 
 
 def _ring_at_the_end(places: list[list[float]]) -> dict[str, str]:
-    """Return the paths of a journal's way to where it is at the end, and of the dot there."""
+    """Return the paths of a journal's trail to its final position, and of the dot there."""
     points = [f"{x:g} {y:g}" for x, y in places[-TRAIL - 1 :]]
     return {"trail": f"M{'L'.join(points)}", "dot": f"M{points[-1]}h0"}

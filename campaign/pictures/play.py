@@ -1,4 +1,4 @@
-"""Where journals are in their bearings: the play of a joint, magnified until its clearance is 1."""
+"""The positions of journals in their bearings: the play of a joint, magnified so that its clearance is 1."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,16 +14,16 @@ from engine.arrays import Array
 
 @dataclass(frozen=True)
 class Play:
-    """Where a journal's axis is in the rings of its bearing, or a ball's centre in its socket, at ``m`` instants.
+    """The positions of a journal's axis in the rings of its bearing, or of a ball in its socket, at ``m`` instants.
 
     Attributes
     ----------
     joint : str
         Name of the joint.
     clearance : float
-        Radius of the circle in which the axis can be [length].
+        Radius of the circle that limits the axis [length].
     eccentricity : ndarray, shape (m, rings, 2)
-        From the bearing's axis to the journal's, divided by the clearance, as seen along the joint's axis.
+        Vector from the bearing's axis to the journal's, divided by the clearance, seen along the joint's axis.
     across : ndarray, shape (m, 2, 3)
         Unit vectors across the joint's axis in the world, to the right and up in the picture.
     """
@@ -35,12 +35,12 @@ class Play:
 
 
 def plays(mechanism: Mechanism, body_poses: dict[str, Pose], view: View) -> Iterator[Play]:
-    """Yield the play of every joint that has a circle of clearance; the block of a slot has none.
+    """Yield the play of every joint with a circle of clearance, which excludes the block of a slot.
 
     Parameters
     ----------
     mechanism : Mechanism
-        Its joints.
+        The mechanism with the joints.
     body_poses : dict of str to Pose
         Pose of every body at ``m`` instants.
     view : View
@@ -49,7 +49,7 @@ def plays(mechanism: Mechanism, body_poses: dict[str, Pose], view: View) -> Iter
     Yields
     ------
     Play
-        One a joint.
+        One per joint.
     """
     for name, joint in mechanism.joints.items():
         clearance = getattr(joint, joint.CLEARANCE) if joint.CLEARANCE and not joint.ideal else None
@@ -80,7 +80,7 @@ def _stations(joint: Any) -> tuple[float, ...]:
 
 
 def _across(axis: Array, view: View) -> Array:
-    """Return two unit vectors across each axis, shape (m, 2, 3), as close as possible to the view's right and up."""
+    """Return two unit vectors across each axis, shape (m, 2, 3), as near as possible to the view's right and up."""
     candidates = sorted((view.right, view.up, view.normal), key=lambda v: round(abs(float(axis[0] @ v)), 3))[:2]
     ordered = [v for v in (view.right, view.up, view.normal) if any(v is c for c in candidates)]
     first = ordered[0] - (axis @ ordered[0])[:, None] * axis

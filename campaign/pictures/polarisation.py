@@ -1,4 +1,4 @@
-"""Polarisation: where each journal lies in its bearing at the end of runs, and in which direction it presses."""
+"""Polarisation: the position of each journal in its bearing at the end of runs, and the direction of its force."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ from engine.arrays import Array
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-COLUMNS = 8  # joints beside each other
+COLUMNS = 8  # joints side by side
 PANEL = (1.2, 1.2)  # inches
 HEAD, FOOT = 0.6, 0.75  # inches
 
@@ -24,9 +24,9 @@ def plot_polarisation(journals: list[JournalPositions], title: str, path: Path) 
     Parameters
     ----------
     journals : list of JournalPositions
-        Of one run or of many; at least one entry.
+        Positions from one run or many; at least one entry.
     title : str
-        What ran.
+        Name of the mechanism or campaign.
     path : Path
         File to write: ``.png``, ``.svg`` or ``.pdf``.
     """
@@ -56,13 +56,13 @@ def plot_polarisation(journals: list[JournalPositions], title: str, path: Path) 
 
 
 def mean_direction(journal: JournalPositions) -> Array:
-    """Return the mean force divided by the mean of its size, shape (2,): of length 1 if all runs press alike."""
+    """Return the mean force divided by its mean magnitude, shape (2,); its length is 1 if all directions agree."""
     mean_size = float(np.linalg.norm(journal.forces, axis=1).mean())
     return np.asarray(journal.forces.mean(axis=0) / (mean_size or 1.0))
 
 
 def describe(journals: list[JournalPositions], heading: str) -> str:
-    """Return in words what the figure shows."""
+    """Describe the figure in words."""
     parts = []
     for journal in journals:
         angle = np.degrees(np.arctan2(*mean_direction(journal)[::-1]))
@@ -74,7 +74,7 @@ def describe(journals: list[JournalPositions], heading: str) -> str:
 
 
 def _draw(axes: "Axes", journal: JournalPositions) -> None:
-    """Draw the circle of the clearance, where the journal is in each run, and in which direction it presses."""
+    """Draw the circle of the clearance, the journal's position in each run, and the direction of its force."""
     from matplotlib.patches import Circle
 
     hide_axes(axes)

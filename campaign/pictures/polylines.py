@@ -7,28 +7,28 @@ import numpy as np
 from engine.arrays import Array
 from engine.mechanism.surfaces.bezier import basis
 
-CORNERS = 49  # of a full circle
-EDGE_POINTS = 9  # of an edge of a patch
+CORNERS = 49  # points of a full circle
+EDGE_POINTS = 9  # points of an edge of a patch
 MOST_LINES = 120  # between the patches of a surface
-ALONG = 1e-6  # sine of the angle between an axis and the line of sight; below, any side of the axis is as good
+ALONG = 1e-6  # sine of the angle between an axis and the line of sight; below it, any direction across the axis will do
 
 
 def primitive_polylines(kind: str, primitive: Any, facing: Array) -> list[Array]:
-    """Return the polylines of a primitive of a contact; none for a point or an unbounded plane.
+    """Return the polylines of a contact primitive; empty for a point or an unbounded plane.
 
     Parameters
     ----------
     kind : str
-        Its key in the file, such as "arc".
+        Key of the primitive in the file, such as "arc".
     primitive : object
-        As the file describes it.
+        The primitive as described in the file.
     facing : ndarray, shape (3,)
-        Direction to the viewer: spheres and rings are drawn as circles across it.
+        Direction to the viewer; spheres and rings are drawn as circles perpendicular to it.
 
     Returns
     -------
     list of ndarray, each of shape (k, 3)
-        In the frame of the body.
+        Polylines in the frame of the body.
     """
     if kind in ("point", "plane"):
         return []
@@ -53,7 +53,7 @@ def primitive_polylines(kind: str, primitive: Any, facing: Array) -> list[Array]
 
 
 def _turned(primitive: Any, facing: Array) -> list[Array]:
-    """Return the two halves of the section across the line of sight, and a circle at each corner of the profile."""
+    """Return the two halves of the section that faces the viewer, and a circle at each corner of the profile."""
     axis, place = np.array(primitive.axis), np.array(primitive.point)
     beside = np.cross(axis, facing)
     aside = _across(axis, beside if np.linalg.norm(beside) > ALONG else np.eye(3)[np.argmin(np.abs(axis))])
@@ -64,7 +64,7 @@ def _turned(primitive: Any, facing: Array) -> list[Array]:
 
 
 def _extruded(primitive: Any) -> list[Array]:
-    """Return the profile at both ends, or once without ends, and the edges between its corners."""
+    """Return the profile at both ends and the edges between its corners; without ends, the profile once."""
     axis, along = np.array(primitive.axis), np.array(primitive.along)
     across, half = np.cross(axis, along), primitive.half_length or 0.0
     levels = [np.array(primitive.point) + side * half * axis for side in ((-1, 1) if half else (0,))]
@@ -75,7 +75,7 @@ def _extruded(primitive: Any) -> list[Array]:
 
 
 def _surface(primitive: Any) -> list[Array]:
-    """Return the open edges of a surface, and lines between its patches, of many every second, third, ..."""
+    """Return the open edges of a surface and lines between its patches; of many lines, only every second, third, ..."""
     border, between = primitive.outline
     edges = np.concatenate([border, between[:: 1 + len(between) // MOST_LINES]])
     return list(np.einsum("ai,nij->naj", basis(np.linspace(0, 1, EDGE_POINTS))[0], edges))
@@ -92,9 +92,9 @@ def circle(centre: Any, normal: Any, radius: float, middle: Any = None, half_ang
     Parameters
     ----------
     centre, normal : array_like, shape (3,)
-        Of the circle.
+        Centre and normal of the circle.
     radius : float
-        Of the circle [length].
+        Radius of the circle [length].
     middle : array_like, shape (3,), optional
         Direction from the centre to the middle of the arc.
     half_angle : float
@@ -112,7 +112,7 @@ def circle(centre: Any, normal: Any, radius: float, middle: Any = None, half_ang
 
 
 def _across(n: Array, direction: Array) -> Array:
-    """Return the unit vector across n nearest to a direction."""
+    """Return the unit vector perpendicular to n that is nearest to a direction."""
     e = direction - (direction @ n) * n
     return np.asarray(e / np.linalg.norm(e))
 
@@ -123,14 +123,14 @@ def square(centre: Any, a: Array, b: Array) -> Array:
 
 
 def patch(normal: Array, touched: Array, facing: Array, least: float) -> Array:
-    """Return a square of a plane that covers where it is touched, its sides along and across the line of sight.
+    """Return a square on a plane that covers its contact points, with sides along and across the line of sight.
 
     Parameters
     ----------
     normal : ndarray, shape (3,)
-        Of the plane.
+        Normal of the plane.
     touched : ndarray, shape (m, 3)
-        Points of the plane; NaN does not count.
+        Contact points on the plane; NaN is ignored.
     facing : ndarray, shape (3,)
         Direction to the viewer.
     least : float

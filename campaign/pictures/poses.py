@@ -1,4 +1,4 @@
-"""Where bodies are at the instants of a trajectory, also those that never move."""
+"""The poses of bodies, including fixed ones, at the instants of a trajectory."""
 
 from dataclasses import dataclass
 
@@ -9,35 +9,35 @@ from campaign.pictures.view import start_rotation
 from engine import Mechanism, Trajectory
 from engine.arrays import Array, Integers
 
-TIME_SHARE = 0.3  # of an animation's frames that are even in time; the others are even in motion
-FAR = 1e100  # positions beyond count as infinite: their squares overflow
+TIME_SHARE = 0.3  # share of time in the progress of an animation; the rest is motion
+FAR = 1e100  # larger positions count as infinite, because their squares overflow
 
 
 @dataclass(frozen=True)
 class Pose:
-    """A body's own frame at ``m`` instants.
+    """The frame of a body at ``m`` instants.
 
     Attributes
     ----------
     origin : ndarray, shape (m, 3)
         Its origin in the world [length].
     rotation : ndarray, shape (m, 3, 3)
-        From the body's axes to those of the world.
+        Rotation from the body's axes to those of the world.
     """
 
     origin: Array
     rotation: Array
 
     def world(self, points: Array) -> Array:
-        """Return points of the body's frame, shape (k, 3), in the world, shape (m, k, 3)."""
+        """Transform points of the body's frame, shape (k, 3), to the world, shape (m, k, 3)."""
         return np.asarray(self.origin[:, None] + np.einsum("mij,kj->mki", self.rotation, points))
 
     def local(self, points: Array) -> Array:
-        """Return a point of the world at each instant, shape (m, 3), in the body's frame, shape (m, 3)."""
+        """Transform one point of the world per instant, shape (m, 3), to the body's frame, shape (m, 3)."""
         return np.asarray(np.einsum("mij,mi->mj", self.rotation, points - self.origin))
 
     def direction(self, vector: Array) -> Array:
-        """Return a direction of the body's frame, shape (3,), in the world, shape (m, 3)."""
+        """Transform a direction of the body's frame, shape (3,), to the world, shape (m, 3)."""
         return np.asarray(self.rotation @ vector)
 
 
@@ -49,9 +49,9 @@ def poses(trajectory: Trajectory, mechanism: Mechanism, rows: Integers) -> dict[
     trajectory : Trajectory
         The run.
     mechanism : Mechanism
-        What ran.
+        The mechanism of the run.
     rows : ndarray of int, shape (m,)
-        Integers of the trajectory.
+        Row numbers of the trajectory.
     """
     by_name = {}
     for name, body in mechanism.bodies.items():
@@ -67,7 +67,7 @@ def poses(trajectory: Trajectory, mechanism: Mechanism, rows: Integers) -> dict[
 
 
 def finite_rows(trajectory: Trajectory) -> int:
-    """Return the number of rows before the first whose poses cannot be drawn: a run may diverge."""
+    """Return the number of rows before the first one whose poses cannot be drawn, because the run diverged."""
     finite = np.ones(len(trajectory.time), bool)
     for motion in trajectory.bodies.values():
         finite &= (np.abs(motion.position) < FAR).all(axis=1) & np.isfinite(motion.quaternion).all(axis=1)
@@ -75,31 +75,31 @@ def finite_rows(trajectory: Trajectory) -> int:
 
 
 def progress(trajectory: Trajectory, mechanism: Mechanism, usable: int) -> Array:
-    """Return how far the motion has come at each of the first rows, from 0 to 1.
+    """Return the progress of the motion at each of the first rows, from 0 to 1.
 
-    A part of it is time. The rest is the path of the body that moves most: of its centre of mass, and of a point at its
-    radius of gyration.
+    A share of it is time. The rest is, in each step, the path of the body that moves most: the path of its centre of
+    mass plus that of a point at its radius of gyration.
 
     Parameters
     ----------
     trajectory : Trajectory
         The run.
     mechanism : Mechanism
-        What ran.
+        The mechanism of the run.
     usable : int
         Number of rows, from the first, whose poses can be drawn.
 
     Returns
     -------
     ndarray, shape (usable,)
-        Increasing.
+        Increasing numbers.
     """
     paths = [np.zeros(max(usable - 1, 0))]
     for name, motion in trajectory.bodies.items():
         body = mechanism.bodies[name]
         arm = np.sqrt(np.trace(np.array(body.inertia, float)) / (2 * (body.mass or 1.0)))
         shift, turn = (_lengths(np.diff(x[:usable], axis=0)) for x in (motion.position, motion.quaternion))
-        paths.append(shift + 2 * arm * turn)  # a small change of a unit quaternion is half the angle
+        paths.append(shift + 2 * arm * turn)  # a small change of a unit quaternion has half the size of the angle
     time, path = np.diff(trajectory.time[:usable]), np.max(paths, axis=0)
     parts = [(share, steps) for share, steps in ((TIME_SHARE, time), (1 - TIME_SHARE, path)) if steps.sum() > 0]
     done = np.sum([share * np.append(0.0, np.cumsum(steps)) / steps.sum() for share, steps in parts], axis=0)
@@ -111,19 +111,19 @@ def _lengths(vectors: Array) -> Array:
 
 
 def spread_rows(done: Array, count: int) -> Integers:
-    """Return at most ``count`` rows, the first and the last among them, spread as evenly as they allow.
+    """Return at most ``count`` rows, including the first and the last, spread as evenly as possible.
 
     Parameters
     ----------
     done : ndarray, shape (n,)
-        Quantity that is to be even between rows, increasing: time, or `progress`.
+        Increasing quantity to spread evenly: time, or `progress`.
     count : int
-        Most rows.
+        Largest number of rows.
 
     Returns
     -------
     ndarray of int
-        Numbers of the rows, increasing.
+        Row numbers, increasing.
     """
     even = np.linspace(done[0], done[-1], count)
     return np.unique(np.searchsorted(0.5 * (done[1:] + done[:-1]), even))

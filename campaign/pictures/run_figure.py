@@ -1,4 +1,4 @@
-"""The figure of a run: its curves over time; on a test bench that says so, its hysteresis."""
+"""The figure of a run: its curves over time, or its hysteresis on a test bench that asks for it."""
 
 from pathlib import Path
 

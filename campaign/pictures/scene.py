@@ -12,23 +12,23 @@ from campaign.pictures.view import View, choose_view
 from engine import Mechanism, Trajectory
 from engine.arrays import Array, Integers
 
-NEAR = 0.02  # a contact marks its plane where its gap is smaller than this, in sizes of the mechanism
+NEAR = 0.02  # gap, in sizes of the mechanism, below which a contact point counts for the patch of its plane
 
 
 @dataclass(frozen=True)
 class BodyFrames:
-    """A body as drawn in ``m`` frames: a point p of its own frame is drawn at ``turn @ p + origin``.
+    """A body drawn in ``m`` frames; a point p of the body's own frame is drawn at ``turn @ p + origin``.
 
     Attributes
     ----------
     fixed : bool
         Whether it is part of the ground.
     shape : BodyShape
-        What is drawn of it, in its own frame.
+        Its shape in its own frame.
     turn : ndarray, shape (m, 2, 3)
-        From the body's axes to right and up of the drawing.
+        Projected rotation from the body's axes to right and up of the drawing.
     origin : ndarray, shape (m, 2)
-        Where the origin of its frame is drawn.
+        Position of its origin in the drawing.
     """
 
     fixed: bool
@@ -48,12 +48,12 @@ class BodyFrames:
 
     @cached_property
     def faces(self) -> tuple[Array, ...]:
-        """Patches of planes that are touched, each of shape (m, 5, 2)."""
+        """Patches of planes with contacts, each of shape (m, 5, 2)."""
         return tuple(map(self._drawn, self.shape.faces))
 
     @cached_property
     def joints(self) -> Array:
-        """Where its joints are, shape (m, k, 2)."""
+        """Positions of its joints, shape (m, k, 2)."""
         return self._drawn(self.shape.joints)
 
     def _drawn(self, points: Array) -> Array:
@@ -62,20 +62,20 @@ class BodyFrames:
 
 @dataclass(frozen=True)
 class Scene:
-    """What is drawn in ``m`` frames.
+    """The content of ``m`` frames.
 
     Attributes
     ----------
     rows, time : ndarray, shape (m,)
-        Integers of the trajectory, and their time.
+        Row numbers of the trajectory, and their times.
     bodies : dict of str to BodyFrames
-        By name.
+        Bodies by name.
     springs : tuple of ndarray, each of shape (m, 2, 2)
         Ends of linear springs and dampers.
     points, forces : ndarray, shape (m, nc, 2)
         Contact points, and mean forces since the frame before [force].
     plays : tuple of Play
-        Of the joints with clearance, at all rows of the trajectory until it diverges.
+        Plays of the joints with clearance, at all rows of the trajectory until it diverges.
     box : ndarray, shape (2, 2)
         Lower left and upper right corner of all bodies in all frames.
     """
@@ -92,7 +92,7 @@ class Scene:
 
 def scene_of(trajectory: Trajectory, frames: int) -> Scene:
     """Return the scene of a trajectory in at most ``frames`` frames."""
-    from engine.trajectory.forces import contact_forces  # compiled code, which other pictures do without
+    from engine.trajectory.forces import contact_forces  # compiled code, which other pictures do not need
 
     mechanism = trajectory.mechanism()
     view, usable = choose_view(mechanism), finite_rows(trajectory)
@@ -117,7 +117,7 @@ def scene_of(trajectory: Trajectory, frames: int) -> Scene:
 
 
 def _size(mechanism: Mechanism, body_poses: dict[str, Pose], points: Array) -> float:
-    """Return the largest extent at the start of the points where bodies meet, and of their centres of mass."""
+    """Return the largest extent, at the start, of contact points, joints and centres of mass of moving bodies."""
     moving = [(name, body.center_of_mass) for name, body in mechanism.bodies.items() if not body.fixed]
     joints = [(side.body, side.point) for joint in mechanism.joints.values() for side in joint.sides]
     meeting = [body_poses[name].world(np.array([point]))[0] for name, point in moving + joints]
@@ -125,7 +125,7 @@ def _size(mechanism: Mechanism, body_poses: dict[str, Pose], points: Array) -> f
 
 
 def _touched(trajectory: Trajectory, rows: Integers, points: Array, reach: float) -> dict[str, Array]:
-    """Return the point of each contact in the world, shape (m, 3); NaN where it is neither near nor at its nearest."""
+    """Return the point of each contact in the world, shape (m, 3); NaN if its gap is neither small nor the smallest."""
     by_contact = {}
     for i, (name, history) in enumerate(trajectory.contacts.items()):
         gap = history.gap[rows]
@@ -144,7 +144,7 @@ def _body_frames(
 
 
 def _box(bodies: dict[str, BodyFrames]) -> Array:
-    """Return the corners of a box around everything that is drawn of the bodies but the outlines of fixed ones."""
+    """Return the corners of a box around everything drawn of the bodies except the outlines of fixed ones."""
     shown = [
         points
         for body in bodies.values()

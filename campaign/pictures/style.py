@@ -1,4 +1,4 @@
-"""How pictures look: colours that colour-blind readers can tell apart, never without a second mark."""
+"""The style of pictures: colours that colour-blind readers can tell apart, always with a second distinction."""
 
 import warnings
 from collections.abc import Iterator
@@ -36,11 +36,11 @@ STYLE: Any = {
 
 @contextmanager
 def styled(**more: Any) -> Iterator[None]:
-    """Draw in this style, with further settings, and otherwise as matplotlib does by default.
+    """Draw in this style during the block, with further settings, and otherwise with matplotlib's defaults.
 
-    A file ``matplotlibrc`` in the current folder, which anybody may have put there, has no say: it could even name the
-    program that writes animations. Letters that matplotlib's fonts lack are no cause for a warning: in SVG the
-    reader's browser draws all text, and in a GIF a box stands for each.
+    A file ``matplotlibrc`` in the current folder is ignored, because anybody may have put it there, and it could even
+    name the program that writes animations. Warnings about letters that matplotlib's fonts lack are suppressed: in SVG
+    the reader's browser draws all text, and in a GIF a box takes the place of each.
     """
     import matplotlib
 
@@ -53,11 +53,11 @@ def styled(**more: Any) -> Iterator[None]:
 
 
 def label_with_unit(name: str, unit: str) -> str:
-    """Return a name with its unit, for an axis; a pure number has no unit."""
+    """Return the label of an axis: a name with its unit, if it has one."""
     return name if unit in ("", "1") else f"{name} [{unit}]"
 
 
 def hide_axes(axes: "Axes") -> None:
-    """Remove frame, ticks and background of axes that show a body and not a graph."""
+    """Remove frame, ticks and background of axes that show bodies instead of a graph."""
     axes.set_axis_off()
     axes.set_aspect("equal")

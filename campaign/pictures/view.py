@@ -1,4 +1,4 @@
-"""The plane on which a mechanism in space is drawn."""
+"""The plane onto which a spatial mechanism is projected."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from engine import Mechanism
 from engine.arrays import Array
 
-_TIE_BREAK = np.diag([2e-3, 1e-3, 0.0])  # between equally good directions: z before y before x
+_TIE_BREAK = np.diag([2e-3, 1e-3, 0.0])  # prefers z to y to x among equally good directions
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class View:
     Attributes
     ----------
     right, up, normal : ndarray, shape (3,)
-        Unit vectors to the right, upwards, and to the viewer.
+        Unit vectors to the right, upwards, and towards the viewer.
     """
 
     right: Array
@@ -26,21 +26,21 @@ class View:
     normal: Array
 
     def project(self, points: Array) -> Array:
-        """Project points or vectors of space, shape (..., 3), onto the plane, shape (..., 2)."""
+        """Project points or vectors, shape (..., 3), onto the plane, shape (..., 2)."""
         return np.asarray(points @ np.stack([self.right, self.up], axis=1))
 
 
 def choose_view(mechanism: Mechanism) -> View:
-    """Return the plane on which a mechanism is drawn, see `best_view`."""
+    """Return the plane to draw a mechanism on; see `best_view`."""
     joints = mechanism.joints.values()
     axes = [start_rotation(mechanism, joint.sides[0].body) @ joint.axes[0] for joint in joints if joint.axes]
     return best_view(axes, _plane_normals(mechanism), np.array(mechanism.gravity))
 
 
 def best_view(axes: list[Array], normals: list[Array], gravity: Array) -> View:
-    """Return the plane normal to most axes of joints; without axes, the plane of gravity and of normals of planes.
+    """Return the plane normal to most joint axes; without axes, the plane that contains gravity and plane normals best.
 
-    Up is against gravity; without gravity in the plane it is z, or y for a view along z.
+    Up is opposite to gravity; without gravity in the plane it is z, or y for a view along z.
     """
     if axes:
         normal = _clean(np.linalg.eigh(_spread(axes) - 1e-3 * _TIE_BREAK).eigenvectors[:, -1])
@@ -48,13 +48,13 @@ def best_view(axes: list[Array], normals: list[Array], gravity: Array) -> View:
         normal = _clean(np.linalg.eigh(_spread([*normals, gravity]) + _TIE_BREAK).eigenvectors[:, 0])
     up = _upwards(normal, gravity)
     right = np.cross(up, normal)
-    if right[np.argmax(np.abs(right))] < 0:  # look from the other side: the larger coordinates are to the right
+    if right[np.argmax(np.abs(right))] < 0:  # look from the other side, so that larger coordinates are to the right
         normal, right = -normal, -right
     return View(right, up, normal)
 
 
 def start_rotation(mechanism: Mechanism, body: str) -> Array:
-    """Return the rotation from a body's own axes to the world at the start, shape (3, 3)."""
+    """Return the rotation from a body's own axes to those of the world at the start, shape (3, 3)."""
     start = mechanism.bodies[body]
     return np.asarray(Rotation.from_rotvec(start.angle * np.array(start.axis)).as_matrix())
 
@@ -65,7 +65,7 @@ def _plane_normals(mechanism: Mechanism) -> list[Array]:
 
 
 def _spread(directions: list[Array]) -> Array:
-    """Return the sum of n n' over unit vectors n; a zero vector has no direction."""
+    """Return the sum of n n' over the unit vectors n of directions; zero vectors are left out."""
     units = [d / np.linalg.norm(d) for d in directions if d.any()]
     return np.asarray(sum((np.outer(n, n) for n in units), np.zeros((3, 3))), float)
 
@@ -79,11 +79,11 @@ def _upwards(normal: Array, gravity: Array) -> Array:
 
 
 def _lies_in(normal: Array, vector: Array) -> bool:
-    """Return whether a vector has a direction in the plane: it is not nearly along the normal."""
+    """Return whether a vector has a clear direction in the plane, because it is not nearly along the normal."""
     return bool(np.linalg.norm(np.cross(normal, vector)) > 0.3 * np.linalg.norm(vector))
 
 
 def _clean(vector: Array) -> Array:
-    """Return the vector without the rounding errors of the eigenvectors, so that axes of the world stay exact."""
+    """Return a vector without the rounding errors of the eigenvectors, so that axes of the world stay exact."""
     rounded = np.round(vector, 12) + 0.0
     return np.asarray(rounded / np.linalg.norm(rounded))

@@ -1,1 +1,1 @@
-"""Reports of a campaign and questions to its samples: hands rows, limits and provenance to `reporting`."""
+"""Reports of a campaign and questions about its samples; passes rows, limits and provenance to `reporting`."""

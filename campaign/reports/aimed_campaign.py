@@ -1,4 +1,4 @@
-"""A campaign file with importance sampling that aims at the rejects which another campaign's rows show or foretell."""
+"""A campaign file with importance sampling that aims at rejects, as found or predicted from another campaign's rows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -33,9 +33,9 @@ class AimedCampaign:
     Attributes
     ----------
     tables : dict
-        Its content, as the tables of TOML.
+        Its content, as TOML tables.
     targets : tuple of Target
-        What was found of each limit.
+        Where rejects beyond each limit lie.
     aims : tuple of Aim
         The components.
     variables : tuple of str
@@ -49,12 +49,12 @@ class AimedCampaign:
 
 
 def aimed_campaign(store: Store, plan: Plan, samples: int, responses: Sequence[str] = ()) -> AimedCampaign:
-    """Return the campaign file of importance sampling that the rows of a campaign suggest.
+    """Return the campaign file with importance sampling that the rows of a campaign suggest.
 
     Parameters
     ----------
     store : Store
-        Where the campaign is.
+        The store that holds the campaign.
     plan : Plan
         The campaign, whose samples are drawn from distributions or by importance sampling.
     samples : int
@@ -67,7 +67,7 @@ def aimed_campaign(store: Store, plan: Plan, samples: int, responses: Sequence[s
     SpecError
         If the campaign cannot have importance sampling, or a response has no limits.
     CampaignError
-        If its rows are too few.
+        If it has too few rows.
     """
     limits = {name: pair for name, pair in limits_of(plan).items() if pair != (None, None)}
     for name in responses:
@@ -121,7 +121,7 @@ def _rows(store: Store, plan: Plan, names: Sequence[str]) -> tuple[Array, Array,
 
 
 def _tables(plan: Plan, components: Sequence[Aim], names: Sequence[str], samples: int) -> dict[str, Any]:
-    """Return the campaign file; its seed is another one, because the components depend on what was drawn by this."""
+    """Return the campaign file; its seed differs, because the components depend on the samples of this seed."""
     given = plan.spec.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     tables = {key: value for key, value in given.items() if key not in LEFT_OUT}
     name = plan.spec.name.removesuffix(SUFFIX)[: LONGEST_NAME - len(SUFFIX)] + SUFFIX

@@ -1,4 +1,4 @@
-"""Who made a campaign, and when: for the head of its report."""
+"""Author and dates of a campaign, for the head of its report."""
 
 import os
 import time
@@ -14,7 +14,7 @@ _LATEST = 32_503_680_000.0  # s since 1970: the year 3000
 
 
 def author(plan: Plan, store: Store | None) -> str:
-    """Return who answers for a campaign: its author, else the author of its header, else who submitted it."""
+    """Return the person responsible for a campaign: its author, else the author in its header, else the submitter."""
     if plan.spec.author is not None:
         return plan.spec.author
     named = next((text for name, text in plan.spec.header.items() if name.strip().lower() == "author"), "")
@@ -24,7 +24,7 @@ def author(plan: Plan, store: Store | None) -> str:
 
 
 def campaign_end(plan: Plan, store: Store | None) -> str:
-    """Return when a campaign was completed; empty if it is not, or if its store does not know."""
+    """Return when a campaign was completed; empty if it is not complete, or its store has no date."""
     state = None if store is None else store.read_json(plan.campaign_id, STATE)
     since = (state or {}).get("since")
     if (state or {}).get("state") != "completed" or isinstance(since, bool) or not isinstance(since, int | float):
@@ -33,12 +33,12 @@ def campaign_end(plan: Plan, store: Store | None) -> str:
 
 
 def report_date() -> str:
-    """Return the present time, or the one that SOURCE_DATE_EPOCH gives, so that a report can be repeated bit for bit.
+    """Return the current time, or that of SOURCE_DATE_EPOCH, with which a report can be reproduced bit for bit.
 
     Raises
     ------
     SpecError
-        If SOURCE_DATE_EPOCH is no number of seconds since 1970.
+        If SOURCE_DATE_EPOCH is not a number of seconds since 1970.
     """
     given = os.environ.get(BUILD_DATE)
     if given is None:
@@ -49,5 +49,5 @@ def report_date() -> str:
 
 
 def _in_utc(seconds: float) -> str:
-    """Return a time [s since 1970] as a date with hours and minutes."""
+    """Return a time [s since 1970] as a date in UTC with hours and minutes."""
     return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%d %H:%M UTC")

@@ -1,4 +1,4 @@
-"""Two campaigns of a store side by side, as data."""
+"""The comparison of two campaigns of a store, as data."""
 
 from dataclasses import asdict
 from typing import Any
@@ -12,19 +12,19 @@ from reporting.analysis import compare_rows
 
 
 def comparison_document(store: Store, plan: Plan, other: Plan) -> dict[str, Any]:
-    """Return what a report of a campaign says of another one, as its ``capability.json`` does under ``comparison``.
+    """Return the comparison of a campaign with another one, as under ``comparison`` in its ``capability.json``.
 
     Parameters
     ----------
     store : Store
-        Where both campaigns are.
+        The store that holds both campaigns.
     plan, other : Plan
-        The campaign, and the one that it is compared with.
+        The campaign, and the one to compare it with.
 
     Raises
     ------
     CampaignError
-        If one of them has no rows, their samples are corners, or they have no response in common.
+        If one of them has no rows, if their samples are corners, or if they have no response in common.
     """
     mine, theirs = ((report_rows(store, each), report_spec(each, store)) for each in (plan, other))
     try:

@@ -1,4 +1,4 @@
-"""Changed distributions of a campaign, and what they make of its samples: a ratio of densities at each."""
+"""Changed distributions of a campaign, expressed as a ratio of densities at each of its samples."""
 
 from collections.abc import Mapping
 from math import isfinite
@@ -28,21 +28,21 @@ def check_drawn(spec: CampaignSpec) -> None:
 
 
 def change_distributions(spec: CampaignSpec, new: Mapping[str, Distribution], columns: Mapping[str, Array]) -> Change:
-    """Return what new distributions of some variables make of samples; rank correlations stay.
+    """Return the effect of new distributions of some variables on samples; rank correlations stay the same.
 
     Parameters
     ----------
     spec : CampaignSpec
         The campaign.
     new : mapping of str to distribution
-        By variable; those that are not named stay.
+        New distributions by variable; variables that are not named stay the same.
     columns : mapping of str to ndarray, each of shape (n,)
-        The variables at the samples.
+        Values of the variables at the samples.
 
     Returns
     -------
     Change
-        Logarithm of the ratio of densities at each sample, and the probability outside the old distributions.
+        Logarithm of the ratio of densities at each sample, and the new probability outside the old distributions.
 
     Raises
     ------

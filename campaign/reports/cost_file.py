@@ -1,4 +1,4 @@
-"""The cost file of `clearcap advise --cost`: what a smaller standard deviation of a variable costs."""
+"""The cost file of `clearcap advise --cost`, which states what a smaller standard deviation of a variable costs."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -24,7 +24,7 @@ class ProcessCost(TableModel, strict=True):
 
 
 class Cost(TableModel, strict=True):
-    """What a standard deviation of one variable costs.
+    """The cost of a standard deviation of one variable.
 
     ``fixed + cost / std``; with `power`, ``fixed + cost / std^power``; with `scale`,
     ``fixed + cost exp(-std / scale)``; with `processes`, one of them.
@@ -56,7 +56,7 @@ class Cost(TableModel, strict=True):
 
     @model_validator(mode="after")
     def _is_one_law(self) -> Self:
-        """Refuse keys of several laws, and a table without a law."""
+        """Raise ValueError for keys of several laws, and for a table without a law."""
         if self.processes is not None:
             others = [key for key in ("fixed", "cost", "power", "scale") if key in self.model_fields_set]
             if others:
@@ -70,7 +70,7 @@ class Cost(TableModel, strict=True):
         return self
 
     def law(self) -> CostLaw:
-        """Return the cost of a standard deviation as `reporting` calculates with it."""
+        """Return the cost law in the form that `reporting` uses."""
         if self.processes is not None:
             return ProcessTable(tuple(Process(p.std, p.cost, p.name) for p in self.processes))
         assert self.cost is not None
@@ -124,7 +124,7 @@ def costs_of(tables: Mapping[str, Any], plan: Plan, heading: str) -> Costs:
     plan : Plan
         The campaign whose variables they name.
     heading : str
-        How a message about them begins.
+        Beginning of messages about them.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""What a mechanism holds fixed during a campaign: contact laws, clearances, loads, masses, settings of the runs.
+"""The quantities that stay fixed during a campaign: contact laws, clearances, loads, masses, settings of the runs.
 
-The shape of the parts is left out: the mechanism file has it, and the picture shows it. What varies is left out too; it
-stands in the report's table of inputs.
+The shape of the parts is left out, because the mechanism file and the picture show it. Quantities that vary are left
+out too, because they are in the report's table of inputs.
 """
 
 from collections import defaultdict
@@ -31,16 +31,16 @@ _SETTINGS = {
     "simulation.rest.window": "at rest if nothing moves for",
     "simulation.rest.drift": "at rest if nothing moves by more than",
 }
-_NAMES_SHOWN = 6  # of the joints and contacts of a material
+_NAMES_SHOWN = 6  # number of joints and contacts listed for a material
 
 
 def fixed_assumptions(plan: Plan) -> tuple[Assumption, ...]:
-    """Return what is the same in every run of a campaign, group by group.
+    """Return the assumptions that are the same in every run of a campaign, by group.
 
     Parameters
     ----------
     plan : Plan
-        The campaign: its mechanism, its variables and the settings that replace the mechanism's.
+        The campaign, with its mechanism, its variables and the settings that replace those of the mechanism.
     """
     mechanism = plan.mechanism
     varies = _varies(plan)
@@ -57,9 +57,9 @@ def fixed_assumptions(plan: Plan) -> tuple[Assumption, ...]:
 
 
 def _varies(plan: Plan) -> Callable[[str], bool]:
-    """Return a function that says whether any variable of a campaign changes the value of a key.
+    """Return a function that tells whether any variable of a campaign changes the value of a key.
 
-    A variable may stand behind several numbers of the file, so the numbers of two mechanisms are compared.
+    A variable may determine several numbers of the file, so the numbers of two mechanisms are compared.
     """
     centre, away = dict[str, float](), dict[str, float]()
     for name, key in plan.targets.items():
@@ -75,7 +75,7 @@ def _varies(plan: Plan) -> Callable[[str], bool]:
 
 
 def _numbers(mechanism: Mechanism) -> dict[str, float]:
-    """Return every number of a mechanism by its dotted path, also those within vectors, by component."""
+    """Return every number of a mechanism by its dotted path, including the components of vectors."""
     return dict(_leaves(mechanism, ""))
 
 
@@ -97,7 +97,7 @@ def _leaves(node: Any, prefix: str) -> Iterator[tuple[str, float]]:
 
 
 def _without_what_varies(assumption: Assumption, varies: Callable[[str], bool]) -> Iterator[Assumption]:
-    """Yield an assumption unless it varies; of a vector with a component that varies, its other components."""
+    """Yield an assumption unless it varies; for a vector with a varying component, yield the other components."""
     keys = [f"{assumption.key}.{component}" for component in _COMPONENTS]
     if isinstance(assumption.value, tuple) and any(map(varies, keys)):
         for key, component, number in zip(keys, _COMPONENTS, assumption.value, strict=True):
@@ -108,7 +108,7 @@ def _without_what_varies(assumption: Assumption, varies: Callable[[str], bool]) 
 
 
 def _general(plan: Plan) -> Iterator[Assumption]:
-    """Yield the system of units, gravity, and how the runs are computed."""
+    """Yield the system of units, gravity, and the settings of the runs."""
     mechanism, settings = plan.mechanism, plan.spec.simulation
     yield Assumption(GENERAL, "system of units", mechanism.units, "", "units")
     if plan.spec.bench:
@@ -136,14 +136,14 @@ def _general(plan: Plan) -> Iterator[Assumption]:
 
 
 def _parameters(mechanism: Mechanism) -> Iterator[Assumption]:
-    """Yield the parameters of the file, from which other numbers follow."""
+    """Yield the parameters of the file, on which other numbers depend."""
     for name, value in mechanism.parameters.items():
         key = f"parameters.{name}"
         yield Assumption(PARAMETERS, name, value, unit_of(mechanism, key), key)
 
 
 def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:
-    """Yield friction and restitution of each pair of materials, then of the joints and contacts with their own."""
+    """Yield friction and restitution of each pair of materials, then of joints and contacts with their own values."""
     pairs: dict[str, Any] = {f"joints.{n}": p for n, p in mechanism.joints.items() if not p.ideal}
     pairs |= {f"contacts.{n}": p for n, p in mechanism.contacts.items()}
     users = defaultdict(list)
@@ -165,20 +165,20 @@ def _contact_laws(mechanism: Mechanism) -> Iterator[Assumption]:
 
 
 def _material_of(mechanism: Mechanism, pair: Any) -> str | None:
-    """Return the pair of materials whose law a joint or contact has; None without one."""
+    """Return the pair of materials whose law applies to a joint or contact; None without one."""
     bodies = [mechanism.bodies[side.body].material for side in pair.sides]
     pairs = {name: material.between for name, material in mechanism.materials.items()}
     return pair.material or pair_between(bodies, pairs)
 
 
 def _listed(names: list[str]) -> str:
-    """Return names as text, the first ones if they are many."""
+    """Return names as text; if there are many, the first ones and the number of the others."""
     shown, more = names[:_NAMES_SHOWN], len(names) - _NAMES_SHOWN
     return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
 
 
 def _plays(mechanism: Mechanism) -> Iterator[Assumption]:
-    """Yield the clearances of joints, and the offsets of contacts."""
+    """Yield the clearances of joints and the offsets of contacts."""
     for name, joint in mechanism.joints.items():
         if joint.ideal:
             continue
@@ -193,14 +193,14 @@ def _plays(mechanism: Mechanism) -> Iterator[Assumption]:
 
 
 def _loads(mechanism: Mechanism) -> Iterator[Assumption]:
-    """Yield the numbers and vectors of springs, dampers, forces, torques and motions; not the points where they act."""
+    """Yield the numbers and vectors of springs, dampers, forces, torques and motions, except their points of action."""
     for table, kind in _LOADS.items():
         for name, load in getattr(mechanism, table).items():
             yield from _entries(mechanism, load, LOADS, f"{kind} {name}", f"{table}.{name}")
 
 
 def _entries(mechanism: Mechanism, table: TableModel, group: str, owner: str, key: str) -> Iterator[Assumption]:
-    """Yield the numbers and vectors of a table and of the tables in it; zeros that are the default say nothing."""
+    """Yield the numbers and vectors of a table and of the tables in it, without zeros that are the default."""
     for field, value in table.entries().items():
         info = field_of(type(table), field)
         quantity = declared(info, Quantity)
@@ -216,7 +216,7 @@ def _entries(mechanism: Mechanism, table: TableModel, group: str, owner: str, ke
 
 
 def _masses(mechanism: Mechanism) -> Iterator[Assumption]:
-    """Yield the mass of every body that moves, and the speeds with which it starts."""
+    """Yield the mass of every moving body, and its speeds at the start."""
     for name, body in mechanism.bodies.items():
         if body.fixed:
             continue
@@ -234,7 +234,7 @@ def _phases(mechanism: Mechanism) -> Iterator[Assumption]:
 
 
 def _vector(mechanism: Mechanism, group: str, name: str, key: str, value: Any, quantity: str) -> Assumption:
-    """Return an assumption that has three components."""
+    """Return an assumption with three components."""
     return Assumption(group, name, tuple(value), mechanism.unit(quantity), key)
 
 

@@ -1,4 +1,4 @@
-"""Where journals lie in their bearings at the ends of a campaign's first runs."""
+"""The positions of journals in their bearings at the ends of a campaign's first runs."""
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -10,23 +10,23 @@ from campaign.spec.load import Campaign
 from campaign.worker.compiling import announced_compilation
 from engine import Mechanism, Recording, missing_kernels, read_trajectory, simulate, warm_up
 
-ENDS = 10**9  # of a trajectory only the first row and the last are kept
+ENDS = 10**9  # recording interval: only the first and the last row of a trajectory are kept
 
 
 def campaign_journal_positions(campaign: Campaign, processes: int) -> list[JournalPositions]:
-    """Simulate a campaign, of few samples, and return where journals lie at the ends of the runs that succeed.
+    """Simulate a campaign of few samples, and return the positions of journals at the ends of the successful runs.
 
     Parameters
     ----------
     campaign : Campaign
-        With the number of its samples; with fewer they are the first.
+        The campaign, with the number of samples to simulate.
     processes : int
-        Processes that share the work.
+        Number of processes that share the work.
 
     Returns
     -------
     list of JournalPositions
-        One entry a ring; none if no run succeeds.
+        One entry per ring; empty if no run succeeds.
     """
     spec = campaign.spec
     drawn, targets = draw(spec, 0, spec.samples), spec.targets()
@@ -44,7 +44,7 @@ def campaign_journal_positions(campaign: Campaign, processes: int) -> list[Journ
 def _positions_at_end(
     mechanism: Mechanism, step: float | None, horizon: float | None, values: dict[str, float]
 ) -> list[JournalPositions]:
-    """Simulate once; return where the journals lie at the end, nothing if the run failed."""
+    """Simulate once; return the positions of the journals at the end, empty if the run failed."""
     with TemporaryDirectory(prefix="clearcap-") as folder:
         path = Path(folder) / "end.h5"
         run = simulate(mechanism, values, step=step, horizon=horizon, trajectory=Recording(path, ENDS))

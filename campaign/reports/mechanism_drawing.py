@@ -10,9 +10,9 @@ logger = logging.getLogger(__name__)
 
 
 def mechanism_drawing(plan: Plan) -> tuple[MechanismDrawing | None, str]:
-    """Return the drawing of a campaign's mechanism, and why there is none if there is none.
+    """Return the drawing of a campaign's mechanism, or None and the reason why there is none.
 
-    If the picture fails for any reason, the report is written without it.
+    If drawing fails for any reason, the report is written without the drawing.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ def mechanism_drawing(plan: Plan) -> tuple[MechanismDrawing | None, str]:
     """
     try:
         sketch = sketch_mechanism(plan.mechanism)
-    except Exception as error:  # of any kind: a mechanism from an earlier version, a compiler that fails
+    except Exception as error:  # anything: a mechanism from an earlier version, a failing compiler
         logger.warning("report of %s: the mechanism could not be drawn: %r", plan.campaign_id, error)
         return None, f"The mechanism could not be drawn ({type(error).__name__}: {str(error)[:200]})."
     drawing = MechanismDrawing(

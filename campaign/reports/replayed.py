@@ -1,4 +1,4 @@
-"""A sample of a campaign replayed: computed again, compared with its row, and what it means if they differ."""
+"""Replay a sample of a campaign: compute it again, compare it with its row, and judge differences."""
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -13,7 +13,7 @@ from campaign.worker.repeat_row import RepeatedSample, repeated_sample
 
 @dataclass(frozen=True)
 class Replay:
-    """A sample that was computed again.
+    """A replayed sample.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Replay:
 
     @property
     def is_broken(self) -> bool:
-        """Whether the rows differ though the program is the same."""
+        """Whether the rows differ although the program is the same."""
         return self.again.same is False and not self.differences
 
     def document(self) -> dict[str, Any]:
@@ -44,7 +44,7 @@ class Replay:
 
 
 def check_sample(plan: Plan, sample: int) -> None:
-    """Refuse a sample that the campaign does not have, with SpecError."""
+    """Raise SpecError if the campaign does not have a sample of this number."""
     if not 0 <= sample < plan.spec.samples:
         raise SpecError(f"sample {sample}: campaign {plan.campaign_id} has samples 0 to {plan.spec.samples - 1}")
 
@@ -55,22 +55,22 @@ def replay_sample(store: Store, plan: Plan, sample: int, motion: Path | None = N
     Parameters
     ----------
     store : Store
-        Where the campaign is.
+        The store that holds the campaign.
     plan : Plan
         The campaign.
     sample : int
         Number of the sample.
     motion : Path, optional
-        HDF5 file for its motion.
+        HDF5 file to write its motion to.
     halved : bool
-        Compute its repeat with half the step instead.
+        Whether to compute its repeat with half the step instead.
 
     Raises
     ------
     SpecError
         If the campaign has no such sample.
     MechanismError, TrajectoryError
-        As of `engine.simulate`.
+        As in `engine.simulate`.
     """
     check_sample(plan, sample)
     again = repeated_sample(store, plan, sample, motion, halved=halved)

@@ -1,4 +1,4 @@
-"""From a plan and its rows to the report: tells `reporting`, in plain data, what the columns mean."""
+"""Write the report from a plan and its rows: pass the meaning of the columns to `reporting` as plain data."""
 
 import platform
 import shlex
@@ -43,20 +43,20 @@ _CERTIFICATE = ("sample", "status", "message", "wall_s", "max_residual", "max_pe
 
 
 def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against: str | None = None) -> dict[str, str]:
-    """Write the report of a campaign into its folder of the store, or its comparison with another campaign beside it.
+    """Write the report of a campaign, or its comparison with another campaign, into the campaign's folder of the store.
 
     Parameters
     ----------
     store : Store
-        Where the campaign is.
+        The store that holds the campaign.
     plan : Plan
         The campaign.
     kinds : collection of str
-        Files to write, see `reporting.write.NAMES`.
+        Files to write; see `reporting.write.NAMES`.
     against : str, optional
-        Id of another campaign of the store, to compare with: the report then also compares the two, and is written
-        into a folder of its own (`campaign.store.report_folders`), so that neither the campaign's own report nor
-        another comparison is replaced.
+        Id of another campaign of the store to compare with. The report then also compares the two, and is written into
+        a folder of its own (`campaign.store.report_folders`), so that it replaces neither the campaign's own report nor
+        another comparison.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
     CampaignError
         If there is nothing to report on.
     StoreError, SpecError
-        If it cannot be written.
+        If the report cannot be written.
     """
     other = None if against is None else store.plan(store.find(against))
     if other is not None and other.campaign_id == plan.campaign_id:
@@ -89,12 +89,12 @@ def report(store: Store, plan: Plan, *, kinds: Collection[str] = USUAL, against:
 
 
 def analysis(store: Store, plan: Plan) -> Analysis:
-    """Return what the report of a campaign says, as data.
+    """Return the content of a campaign's report as data.
 
     Parameters
     ----------
     store : Store
-        Where the campaign is.
+        The store that holds the campaign.
     plan : Plan
         The campaign.
 
@@ -112,9 +112,9 @@ def analysis(store: Store, plan: Plan) -> Analysis:
 
 
 def report_rows(store: Store, plan: Plan) -> Iterator[pa.Table]:
-    """Yield an empty table, then the columns of a campaign that a report reads, a file at a time.
+    """Yield an empty table, then the columns of a campaign that a report reads, piece by piece.
 
-    If the campaign has production batches, the number of its batch is a column of each row.
+    If the campaign has production batches, a further column holds the number of each row's batch.
     """
     columns = [*_CERTIFICATE, *plan.spec.variables, *plan.mechanism.responses]
     columns += sampler_named(plan.spec.sampler).columns
@@ -150,14 +150,14 @@ def _write(
 
 
 def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
-    """Return what `reporting` must know of a campaign.
+    """Return the data about a campaign that `reporting` needs.
 
     Parameters
     ----------
     plan : Plan
         The campaign.
     store : Store, optional
-        Where its rows are; by default all its samples count as computed.
+        The store that holds its rows; without it, all its samples count as requested.
     """
     spec, sampler = plan.spec, sampler_named(plan.spec.sampler)
     place = [] if store is None else store_option(store.files)
@@ -191,14 +191,14 @@ def report_spec(plan: Plan, store: Store | None = None) -> ReportSpec:
 
 
 def provenance(plan: Plan, place: Iterable[str] = ()) -> dict[str, str]:
-    """Return what is needed to get the same rows again.
+    """Return the data needed to reproduce the rows of a campaign.
 
     Parameters
     ----------
     plan : Plan
         The campaign.
     place : iterable of str
-        Words of a command that name the store.
+        Command-line words that name the store.
     """
     spec = plan.spec
     simulation = plan.mechanism.simulation
@@ -223,7 +223,7 @@ def provenance(plan: Plan, place: Iterable[str] = ()) -> dict[str, str]:
 
 
 def _stopping_rule(plan: Plan, store: Store | None) -> str:
-    """Return the stopping rule and what came of it, in words."""
+    """Return the stopping rule and its outcome in words."""
     rule = plan.spec.stop
     if rule is None:
         return ""
@@ -239,7 +239,7 @@ def _stopping_rule(plan: Plan, store: Store | None) -> str:
 
 
 def _simulate_command(plan: Plan) -> str:
-    """Return the command of a single run with the campaign's settings; its inputs are still to be set."""
+    """Return the command for a single run with the campaign's settings, to which the inputs must be added."""
     simulation = plan.spec.simulation
     words = ["clearcap", "simulate", plan.spec.mechanism]
     options = {"--bench": plan.spec.bench, "--preset": plan.spec.preset}
@@ -257,7 +257,7 @@ def _proposal(spec: CampaignSpec) -> tuple[ProposalPart, ...]:
 
 
 def _response(plan: Plan, name: str) -> ResponseSpec:
-    """Return what `reporting` must know of a response."""
+    """Return the data about a response that `reporting` needs."""
     response = plan.spec.responses.get(name, Response())
     lsl, usl, target = response.limits()
     title, unit = plan.mechanism.responses[name].title, plan.mechanism.response_units()[name]
@@ -265,7 +265,7 @@ def _response(plan: Plan, name: str) -> ResponseSpec:
 
 
 def _variable(plan: Plan, name: str) -> VariableSpec:
-    """Return what `reporting` must know of a variable."""
+    """Return the data about a variable that `reporting` needs."""
     variable, key = plan.spec.variables[name], plan.spec.targets()[name]
     unit = unit_of(plan.mechanism, key)
     low, high = (None if abs(end) == float("inf") else end for end in variable.support())

@@ -1,4 +1,4 @@
-"""The repeats of a campaign, as reporting wants them."""
+"""The repeats of a campaign in the form that `reporting` needs."""
 
 from campaign.plan import Plan
 from campaign.row_build import differences
@@ -11,7 +11,7 @@ ASKED, MOST = 0.1, 1.0  # shares
 
 
 def repeats_of(store: Store, plan: Plan) -> Repeats:
-    """Return the repeats of a campaign that the store has, and how to get more."""
+    """Return the stored repeats of a campaign, and advice on how to get more."""
     responses = tuple(plan.mechanism.responses)
     survey = survey_repeats(store, repeat_plans(store, plan))
     table = read_repeats(store, plan, ["sample", "status", *responses])
@@ -19,7 +19,7 @@ def repeats_of(store: Store, plan: Plan) -> Repeats:
 
 
 def _remedy(store: Store, plan: Plan, is_missing: bool) -> str:
-    """Return how to get more repeats; nothing if all samples are repeated."""
+    """Return advice on how to get more repeats; empty if all samples are repeated."""
     if differences(plan.row_build):
         return "Repeats need the build of clearcap that planned the campaign; a new clearcap run plans it anew."
     if is_missing:

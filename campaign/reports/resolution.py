@@ -1,4 +1,4 @@
-"""What the solver resolves of a response: values of two runs that differ by less are one value."""
+"""The resolution of a response by the solver; values of two runs that differ by less count as equal."""
 
 from typing import Any
 
@@ -6,10 +6,10 @@ from engine.mechanism import Mechanism
 
 
 def resolution(mechanism: Mechanism, response: str) -> tuple[float, float]:
-    """Return the largest difference of a response that means nothing.
+    """Return the largest insignificant difference of a response.
 
-    A pose is known to the penetration that a step tolerates, an angle to that over the size of the mechanism, and
-    a force or a torque to the relative residual of the friction problems.
+    A position is known to within the penetration that a step tolerates, an angle to within that penetration divided by
+    the size of the mechanism, and a force or a torque to within the relative residual of the friction problems.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ def resolution(mechanism: Mechanism, response: str) -> tuple[float, float]:
     Returns
     -------
     (float, float)
-        The difference in the unit of the response, and as a share of the largest value; 0 where there is none.
+        The difference in the unit of the response, and as a share of the largest value; 0 if there is none.
     """
     unit, sim = mechanism.response_units()[response], mechanism.simulation
     if unit == mechanism.unit("length"):

@@ -24,31 +24,31 @@ Limits = dict[str, tuple[float | None, float | None]]
 
 @dataclass(frozen=True)
 class SampleColumns:
-    """Samples that are drawn independently, as columns.
+    """Independently drawn samples as columns.
 
     Attributes
     ----------
     number : array of int64, shape (n,)
-        The samples.
+        Sample numbers.
     values : dict of str to ndarray, each of shape (n,)
-        Variables and responses by name; NaN where a run has no value.
+        Variables and responses by name; NaN if a run has no value.
     """
 
     number: NDArray[np.int64]
     values: dict[str, Array]
 
     def first(self, count: int) -> "SampleColumns":
-        """Return the first samples, at most ``count``, without a copy."""
+        """Return at most the first ``count`` samples, without a copy."""
         return SampleColumns(self.number[:count], {name: column[:count] for name, column in self.values.items()})
 
 
 def independent_samples(store: Store, plan: Plan) -> SampleColumns:
-    """Return the variables and responses of all samples that are drawn independently.
+    """Return the variables and responses of all independently drawn samples.
 
     Parameters
     ----------
     store : Store
-        Where the campaign is.
+        The store that holds the campaign.
     plan : Plan
         The campaign.
 
@@ -64,21 +64,21 @@ def independent_samples(store: Store, plan: Plan) -> SampleColumns:
 
 
 def samples_in(plan: Plan, tables: "Iterable[pa.Table]") -> SampleColumns:
-    """Return the variables and responses of those rows that are of independent samples, in the order of the rows.
+    """Return the variables and responses of the rows of independent samples, in the order of the rows.
 
     Parameters
     ----------
     plan : Plan
         The campaign.
     tables : iterable of pyarrow.Table
-        Rows of it, with the columns ``sample`` and `column_names`.
+        Its rows, with the columns ``sample`` and `column_names`.
     """
     pieces: dict[str, list[Array]] = {name: [np.empty(0)] for name in column_names(plan)}
     samples = [np.empty(0, np.int64)]
     for table in tables:
         numbers = table["sample"].to_numpy()
         rows = sampler_named(plan.spec.sampler).independent(plan.spec, numbers)
-        chosen = slice(None) if rows.all() else rows  # usually all, which need no copy
+        chosen = slice(None) if rows.all() else rows  # usually all rows, which need no copy
         samples.append(numbers[chosen])
         for name, columns in pieces.items():
             columns.append(table[name].to_numpy()[chosen])
@@ -92,16 +92,16 @@ def no_samples(plan: Plan) -> CampaignError:
 
 
 def column_names(plan: Plan) -> list[str]:
-    """Return the names of the columns that questions read: variables, then responses."""
+    """Return the names of the columns to read: variables, then responses."""
     return [*plan.spec.variables, *plan.mechanism.responses]
 
 
 def lots_of(plan: Plan, sample: NDArray[np.int64]) -> NDArray[np.int64] | None:
-    """Return the lot of each sample, such that different lots share no shift of any variable; None without lots."""
+    """Return the lot of each sample, with lots that share no shift of any variable; None without lots."""
     sizes = [v.batch.size for v in plan.spec.variables.values() if isinstance(v, Continuous) and v.batch]
     return whole_lots(sample, sizes)
 
 
 def limits_of(plan: Plan) -> Limits:
-    """Return lower and upper limit of every response of the mechanism; None where there is none."""
+    """Return lower and upper limit of every response of the mechanism; None for a missing limit."""
     return {name: plan.spec.responses.get(name, Response()).limits()[:2] for name in plan.mechanism.responses}

@@ -1,4 +1,4 @@
-"""What samples of one distribution are worth for another, by the distributions alone."""
+"""How many new runs a sample of one distribution is worth for another, from the distributions alone."""
 
 from collections.abc import Sequence
 from math import prod
@@ -11,11 +11,11 @@ _LOGITS = np.linspace(-30.0, 30.0, 4001)  # probabilities from 1e-13 to 1 - 1e-1
 
 
 def samples_worth(changes: Sequence[tuple[Distribution, Distribution]]) -> float:
-    """Return how many new runs a sample is worth for the sigma of the changed variable that it tells least of.
+    """Return how many new runs a sample is worth for estimating sigma, for the changed variable where this is least.
 
-    The variance of a sample's part in the weighted estimate of a variance is ``E_old[w^2 (z^2 - 1)^2]``, with the
-    weight ``w`` and the value ``z`` in sigmas of the new distribution; that of a new run is ``E_new[(z^2 - 1)^2]``.
-    Their ratio is infinite where a normal distribution gets sqrt(2) times its sigma or more.
+    The variance of a sample's contribution to the weighted estimate of a variance is ``E_old[w^2 (z^2 - 1)^2]``, with
+    the weight ``w`` and the value ``z`` in sigmas of the new distribution; that of a new run is
+    ``E_new[(z^2 - 1)^2]``. Their ratio is infinite if a normal distribution gets sqrt(2) times its sigma or more.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def samples_worth(changes: Sequence[tuple[Distribution, Distribution]]) -> float
         x = new.ppf(u)
         mean, std = new.moments()
         with np.errstate(over="ignore", invalid="ignore"):
-            known = np.isfinite(old.logpdf(x))  # what lies outside is judged by itself
+            known = np.isfinite(old.logpdf(x))  # the probability outside is judged separately
             weight = np.where(known, np.exp(np.minimum(new.logpdf(x) - old.logpdf(x), 300.0)), 0.0)
             part = ((x - mean) / std) ** 2 - 1.0 if std > 0 else np.zeros_like(x)
             of_new = float(np.sum(share * part**2))

@@ -1,9 +1,9 @@
-"""The variables of a campaign with other standard deviations: what their bounds and the mechanism allow.
+"""The variables of a campaign with other standard deviations, as far as their bounds and the mechanism allow.
 
-A factor is of the standard deviation that a variable has, cut at its bounds. Bounds never move outwards: a truncated
-normal distribution gets another ``std`` between the bounds that it has, and a uniform one, which fills its bounds,
-cannot grow. A distribution without bounds grows until the mechanism refuses its outermost values, as it refuses a
-clearance below 0.
+A factor multiplies the standard deviation that a variable has after the cut at its bounds. Bounds never move outwards:
+a truncated normal distribution gets another ``std`` between its old bounds, and a uniform one, which fills its bounds,
+cannot grow. A distribution without bounds grows until the mechanism refuses its outermost values, such as a clearance
+below 0.
 """
 
 from collections.abc import Mapping
@@ -22,16 +22,16 @@ from engine.arrays import Array
 from engine.mechanism import Mechanism
 from reporting.tolerance.reweighting import Change
 
-SAME = 1e-6  # relative difference of two standard deviations that are the same
+SAME = 1e-6  # relative difference below which two standard deviations are the same
 _NEAREST = 1e-16  # distance from 0 and 1 of a probability whose quantile is taken
-# Steps of the search for a standard deviation, of the logarithm of the scale; none that is not found is possible.
+# Steps of the search for a standard deviation, in the logarithm of the scale; one that is not found is not possible.
 _FIRST_STEP, _STEP_GROWTH, _MOST_STEPS = 0.25, 1.15, 15
 _BISECTIONS = 12  # between a factor that the mechanism accepts and one that it refuses
 _SEARCHED = 10.0  # factors up to this are tried on the mechanism at once
-_GRID, _WIDEST = 2001, 12.0  # points of a distribution over production batches, within this many deviations
-_DIGITS = 7  # of a number that a user is to write
+_GRID, _WIDEST = 2001, 12.0  # points and half width [standard deviations] of a distribution over production batches
+_DIGITS = 7  # of a number for users to write into a file
 
-# Keys of which a kind of distribution has either these or mean and std.
+# Parameters that a distribution may have in place of mean and std.
 _NATURAL = ("alpha", "beta", "shape", "scale", "log_mean", "log_std")
 
 
@@ -42,12 +42,13 @@ class Spread:
     Attributes
     ----------
     law : Distribution
+        The new distribution.
     factor : float
-        Ratio of its standard deviation to the one before.
+        Ratio of its standard deviation to the old one.
     keys : dict of str to value
-        What to write in the variable's table for it.
+        Keys to write into the variable's table to get it.
     limit : str
-        Why the factor is nearer to 1 than the one asked for; empty if it is the one asked for.
+        Why the factor is nearer to 1 than the requested one; empty if it is the requested one.
     """
 
     law: Distribution
@@ -64,7 +65,7 @@ class Spreads:
     spec : CampaignSpec
         The campaign.
     mechanism : Mechanism, optional
-        It refuses impossible values; without it, whatever the distributions allow is possible.
+        The mechanism, which refuses impossible values; without it, everything that the distributions allow is possible.
     """
 
     def __init__(self, spec: CampaignSpec, mechanism: Mechanism | None = None) -> None:
@@ -73,13 +74,13 @@ class Spreads:
         self._found: dict[tuple[str, float], Spread] = {}
 
     def of_variable(self, name: str, factor: float) -> Spread:
-        """Return a variable with a factor times its standard deviation, or with the nearest factor that is possible."""
+        """Return a variable with a factor times its standard deviation, or with the nearest possible factor."""
         if (name, factor) not in self._found:
             self._found[name, factor] = self._nearest(name, factor)
         return self._found[name, factor]
 
     def _nearest(self, name: str, factor: float) -> Spread:
-        """Return a variable with the factor nearest to one that is possible."""
+        """Return a variable with the possible factor that is nearest to the requested one."""
         old = self._spec.variables[name]
         if factor <= 1:
             return with_spread(old, factor)
@@ -89,20 +90,20 @@ class Spreads:
         return largest if largest.limit and factor > largest.factor else with_spread(old, factor)
 
     def change(self, factors: Mapping[str, float], columns: Mapping[str, Array]) -> Change:
-        """Return what the standard deviations of some variables, each times a factor, make of samples.
+        """Return the effect on samples of multiplying the standard deviations of some variables by factors.
 
         Parameters
         ----------
         factors : mapping of str to float
-            By variable.
+            Factors by variable.
         columns : mapping of str to ndarray, each of shape (n,)
-            The variables at the samples.
+            Values of the variables at the samples.
 
         Returns
         -------
         Change
-            As of `change_distributions`, with the values of the variables at the same ranks, what to write for it, and
-            the factor nearest to 1 where one cannot be reached.
+            As in `change_distributions`, with the values of the variables at the same ranks, the settings to write, and
+            the factor nearest to 1 if one cannot be reached.
 
         Raises
         ------
@@ -127,7 +128,7 @@ class Spreads:
         )
 
     def _find_largest(self, name: str, factor: float) -> Spread:
-        """Return a variable with the largest spread that its bounds and the mechanism allow, as far as it is tried."""
+        """Return a variable with the largest spread that its bounds and the mechanism allow, up to the tried factor."""
         old = self._spec.variables[name]
         ends, most = old.ends(), with_spread(old, max(factor, _SEARCHED))
         refusal = self._refusal(name, ends, most.law)
@@ -143,7 +144,7 @@ class Spreads:
         return replace(best, limit=refusal)
 
     def _refusal(self, name: str, ends: tuple[float, float], new: Distribution) -> str:
-        """Return which value of a new distribution beyond the old ends the mechanism refuses; empty if none."""
+        """Return the message about a value beyond the old ends that the mechanism refuses; empty if there is none."""
         if self._mechanism is None:
             return ""
         (low, high), (least, most) = new.ends(), ends
@@ -169,9 +170,9 @@ def with_spread(old: Distribution, factor: float) -> Spread:
 
 
 def _search(old: Continuous, factor: float) -> Continuous:
-    """Return the distribution with a factor times the standard deviation, or the nearest that exists.
+    """Return the distribution with a factor times the standard deviation, or the nearest one that exists.
 
-    Between bounds the standard deviation may fall again where the spread before the cut grows on: the steps are small.
+    Steps are small, because between bounds the standard deviation may fall again while the spread before the cut grows.
     """
     from scipy.optimize import brentq, minimize_scalar  # takes 0.4 s to import
 
@@ -206,11 +207,11 @@ def _search(old: Continuous, factor: float) -> Continuous:
 def _scaled(old: Continuous, scale: float) -> Continuous | None:
     """Return a distribution with its spread before the cut scaled; None if none exists within its bounds.
 
-    The mean before the cut stays, but for an exponential distribution, whose mean and spread are one.
+    The mean before the cut stays the same, except for an exponential distribution, whose mean determines its spread.
     """
     table = old.model_dump(exclude_none=True)
     has_moments = {"mean", "std"} <= type(old).model_fields.keys()
-    if "tolerance" in table:  # a maker of the same capability
+    if "tolerance" in table:  # the capability of the manufacturer stays the same
         table["tolerance"] *= scale
     elif table["distribution"] == "exponential":
         table = {key: x for key, x in table.items() if key not in ("mean", "std")}
@@ -231,14 +232,14 @@ def _scaled(old: Continuous, scale: float) -> Continuous | None:
 
 
 def _drawn_in(old: Continuous, table: Mapping[str, Any], scale: float) -> dict[str, Any]:
-    """Return the keys of a distribution that its own ends define, drawn towards its mean."""
+    """Return the ends and mode of a distribution, moved towards its mean; its ends determine its spread."""
     mean = old.moments()[0]
     keys = {key: mean + scale * (table[key] - mean) for key in ("lower", "upper", "mode") if key in table}
     return keys | ({"within": [mean + scale * (x - mean) for x in table["within"]]} if "within" in table else {})
 
 
 def _changed_keys(old: Continuous, new: Continuous) -> dict[str, Any]:
-    """Return the keys to write for a new distribution, with dots for tables in the variable's own."""
+    """Return the keys to write for a new distribution, with dotted keys for tables within the variable's table."""
     keys = {key: value for key, value in new.model_dump(exclude_none=True).items() if value != getattr(old, key)}
     if "batch" in keys:
         keys["batch.std"] = keys.pop("batch")["std"]
@@ -251,7 +252,7 @@ def _shown(value: Any) -> str:
 
 
 def _moved(old: Continuous, new: Continuous, x: Array) -> Array:
-    """Return the values of a new distribution at the ranks that values of the old one have."""
+    """Return the values of a new distribution at the ranks of values of the old one."""
     ranks = np.clip(old.cdf(x), _NEAREST, 1 - _NEAREST)
     if new.batch is None:
         return new.ppf(ranks)

@@ -1,4 +1,4 @@
-"""How far may each tolerance grow, and which set of tolerances is cheapest? Answered without new runs."""
+"""Advice without new runs: how much each tolerance may grow, and which set of tolerances is cheapest."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -27,13 +27,13 @@ from reporting.tolerance.tolerance_advice import AdvisedSamples, ToleranceAdvice
 
 
 def advice_of(store: Store, plan: Plan) -> ToleranceAdvice:
-    """Return `advice_from` the samples that the store has."""
+    """Return `advice_from` for the samples in the store."""
     check_drawn(plan.spec)
     return advice_from(plan, independent_samples(store, plan))
 
 
 def advice_from(plan: Plan, columns: SampleColumns) -> ToleranceAdvice:
-    """Return what must shrink for the responses below Cpk 1.33, and what may grow with the others.
+    """Return which spreads must shrink for responses below Cpk 1.33, and which may grow for the others.
 
     Parameters
     ----------
@@ -68,13 +68,13 @@ def advice_from(plan: Plan, columns: SampleColumns) -> ToleranceAdvice:
 
 
 def cheapest_tolerances(store: Store, plan: Plan, costs: Costs) -> Allocation:
-    """Return `cheapest_from` the samples that the store has."""
+    """Return `cheapest_from` for the samples in the store."""
     check_drawn(plan.spec)
     return cheapest_from(plan, independent_samples(store, plan), costs)
 
 
 def cheapest_from(plan: Plan, columns: SampleColumns, costs: Costs) -> Allocation:
-    """Return the cheapest standard deviations with which every response keeps its target.
+    """Return the cheapest standard deviations with which every response meets its target.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def cheapest_from(plan: Plan, columns: SampleColumns, costs: Costs) -> Allocatio
     columns : SampleColumns
         Its samples.
     costs : Costs
-        Target, and cost of each variable.
+        The target Cpk, and the cost of each variable.
 
     Raises
     ------
@@ -116,7 +116,7 @@ def cheapest_from(plan: Plan, columns: SampleColumns, costs: Costs) -> Allocatio
 
 @contextmanager
 def _advice_errors(plan: Plan) -> Iterator[None]:
-    """Name the campaign in what `reporting` refuses."""
+    """Add the name of the campaign to errors of `reporting`."""
     try:
         yield
     except ReportError as error:
@@ -129,7 +129,7 @@ def _given_limits(plan: Plan) -> Limits:
 
 
 def _variables(plan: Plan, samples: Mapping[str, Array], rows: NDArray[np.intp]) -> dict[str, Array]:
-    """Return the variables at some of the samples."""
+    """Return the values of the variables at some of the samples."""
     return {name: samples[name][rows] for name in plan.spec.variables}
 
 
@@ -154,7 +154,7 @@ def _shares(plan: Plan, samples: Mapping[str, Array], limits: Limits) -> dict[st
 
 
 def _parts(shares: Mapping[str, float]) -> dict[str, float]:
-    """Return estimated shares as parts of one variance: none below 0, and a sum of at most 1."""
+    """Return estimated shares as parts of one variance: none is below 0, and the sum is at most 1."""
     positive = {name: max(share, 0.0) for name, share in shares.items()}
     total = max(sum(positive.values()), 1.0)
     return {name: share / total for name, share in positive.items()}
@@ -166,7 +166,7 @@ def _varied(plan: Plan) -> list[str]:
 
 
 def _costed(name: str, distribution: Distribution, cost: Cost, spreads: Spreads) -> CostedVariable:
-    """Return between which standard deviations a variable may be made, and at what cost."""
+    """Return the range of standard deviations with which a variable can be made, and its cost law."""
     std = distribution.moments()[1]
     lower, upper = cost.lower or 0.1 * std, cost.upper or 10 * std
     largest = spreads.of_variable(name, upper / std).factor * std if upper > std else upper

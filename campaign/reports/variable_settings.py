@@ -1,7 +1,7 @@
-"""Settings of ``clearcap whatif --set``: keys of variables, and what they leave open is taken from before.
+"""Settings of ``clearcap whatif --set``: keys of variables; missing values are taken from the old distribution.
 
-Another kind of distribution, or another set of its parameters, takes what it lacks from the old distribution: the
-bounds, or the mean and the standard deviation. What was taken so is said.
+If the kind of a distribution or its set of parameters changes, missing bounds, mean and standard deviation are taken
+from the old distribution. The user is told which values were taken.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,7 +23,7 @@ from campaign.spec.faults import structure_faults
 from engine.mechanism.faults import did_you_mean
 from engine.toml_file import UnfitToml, parse_toml
 
-# Sets of parameters of which a distribution has one.
+# Alternative sets of parameters; a distribution is given by one of them.
 _PARAMETERS = (
     ("mean", "std"),
     ("nominal", "tolerance", "cpk"),
@@ -31,7 +31,7 @@ _PARAMETERS = (
     ("shape", "scale"),
     ("log_mean", "log_std"),
 )
-# Half the width in standard deviations of distributions that end where they say.
+# Half the width, in standard deviations, of distributions that end at their own bounds.
 _HALF_WIDTH: dict[type[Distribution], float] = {Uniform: sqrt(3.0), Triangular: sqrt(6.0)}
 
 
@@ -44,7 +44,7 @@ class ChangedVariables:
     variables : dict of str to Distribution
         New distributions by variable.
     assumptions : tuple of str
-        What was taken from before, or no longer applies, of each variable where anything was.
+        For each variable concerned, which values were taken from the old distribution or no longer apply.
     """
 
     variables: dict[str, Distribution]
@@ -64,7 +64,7 @@ def changed_variables(spec: CampaignSpec, settings: Sequence[str]) -> ChangedVar
     Raises
     ------
     SpecError
-        If a setting names no variable or no key of it, or a distribution is not possible.
+        If a setting does not name a variable and one of its keys, or if a distribution is impossible.
     """
     tables, written = dump_spec(spec), dict[str, set[str]]()
     for setting in settings:
@@ -88,7 +88,7 @@ def changed_variables(spec: CampaignSpec, settings: Sequence[str]) -> ChangedVar
 
 
 def _said(name: str, old: Distribution, new: Distribution, assumed: str) -> str:
-    """Return what a new distribution is where something of it was taken from before; else nothing."""
+    """Describe a new distribution if some of its values were taken from the old one; empty otherwise."""
     sigma = f"its sigma was {old.moments()[1]:.4g} and is {new.moments()[1]:.4g}"
     return f"{name} is now {new.text()} ({assumed.strip('; ')}); {sigma}" if assumed else ""
 
@@ -122,19 +122,19 @@ def _apply(variables: dict[str, dict[str, Any]], setting: str) -> tuple[str, str
     try:
         table[last] = parse_toml(f"x = {text}".encode("utf-8", "surrogateescape"))["x"]
     except UnfitToml:
-        table[last] = text  # a name without quotes, as a shell leaves it
+        table[last] = text  # a name whose quotes the shell removed
     return name, key.partition(".")[0]
 
 
 def _completed(table: dict[str, Any], old: Distribution, written: set[str]) -> tuple[dict[str, Any], str]:
-    """Return a variable's table with what its new distribution lacks, and what was taken or dropped, in words."""
+    """Return a variable's table with the missing values added, and a description of values taken and dropped."""
     model = DISTRIBUTIONS.get(str(table.get("distribution")))
     chosen = None if model is None else next((keys for keys in _parameters(model) if written & set(keys)), None)
     if model is None or (type(old) is model and chosen is None):
         return table, ""
     another = type(old) is not model
     gone = {key for key in table if another and key not in model.model_fields}
-    if chosen or another:  # the same key means another thing in another kind, but for mean and std
+    if chosen or another:  # except for mean and std, a key has another meaning in another kind of distribution
         same = set() if chosen or model is Exponential else {"mean", "std", "nominal", "tolerance", "cpk"}
         gone |= {key for keys in _PARAMETERS for key in keys} & table.keys() - same - set(chosen or ())
     kept = {key: value for key, value in table.items() if key in written or key not in gone}
@@ -149,7 +149,7 @@ def _completed(table: dict[str, Any], old: Distribution, written: set[str]) -> t
 
 
 def _parameters(model: type[Distribution]) -> list[tuple[str, ...]]:
-    """Return the sets of parameters of which a distribution has one."""
+    """Return the alternative sets of parameters of a distribution."""
     if model is Exponential:
         return [("scale",), ("mean",), ("std",)]
     return [keys for keys in _PARAMETERS if set(keys) <= model.model_fields.keys()]
@@ -158,7 +158,7 @@ def _parameters(model: type[Distribution]) -> list[tuple[str, ...]]:
 def _missing(
     model: type[Distribution], table: Mapping[str, Any], old: Distribution, chosen: tuple[str, ...] | None
 ) -> dict[str, float]:
-    """Return the keys that a distribution lacks and the old one can give: bounds, mean and standard deviation."""
+    """Return the missing keys that the old distribution can provide: bounds, mean and standard deviation."""
     mean, std = old.moments()
     if model is Constant:
         return {} if "value" in table else {"value": mean}
@@ -178,7 +178,7 @@ def _missing(
 
 
 def _ends(model: type[Distribution], table: Mapping[str, Any], old: Distribution) -> dict[str, float]:
-    """Return the ends that a distribution must have and lacks: the old ones, or those with the old mean and std."""
+    """Return the required but missing ends of a distribution: the old ends, or ends that keep the old mean and std."""
     lacking = [end for end in ("lower", "upper") if end in model.model_fields and end not in table]
     lacking = [end for end in lacking if model.model_fields[end].is_required()]
     ends = dict(zip(("lower", "upper"), old.support(), strict=True))

@@ -1,4 +1,4 @@
-"""What would the responses be under other distributions of the variables? Answered without new runs."""
+"""Predict the responses under other distributions of the variables, without new runs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -17,16 +17,16 @@ from reporting.tolerance.whatif import WhatIf, what_if_all
 
 @dataclass(frozen=True)
 class Refused:
-    """Responses without an answer, for one reason.
+    """Responses that share the reason why there is no answer.
 
     Attributes
     ----------
     reason : str
-        Why the samples do not tell.
+        Why the samples give no answer.
     responses : tuple of str
-        Of which this is so.
+        The responses that this concerns.
     runs : int
-        Number of new runs that give Cpk, or sigma where there are no limits, of each of them to within 5 %.
+        Number of new runs that give Cpk, or sigma without limits, of each of these responses to within 5 %.
     """
 
     reason: str
@@ -35,9 +35,9 @@ class Refused:
 
 
 def what_if(store: Store, plan: Plan, settings: Sequence[str]) -> dict[str, WhatIf]:
-    """Return `what_if_from` the samples that the store has."""
+    """Return `what_if_from` for the samples in the store."""
     check_drawn(plan.spec)
-    changed_variables(plan.spec, settings)  # what is wrong with a setting is said before a row is read
+    changed_variables(plan.spec, settings)  # report faults of settings before reading any row
     return what_if_from(plan, independent_samples(store, plan), settings)
 
 
@@ -56,14 +56,14 @@ def what_if_from(plan: Plan, columns: SampleColumns, settings: Sequence[str]) ->
     Returns
     -------
     dict of str to WhatIf
-        By response.
+        Answers by response.
 
     Raises
     ------
     SpecError
-        If a setting is not possible, or the samples are not drawn from distributions.
+        If a setting is impossible, or the samples are not drawn from distributions.
     CampaignError
-        If the samples do not fit together.
+        If `reporting` refuses the samples.
     """
     change = change_of(plan, columns, settings)
     responses = {name: columns.values[name] for name in plan.mechanism.responses}
@@ -74,13 +74,13 @@ def what_if_from(plan: Plan, columns: SampleColumns, settings: Sequence[str]) ->
 
 
 def change_of(plan: Plan, columns: SampleColumns, settings: Sequence[str]) -> Change:
-    """Return what settings make of the samples; errors as of `what_if_from`."""
+    """Return the effect of settings on the samples; raises the same errors as `what_if_from`."""
     check_drawn(plan.spec)
     return change_distributions(plan.spec, changed_variables(plan.spec, settings).variables, columns.values)
 
 
 def refusals(answers: Mapping[str, WhatIf]) -> list[Refused]:
-    """Return the responses without an answer, those of one reason together."""
+    """Return the responses without an answer, grouped by reason."""
     by_reason: dict[str, list[str]] = {}
     for name, answer in answers.items():
         if answer.refusal:

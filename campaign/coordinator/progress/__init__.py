@@ -1,1 +1,1 @@
-"""How far a campaign is, counted from what the store holds."""
+"""The progress of a campaign, counted from the content of the store."""

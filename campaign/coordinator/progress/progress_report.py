@@ -1,4 +1,4 @@
-"""How far a campaign is, as one document: its state, its rows, its heartbeat and its comparisons."""
+"""The progress of a campaign as one document: its state, its rows, its heartbeat and its comparisons."""
 
 from collections.abc import Callable
 from datetime import datetime
@@ -19,22 +19,22 @@ Say = Callable[[str], None]
 
 
 def progress_report(store: Store, header: "PlanHeader", say: Say) -> dict[str, Any]:
-    """Return how far a campaign is.
+    """Return the progress of a campaign.
 
     Parameters
     ----------
     store : Store
-        Where it is.
+        The store that holds the campaign.
     header : PlanHeader
         The campaign.
     say : callable
-        Is told, in a sentence for the user, what is wrong with files of the campaign.
+        Called with a sentence for the user for each fault of the campaign's files.
 
     Returns
     -------
     dict
-        Plain data: ``campaign``, ``store``, what `progress` returns, ``heartbeat`` of a campaign that runs, or None,
-        and ``comparisons``, the address of each by the id of the other campaign.
+        Plain data: ``campaign``, ``store``, the entries that `progress` returns, ``heartbeat`` of a running campaign or
+        None, and ``comparisons``, the address of each by the id of the other campaign.
     """
     campaign_id = header.campaign_id
     state, counts = progress(store, header, say)
@@ -43,7 +43,7 @@ def progress_report(store: Store, header: "PlanHeader", say: Say) -> dict[str, A
 
 
 def running_report(store: Store, campaign_id: str, say: Say) -> dict[str, Any] | None:
-    """Return how far a campaign is that runs, as its coordinator counted two seconds ago: no file of rows is looked at.
+    """Return the progress of a running campaign from its last heartbeat, without reading any file of rows.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def running_report(store: Store, campaign_id: str, say: Say) -> dict[str, Any] |
     Returns
     -------
     dict or None
-        What `progress_report` returns; None if the campaign does not run, or has no heartbeat yet.
+        The same document as of `progress_report`; None if the campaign is not running or has no heartbeat yet.
     """
     state = state_of(store, campaign_id)
     heartbeat = _heartbeat(store, campaign_id, say) if state["state"] == "running" else None
@@ -66,7 +66,7 @@ def running_report(store: Store, campaign_id: str, say: Say) -> dict[str, Any] |
 def _report(
     store: Store, campaign_id: str, progress: dict[str, Any], heartbeat: "Heartbeat | None", say: Say
 ) -> dict[str, Any]:
-    """Return the document of a state, counts and a heartbeat."""
+    """Return the document for a state, counts and a heartbeat."""
     compared = {
         other: store.files.address(report_folder(campaign_id, other)) for other in comparisons(store, campaign_id)
     }
@@ -77,9 +77,9 @@ def _report(
 
 
 def progress(store: Store, header: "PlanHeader", say: Say) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the state of a campaign, its date as ISO 8601, and how many of its rows are done and how they ended.
+    """Return the state of a campaign with its date as ISO 8601, and the numbers of its rows, in all and by status.
 
-    A campaign that was completed and lost rows since is ``incomplete``.
+    A completed campaign that has lost rows since is ``incomplete``.
     """
     state, counts = state_of(store, header.campaign_id), _count_rows(store, header, say)
     if state["state"] == "completed" and counts["left"]:
@@ -96,9 +96,9 @@ def _dated(state: dict[str, Any]) -> dict[str, Any]:
 
 
 def _heartbeat(store: Store, campaign_id: str, say: Say) -> "Heartbeat | None":
-    """Return the last heartbeat of a campaign's coordinator; None if there is none, or none that can be read."""
+    """Return the last heartbeat of a campaign's coordinator; None if there is none or it cannot be read."""
     from campaign.coordinator.heartbeat import (
-        Heartbeat,  # loads the engine's names, which an idle campaign does without
+        Heartbeat,  # loads the engine's names, which an idle campaign does not need
     )
 
     written = store.read_json(campaign_id, HEARTBEAT)
@@ -109,7 +109,7 @@ def _heartbeat(store: Store, campaign_id: str, say: Say) -> "Heartbeat | None":
 
 
 def _count_rows(store: Store, header: "PlanHeader", say: Say) -> dict[str, Any]:
-    """Return how many rows of a campaign are done and how they ended; say which parts are bad."""
+    """Return the numbers of a campaign's rows, in all and by status; report bad parts."""
     survey, repeats = store.survey(header), survey_repeats(store, repeat_plans(store, header))
     for reason in dict.fromkeys([*survey.bad.values(), *repeats.bad]):
         command = store.command("resume", header.campaign_id)

@@ -1,1 +1,1 @@
-"""A mechanism at its start, as lines and words on a canvas, and such a canvas as a figure."""
+"""Sketches of a mechanism at its start, as lines and words on a canvas, and their figures."""

@@ -1,4 +1,4 @@
-"""What was found in a CAD file, seen along most of its axes: silhouettes of parts, joints and candidates of stops."""
+"""A sketch of a CAD file's geometry, seen along most axes: silhouettes of parts, joints and candidate stops."""
 
 import numpy as np
 
@@ -11,25 +11,25 @@ from engine.cad.silhouette import silhouette
 from engine.cad_import.found_geometry import FoundGeometry
 from engine.cad_import.found_places import FoundPlace
 
-MOST_NAMED = 40  # of joints and candidates; more names cover the parts
-MOST_DRAWN = 100  # of the parts, the largest; a silhouette takes a tenth of a second
+MOST_NAMED = 40  # joints and candidates; more names would cover the parts
+MOST_DRAWN = 100  # parts, the largest ones; a silhouette takes a tenth of a second
 
 
 def view_of(found: FoundGeometry) -> View:
-    """Return the plane on which what was found is drawn."""
+    """Return the plane to draw the found geometry on."""
     axes = [joint.pin.axis for joint in found.joints]
     return best_view(axes, [stop.pair.normal for stop in found.stops], np.zeros(3))
 
 
 def sketch_found(found: FoundGeometry, places: list[FoundPlace]) -> Sketch:
-    """Return the sketch of an assembly with its joints and candidates of stops, by the names of the mechanism file.
+    """Return the sketch of an assembly with its joints and candidate stops, named as in the mechanism file.
 
     Parameters
     ----------
     found : FoundGeometry
-        What to draw.
+        The geometry to draw.
     places : list of FoundPlace
-        As `found_places` returns them; what is no joint is left out.
+        Places from `found_places`; those of kind "no joint" are left out.
     """
     view = view_of(found)
     largest = sorted(found.assembly.meshes, key=lambda mesh: -_size(mesh.vertices))[:MOST_DRAWN]
@@ -48,20 +48,20 @@ def sketch_found(found: FoundGeometry, places: list[FoundPlace]) -> Sketch:
 
 
 def part_colour(found: FoundGeometry, part: str) -> str:
-    """Return the colour in which a part is drawn."""
+    """Return the colour of a part."""
     return PALETTE[list(found.bodies).index(part) % len(PALETTE)]
 
 
 def place_colour(place: FoundPlace) -> str:
-    """Return the colour in which a joint or a candidate is marked."""
+    """Return the colour that marks a joint or a candidate."""
     return FORCE if place.kind == "facing" else INK
 
 
 def place_lines(place: FoundPlace) -> list[Array]:
-    """Return what marks a place, polylines in the frame of the assembly, each of shape (k, 3).
+    """Return the polylines that mark a place, in the frame of the assembly, each of shape (k, 3).
 
-    Of a joint it is the hole at both ends and the axis, which reaches beyond by a radius, or three circles of a socket;
-    of a stop, the way between its faces.
+    For a joint these are the circles at both ends of the hole and the axis, extended by a radius, or three circles of a
+    socket; for a stop, the line between its faces.
     """
     if not place.radius:
         return [place.ends]
@@ -74,17 +74,17 @@ def place_lines(place: FoundPlace) -> list[Array]:
 
 
 def _height(vertices: Array, normal: Array) -> float:
-    """Return how near to the viewer a part is; its place in the order does not matter where it has no triangles."""
+    """Return the coordinate of a part's nearest point towards the viewer; minus infinity without triangles."""
     return float((vertices @ normal).max(initial=-np.inf))
 
 
 def _size(vertices: Array) -> float:
-    """Return the diagonal of a part's box."""
+    """Return the diagonal of a part's bounding box."""
     return float(np.linalg.norm(np.ptp(vertices, axis=0))) if len(vertices) else 0.0
 
 
 def _mark(canvas: SketchCanvas, place: FoundPlace) -> None:
-    """Draw a place with its name, and of a joint the radii of hole and pin."""
+    """Draw a place with its name and, for a joint, the radii of hole and pin."""
     colour, at = place_colour(place), canvas.on_canvas(place.middle)
     lines = [canvas.on_canvas(line) for line in place_lines(place)]
     for line in lines:
@@ -96,7 +96,7 @@ def _mark(canvas: SketchCanvas, place: FoundPlace) -> None:
 
 
 def _legend(shown: list[FoundPlace], small: int) -> Legend:
-    """Return what is said beside the drawing of each place, and how much is not in it."""
+    """Return the legend beside the drawing: one row per place, and rows for what is not shown."""
     rows = [(place.name, place.between, place.sizes, place_colour(place)) for place in shown[:MOST_NAMED]]
     if len(shown) > MOST_NAMED:
         rows.append((f"and {len(shown) - MOST_NAMED} more", "in the mechanism file", "", ""))

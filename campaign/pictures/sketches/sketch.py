@@ -1,4 +1,4 @@
-"""A mechanism at its start, with an arrow and a name for what each response measures, as lines on a canvas."""
+"""A sketch of a mechanism at its start, with an arrow and a name for what each response measures."""
 
 import numpy as np
 
@@ -10,9 +10,9 @@ from campaign.pictures.view import View, choose_view, start_rotation
 from engine import Mechanism
 from engine.arrays import Array
 
-LEVEL, ARROW, SHORT = 16.0, 44.0, 14.0  # distance of parallel arrows; length of a force's; shortest with both heads
-LEVELS = 7  # of parallel arrows; further ones lie on the first
-LEAST_SEEN = 0.3  # projected length of a unit vector: what is shorter is along the line of sight
+LEVEL, ARROW, SHORT = 16.0, 44.0, 14.0  # distance of parallel arrows; length of a force's; shortest between two ticks
+LEVELS = 7  # of parallel arrows; further ones coincide with the first
+LEAST_SEEN = 0.3  # projected length of a unit vector; a shorter one is along the line of sight
 
 
 def sketch_mechanism(mechanism: Mechanism) -> Sketch:
@@ -21,7 +21,7 @@ def sketch_mechanism(mechanism: Mechanism) -> Sketch:
     Parameters
     ----------
     mechanism : Mechanism
-        What to draw.
+        The mechanism to draw.
     """
     view, contacts = choose_view(mechanism), contacts_at_start(mechanism)
     drawn = list(measurements(mechanism, contacts))
@@ -38,7 +38,7 @@ def sketch_mechanism(mechanism: Mechanism) -> Sketch:
 def _bodies(
     mechanism: Mechanism, view: View, contacts: dict[str, StartContact], measured: list[Measurement]
 ) -> SketchCanvas:
-    """Return the drawing with the bodies; the canvas holds them, and what is measured near them."""
+    """Return the drawing with the bodies, on a canvas that holds them and the measured points near them."""
     shapes = []
     extent = float(np.ptp([contact.point for contact in contacts.values()] or np.zeros((1, 3)), axis=0).max())
     for name in mechanism.bodies:
@@ -62,7 +62,7 @@ def _bodies(
 
 
 def _draw(drawing: SketchCanvas, measurement: Measurement, colour: str) -> bool:
-    """Draw what a response measures; return whether its direction is along the line of sight, where a dot stands."""
+    """Draw what a response measures; return whether its direction is along the line of sight, drawn as a dot."""
     start, end, point = (drawing.on_canvas(p) for p in (measurement.start, measurement.end, measurement.point))
     true = float(np.linalg.norm(measurement.end - measurement.start))
     seen = drawing.view.project(measurement.end - measurement.start) * [1.0, -1.0]
@@ -88,7 +88,7 @@ def _draw(drawing: SketchCanvas, measurement: Measurement, colour: str) -> bool:
 
 
 def _length(drawing: SketchCanvas, places: tuple[Array, Array, Array], along: Array, name: str, colour: str) -> None:
-    """Draw a length with its measured point; lengths from one point along one line stand beside each other."""
+    """Draw a length with its measured point; lengths from the same point along the same line are drawn side by side."""
     start, end, point = places
     across = np.array([-along[1], along[0]])
     key = tuple(np.round([*start, *np.abs(along)], 2))
@@ -116,7 +116,7 @@ def _length(drawing: SketchCanvas, places: tuple[Array, Array, Array], along: Ar
 
 
 def _turn(drawing: SketchCanvas, centre: Array, name: str, colour: str, *, facing: bool) -> None:
-    """Draw a rotation: an arc with a head if its axis points to the viewer, else its centre."""
+    """Draw a rotation: an arc with a head if its axis is along the line of sight, else only its centre."""
     if facing:
         angle = np.linspace(-0.2 * np.pi, 1.2 * np.pi, 25)[:, None]
         arc = centre + 0.4 * ARROW * np.hstack([np.cos(angle), -np.sin(angle)])

@@ -1,6 +1,6 @@
-"""Lines, areas and words on a canvas: where the world lies on it, what is there so far, and where words have room.
+"""Lines, areas and words on a canvas, with the projection of the world onto it and the placing of words.
 
-Positions are in points of the canvas, from its upper left corner; drawing a sketch needs nothing else.
+Positions are in points of the canvas, from its upper left corner; nothing else is needed to draw a sketch.
 """
 
 from collections import defaultdict
@@ -17,15 +17,15 @@ from engine.arrays import Array
 WIDTH, LOWEST, HIGHEST, TEXT = 480.0, 220.0, 460.0, 13.0
 MARGIN = 38.0  # around the bodies, for arrows and names
 LETTER, LINE = 0.64, 1.2  # width of a letter and height of a line, in sizes of the text
-NAME, NAMES = 24, 4  # letters of a name, and names at one place, that are shown
-FAR = 0.5  # of the bodies' size beyond them: what is measured from further away is cut there
+NAME, NAMES = 24, 4  # largest number of letters of a name, and of names at one place
+FAR = 0.5  # of the bodies' size beyond them; points further away are moved to this distance
 
 Points = tuple[tuple[float, float], ...]
 Legend = tuple[tuple[str, str, str, str], ...]
 
 
 class Stroke(NamedTuple):
-    """A line through points; ``style`` is "thin", "thick", "dashed" or "arrow", with its head at the last point."""
+    """A line through points; ``style`` is "thin", "thick", "dashed" or "arrow", with the head at the last point."""
 
     points: Points
     colour: str
@@ -33,7 +33,7 @@ class Stroke(NamedTuple):
 
 
 class Word(NamedTuple):
-    """Words with their middle at (x, y), one line below the other; ``bold`` for what is no body's name."""
+    """Words with their middle at (x, y), one line below the other; ``bold`` unless they name a body."""
 
     x: float
     y: float
@@ -44,19 +44,19 @@ class Word(NamedTuple):
 
 @dataclass(frozen=True)
 class Sketch:
-    """What is drawn.
+    """A finished sketch.
 
     Attributes
     ----------
     width, height, text : float
         Size of the canvas and of its text.
     areas : tuple of (points, colour)
-        Bodies.
+        Outlines of bodies.
     strokes : tuple of Stroke
     dots : tuple of (x, y, colour)
     words : tuple of Word
     legend : tuple of (name, title, value, colour)
-        Of all that is named; the colour is empty where it has no place in the picture.
+        One row per named item; the colour is empty if the item has no place in the picture.
     """
 
     width: float
@@ -71,7 +71,7 @@ class Sketch:
 
 @dataclass
 class SketchCanvas:
-    """A sketch in the making: how the world lies on the canvas, and what is there so far."""
+    """A sketch under construction: the projection of the world onto the canvas, and everything added so far."""
 
     view: View
     corner: Array
@@ -88,7 +88,7 @@ class SketchCanvas:
     levels: dict[tuple[float, ...], list[tuple[float, ...]]] = field(default_factory=dict)
 
     def on_canvas(self, points: Array) -> Array:
-        """Return points of the world on the canvas, those far away at its edge."""
+        """Project points of the world onto the canvas; points far away are moved to its edge."""
         flat = np.clip(self.view.project(points), *self.reach)
         return np.asarray((flat - self.corner) * [self.scale, -self.scale] + [MARGIN, self.height - MARGIN])
 
@@ -99,11 +99,11 @@ class SketchCanvas:
         return corners
 
     def body_name(self, corners: Array, name: str, colour: str) -> None:
-        """Add the name of a body with such corners."""
+        """Add the name of a body whose outline has these corners."""
         self.bodies.append((corners.mean(axis=0), name, colour))
 
     def stroke(self, points: Array, colour: str, style: str = "thin") -> None:
-        """Add a line; what leaves the canvas is at its edge."""
+        """Add a line; points outside of the canvas are moved to its edge."""
         inside = np.clip(points, 2.0, [WIDTH - 2.0, self.height - 2.0])
         self.strokes.append(Stroke(_rounded(inside), colour, style))
 
@@ -112,13 +112,13 @@ class SketchCanvas:
         self.dots.append((round(float(at[0]), 1), round(float(at[1]), 1), colour))
 
     def name(self, at: Array, away: Array, name: str, colour: str) -> None:
-        """Add a name at a place; names at one place stand below each other."""
+        """Add a name at a place; names at the same place are written below each other."""
         at = np.clip(at, 2.0, [WIDTH - 2.0, self.height - 2.0])
         key = (round(float(at[0]), 1), round(float(at[1]), 1), round(float(away[0]), 3), round(float(away[1]), 3))
         self.labels[key].append((name, colour))
 
     def sketch(self, legend: Legend) -> Sketch:
-        """Return the finished sketch, its words where there is room."""
+        """Return the finished sketch, with its words placed where there is room."""
         words, lowest = self._words()
         return Sketch(
             WIDTH,
@@ -132,7 +132,7 @@ class SketchCanvas:
         )
 
     def _words(self) -> tuple[tuple[Word, ...], float]:
-        """Return all names, first those of places and then those of bodies, and their lowest end."""
+        """Return all names, first of places and then of bodies, and the position of their lowest end."""
         texts, labels = [], []
         for (x, y, *away), named in self.labels.items():
             names = [_short(name) for name, _ in named]
@@ -149,7 +149,7 @@ class SketchCanvas:
         for label, centre, (lines, colour, bold) in zip(labels, centres, texts, strict=True):
             words.append(Word(round(float(centre[0]), 1), round(float(centre[1]), 1), lines, colour, bold))
             outside = np.abs(label.anchor - centre) - 0.5 * np.array(label.size)
-            if bold and float(outside.max()) > 1.2 * TEXT:  # a leader, so that a name far away is not another's
+            if bold and float(outside.max()) > 1.2 * TEXT:  # a leader line shows what a distant name belongs to
                 half = 0.5 * np.array(label.size)
                 self.stroke(np.array([np.clip(label.anchor, centre - half, centre + half), label.anchor]), colour)
         ends = [float(c[1]) + 0.5 * label.size[1] + 4 for c, label in zip(centres, labels, strict=True)]
@@ -157,12 +157,12 @@ class SketchCanvas:
 
 
 def canvas_around(view: View, bodies: list[Array], ends: list[Array]) -> SketchCanvas:
-    """Return an empty canvas that holds the bodies, and the ends of what is measured unless far away.
+    """Return an empty canvas with room for the bodies, and for the ends of measurements unless they are far away.
 
     Parameters
     ----------
     view : View
-        The plane that is seen.
+        The plane of projection.
     bodies, ends : list of ndarray, each of shape (k, 2)
         Points on that plane.
     """
@@ -185,19 +185,19 @@ def _size(lines: tuple[str, ...]) -> tuple[float, float]:
 
 
 def _short(name: str) -> str:
-    """Return a name, a long one without its middle."""
+    """Return a name, shortened in the middle if it is long."""
     return name if len(name) <= NAME else f"{name[: NAME - 9]}…{name[-8:]}"
 
 
 def _along(points: Points) -> Array:
-    """Return points on a line, a few lengths of the canvas from each other."""
+    """Return points along a line, about four units of the canvas apart."""
     corners = np.array(points)
     parts = [np.linspace(a, b, max(int(np.linalg.norm(b - a) / 4), 2)) for a, b in pairwise(corners)]
     return np.vstack(parts or [corners])
 
 
 def _rounded(points: Array) -> Points:
-    """Return points to a tenth, without those that then repeat the one before."""
+    """Return points rounded to a tenth, without successive duplicates."""
     found = np.round(points, 1) + 0.0
     kept = np.concatenate([[True], np.any(np.diff(found, axis=0) != 0, axis=1)])
     return tuple((x, y) for x, y in found[kept].tolist())

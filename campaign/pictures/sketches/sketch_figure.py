@@ -1,4 +1,4 @@
-"""A sketch as a file: the canvas, and beside it what the names on it mean."""
+"""Write a sketch as a file: the canvas, and beside it a legend of the names on it."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 WIDE, DPI = 9.0, 100  # inches
-SHARE = 0.66  # of the width for the mechanism; the rest explains its names
-ROW = 0.5  # inches that a name takes beside it
+SHARE = 0.66  # of the width for the mechanism; the rest is for the legend
+ROW = 0.5  # inches; height of an entry of the legend
 WIDTHS = {"thin": 0.7, "dashed": 0.7, "thick": 2.5, "arrow": 1.3}
 
 
@@ -22,9 +22,9 @@ def plot_sketch(sketch: Sketch, heading: str, description: str, path: Path) -> N
     Parameters
     ----------
     sketch : Sketch
-        What to draw.
+        The sketch to draw.
     heading, description : str
-        Above it, and in the file for who cannot see it.
+        Heading above it, and description in the file for readers who cannot see it.
     path : Path
         File to write: ``.png``, ``.svg`` or ``.pdf``.
     """
@@ -44,7 +44,7 @@ def plot_sketch(sketch: Sketch, heading: str, description: str, path: Path) -> N
             y = 1 - (0.6 + ROW * i) / tall
             figure.text(SHARE + 0.03, y, name, color=colour or INK, fontsize=9, fontweight="bold")
             lines = [(text, ink) for text, ink in ((meaning, INK), (value, MUTED)) if text]
-            for below, (text, ink) in zip((0.16, 0.31), lines, strict=False):  # no gap where there is no title
+            for below, (text, ink) in zip((0.16, 0.31), lines, strict=False):  # no gap without a title
                 figure.text(SHARE + 0.03, y - below / tall, text, color=ink, fontsize=8)
         figure.savefig(path, dpi=DPI, metadata=file_metadata(path.suffix, description))
 

@@ -1,1 +1,1 @@
-"""Sign-offs: who approved which bytes of a campaign, in a document that anybody can verify without the server."""
+"""Sign-offs: signed documents on who approved which bytes of a campaign, verifiable by anybody without the server."""

@@ -1,4 +1,4 @@
-"""Read an export, as a ZIP or unpacked: nothing is unpacked, and anything that an export never has is refused."""
+"""Read an export, as a ZIP file or unpacked; nothing is unpacked, and content that no export has is refused."""
 
 import hashlib
 import os
@@ -18,7 +18,7 @@ _CHUNK = 2**20
 
 
 class UnfitArchive(CampaignError):
-    """What was given is no export of a campaign: the message says which file has what no export has."""
+    """The archive is not an export of a campaign; the message names the file at fault and the fault."""
 
 
 class Archive(Protocol):
@@ -29,13 +29,14 @@ class Archive(Protocol):
     campaign : str
         Name of the campaign's folder.
     names : frozenset of str
+        Names of the files.
     """
 
     campaign: str
     names: frozenset[str]
 
     def read(self, name: str, at_most: int) -> bytes:
-        """Return the content of a file; UnfitArchive if it cannot be read, or has more bytes."""
+        """Return the content of a file; UnfitArchive if it cannot be read or has more than ``at_most`` bytes."""
 
     def digest(self, name: str) -> str:
         """Return the SHA-256 of a file; UnfitArchive if it cannot be read."""
@@ -47,14 +48,14 @@ def open_archive(path: Path) -> Archive:
     Parameters
     ----------
     path : Path
-        A ZIP file, or the folder that came out of it.
+        A ZIP file, or the folder unpacked from it.
 
     Raises
     ------
     SpecError
         If there is no such file or folder.
     UnfitArchive
-        If it is neither, or holds links, names that lead elsewhere, names twice, or too much.
+        If it is neither, or contains links, names that lead out of it, duplicate names, or too much data.
     """
     if path.is_dir():
         return FolderArchive(path)
@@ -95,7 +96,7 @@ class ZipArchive:
         return digest.hexdigest()
 
     def _chunks(self, name: str, at_most: int) -> Iterable[bytes]:
-        """Yield the content of a file, never more than its entry says."""
+        """Yield the content of a file in chunks; UnfitArchive if it has more than ``at_most`` bytes."""
         if name not in self._entries:
             raise UnfitArchive(f"{self._path}: {name} is missing")
         size = 0
@@ -115,7 +116,7 @@ class ZipArchive:
 
 
 class FolderArchive:
-    """An export that was unpacked; see `Archive`."""
+    """An unpacked export; see `Archive`."""
 
     def __init__(self, path: Path) -> None:
         inner = [each for each in path.iterdir() if each.is_dir() and not each.is_symlink()]
@@ -173,7 +174,7 @@ def _check_amount(path: Path, sizes: list[int]) -> None:
 
 
 def _without_top(path: Path, names: list[str]) -> tuple[str, list[str]]:
-    """Return the one folder that all names begin with, and the names below it."""
+    """Return the single folder that all names begin with, and the names below it."""
     tops = {name.split("/")[0] for name in names}
     if len(tops) != 1 or any("/" not in name for name in names):
         raise UnfitArchive(f"{path}: is no export: it does not hold the folder of one campaign")

@@ -1,4 +1,4 @@
-"""One ZIP with a campaign and its sign-offs, written while it is read: it is never whole in memory or on a disk."""
+"""A ZIP with a campaign and its sign-offs, streamed so that it is never complete in memory or on a disk."""
 
 import io
 import stat
@@ -17,12 +17,12 @@ KEY = f"{SIGNOFFS}/key.pem"
 
 @dataclass(frozen=True)
 class SignedDocument:
-    """A sign-off as it is kept.
+    """A stored sign-off.
 
     Attributes
     ----------
     document, signature : bytes
-        The canonical bytes, and their signature.
+        The canonical bytes of the document, and their signature.
     """
 
     document: bytes
@@ -30,12 +30,12 @@ class SignedDocument:
 
 
 def document_name(number: int) -> str:
-    """Return the name of the document of the sign-off with a number, from 1."""
+    """Return the name of the document of a sign-off by its number, from 1."""
     return f"{SIGNOFFS}/{number:04d}.json"
 
 
 def signature_name(number: int) -> str:
-    """Return the name of its signature."""
+    """Return the name of the signature of a sign-off by its number, from 1."""
     return f"{SIGNOFFS}/{number:04d}.sig"
 
 
@@ -52,18 +52,19 @@ def stream_export(
     names : sequence of str
         Its files, relative to its folder.
     signed : sequence of SignedDocument
-        The oldest first.
+        Its sign-offs, the oldest first.
     key : Ed25519PublicKey
+        The server's public key.
 
     Yields
     ------
     bytes
-        A file at a time, and the directory at the end.
+        One file at a time, and the directory at the end.
 
     Raises
     ------
     FileNotFoundError
-        If a file is gone by now: the ZIP has no end then, and nothing can open it.
+        If a file no longer exists; the ZIP is then incomplete, and no program can open it.
     """
     sink = _Sink()
     with ZipFile(sink, "w", ZIP_STORED) as archive:
@@ -80,30 +81,30 @@ def stream_export(
 
 
 class _Sink(io.RawIOBase):
-    """Takes what is written, until it is sent; it cannot seek, so no byte is changed once it was sent."""
+    """A buffer for written bytes until they are sent; it cannot seek, so no byte changes after it was sent."""
 
     def __init__(self) -> None:
         super().__init__()
         self._written = bytearray()
 
     def writable(self) -> bool:
-        """Return that it can be written."""
+        """Return True."""
         return True
 
     def write(self, content: "bytes | bytearray | memoryview") -> int:  # type: ignore[override]  # any buffer
-        """Take bytes."""
+        """Add bytes to the buffer; return their number."""
         self._written += content
         return len(content)
 
     def taken(self) -> bytes:
-        """Return what was written since the last call."""
+        """Return the bytes written since the last call."""
         content = bytes(self._written)
         self._written.clear()
         return content
 
 
 def _entry(campaign: str, name: str) -> ZipInfo:
-    """Return the head of a file in the ZIP; it has no date, so that equal campaigns are equal ZIPs."""
+    """Return the header of a file in the ZIP; it has no date, so that equal campaigns give equal ZIPs."""
     entry = ZipInfo(f"{campaign}/{name}")
     entry.external_attr = (stat.S_IFREG | 0o644) << 16
     return entry

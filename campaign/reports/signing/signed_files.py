@@ -12,7 +12,7 @@ from campaign.store.repeat_sets import repeat_plans
 
 
 def signed_names(store: Store, header: PlanHeader) -> list[str]:
-    """Return the names of all files that a sign-off covers now, relative to the campaign's folder.
+    """Return the names of all files that a sign-off would cover now, relative to the campaign's folder.
 
     Raises
     ------
@@ -26,14 +26,14 @@ def signed_names(store: Store, header: PlanHeader) -> list[str]:
 
 
 def digest_file(store: Store, campaign: str, name: str) -> str:
-    """Return the SHA-256 of a file of a campaign; FileNotFoundError if there is none."""
+    """Return the SHA-256 of a file of a campaign; FileNotFoundError if it does not exist."""
     return sha256(store.files.read(f"{campaign}/{name}"))
 
 
 def signed_files(
     store: Store, header: PlanHeader, digest: Callable[[Store, str, str], str] = digest_file
 ) -> dict[str, str]:
-    """Return the SHA-256 of each file that a sign-off covers, as the store has it now.
+    """Return the SHA-256 of each file that a sign-off covers, in its current state in the store.
 
     Parameters
     ----------
@@ -47,18 +47,18 @@ def signed_files(
     for name in signed_names(store, header):
         try:
             found[name] = digest(store, header.campaign_id, name)
-        except FileNotFoundError:  # removed since it was listed
+        except FileNotFoundError:  # removed since the listing
             continue
     return found
 
 
 def check_whole(store: Store, header: PlanHeader) -> None:
-    """Refuse to sign a campaign whose rows are not all there and sound, or that has no report.
+    """Check before signing that a campaign has all its rows, that they are sound, and that it has a report.
 
     Raises
     ------
     CampaignError
-        With what is missing and the remedy.
+        If not; the message says what is missing and gives the remedy.
     """
     for table in (header, *repeat_plans(store, header)):
         survey = store.survey(table, verify=True)

@@ -17,7 +17,7 @@ Digest = Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
 
 
 class Signoff(BaseModel):
-    """What an approver signed; the names of files are relative to the campaign's folder."""
+    """The content that an approver signed; file names are relative to the campaign's folder."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
     kind: Literal["clearcap sign-off"] = "clearcap sign-off"
@@ -37,18 +37,18 @@ class Signoff(BaseModel):
 
     @model_validator(mode="after")
     def _digests_fit(self) -> "Signoff":
-        """Refuse digests that are not those of the files that are named."""
+        """Raise ValueError if the digests are not those of the listed files."""
         if (self.plan, self.rows, self.report) != digests_of(self.files):
             raise ValueError("its digests are not those of its files")
         return self
 
     def to_bytes(self) -> bytes:
-        """Return the canonical bytes of the document: these are signed."""
+        """Return the canonical bytes of the document, which are signed."""
         return canonical(self.model_dump())
 
 
 def canonical(content: Any) -> bytes:
-    """Return plain data as JSON in the one way that is signed: keys sorted, no spaces, UTF-8."""
+    """Return plain data as canonical JSON for signing: sorted keys, no spaces, UTF-8."""
     return json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
 
 
@@ -58,9 +58,10 @@ def sha256(content: bytes) -> str:
 
 
 def digests_of(files: Mapping[str, str]) -> tuple[str, str, str]:
-    """Return the digests over the plan, the rows and the report among files with their SHA-256.
+    """Return the digests of the plan, the rows and the report, given the SHA-256 of each file by name.
 
-    Rows are whatever is neither plan nor report: parts, repeats, and the documents that say where the table ends.
+    Rows are all files that belong neither to the plan nor to the report: parts, repeats, and the documents on the end
+    of the table and on further repeats.
     """
     report = {name: value for name, value in files.items() if part_of(name) == "report"}
     rows = {name: value for name, value in files.items() if part_of(name) == "rows"}
@@ -68,19 +69,19 @@ def digests_of(files: Mapping[str, str]) -> tuple[str, str, str]:
 
 
 def part_of(name: str) -> str:
-    """Return what a file of a campaign belongs to: ``plan``, ``rows`` or ``report``."""
+    """Return the part of a campaign that a file belongs to: ``plan``, ``rows`` or ``report``."""
     if name in (PLAN, CAMPAIGN_FILE):
         return "plan"
     return "report" if name.startswith(f"{REPORT}/") else "rows"
 
 
 def content_digest(files: Mapping[str, str]) -> str:
-    """Return one digest over all files that would be signed, by which an approver says what he has looked at."""
+    """Return one digest of all files to be signed, by which approvers state what they have looked at."""
     return sha256(canonical(dict(files)))
 
 
 def differences(signed: Mapping[str, str], found: Mapping[str, str]) -> list[str]:
-    """Return in words what differs from what was signed, file by file; nothing if all bytes are the same."""
+    """Describe the differences from the signed files, one per file; empty if all bytes are the same."""
     words = []
     for name in sorted(signed.keys() | found.keys()):
         if name not in found:
@@ -103,7 +104,7 @@ def sign(document: bytes, key: Ed25519PrivateKey) -> bytes:
 
 
 def is_signed(document: bytes, signature: bytes, key: Ed25519PublicKey) -> bool:
-    """Return whether a signature of a document is that of a key."""
+    """Return whether the signature of a document was made with a key."""
     try:
         key.verify(signature, document)
     except InvalidSignature:

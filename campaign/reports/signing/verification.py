@@ -1,4 +1,4 @@
-"""Verify an export without the server: who signed what, and whether the files are those that were signed."""
+"""Verify an export without the server: who signed what, and whether the files are the signed ones."""
 
 import re
 from dataclasses import dataclass
@@ -13,23 +13,23 @@ from campaign.reports.signing.signed_archive import Archive, UnfitArchive
 from campaign.reports.signing.signed_export import KEY, SIGNOFFS, document_name, signature_name
 from campaign.reports.signing.signoff_document import Signoff, differences, fingerprint, is_signed, sha256
 
-LARGEST_SIGNOFF = 64 * 2**20  # bytes: it names every file
+LARGEST_SIGNOFF = 64 * 2**20  # bytes; a sign-off lists every file
 _LARGEST_KEY = 10_000  # bytes
 _DOCUMENT = re.compile(rf"{SIGNOFFS}/(\d{{4,}})\.json")
 
 
 @dataclass(frozen=True)
 class VerifiedSignoff:
-    """A sign-off of an export whose signature is right.
+    """A sign-off of an export with a valid signature.
 
     Attributes
     ----------
     number : int
-        From 1, the oldest first.
+        Number from 1, the oldest first.
     signoff : Signoff
-        What was signed.
+        The signed content.
     differences : list of str
-        What differs between the files of the export and those that were signed.
+        Differences between the files of the export and the signed files.
     """
 
     number: int
@@ -39,15 +39,16 @@ class VerifiedSignoff:
 
 @dataclass(frozen=True)
 class Verification:
-    """What an export proves.
+    """The result of verifying an export.
 
     Attributes
     ----------
     campaign : str
+        Id of the campaign.
     key : str
-        Fingerprint of the key that the export names.
+        Fingerprint of the key in the export.
     signoffs : list of VerifiedSignoff
-        The oldest first.
+        Valid sign-offs, the oldest first.
     faults : list of str
         Why the export is not what was signed last; empty if it is.
     """
@@ -66,14 +67,14 @@ def verify_export(archive: Archive, key: str | None = None) -> Verification:
     archive : Archive
         The export.
     key : str, optional
-        Fingerprint of the server's key, known from elsewhere: without it anybody could have made the export with a key
-        of his own.
+        Fingerprint of the server's key from another source; without it, anybody could have made the export with a key
+        of their own.
 
     Returns
     -------
     Verification
-        It is sound if it names no faults: every signature is right, each sign-off follows the one before, and the last
-        one was signed for exactly these files.
+        The export is sound if there are no faults: every signature is valid, each sign-off refers to the one before,
+        and the last one covers exactly these files.
 
     Raises
     ------
@@ -125,12 +126,12 @@ def _public_key(archive: Archive) -> Ed25519PublicKey:
 
 
 def _signoff(archive: Archive, number: int, key: Ed25519PublicKey) -> tuple[bytes, Signoff]:
-    """Return the document of a sign-off, and what it says.
+    """Return the document of a sign-off as bytes and as a model.
 
     Raises
     ------
     CampaignError
-        If it cannot be read, was not signed by the key, or says what no sign-off says.
+        If it cannot be read, was not signed with the key, or is not a valid sign-off.
     """
     document = archive.read(document_name(number), LARGEST_SIGNOFF)
     if not is_signed(document, archive.read(signature_name(number), 64), key):
