@@ -1,7 +1,7 @@
-"""The command ``clearcap``: one verb a module, those that read a store in `results`.
+"""The command ``clearcap``: one verb per module; verbs that read a store are in `results`.
 
-Verbs import tables, dask and the engine inside their functions, when they are called: ``clearcap --help`` and wrong
-options must not wait a second for them.
+Verbs import tables, dask and the engine inside their functions, so that ``clearcap --help`` and wrong options do not
+wait a second for them.
 """
 
 import sys
@@ -43,10 +43,10 @@ from campaign.safe_path import leave_current_folder_out
 
 
 class _Verbs(TyperGroup):
-    """The verbs; Ctrl-C says which one it ended, unless that verb said so itself."""
+    """The group of verbs; on Ctrl-C it names the interrupted verb, unless that verb has printed this itself."""
 
     def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override]  # typer's own context
-        """Call the verb that is named on the command line."""
+        """Call the verb named on the command line."""
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:
@@ -112,7 +112,7 @@ def root(
 
 
 def main() -> None:
-    """Run the command; an error that the user can fix is one message and an exit status, never a traceback."""
+    """Run the command; an error that users can fix gives one message and an exit status, never a traceback."""
     leave_current_folder_out()
     show_logs()
     with exit_at_interrupt():
@@ -129,7 +129,7 @@ def main() -> None:
 
 
 def _check_words(words: list[str]) -> None:
-    """Refuse letters that a terminal hides or obeys: messages about options would print them."""
+    """Refuse characters that a terminal hides or interprets, because messages about options would print them."""
     for word in words:
         if visible(word) != word:
             say(f"error: {visible(word)}: has characters that a terminal hides or acts on; leave them out")

@@ -1,4 +1,4 @@
-"""Verbs that ask a server of ``clearcap serve`` in place of a store."""
+"""Verbs that use a server of ``clearcap serve`` in place of a store."""
 
 import shlex
 from typing import TYPE_CHECKING, Annotated
@@ -10,7 +10,7 @@ from campaign.environment import SERVER, STORE
 if TYPE_CHECKING:
     from campaign.client.remote_server import RemoteServer
 
-AT_SERVER = {"driver": "service", "pid": None, "log": None}  # who computes a campaign that a server got
+AT_SERVER = {"driver": "service", "pid": None, "log": None}  # the coordinator of a campaign submitted to a server
 ServerUrl = Annotated[
     str | None,
     typer.Option(
@@ -23,19 +23,19 @@ ServerUrl = Annotated[
 
 
 def asked_server(context: typer.Context, server: str | None) -> "RemoteServer | None":
-    """Return the server that a verb is to ask; None if it is to read a store.
+    """Return the server that a verb uses; None if it uses a store.
 
     Parameters
     ----------
     context : typer.Context
-        Of the verb: an option on the command line goes before an environment variable.
+        Context of the verb: an option on the command line takes precedence over an environment variable.
     server : str or None
-        Its option.
+        Value of the option that names the server.
 
     Raises
     ------
     SpecError
-        If both a server and a store are named, or the server cannot be asked.
+        If both a server and a store are named, or the server cannot be used.
     """
     from campaign.errors import SpecError
 
@@ -55,5 +55,5 @@ def asked_server(context: typer.Context, server: str | None) -> "RemoteServer | 
 
 
 def command_at(remote: "RemoteServer", verb: str, *words: str) -> str:
-    """Return a command that asks the same server, to be typed as it stands."""
+    """Return a complete command that uses the same server."""
     return shlex.join(["clearcap", verb, *words, "--server", remote.address])

@@ -43,7 +43,7 @@ def bench(
 
 
 def _print(measured: "list[StepTimes]") -> None:
-    """Print three tables, one mechanism a row."""
+    """Print three tables with one mechanism per row."""
     for title, columns in TABLES.items():
         rows = [[entry.mechanism, *(_text(getattr(entry, c)) for c in columns)] for entry in measured]
         print_table(title, ("mechanism", *columns.values()), rows, texts=1)
@@ -74,5 +74,5 @@ TABLES = {
 
 
 def _text(value: object) -> str:
-    """Return a value for a table, numbers with three digits."""
+    """Return a value for a table; numbers have three digits."""
     return f"{value:.3g}" if isinstance(value, float) else str(value)

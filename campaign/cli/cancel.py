@@ -35,7 +35,7 @@ def cancel(
 
 
 def _what_happens(before: str, command: str) -> str:
-    """Return what becomes of a campaign that was in a state, and how to continue it."""
+    """Describe what happens to a campaign that was in a state, and how to continue it."""
     if before == "completed":
         return "is completed; there is nothing to cancel"
     if before == "running":

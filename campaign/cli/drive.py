@@ -1,4 +1,4 @@
-"""What the verbs that compute a campaign share: plan it, show its progress, write its report, print its results."""
+"""Functions shared by the verbs that compute a campaign: show progress, write the report, print results."""
 
 from collections.abc import Mapping
 from contextlib import nullcontext
@@ -31,14 +31,14 @@ def drive(
 ) -> None:
     """Compute a campaign to its end, write its report, and print the results.
 
-    ``early`` are workers of the cluster that have been started already.
+    ``early`` are workers of the cluster that have already been started.
 
     Raises
     ------
     TooManyFailed
-        If more runs failed than the campaign allows; the report of the others is written.
+        If more runs failed than the campaign allows; the report of the finished rows is written.
     typer.Exit
-        1 if no run succeeded, or fewer than the campaign asks for; 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
+        1 if no run succeeded, or fewer than the campaign requires; 130 on Ctrl-C, 143 on SIGTERM, 129 on SIGHUP.
     """
     from campaign.cli.progress import display
     from campaign.coordinator.coordinate import coordinate
@@ -80,7 +80,7 @@ def _report(store: "Store", plan: "Plan") -> dict[str, str]:
 
 
 def fail_without_enough_ok(store: "Store", plan: "Plan", statuses: Mapping[str, int]) -> None:
-    """Say why and what to do, and end with exit status 1, if too few runs of a campaign are ok."""
+    """If too few runs of a campaign are ok, print the reason and the remedy, and end with exit status 1."""
     from campaign.coordinator.failed_runs import lack_of_ok, what_to_do
 
     lack = lack_of_ok(plan, statuses)
@@ -109,7 +109,7 @@ def _summary(store: "Store", outcome: "Outcome", files: dict[str, str], verdicts
 
 
 def _print_results(store: "Store", outcome: "Outcome", verdicts: Verdicts) -> None:
-    """Print the outcome in a sentence, how the runs ended, and the capability of each response."""
+    """Print the outcome in a sentence, the runs by status, and the capability of each response."""
     import pyarrow as pa
 
     from campaign.inputs.sampling import sampler_named
@@ -149,7 +149,7 @@ def _print_results(store: "Store", outcome: "Outcome", verdicts: Verdicts) -> No
 
 
 def _weighted_ppm(rows: "pa.Table", name: str, lsl: float | None, usl: float | None) -> float:
-    """Return the share of rejects by the weights of importance sampling [ppm]."""
+    """Return the share of rejects, weighted for importance sampling [ppm]."""
     import numpy as np
 
     y, weights = rows[name].to_numpy(), np.exp(rows["log_weight"].to_numpy())

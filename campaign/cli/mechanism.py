@@ -137,7 +137,7 @@ def plain(
     from engine.cad_import.open_questions import questions_of_file
 
     loaded = named_mechanism(mechanism)
-    for question in questions_of_file(mechanism):  # the file that is written has none
+    for question in questions_of_file(mechanism):  # the written file has no questions
         say(f"question: {mechanism}, line {question.line}: {question.text}")
     if output is not None:
         check_output("--output", output, (".toml",))
@@ -152,7 +152,7 @@ def plain(
 
 
 def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:
-    """Print the numbers that can be set, each with value, unit, limits and meaning."""
+    """Print the settable numbers with value, unit, limits and meaning."""
     from campaign.errors import SpecError
     from engine.mechanism.keys.listing import settable_numbers
     from engine.mechanism.keys.unknown import meant_key
@@ -179,7 +179,7 @@ def _print_keys(mechanism: Any, pattern: str, json: bool) -> None:
 
 
 def _draw(mechanism: Any, picture: Path) -> None:
-    """Draw the mechanism at its start, with what its responses measure."""
+    """Draw the mechanism at its start with what its responses measure."""
     from campaign.cli.output_files import PLOTS, check_output, replacing
     from campaign.pictures.measurement_figure import plot_measurements
 
@@ -189,5 +189,5 @@ def _draw(mechanism: Any, picture: Path) -> None:
 
 
 def _counted(count: int, one: str, many: str = "") -> str:
-    """Return a number of things in words."""
+    """Return a count with its noun in singular or plural."""
     return f"{count} {one if count == 1 else many or one + 's'}"

@@ -1,4 +1,4 @@
-"""The mechanism that a command names."""
+"""Load the mechanism named in a command."""
 
 from typing import TYPE_CHECKING
 
@@ -7,12 +7,12 @@ if TYPE_CHECKING:
 
 
 def named_mechanism(name: str) -> "Mechanism":
-    """Load a shipped mechanism or a mechanism file; SpecError if it is the name of a shipped campaign.
+    """Load a shipped mechanism or a mechanism file; SpecError if the name is that of a shipped campaign.
 
     Raises
     ------
     MechanismError
-        When it cannot be found or read, or with one line for each fault of the file.
+        If it cannot be found or read, or, with one line for each fault, if the file has faults.
     """
     from campaign.errors import SpecError
     from campaign.spec.load import campaign_names

@@ -19,7 +19,7 @@ Id = Annotated[str | None, typer.Argument(help="Id of the campaign; not needed i
 
 
 def _warn_of_secret(context: typer.Context, url: str) -> str:
-    """Say, once, that other users of the machine see a password on the command line, and where to put it instead."""
+    """Warn once that other users can see a password on the command line, and say where to put it instead."""
     from campaign.store.files.private_url import PrivateUrl
 
     source = context.get_parameter_source("store")
@@ -110,7 +110,7 @@ def cluster_from(
     tls_key: TlsKey = None,
     insecure: Insecure = False,
 ) -> "Cluster":
-    """Return the cluster that options describe, checked as far as possible without a connection.
+    """Return the cluster that the options describe, after all checks that need no connection.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def cluster_from(
     if missing and len(missing) < len(files):
         raise SpecError(f"{', '.join(missing)}: not given; TLS needs --tls-ca, --tls-cert and --tls-key together")
     tls = None if missing else Tls(*(str(Path(path).absolute()) for path in files.values() if path))
-    where = Cluster(scheduler, cluster, workers, tls, insecure)  # type: ignore[arg-type]  # check_cluster looks
+    where = Cluster(scheduler, cluster, workers, tls, insecure)  # type: ignore[arg-type]  # check_cluster checks it
     check_cluster(where)
     if tls:
         security(tls)
@@ -135,7 +135,7 @@ def cluster_from(
 
 
 def on_cluster(verb: Callable[..., None]) -> Callable[..., None]:
-    """Replace the parameter ``where`` of a verb by the options that describe a cluster."""
+    """Replace a verb's parameter ``where`` by the options that describe a cluster."""
     own, options = inspect.signature(verb).parameters, inspect.signature(cluster_from).parameters
 
     @wraps(verb)

@@ -1,7 +1,8 @@
-r"""Results go to standard output, messages and progress to standard error; no text commands the terminal.
+r"""Print results to standard output, messages and progress to standard error; no text can control the terminal.
 
-Titles, names, messages and paths come from files, stores and options that others may have written. Whatever a terminal
-would obey, and whatever hides or reorders letters, is printed as an escape such as ``\x1b``. Rich finds no markup.
+Titles, names, messages and paths come from files, stores and options that others may have written. Characters that a
+terminal interprets, or that hide or reorder letters, are printed as escapes such as ``\x1b``. Rich does not interpret
+texts as markup.
 """
 
 import json
@@ -22,22 +23,22 @@ if TYPE_CHECKING:
 
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document and nothing else.")]
 
-NARROWEST = 12  # characters of a column of texts on a terminal
-UNLIMITED = 10_000  # characters of a line where there is no terminal
+NARROWEST = 12  # characters; least width of a column of texts on a terminal
+UNLIMITED = 10_000  # characters of a line without a terminal
 
 # Control characters, formats such as the direction of writing, halves of characters, ends of lines and paragraphs.
 INVISIBLE = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 
 
 def visible(text: str, keep: str = "") -> str:
-    """Return a text whose control characters, and others that a terminal obeys or hides, are escapes.
+    """Return a text with escapes in place of control characters and others that a terminal interprets or hides.
 
     Parameters
     ----------
     text : str
         Any text.
     keep : str
-        Characters that stay as they are, such as the line feeds of a text of several lines.
+        Characters to keep, such as the line feeds of a text of several lines.
     """
     if text.isprintable():
         return text
@@ -45,12 +46,12 @@ def visible(text: str, keep: str = "") -> str:
 
 
 def print_text(text: object, *, lines: bool = False) -> None:
-    """Print a line on standard output; with ``lines`` a text of several lines."""
+    """Print a line, or with ``lines`` a text of several lines, on standard output."""
     print(visible(str(text), "\n" if lines else ""))
 
 
 def say(text: str) -> None:
-    """Print a message on standard error; only its first line begins as a message does."""
+    """Print a message on standard error; only its first line has the prefix of messages."""
     print(f"clearcap: {visible(text, chr(10))}".replace("\n", "\n  "), file=sys.stderr)
 
 
@@ -61,17 +62,17 @@ def print_json(document: Any) -> None:
 
 
 def console(*, stderr: bool = False) -> "Console":
-    """Return a console of rich that takes texts as they are."""
+    """Return a rich console that prints texts without interpreting markup."""
     from rich.console import Console
 
     return Console(stderr=stderr, markup=False, emoji=False, highlight=False)
 
 
 def print_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, texts: int | None = None) -> None:
-    """Print a table on standard output; of its columns the first ``texts`` hold texts and the others numbers.
+    """Print a table on standard output; its first ``texts`` columns hold texts and the others numbers.
 
-    On a terminal texts are wrapped to its width; numbers are not, and nothing is cut off. In a file or a pipe, which
-    have no width, no line is wrapped.
+    On a terminal, texts are wrapped to its width, but numbers are not, and nothing is cut off. In a file or a pipe,
+    which have no width, no line is wrapped.
     """
     from rich.box import SIMPLE
     from rich.cells import cell_len
@@ -95,7 +96,7 @@ def print_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]],
         least += width + 2
     for row in shown:
         table.add_row(*row)
-    print_text(title)  # not as the table's own, which is cut into lines of its width
+    print_text(title)  # separately, because a table's own title is wrapped to the table's width
     output.width = max(output.width, least) if output.is_terminal else UNLIMITED
     output.print(table)
 
@@ -106,7 +107,7 @@ def number(value: float | None, digits: int = 5) -> str:
 
 
 def show_logs() -> None:
-    """Send what the campaign logs to standard error, as messages; so too warnings of libraries, and a bug."""
+    """Print the log of `campaign`, warnings of libraries and the traceback of a bug on standard error as messages."""
     logger = logging.getLogger("campaign")
     logger.addHandler(_MessageHandler())
     logger.setLevel(logging.INFO)
@@ -115,7 +116,7 @@ def show_logs() -> None:
 
 
 class _MessageHandler(logging.Handler):
-    """Prints what is logged, above the progress bar if there is one."""
+    """A handler that prints log records as messages, above the progress bar if there is one."""
 
     def emit(self, record: logging.LogRecord) -> None:
         say(record.getMessage())
@@ -131,5 +132,5 @@ def _is_invisible(char: str) -> bool:
 
 
 def _escape(char: str) -> str:
-    """Return a character as Python writes it in ASCII."""
+    """Return a character as a Python escape in ASCII."""
     return char.encode("unicode_escape").decode() if not "\ud800" <= char <= "\udfff" else f"\\u{ord(char):04x}"

@@ -1,4 +1,4 @@
-"""Files a user names on the command line: checked before the work begins, written whole or not at all."""
+"""Files that a user names on the command line, checked before the work begins and written whole or not at all."""
 
 import os
 import secrets
@@ -13,7 +13,7 @@ TRAJECTORIES, PLOTS, ANIMATIONS = (".h5", ".hdf5"), (".png", ".svg", ".pdf"), ("
 
 
 def check_output(option: str, path: Path, endings: tuple[str, ...]) -> None:
-    """Check that a file can be written; none is left.
+    """Check that a file can be written; no file remains.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def check_output(option: str, path: Path, endings: tuple[str, ...]) -> None:
     Raises
     ------
     SpecError
-        If the ending is not allowed, or the folder does not exist or is not the user's.
+        If the ending is not allowed, or if the folder does not exist or the user may not write to it.
     StoreError
         If the disk is full, read-only or out of reach.
     """
@@ -47,7 +47,7 @@ def check_output(option: str, path: Path, endings: tuple[str, ...]) -> None:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield a temporary name beside a file, with its ending; at the end of the block it becomes the file.
+    """Yield a temporary path beside a file, with the same ending; at the end of the block it replaces the file.
 
     Parameters
     ----------
@@ -57,12 +57,12 @@ def replacing(path: Path) -> Iterator[Path]:
     Yields
     ------
     Path
-        Where to write.
+        Path to write to.
 
     Raises
     ------
     StoreError, SpecError
-        If it cannot be written; an earlier file stays as it was.
+        If it cannot be written; an earlier file stays unchanged.
     """
     temporary = path.with_name(f"{path.stem}.{os.getpid()}-{secrets.token_hex(4)}.tmp{path.suffix}")
     try:

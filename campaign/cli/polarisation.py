@@ -1,4 +1,4 @@
-"""``clearcap polarisation``: where journals lie in their bearings, over the first samples of a campaign."""
+"""``clearcap polarisation``: the positions of journals in their bearings over the first samples of a campaign."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""Show the progress of a campaign on standard error: a live view on a terminal, elsewhere a line every ten seconds."""
+"""Show the progress of a campaign on standard error: a live view on a terminal, otherwise a line every ten seconds."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,7 +17,7 @@ from campaign.cli.output import visible
 if TYPE_CHECKING:
     from campaign.coordinator.heartbeat import Heartbeat, Show
 
-LINE_EVERY = 10.0  # s, between two lines where there is no terminal
+LINE_EVERY = 10.0  # s between two lines without a terminal
 IDLE_AFTER = 30.0  # s: a batch takes about ten
 LONGEST = 1e9  # s
 BAR = 40  # characters
@@ -25,7 +25,7 @@ BAR = 40  # characters
 
 @contextmanager
 def display(console: Console) -> Iterator["Show"]:
-    """Yield a function that shows a heartbeat: in the live view on a terminal, in lines elsewhere."""
+    """Yield a function that shows a heartbeat: in the live view on a terminal, otherwise in lines."""
     if not console.is_terminal:
         yield Lines(console)
         return
@@ -34,12 +34,12 @@ def display(console: Console) -> Iterator["Show"]:
 
 
 class Lines:
-    """A line every ten seconds, and one when the state changes.
+    """Print a line every ten seconds, and one when the state changes.
 
     Parameters
     ----------
     console : Console
-        Where to write.
+        The console to print to.
     """
 
     def __init__(self, console: Console) -> None:
@@ -47,7 +47,7 @@ class Lines:
         self._printed_at, self._state = monotonic(), "running"
 
     def __call__(self, heartbeat: "Heartbeat") -> None:
-        """Print a line, if it is time to."""
+        """Print a line if one is due."""
         now = monotonic()
         if now - self._printed_at < LINE_EVERY and heartbeat.state == self._state:
             return
@@ -83,7 +83,7 @@ def view(heartbeat: "Heartbeat") -> RenderableType:
 
 
 def eta(seconds: float | None) -> str:
-    """Return a time to go as h:mm:ss; a dash for one that is unknown or longer than anybody waits."""
+    """Return the remaining time as h:mm:ss; a dash if it is unknown or longer than `LONGEST`."""
     return str(timedelta(seconds=round(seconds))) if seconds is not None and seconds < LONGEST else "-"
 
 

@@ -46,7 +46,7 @@ def replay(
 
 
 def _print(plan: "Plan", row: dict[str, Any], same: bool | None, what: str) -> None:
-    """Print the row or the repeat, and whether it equals that of the store."""
+    """Print the row or the repeat, and whether it equals the stored one."""
     print_text(f"sample {row['sample']}: {row['status']}{': ' if row['message'] else ''}{row['message']}")
     units = plan.mechanism.response_units()
     for name in plan.spec.variables:

@@ -61,7 +61,7 @@ def rerun(
 
 
 def _print(result: "RerunResult") -> None:
-    """Print how many rows were computed again, and how they ended."""
+    """Print the number of rows computed again, and their statuses."""
     counts = ", ".join(f"{count} {status}" for status, count in result.after.items()) or "none"
     if result.repeats:
         counts += f"; {sum(result.repeats.values())} repeats with half the step: "

@@ -1,4 +1,4 @@
-"""``clearcap run``: compute a campaign to its end, here."""
+"""``clearcap run``: compute a campaign to its end in this process."""
 
 from typing import TYPE_CHECKING
 

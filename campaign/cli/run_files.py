@@ -1,4 +1,4 @@
-"""Files that the verbs `simulate` and `replay` write of one run: its trajectory, and pictures of it."""
+"""Files that the verbs `simulate` and `replay` write for one run: its trajectory, and pictures of it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,16 +11,16 @@ from campaign.cli.output import say
 
 @dataclass(frozen=True)
 class RunFiles:
-    """What a user asks to be written of one run.
+    """The files that a user requests for one run.
 
     Attributes
     ----------
     trajectory : Path or None
-        HDF5 file of the motion.
+        HDF5 file with the motion.
     plot : Path or None
-        Curves over time; on a test bench its hysteresis.
+        Figure of the curves over time, or of the hysteresis on a test bench.
     animation : Path or None
-        The mechanism in motion.
+        Animation of the mechanism.
     """
 
     trajectory: Path | None
@@ -32,12 +32,12 @@ class RunFiles:
         return {kind: str(path) for kind, path in vars(self).items() if path}
 
     def check(self) -> None:
-        """Refuse files that cannot be written, before the work begins.
+        """Check, before the work begins, that the files can be written.
 
         Raises
         ------
         SpecError
-            See `check_output`; also if writing an animation takes ffmpeg and there is none.
+            See `check_output`; also if writing an animation needs ffmpeg, which is not installed.
         """
         from campaign.cli.output_files import ANIMATIONS, PLOTS, TRAJECTORIES, check_output
         from campaign.errors import SpecError
@@ -59,7 +59,7 @@ class RunFiles:
 
     @contextmanager
     def recording(self) -> Iterator[Path | None]:
-        """Yield where the run is to write its trajectory, if anywhere; at the end of the block draw the pictures."""
+        """Yield the path for the run's trajectory, or None; draw the pictures at the end of the block."""
         pictures = self.plot or self.animation
         with TemporaryDirectory(prefix="clearcap-") as folder:
             trajectory = self.trajectory or (Path(folder) / "motion.h5" if pictures else None)

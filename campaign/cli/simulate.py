@@ -64,7 +64,7 @@ def simulate(
     _check_every(every, files)
     if missing := missing_kernels():
         with announced_compilation(missing):
-            warm_up()  # all at once: what this run does not need takes a second now, and ten in a process of its own
+            warm_up()  # everything at once: kernels not needed now take one second here, but ten in a later process
     with files.recording() as motion:
         run = simulate_once(
             loaded,
@@ -85,7 +85,7 @@ def simulate(
 
 
 def _with_longest_step(run: "Run", mechanism: "Mechanism", step: float, horizon: float | None) -> "Run":
-    """Return the run with a message that also names the longest step that comes to rest, if the step is to blame."""
+    """Return the run; if its step is to blame, its message also names the longest step that comes to rest."""
     from engine.preflight.step_trial import step_caution
 
     caution = step_caution(mechanism, step, horizon)
@@ -95,7 +95,7 @@ def _with_longest_step(run: "Run", mechanism: "Mechanism", step: float, horizon:
 
 
 def _check_every(every: int | None, files: RunFiles) -> None:
-    """Refuse ``--every`` where no motion is recorded."""
+    """Raise SpecError if ``--every`` is given but no motion is recorded."""
     from campaign.errors import SpecError
 
     if every and not files.named():
@@ -105,7 +105,7 @@ def _check_every(every: int | None, files: RunFiles) -> None:
 
 
 def _print(run: "Run", files: dict[str, str], json: bool) -> None:
-    """Print the results of the run and the files that were written."""
+    """Print the results of the run and the written files."""
     if json:
         results = {"status": run.status, "message": run.message, "responses": run.measured, "units": run.units}
         print_json({**results, "ranges": run.ranges, "certificate": asdict(run.certificate), "files": files})

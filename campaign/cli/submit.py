@@ -1,4 +1,4 @@
-"""``clearcap submit``: have a coordinator compute a campaign."""
+"""``clearcap submit``: hand a campaign to a coordinator."""
 
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -66,7 +66,7 @@ def submit(
 
 
 def _print(document: dict[str, Any], as_json: bool) -> None:
-    """Print the id, or all of it."""
+    """Print the id, or the whole document as JSON."""
     if as_json:
         print_json(document)
     else:

@@ -1,4 +1,4 @@
-"""End in order on SIGTERM and on the hangup of a terminal: lease, workers and temporary files are given back."""
+"""End cleanly on SIGTERM and on the hangup of a terminal, releasing lease, workers and temporary files."""
 
 import os
 import signal
@@ -12,16 +12,16 @@ from types import FrameType
 from campaign.interrupts import send_again
 
 ENDING = (signal.SIGTERM, signal.SIGHUP)
-LOOK_EVERY = 0.5  # s, at whether the parent is still there
+LOOK_EVERY = 0.5  # s between checks whether the parent still exists
 
 
 @contextmanager
 def terminated_in_order() -> Iterator[None]:
-    """Raise SystemExit with status 128 + N where the block is, when signal N asks this process to end.
+    """Raise SystemExit with status 128 + N in the block when signal N asks this process to end.
 
-    A signal that is ignored stays ignored, as ``nohup`` wants it. Further signals do not disturb the end. Compiled code
-    that calls Python may swallow the exception, then it is raised again; or turn it into an error of its own, which
-    ends the block with the status of the signal all the same.
+    An ignored signal stays ignored, as ``nohup`` requires. Further signals do not disturb the exit. Compiled code that
+    calls Python may swallow the exception, which is then raised again, or turn it into an error of its own, in which
+    case the block still ends with the status of the signal.
     """
     before = {number: signal.getsignal(number) for number in ENDING}
     handled = [number for number, handler in before.items() if handler == signal.SIG_DFL]
@@ -56,12 +56,12 @@ def terminated_in_order() -> Iterator[None]:
 
 
 def terminate_with_parent(parent: int) -> None:
-    """Send SIGTERM to this process when the one that started it has ended, however that ended.
+    """Send SIGTERM to this process once the process that started it has ended for any reason.
 
     Parameters
     ----------
     parent : int
-        Number of that process: it may have ended before this is called.
+        Process id of the parent, which may have ended before this is called.
     """
 
     def watch() -> None:

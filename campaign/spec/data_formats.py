@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 MOST_ROWS = 1_000_000
 MOST_COLUMNS = 1000
 LONGEST_HEADER = 100_000  # bytes of a CSV file's first line
-LARGEST_COLUMN = 64_000_000  # bytes, decoded: many times the eight bytes per row of the most rows, for any encoding
+LARGEST_COLUMN = 64_000_000  # bytes, decoded: eight times what the most rows take, to allow for any encoding
 LARGEST_DECODED = 1 << 30  # bytes that decoding may take
 BATCH = 65_536  # rows decoded at a time
 

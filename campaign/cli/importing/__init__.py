@@ -1,1 +1,1 @@
-"""``clearcap mechanism import``: a STEP file, and its next revision."""
+"""``clearcap mechanism import``: mechanism files from a STEP file and from its next revision."""

@@ -1,4 +1,4 @@
-"""What a STEP file holds, for `clearcap mechanism import`, and its pictures."""
+"""The geometry found in a STEP file, for `clearcap mechanism import`, and its pictures."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,7 +8,7 @@ if TYPE_CHECKING:
 
 
 def found_in_step(step_file: str, recognition: float, *, accept_damage: bool) -> "FoundGeometry":
-    """Read a STEP file and find its joints; SpecError if no mechanism can be made of it, or if it is damaged."""
+    """Read a STEP file and find its joints; SpecError if it yields no mechanism, or if it is damaged."""
     from campaign.errors import SpecError
     from engine.cad import read_step
     from engine.cad_import.found_geometry import find_geometry
@@ -31,7 +31,7 @@ def picture_files(mechanism: Path) -> list[Path]:
 
 
 def draw_found(found: "FoundGeometry", text: str, step_file: str, mechanism: Path) -> None:
-    """Write the pictures of what was found, with the questions of a mechanism file."""
+    """Write the pictures of the found geometry, with the questions of a mechanism file."""
     from campaign.cli.output_files import replacing
     from campaign.import_page.import_page import ImportFiles, import_page
     from campaign.pictures.sketches.found_sketch import sketch_found

@@ -92,7 +92,7 @@ def import_step(
 
 
 def _refuse_existing(path: Path, why: str) -> None:
-    """Refuse to write over a file."""
+    """Raise SpecError if a file exists, instead of overwriting it."""
     from campaign.errors import SpecError
 
     if path.exists():
@@ -100,13 +100,13 @@ def _refuse_existing(path: Path, why: str) -> None:
 
 
 def _name(stem: str) -> str:
-    """Return a name of a mechanism for a file."""
+    """Return the name of the mechanism for a file."""
     name = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "-" for c in stem).strip("-_")
     return name if name[:1].isalpha() else f"mechanism-{name}".rstrip("-")
 
 
 def _document(found: "FoundGeometry") -> dict[str, Any]:
-    """Return what was found as plain data; lengths in mm."""
+    """Return the found geometry as plain data; lengths in mm."""
     face = {f.number: f for f in found.assembly.faces}
     return {
         "parts": [
@@ -164,7 +164,7 @@ def _document(found: "FoundGeometry") -> dict[str, Any]:
 
 
 def _print(found: "FoundGeometry") -> None:
-    """Print what was found."""
+    """Print the found geometry."""
     from engine.cad_import.found_places import found_places, part_text
 
     for part in found.assembly.parts:

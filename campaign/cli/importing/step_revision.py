@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 def bring_to_revision(
     path: Path, step_file: str, recognition: float | None, *, accept_damage: bool, pictures: bool, json: bool
 ) -> None:
-    """Bring a mechanism file, and the campaign file of its limits, to a new STEP file, and print what changed.
+    """Update a mechanism file, and the campaign file of its limits, to a new STEP file, and print the changes.
 
     Parameters
     ----------
@@ -24,13 +24,14 @@ def bring_to_revision(
     step_file : str
         The new revision.
     recognition : float or None
-        [mm]; None takes that of the mechanism file.
+        Largest distance of a spline from the plane or cylinder it is recognized as [mm]; None for the value in the
+        mechanism file.
     accept_damage : bool
-        Whether what can be read of a damaged file is taken.
+        Whether to use the readable part of a damaged file.
     pictures : bool
-        Whether both pictures are drawn anew.
+        Whether to draw both pictures anew.
     json : bool
-        Whether what changed is printed as data.
+        Whether to print the changes as JSON.
     """
     from campaign.cli.importing.found_in_step import draw_found, found_in_step, picture_files
     from campaign.cli.output_files import check_output, replacing
@@ -92,7 +93,7 @@ def bring_to_revision(
 def _campaign(
     mechanism: Path, before: "FoundGeometry", found: "FoundGeometry"
 ) -> dict[Path, tuple[str, "UpdatedProposal"]]:
-    """Return the campaign file of the limits, as it is and as it will be; none where neither revision has limits."""
+    """Return the campaign file of the limits with its old and its new text; empty if neither revision has limits."""
     from campaign.spec.proposed_campaign import proposed_campaign
     from engine.cad_import.proposed_joints import all_diameters
     from engine.cad_import.updated_proposal import UpdatedProposal, updated_proposal
@@ -114,5 +115,5 @@ def campaign_file(mechanism: Path) -> Path:
 
 
 def _changes(path: Path, text: str, updated: "UpdatedProposal") -> list[str]:
-    """Return what changes in a file, as a diff."""
+    """Return the changes of a file as a diff."""
     return list(unified_diff(text.splitlines(), updated.text.splitlines(), str(path), str(path), lineterm="", n=1))

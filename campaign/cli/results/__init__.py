@@ -1,1 +1,1 @@
-"""Verbs that read what a store holds and simulate nothing: one a module."""
+"""Verbs that read a store and simulate nothing, one per module."""

@@ -1,4 +1,4 @@
-"""``clearcap advise``: how far tolerances may grow, answered by the samples of a campaign without new runs."""
+"""``clearcap advise``: advice on tolerances from the samples of a campaign, without new runs."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -59,7 +59,7 @@ def advise(
 
 
 def _is_answered(advised: "ToleranceAdvice") -> bool:
-    """Return whether every question has an answer; say which variables have none."""
+    """Return whether every variable has an answer; print which variables have none."""
     if not advised.shortfalls and not advised.growth:
         return False
     asked = [(f"what lifts {s.response}", (*s.alone, s.together)) for s in advised.shortfalls]
@@ -74,7 +74,7 @@ def _is_answered(advised: "ToleranceAdvice") -> bool:
 
 
 def _print_advice(advised: "ToleranceAdvice") -> None:
-    """Print what must shrink for each response below Cpk 1.33, then how far each variable may grow with the others."""
+    """Print what must shrink for each response below Cpk 1.33, then how far each variable may grow for the others."""
     heads = ("variable", "factor", "95 % interval", "limited by", "Cpk then", "write, or try in whatif --set", "method")
     for short in advised.shortfalls:
         title = (
@@ -110,13 +110,13 @@ def _row(advice: "Advice") -> tuple[str, ...]:
 
 
 def _end_of(advice: "Advice") -> str:
-    """Return why an advice ends without a response that limits it."""
+    """Return why an advice ends if no response limits it."""
     words = {"samples": "the samples, which reach no farther", "search": "nothing that was tried so far"}
     return advice.limit or words[advice.ended_by]
 
 
 def _print_allocation(proposal: "Allocation") -> None:
-    """Print the proposal: sigmas, cost, Cpk of each response, and the campaign that confirms it."""
+    """Print the proposal: sigmas, cost, Cpk of each response, and the campaign to confirm it."""
     if proposal.refusal:
         return
     heads: tuple[str, ...] = ("variable", "sigma", "factor on the present sigma")

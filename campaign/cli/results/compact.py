@@ -1,4 +1,4 @@
-"""``clearcap compact``: the parts of a campaign in few files."""
+"""``clearcap compact``: merge the parts of a campaign into few files."""
 
 from campaign.cli.options import Id, StoreUrl
 from campaign.cli.output import Json, print_json, print_text, say

@@ -49,7 +49,7 @@ def delete(
 
 
 def _rows(store: "Store", campaign_id: str) -> Any:
-    """Return how many rows would be lost; None if the campaign cannot be read."""
+    """Return the number of rows that would be lost; None if the campaign cannot be read."""
     from campaign.coordinator.progress.progress_report import progress
     from campaign.errors import CampaignError
 

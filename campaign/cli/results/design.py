@@ -61,7 +61,7 @@ def _plain(aimed: "AimedCampaign") -> dict[str, object]:
 
 
 def _print(aimed: "AimedCampaign") -> None:
-    """Print what is expected beyond each limit, and where the components draw."""
+    """Print the expected rejects beyond each limit, and where the components draw."""
     rows = [(t.name, f"{t.ppm:.3g}", t.by, "yes" if t.centres else "no need") for t in aimed.targets]
     print_table("rejects expected beyond each limit", ("limit", "ppm, roughly", "by", "aimed at"), rows, texts=1)
     rows = [

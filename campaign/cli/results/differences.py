@@ -1,4 +1,4 @@
-"""What differs between campaigns of one title, from their plans."""
+"""Differences between campaigns with the same title, from their plans."""
 
 import json
 from collections import defaultdict
@@ -13,14 +13,14 @@ LONGEST = 40  # characters of a value in the list
 
 
 def add_differences(store: "Store", entries: list[dict[str, Any]]) -> None:
-    """Add to campaigns of one title, as ``differs``, the keys in which their plans differ, each with its value.
+    """Add to campaigns with the same title, as ``differs``, the keys in which their plans differ, with their values.
 
     Parameters
     ----------
     store : Store
-        Where the campaigns are.
+        The store that holds the campaigns.
     entries : list of dict
-        ``campaign`` and ``title`` of each campaign; a title None is that of a campaign that cannot be read.
+        ``campaign`` and ``title`` of each campaign; the title is None if the campaign cannot be read.
     """
     by_title = defaultdict(list)
     for entry in entries:
@@ -39,7 +39,7 @@ def in_words(differs: Mapping[str, Any]) -> str:
 
 
 def _compare(store: "Store", alike: list[dict[str, Any]]) -> None:
-    """Add what differs between these campaigns to each of them."""
+    """Add the differences between these campaigns to each of them."""
     plans = [_keys(store, entry["campaign"]) for entry in alike]
     names = dict.fromkeys(name for plan in plans for name in plan)
     differing = [name for name in names if any(plan.get(name) != plans[0].get(name) for plan in plans)]
@@ -48,7 +48,7 @@ def _compare(store: "Store", alike: list[dict[str, Any]]) -> None:
 
 
 def _keys(store: "Store", campaign_id: str) -> dict[str, Any]:
-    """Return the keys of a campaign's spec by their dotted paths, and what its mechanism and clearcap were."""
+    """Return the values of a campaign's spec by dotted key, with those that identify its mechanism and build."""
     from campaign.plan_header import parse_plan
     from campaign.store.layout import PLAN
 
@@ -67,6 +67,6 @@ def _flat(table: Mapping[str, Any], above: str = "") -> dict[str, Any]:
 
 
 def _shortened(value: Any) -> str:
-    """Return a value as JSON, cut off where it is long; a dash where the plan has none."""
+    """Return a value as JSON, shortened if it is long; a dash if the plan has none."""
     text = "-" if value is None else json.dumps(value, ensure_ascii=False)
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."

@@ -66,13 +66,13 @@ def list_campaigns(
 
 
 def _say_hidden(count: int) -> None:
-    """Say how many campaigns are left out."""
+    """Print how many campaigns are left out."""
     if count:
         say(f"{count} archived campaign{'s are' if count > 1 else ' is'} left out; show all with --archived")
 
 
 def _show(entries: list[dict[str, Any]], without: str) -> None:
-    """Print the list; without campaigns say so."""
+    """Print the list, or a message that there are no campaigns."""
     if not entries:
         say(without)
         return
@@ -86,12 +86,12 @@ def _show(entries: list[dict[str, Any]], without: str) -> None:
 
 
 def _question(owner: str | None, tags: list[str]) -> dict[str, Any]:
-    """Return what a server is asked for."""
+    """Return the parameters of the request to a server."""
     return {"tag": tags} | ({} if owner is None else {"owner": owner})
 
 
 def _entry_of_server(listed: dict[str, Any]) -> dict[str, Any]:
-    """Return what the list says of a campaign of a server; what differs from others of its title is not known here."""
+    """Return the entry of a server's campaign in the list; differences from others of its title are not known here."""
     since = listed["since"]
     date = None if since is None else datetime.fromisoformat(since).astimezone().isoformat(timespec="seconds")
     same = ("campaign", "state", "done", "failed", "left", "owner", "tags", "title", "samples")
@@ -107,14 +107,14 @@ def _cell(entry: dict[str, Any], column: str) -> str:
         return "-"
     if column == "tags":
         return visible(", ".join(value))
-    if column == "when":  # the time here, without its offset
+    if column == "when":  # local time, without its offset
         return str(value)[:16].replace("T", " ")
     differences = in_words(entry["differs"]) if column == "title" else ""
     return visible(f"{value} ({differences})" if differences else str(value))
 
 
 def _labels(store: "Store", campaign_id: str) -> tuple["Labels", str | None]:
-    """Return the labels of a campaign; if they cannot be read none, and what is wrong with them."""
+    """Return the labels of a campaign and None; if they cannot be read, empty labels and what is wrong."""
     from campaign.errors import StoreError
     from campaign.store.label_versions import read_labels
     from campaign.store.labels import Labels
@@ -126,7 +126,7 @@ def _labels(store: "Store", campaign_id: str) -> tuple["Labels", str | None]:
 
 
 def _entry(store: "Store", campaign_id: str, labels: "Labels", fault: str | None) -> dict[str, Any]:
-    """Return what the list says of a campaign; of a broken one, what is wrong with it."""
+    """Return the entry of a campaign in the list; for a broken campaign, with what is wrong."""
     from campaign.coordinator.progress.progress_report import progress
     from campaign.errors import CampaignError
 

@@ -1,4 +1,4 @@
-"""``clearcap report``: write the report of a campaign from the rows it has."""
+"""``clearcap report``: write the report of a campaign from its rows so far."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -71,7 +71,7 @@ def report(
 
 
 def _by_kind(fetched: dict[str, Path]) -> dict[str, str]:
-    """Return the files of a report by their kinds, as the verb calls them; others by their names."""
+    """Return the files of a report by the verb's names of their kinds; other files by their own names."""
     from reporting.write import NAMES
 
     kinds = {name: kind for kind, name in NAMES.items()}
@@ -79,7 +79,7 @@ def _by_kind(fetched: dict[str, Path]) -> dict[str, str]:
 
 
 def _print(document: dict[str, str | None], files: Mapping[str, str], as_json: bool) -> None:
-    """Print where the files of a report are."""
+    """Print the paths of a report's files."""
     if as_json:
         print_json({**document, "report": files})
         return

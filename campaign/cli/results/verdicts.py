@@ -1,4 +1,4 @@
-"""The outcome of a campaign and the verdict on each response, as the terminal prints them."""
+"""The outcome of a campaign and the verdict on each response, for the terminal."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,14 +11,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Verdicts:
-    """What a report concludes.
+    """The conclusions of a report.
 
     Attributes
     ----------
     headline : str
-        The outcome in a sentence or two; empty where no report was written and enough runs are ok.
+        The outcome in a sentence or two; empty if no report was written and enough runs are ok.
     words : dict of str to str
-        Verdict by response, such as "capable" or "capable, not certain"; empty where it is not known.
+        Verdict by response, such as "capable" or "capable, not certain"; empty if it is not known.
     """
 
     headline: str = ""
@@ -26,7 +26,7 @@ class Verdicts:
 
 
 def reported_verdicts(store: "Store", plan: "Plan") -> Verdicts:
-    """Return the verdicts of the report that was just written."""
+    """Return the verdicts of the report just written."""
     from campaign.store.files.files import LARGEST
     from campaign.store.layout import REPORT
     from reporting.write import NAMES
@@ -40,7 +40,7 @@ def reported_verdicts(store: "Store", plan: "Plan") -> Verdicts:
 
 
 def verdicts_without_report(plan: "Plan", statuses: Mapping[str, int]) -> Verdicts:
-    """Return what is known without a report: that there is no verdict, if too few runs are ok."""
+    """Return the verdicts known without a report: no verdict on any response if too few runs are ok."""
     from campaign.coordinator.failed_runs import lack_of_ok
 
     lack = lack_of_ok(plan, statuses)

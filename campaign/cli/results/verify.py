@@ -1,4 +1,4 @@
-"""``clearcap verify``: whether an exported campaign is what was signed, without the server."""
+"""``clearcap verify``: check without the server whether an exported campaign is what was signed."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated

@@ -39,7 +39,7 @@ def watch(
 
 
 def _follow(heartbeats: "Iterable[Heartbeat]", campaign_id: str, command: str) -> "Heartbeat | None":
-    """Show heartbeats as they come; return the last one."""
+    """Show heartbeats as they arrive; return the last one."""
     from campaign.cli.progress import display
 
     heartbeat = None
@@ -54,7 +54,7 @@ def _follow(heartbeats: "Iterable[Heartbeat]", campaign_id: str, command: str) -
 
 
 def _heartbeats_of(remote: "RemoteServer", campaign_id: str) -> "Iterator[Heartbeat]":
-    """Yield what the events of a server say as heartbeats; before a coordinator wrote one, the rows are counted."""
+    """Yield the events of a server as heartbeats; before a coordinator has written one, count the rows."""
     from campaign.coordinator.heartbeat import Heartbeat
 
     counts = ("samples", "done", "ok", "failed", "left", "statuses", "repeats", "repeated")

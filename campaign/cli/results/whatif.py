@@ -1,4 +1,4 @@
-"""``clearcap whatif``: other distributions, answered by the samples of a campaign without new runs."""
+"""``clearcap whatif``: predict responses under other distributions from a campaign's samples, without new runs."""
 
 import math
 from typing import TYPE_CHECKING, Annotated
@@ -60,7 +60,7 @@ def whatif(campaign: Id = None, settings: Settings = [], store: StoreUrl = "runs
 
 
 def _failures(answers: "dict[str, WhatIf]") -> list[str]:
-    """Return how many runs would have no value, once for all responses of which that is the same."""
+    """Return how many runs would have no value, in one line for all responses with the same share."""
     by_words: dict[str, list[str]] = {}
     for name, answer in answers.items():
         if answer.missing is not None and answer.dropped:
@@ -71,7 +71,7 @@ def _failures(answers: "dict[str, WhatIf]") -> list[str]:
 
 
 def _print(answers: "dict[str, WhatIf]", units: dict[str, str]) -> None:
-    """Print one row a response."""
+    """Print a table with one row per response."""
     rows = []
     for name, answer in answers.items():
         label = name if units[name] == "1" else f"{name} [{units[name]}]"
@@ -90,14 +90,14 @@ def _cell(estimate: "Estimate | None") -> str:
         return number(estimate.value)
     if not math.isfinite(high - low):
         return f"{number(estimate.value)} (no interval)"
-    # as many digits as tell the ends of the interval from each other
+    # enough digits to distinguish the ends of the interval
     digits = 2 + math.floor(math.log10(max(abs(low), abs(high))) - math.log10(high - low))
     places = min(max(digits + 1, 5), 17)
     return f"{number(estimate.value, places)} ({number(low, places)} to {number(high, places)})"
 
 
 def _ppm(answer: "WhatIf") -> str:
-    """Return the share out of limits; only its bound where it is below one of the samples that they are worth."""
+    """Return the share out of limits; only its bound if it is below one of the effective number of samples."""
     from reporting.format_numbers import ppm
 
     if answer.refusal or answer.ppm is None:

@@ -1,1 +1,1 @@
-"""The verbs that serve other processes: a coordinator, a web server, and the certificates of a cluster."""
+"""Verbs that serve other processes: a coordinator, a web server, and the certificates of a cluster."""

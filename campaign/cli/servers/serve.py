@@ -1,4 +1,4 @@
-"""``clearcap serve``: the page and the API over a store."""
+"""``clearcap serve``: serve pages and the API over a store."""
 
 import hashlib
 import os
@@ -90,7 +90,7 @@ def serve(
     https = (https_cert, https_key) if https_cert and https_key else None
     files = open_store(store, QUICK).files
     if not no_drive and login_link is None:
-        with suppress(StoreError):  # a disk or a server that is out of reach may come back: the coordinator waits
+        with suppress(StoreError):  # an unreachable disk or server may come back: the coordinator waits
             files.check_writable()
     options = None if no_drive else tuple(where.options())
     limits, oidc, webhook_hosts = read_configuration(config)
@@ -129,6 +129,6 @@ def serve(
 
 
 def _data_folder(url: str) -> Path:
-    """Return the folder of a server that was given none: another one for each store."""
+    """Return the default data folder of a server, which differs for each store."""
     base = Path(os.environ.get("XDG_DATA_HOME") or Path("~/.local/share").expanduser())
     return base / "clearcap" / f"server-{hashlib.sha256(url.encode()).hexdigest()[:12]}"

@@ -27,7 +27,7 @@ from engine.arrays import Array
 from engine.mechanism.base import TableModel
 
 LEAST_NOMINAL = 0.05  # share of samples drawn from the distributions themselves; it limits weights to 20
-LARGEST_SHIFT = 8.0  # standard scores; little beyond, the uniform number rounds to 1 in double precision
+LARGEST_SHIFT = 8.0  # standard scores; a little above it, Phi rounds to 1 in double precision
 MOST_COMPONENTS = 100
 AIM = 0.75  # of the way to a centre; a component draws many samples beyond this
 
