@@ -51,7 +51,8 @@ def run_campaign(
     workers : int, optional
         Number of worker processes on this machine; by default one per core.
     cluster : Cluster, optional
-        Where to compute instead of on this machine. A cluster sets the number of its workers itself.
+        Where to compute; by default on this machine. It has its own number of workers, so ``workers`` must not be
+        given.
     progress : bool
         Write a progress line to `sys.stderr` every ten seconds.
 

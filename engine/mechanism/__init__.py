@@ -1,4 +1,4 @@
-"""The description of a mechanism: a TOML file, checked, and the mechanisms shipped with clearcap."""
+"""The description of a mechanism, read from a TOML file and checked, and the mechanisms shipped with clearcap."""
 
 from engine.mechanism.keys.schema import mechanism_schema
 from engine.mechanism.keys.values import full_key, get_value, set_values, settable_keys, unit_of

@@ -1,4 +1,4 @@
-"""What the tables of the file formats are made of: the base of their models, numbers, vectors and names."""
+"""Building blocks of the tables in the file formats: the base class of their models, numbers, vectors and names."""
 
 import math
 import sys
@@ -25,16 +25,16 @@ from engine.mechanism.keys.components import Axes, holds_numbers, written
 from engine.mechanism.parameters.expression import ExpressionFault, evaluate, parse
 from engine.mechanism.quantities import Quantity
 
-LARGEST_NUMBER = 1e100  # in a file: squares and products of such numbers are finite
-SMALLEST_NUMBER = 1e-100  # of those that are divided by
-PERPENDICULAR = 1e-5  # largest cosine of two directions that are meant to be perpendicular
+LARGEST_NUMBER = 1e100  # in a file, so that squares and products of such numbers are finite
+SMALLEST_NUMBER = 1e-100  # of numbers used as divisors
+PERPENDICULAR = 1e-5  # largest cosine of the angle between two directions that should be perpendicular
 
 
 class TableModel(BaseModel):
-    """Base of every table of a file that a user writes: it is immutable, and an unknown key is an error.
+    """Base class of every table in a file that a user writes: immutable, and an unknown key is an error.
 
-    Where a file offers a choice of tables, the key ``kind_key`` says which one is meant. No number of it is larger than
-    `LARGEST_NUMBER` in size; none but 0 is smaller than ``smallest``.
+    Where a file offers a choice of tables, the value of the key ``kind_key`` selects one. The magnitude of each number
+    is at most `LARGEST_NUMBER`, and at least ``smallest`` unless it is 0.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid")
@@ -45,7 +45,7 @@ class TableModel(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _expressions_become_numbers(cls, data: Any, info: ValidationInfo) -> Any:
-        """Put numbers in the place of expressions, in the keys that hold numbers, where a file may have parameters."""
+        """Replace expressions by their values in the keys that hold numbers, if the file may have parameters."""
         if info.context is None or not isinstance(data, Mapping):
             return data
         numbers: dict[str, Any] = {}
@@ -62,26 +62,26 @@ class TableModel(BaseModel):
     @model_validator(mode="after")
     def _numbers_have_a_real_size(self) -> Self:
         smallest = self.smallest
-        for name, value in self.__dict__.items():  # as quickly as Python can: this runs for every sample
+        for name, value in self.__dict__.items():  # written for speed: this runs for every sample
             for number in _numbers(value) if isinstance(value, tuple | dict) else (value,):
                 if isinstance(number, float) and number and not smallest <= abs(number) <= LARGEST_NUMBER:
                     raise refuse(_no_real_size(smallest), key=_keys(type(self))[name], value=number)
         return self
 
     def entries(self) -> dict[str, Any]:
-        """Return the table by the keys of the file (``from``, not ``from_``); its sub-tables remain models."""
+        """Return the table by the keys used in the file (``from``, not ``from_``); its sub-tables remain models."""
         return {key: getattr(self, name) for name, key in _keys(type(self)).items()}
 
 
 def refuse(text: str, *, key: str = "", value: Any = None) -> PydanticCustomError:
-    """Return the error with which a validator refuses a value.
+    """Return the error that a validator raises to refuse a value.
 
     Parameters
     ----------
     text : str
         What is wrong; what is allowed; what to do.
     key : str
-        The key at fault inside the table, dotted; empty when the validated value itself is.
+        The key at fault inside the table, dotted; empty if the validated value itself is at fault.
     value
         The value at ``key``.
 
@@ -95,33 +95,33 @@ def refuse(text: str, *, key: str = "", value: Any = None) -> PydanticCustomErro
 
 @cache
 def _keys(model: type[BaseModel]) -> dict[str, str]:
-    """Return the key in the file of each field of a table, by its name."""
+    """Return the key in the file for the name of each field of a table."""
     return {name: field.alias or name for name, field in model.model_fields.items()}
 
 
 @cache
 def _number_keys(model: type[BaseModel]) -> frozenset[str]:
-    """Return the keys of a table that hold a number, or lists of numbers."""
+    """Return the keys of a table that hold a number or lists of numbers."""
     fields = model.model_fields.items()
     return frozenset(field.alias or name for name, field in fields if holds_numbers(field.annotation))
 
 
 def with_numbers(value: Any, parameters: Mapping[str, float], key: str = "") -> Any:
-    """Return a value of a file with a number in the place of each expression.
+    """Return a value from a file with each expression replaced by its number.
 
     Parameters
     ----------
     value
-        A number, an expression, or lists of them; anything else, and a number in quotes, stays as it is.
+        A number, an expression, or lists of them; anything else is returned unchanged, as is a number in quotes.
     parameters : mapping
-        The number of each parameter.
+        Parameter name -> number.
     key : str
-        Where in the lists the value stands, dotted.
+        Position of the value within the enclosing lists, dotted.
 
     Raises
     ------
     PydanticCustomError
-        If an expression has no value.
+        If an expression has no finite value.
     """
     if isinstance(value, list | tuple):
         return [with_numbers(item, parameters, f"{key}.{i}" if key else str(i)) for i, item in enumerate(value)]
@@ -134,7 +134,7 @@ def with_numbers(value: Any, parameters: Mapping[str, float], key: str = "") -> 
 
 
 def is_quoted_number(text: str) -> bool:
-    """Return whether a text is nothing but a number, which belongs into the file without quotes."""
+    """Return whether a text is a plain number, which should be written in the file without quotes."""
     try:
         float(text)
     except ValueError:
@@ -143,7 +143,7 @@ def is_quoted_number(text: str) -> bool:
 
 
 def _numbers(value: Any) -> Iterator[float]:
-    """Yield the floats of a table's entry; a table below checks its own."""
+    """Yield the floats in an entry of a table; a nested table checks its own."""
     items = value.values() if isinstance(value, dict) else value if isinstance(value, tuple) else (value,)
     for item in items:
         if isinstance(item, float):
@@ -153,25 +153,25 @@ def _numbers(value: Any) -> Iterator[float]:
 
 
 def _no_real_size(smallest: float) -> str:
-    """Return the message about a number that nothing real has."""
+    """Return the message about a number too large or too small to describe anything real."""
     sizes = f"0, and sizes from {smallest:g} to" if smallest else "sizes up to"
     return f"no size of a real quantity; allowed: {sizes} {LARGEST_NUMBER:g}; correct it"
 
 
 def one_of(**keys: str) -> Discriminator:
-    """Return the choice between tables each of which has a key that the others lack.
+    """Return the discriminator for a choice of tables, each of which has a key that the others lack.
 
-    Each table of the choice has this key as its tag, and as its class variable ``distinguishing_key``.
+    Each table in the choice has this key as its tag and as its class variable ``distinguishing_key``.
 
     Parameters
     ----------
     **keys : str
-        The meaning of each key, for the error when none or several of them are given.
+        The meaning of each key, for the error if none or several of them are given.
 
     Returns
     -------
     Discriminator
-        The choice, for the annotation of a union.
+        The discriminator, for the annotation of a union.
     """
 
     def tag_of(value: Any) -> str | None:
@@ -190,7 +190,7 @@ def is_number(value: Any) -> bool:
 
 
 class UnitVector(tuple[float, float, float]):
-    """A direction of length 1; ``written`` is the vector of the file, of any length, whose components have keys."""
+    """A direction of length 1; ``written`` is the vector in the file, of any length, whose components have keys."""
 
     written: tuple[float, float, float]
 
@@ -206,7 +206,7 @@ def _unit(value: tuple[float, float, float]) -> UnitVector:
     length = math.hypot(*value)
     if not 0 < length < math.inf:
         raise refuse("has no direction; allowed: any vector but [0, 0, 0]; write the direction")
-    if abs(length - 1) >= 1e-14:  # otherwise dividing would only change its last bits
+    if abs(length - 1) >= 1e-14:  # a division would otherwise change only the last bits
         direction = UnitVector((value[0] / length, value[1] / length, value[2] / length))
     else:
         direction = UnitVector(value)
@@ -241,7 +241,7 @@ class BodyPoint(TableModel):
 
 
 class PairLaw(TableModel):
-    """The contact law between two bodies: that of a pair of materials, or numbers of its own."""
+    """The contact law between two bodies: that of a pair of materials, or its own numbers."""
 
     material: Name | None = Field(
         default=None, description="the pair of materials, a table of [materials]; default: that between the bodies'"
@@ -255,7 +255,7 @@ class PairLaw(TableModel):
 
 
 def check_perpendicular(first: Sequence[float], second: Sequence[float], names: tuple[str, str]) -> None:
-    """Refuse the table if its direction ``names[1]`` is not perpendicular to ``names[0]``, both of unit length."""
+    """Refuse the table if direction ``names[1]`` is not perpendicular to ``names[0]``; both have unit length."""
     lean = sum(a * b for a, b in zip(first, second, strict=True))
     if abs(lean) > PERPENDICULAR:
         raise refuse(

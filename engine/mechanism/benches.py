@@ -1,4 +1,4 @@
-"""Test benches and presets: the same mechanism on a machine that tests it, and with named sets of values."""
+"""Test benches and presets: a mechanism modified for a test, and named sets of its values."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any
@@ -14,7 +14,7 @@ Tables = Annotated[dict[Name, Table], Field(default={}, description="tables that
 
 
 class Plot(TableModel):
-    """Two responses drawn against each other over the run, such as a force against a way."""
+    """Two responses plotted against each other over the run, such as a force against a travel."""
 
     x: Name = Field(description="the response along the axis of abscissae")
     y: Name = Field(description="the response along the axis of ordinates")
@@ -29,7 +29,7 @@ class Preset(TableModel):
 
 
 class Bench(TableModel):
-    """Tables that are added to a mechanism or removed from it for a test; the whole is checked by `on_bench`."""
+    """Tables added to a mechanism or removed from it for a test; `on_bench` checks the resulting mechanism."""
 
     title: str = Field(default="", description="what the test is called")
     without: tuple[str, ...] = Field(default=(), description='tables that are taken away, such as "contacts.C7"')
@@ -54,7 +54,7 @@ NAMED = ("materials", "bodies", "joints", "contacts", "springs", "dampers", "for
 
 
 def with_bench(data: Mapping[str, Any], name: str, bench: Bench) -> dict[str, Any]:
-    """Return a mechanism's plain data with a bench's tables in it.
+    """Return a mechanism's plain data with a bench's tables added and removed.
 
     Raises
     ------

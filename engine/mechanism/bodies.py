@@ -1,4 +1,4 @@
-"""Rigid bodies: mass, inertia, and where they start."""
+"""Rigid bodies: mass, inertia and start pose."""
 
 from typing import Annotated, Any, Self
 
@@ -42,7 +42,7 @@ def _inertia(value: Any) -> Matrix | None:
         )
     tensor = np.array(rows, dtype=float)
     scale = np.abs(tensor).max() or 1.0
-    shape = tensor / scale  # so that no number, however large, overflows below
+    shape = tensor / scale  # so that no number below overflows, however large
     if np.abs(shape - shape.T).max() > 1e-9:
         raise refuse("not symmetric; allowed: Ixy = Iyx, Ixz = Izx, Iyz = Izy; make both entries equal")
     moments = np.linalg.eigvalsh(shape)
@@ -61,7 +61,7 @@ def _inertia(value: Any) -> Matrix | None:
 
 
 def _outline(value: Any) -> tuple[tuple[float, float, float], ...] | None:
-    """Read the corners of a polygon, [x, y] or [x, y, z] each."""
+    """Read the corners of a polygon, each [x, y] or [x, y, z]."""
     if value is None:
         return None
     corners = value if isinstance(value, list | tuple) else ()
@@ -75,7 +75,7 @@ def _outline(value: Any) -> tuple[tuple[float, float, float], ...] | None:
 
 
 class Body(TableModel):
-    """A rigid body. Its frame is at ``origin``, turned by ``angle`` about ``axis``, at the start."""
+    """A rigid body. At the start its frame is at ``origin``, rotated by ``angle`` about ``axis``."""
 
     fixed: bool = Field(default=False, strict=True, description="true for a body that never moves")
     mass: Annotated[PositiveNumber | None, Quantity("mass")] = Field(

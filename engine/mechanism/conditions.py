@@ -1,4 +1,4 @@
-"""Conditions on responses, such as "latch_overlap > 0"; a result that breaks one does not count."""
+"""Conditions on responses, such as "latch_overlap > 0"; a result that violates one does not count."""
 
 import operator
 import re
@@ -15,7 +15,7 @@ CONDITION = re.compile(r"\s*([A-Za-z][A-Za-z0-9_-]*)\s*([<>])\s*(\S+)\s*")
 
 @dataclass(frozen=True)
 class Condition:
-    """A response above or below a limit. A settled run that breaks one of its validity is ``invalid``.
+    """A response above or below a limit. A settled run that violates one of its validity conditions is ``invalid``.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Condition:
         return f"{self.response} {self.relation} {repr(self.limit).removesuffix('.0')}"
 
     def holds(self, responses: Mapping[str, float]) -> bool:
-        """Return whether ``responses`` (name -> value) meet the condition."""
+        """Return whether ``responses`` (name -> value) satisfy the condition."""
         compare = operator.lt if self.relation == "<" else operator.gt
         return bool(compare(responses[self.response], self.limit))
 

@@ -30,7 +30,7 @@ PAIRS = tuple(f"{first}-{second}" for first, seconds in _PARTNERS.items() for se
 
 
 def is_none(value: Any) -> bool:
-    """Return whether a primitive is not there."""
+    """Return whether a primitive is absent."""
     return value is None
 
 
@@ -50,7 +50,7 @@ class Side(TableModel):
     rectangle: Rectangle | None = Field(
         default=None, description="a rectangular face: { centre, normal, along, half_lengths, ... }"
     )
-    # left out of digests where they are not used: those of mechanisms older than these kinds stay as they were
+    # excluded from digests if unused, so that the digests of mechanisms older than these kinds do not change
     turned: Turned | None = Field(
         default=None, exclude_if=is_none, description="a turned solid: { point, axis, start, profile }"
     )
@@ -63,7 +63,7 @@ class Side(TableModel):
 
     @cached_property
     def kind(self) -> str:
-        """The primitive's kind, its key: ``"point"``, ``"plane"``, ``"arc"``, ..."""
+        """The kind of the primitive, which is its key: ``"point"``, ``"plane"``, ``"arc"``, ..."""
         return next(kind for kind in PRIMITIVES if getattr(self, kind) is not None)
 
     @property
@@ -139,7 +139,7 @@ class Contact(PairLaw):
 
 
 def _remedy(kinds: set[str]) -> str:
-    """Return what to write in place of a pair that is not supported."""
+    """Return what to write instead of a pair that is not supported."""
     if kinds <= set(FLATS):
         return "for a face on a face write three points of one, or its edges as arcs, against the other"
     if kinds <= {"cylinder", "bore"}:

@@ -1,4 +1,4 @@
-"""Responses that follow from others once a run is over."""
+"""Responses computed from other responses once a run is over."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -10,7 +10,7 @@ from engine.mechanism.quantities import Quantity
 
 
 class Derived(TableModel):
-    """Base of the responses that follow from reported values, whenever these were read."""
+    """Base class of the responses computed from reported values, whenever those were read."""
 
     at: ClassVar[str] = "end"
     from_phase: ClassVar[str | None] = None
@@ -20,19 +20,19 @@ class Derived(TableModel):
 
 
 class ResponseDifference(Derived):
-    """One response minus another, each as it is reported: a force forward minus the force back."""
+    """One reported response minus another, for instance the force forward minus the force back."""
 
     type: Literal["difference"] = Field(description="the kind of response")
     of: Annotated[tuple[Name, Name], Field(description="two responses of one quantity: the first minus the second")]
 
 
 class ConditionMet(Derived):
-    """1 if a condition holds for what a response reports, 0 if not: latched or not."""
+    """1 if a condition on a reported response holds, otherwise 0; for instance latched or not."""
 
     type: Literal["condition"] = Field(description="the kind of response")
     condition: ValidityCondition = Field(description='the condition, such as "latch_overlap > 0"')
 
     @property
     def quantity(self) -> Quantity:
-        """A pure number."""
+        """The quantity of a pure number."""
         return Quantity("number")

@@ -1,6 +1,6 @@
-"""From pydantic's errors to one line for each fault: `table.key = value: what; allowed; remedy`.
+"""Translate pydantic's errors into one line per fault: `table.key = value: what; allowed; remedy`.
 
-Where an error lies is found here for every file format (`locate`); each format has its own wording.
+`locate` finds the position of an error for every file format; each format has its own wording.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,21 +16,21 @@ from engine.mechanism.keys.closest import closest
 from engine.mechanism.keys.components import declared
 from engine.mechanism.quantities import Quantity, UnitSystem
 
-MOST_FAULTS = 50  # that are listed of one file
+MOST_FAULTS = 50  # listed per file
 
 
 @dataclass(frozen=True)
 class Location:
-    """Where in a file an error lies.
+    """The position of an error in a file.
 
     Parameters
     ----------
     path : tuple of str
-        The keys down to the one at fault, as the user wrote them.
+        The keys down to the one at fault, as written by the user.
     owner : type of BaseModel, or None
-        The model of the table that has the last key; None if that is no table with fixed keys.
+        The model of the table that contains the last key; None if that is not a table with fixed keys.
     field : FieldInfo or None
-        The declaration of the last key that has one.
+        The declaration of the last key in the path that has one.
     """
 
     path: tuple[str, ...]
@@ -39,25 +39,25 @@ class Location:
 
     @property
     def known_keys(self) -> list[str]:
-        """The keys that the table may have."""
+        """The keys allowed in the table."""
         fields = self.owner.model_fields.items() if self.owner else ()
         return [field.alias or name for name, field in fields]
 
 
 def listed(faults: Sequence[Any], count: int) -> list[Any]:
-    """Return the first faults of ``count``, and last how many others there are."""
+    """Return the first faults out of ``count``, followed by the number of further ones."""
     others = count - MOST_FAULTS
     return list(faults[:MOST_FAULTS]) + ([f"and {others} more; correct these first"] if others > 0 else [])
 
 
 def did_you_mean(word: str, words: Iterable[str]) -> str:
-    """Return `; did you mean 'x'?` for the one of ``words`` that ``word`` is likely meant to be, or nothing."""
+    """Return `; did you mean 'x'?` for the most likely of ``words`` if any is likely, otherwise an empty text."""
     meant = closest(word, words)
     return f"; did you mean '{meant}'?" if meant else ""
 
 
 def field_of(model: type[BaseModel], key: str) -> FieldInfo | None:
-    """Return the field a key of the file names (``from`` is the field ``from_``)."""
+    """Return the field for a key of the file (``from`` is the field ``from_``)."""
     for name, field in model.model_fields.items():
         if key == (field.alias or name):
             return field
@@ -70,16 +70,16 @@ def faults_of(error: ValidationError, root: type[BaseModel], system: UnitSystem)
     Parameters
     ----------
     error : ValidationError
-        What pydantic raised.
+        The error raised by pydantic.
     root : type of BaseModel
-        The model that was validated: the paths of the error start there.
+        The model that was validated; the paths in the error start there.
     system : str
-        Unit system, to print values with their unit.
+        Unit system, for printing values with their units.
 
     Returns
     -------
     list of Fault
-        One for each error, in the order of the file, at most as many as are listed.
+        One per error, in the order of the file, up to the number that is listed.
     """
     return [_fault(details, root, system) for details in error.errors(include_url=False)[:MOST_FAULTS]]
 
@@ -87,7 +87,7 @@ def faults_of(error: ValidationError, root: type[BaseModel], system: UnitSystem)
 def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem) -> Fault:
     """Translate one entry of ``ValidationError.errors()``."""
     kind, context, value = details["type"], details.get("ctx", {}), details["input"]
-    below = context.get("key") if kind == "refused" else None  # the validator of a table refuses one of its keys
+    below = context.get("key") if kind == "refused" else None  # the key that the validator of a table refused
     at = locate(root, (*details["loc"], *below.split(".")) if below else details["loc"])
     keys, field = at.path, at.field
     if below:
@@ -114,7 +114,7 @@ def _fault(details: Mapping[str, Any], root: type[BaseModel], system: UnitSystem
 
 
 def _unit(field: FieldInfo | None, system: UnitSystem, value: Any) -> str:
-    """Return the unit of a key's value; empty if it has none, or is no number."""
+    """Return the unit of a key's value; empty if it has none or is not a number."""
     quantity = declared(field, Quantity)
     return quantity.unit(system) if quantity and is_number(value) else ""
 
@@ -123,7 +123,7 @@ _BOUNDS = {"greater_than": (">", "gt"), "greater_than_equal": (">=", "ge"), "les
 
 
 def _what(kind: str, context: Mapping[str, Any], field: FieldInfo | None) -> str:
-    """Return what is wrong with a single value, and what it should be."""
+    """Return what is wrong with a single value and what is allowed."""
     should = f"; give {field.description}" if field and field.description else ""
     if kind in _BOUNDS:
         relation, name = _BOUNDS[kind]
@@ -146,14 +146,14 @@ def _what(kind: str, context: Mapping[str, Any], field: FieldInfo | None) -> str
 
 
 def locate(root: type[BaseModel], loc: Sequence[str | int]) -> Location:
-    """Follow an error's path through the models.
+    """Find the position of an error by following its path through the models.
 
     Parameters
     ----------
     root : type of BaseModel
         The model that was validated.
     loc : sequence of str or int
-        The path of pydantic's error, with the tags that pydantic adds for a choice between models.
+        The path in pydantic's error, including the tags that pydantic adds for a choice of models.
     """
     annotation: Any = root
     path: list[str] = []
@@ -191,13 +191,13 @@ def _item(options: Sequence[Any]) -> Any:
 
 
 def _tags(field: FieldInfo | None) -> list[str]:
-    """Return the values of ``type`` among which the tables of a dict can choose."""
+    """Return the values of ``type`` that the tables of a dict can choose from."""
     models = _options(_item(_options(field.annotation))) if field else ()
     return [tag for model in models for tag in _tags_of(model)]
 
 
 def _tags_of(model: type[BaseModel]) -> tuple[str, ...]:
-    """Return pydantic's tags for a model in a choice: the values of the key of its kind, or a key that only it has."""
+    """Return pydantic's tags for a model in a choice: the values of its kind key, or the key that only it has."""
     field = model.model_fields.get(getattr(model, "kind_key", ""))
     if field is None or get_origin(field.annotation) is not Literal:
         distinguishing_key = getattr(model, "distinguishing_key", None)

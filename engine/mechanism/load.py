@@ -1,4 +1,4 @@
-"""Read a mechanism from a TOML file or from the text of one, or a shipped one by its name."""
+"""Load a mechanism from a TOML file, from the text of one, or from the shipped mechanisms by name."""
 
 import os
 from importlib.resources import files
@@ -29,17 +29,17 @@ def load_mechanism(name_or_path: str | Path) -> Mechanism:
     Parameters
     ----------
     name_or_path : str or Path
-        Name of a shipped mechanism, or path of a TOML file. A name has neither a folder nor ``.toml`` in it.
+        Name of a shipped mechanism, or path of a TOML file. A name contains neither a folder nor ``.toml``.
 
     Returns
     -------
     Mechanism
-        Frozen and checked.
+        Immutable and checked.
 
     Raises
     ------
     MechanismError
-        When it cannot be found or read, or with one line for each fault of the file.
+        If the file cannot be found or read, or with one line for each fault in it.
     """
     text = str(name_or_path)
     if isinstance(name_or_path, str) and text in library_names():
@@ -59,30 +59,30 @@ def load_mechanism(name_or_path: str | Path) -> Mechanism:
 
 
 def load_mechanism_text(text: str | bytes, name: str = "mechanism") -> Mechanism:
-    """Load a mechanism from the text of its file. No other file is opened: a text with a table ``cad`` is refused.
+    """Load a mechanism from the text of its file. No other file is opened, so a text with a ``cad`` table is refused.
 
     Parameters
     ----------
     text : str or bytes
-        Content of a TOML file, at most a megabyte; bytes are UTF-8.
+        Content of a TOML file, at most one megabyte; bytes are UTF-8.
     name : str
-        What an error calls it, such as the name of the file that the text came from.
+        Name used in errors, such as the name of the file that contained the text.
 
     Returns
     -------
     Mechanism
-        Frozen and checked; the same as that of a file with this text.
+        Immutable and checked; the same as loaded from a file with this text.
 
     Raises
     ------
     MechanismError
-        When it is no TOML or no mechanism, or with one line for each fault.
+        If the text is not TOML or not a mechanism, or with one line for each fault.
     """
     return _checked(text_bytes(text), name, None)
 
 
 def _read(file: Path | Traversable, source: str) -> Mechanism:
-    """Read a file and check it; a MechanismError says what is wrong."""
+    """Read and check a file; raise MechanismError if it is wrong."""
     try:
         content = read_regular_file(file, LARGEST) if isinstance(file, Path) else file.read_bytes()
     except OSError as error:
@@ -93,7 +93,7 @@ def _read(file: Path | Traversable, source: str) -> Mechanism:
 
 
 def _checked(content: bytes, source: str, folder: Path | None) -> Mechanism:
-    """Return the mechanism in the content of a file in a folder; a MechanismError says what is wrong."""
+    """Return the mechanism from the content of a file in a folder; raise MechanismError if it is wrong."""
     try:
         data = parse_toml(content)
     except UnfitToml as error:
@@ -102,7 +102,7 @@ def _checked(content: bytes, source: str, folder: Path | None) -> Mechanism:
     if other := other_kind(data, source, "mechanism"):
         raise _refused(source, other)
     if data and not data.keys() & {"format", "name", "units", "bodies"}:
-        # a campaign may name any file: what is no mechanism at all must not be quoted fault by fault
+        # a campaign may name any file; a file that is no mechanism at all must not be quoted fault by fault
         raise _refused(source, "not a mechanism: it has neither format nor name, units or bodies; name another")
     try:
         return mechanism_from(_plain(data, source, folder), source)
@@ -111,7 +111,7 @@ def _checked(content: bytes, source: str, folder: Path | None) -> Mechanism:
 
 
 def _plain(data: dict[str, Any], source: str, folder: Path | None) -> dict[str, Any]:
-    """Return the tables of a file with numbers in the place of the geometry that they name."""
+    """Return the tables of a file with references to CAD geometry replaced by numbers."""
     if "geometry" in data:
         text = "written by clearcap where a mechanism names a CAD file, not by hand; remove it"
         raise refused(source, [Fault(("geometry",), text)], 1)
@@ -130,5 +130,5 @@ def _plain(data: dict[str, Any], source: str, folder: Path | None) -> dict[str, 
 
 
 def _refused(source: str, text: str, line: int | None = None, column: int | None = None) -> MechanismError:
-    """Return the error of a file as a whole."""
+    """Return the error for a file as a whole."""
     return MechanismError(f"{source}: {text}", [Fault((), text, line=line, column=column)])

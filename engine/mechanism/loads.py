@@ -12,13 +12,13 @@ Frame = Literal["world", "body"]
 
 
 class Action(TableModel):
-    """The body on which a spring acts otherwise than along its line or as its couple."""
+    """The body that a spring acts on, if it acts differently from a force along its line or a couple about its axis."""
 
     body: Name = Field(description="the body that is acted on")
 
 
 class ForceAction(Action):
-    """A force at a point of a body, times the spring's force or torque."""
+    """A force at a point of a body, proportional to the force or torque of a spring."""
 
     distinguishing_key: ClassVar[str] = "force"
 
@@ -27,7 +27,7 @@ class ForceAction(Action):
 
 
 class TorqueAction(Action):
-    """A torque on a body, times the spring's force or torque."""
+    """A torque on a body, proportional to the force or torque of a spring."""
 
     distinguishing_key: ClassVar[str] = "torque"
 
@@ -35,7 +35,7 @@ class TorqueAction(Action):
 
 
 class ForceOfForce(ForceAction):
-    """A force at a point of a body, times the spring's force."""
+    """A force at a point of a body, proportional to the force of a spring."""
 
     force: Annotated[Vector, Quantity("number")] = Field(
         description="the force per force of the spring [x, y, z], in the body frame"
@@ -43,7 +43,7 @@ class ForceOfForce(ForceAction):
 
 
 class TorqueOfForce(TorqueAction):
-    """A torque on a body, times the spring's force."""
+    """A torque on a body, proportional to the force of a spring."""
 
     torque: Annotated[Vector, Quantity("length")] = Field(
         description="the torque per force of the spring [x, y, z], in the body frame"
@@ -51,7 +51,7 @@ class TorqueOfForce(TorqueAction):
 
 
 class ForceOfTorque(ForceAction):
-    """A force at a point of a body, times the spring's torque."""
+    """A force at a point of a body, proportional to the torque of a spring."""
 
     force: Annotated[Vector, Quantity("per length")] = Field(
         description="the force per torque of the spring [x, y, z], in the body frame"
@@ -59,7 +59,7 @@ class ForceOfTorque(ForceAction):
 
 
 class TorqueOfTorque(TorqueAction):
-    """A torque on a body, times the spring's torque."""
+    """A torque on a body, proportional to the torque of a spring."""
 
     torque: Annotated[Vector, Quantity("number")] = Field(
         description="the torque per torque of the spring [x, y, z], in the body frame"
@@ -78,7 +78,7 @@ ActionOfTorque = Annotated[
 
 
 class LinearSpring(TableModel):
-    """A force along the line of two points, k (free_length - length) + preload - c d(length)/dt; > 0 pushes."""
+    """A force along the line between two points, k (free_length - length) + preload - c d(length)/dt; > 0 pushes."""
 
     type: Literal["linear"] = Field(description="the kind of spring")
     a: BodyPoint = Field(description="one end: { body, point }")
@@ -106,8 +106,8 @@ class LinearSpring(TableModel):
 class TorsionSpring(TableModel):
     """A balanced couple about an axis fixed in a.
 
-    With phi the rotation of b relative to a, b feels -k (phi - free_angle + preload) - c dphi/dt,
-    and a the opposite.
+    With phi the rotation of b relative to a, the torque on b is -k (phi - free_angle + preload) - c dphi/dt,
+    and the torque on a is its opposite.
     """
 
     type: Literal["torsion"] = Field(description="the kind of spring")
@@ -133,7 +133,7 @@ Spring = Annotated[LinearSpring | TorsionSpring, Field(discriminator="type")]
 
 
 class LinearDamper(TableModel):
-    """A force along the line of two points against the speed of its length, -c d(length)/dt."""
+    """A force along the line between two points that opposes the rate of their distance, -c d(length)/dt."""
 
     type: Literal["linear"] = Field(description="the kind of damper")
     a: BodyPoint = Field(description="one end: { body, point }")
@@ -144,7 +144,7 @@ class LinearDamper(TableModel):
 
 
 class TorsionDamper(TableModel):
-    """A balanced couple about an axis fixed in a, against the rotation of b relative to a: -c dphi/dt."""
+    """A balanced couple about an axis fixed in a that opposes the rotation of b relative to a: -c dphi/dt."""
 
     type: Literal["torsion"] = Field(description="the kind of damper")
     a: Name = Field(description="the body in which the axis is fixed")
@@ -159,7 +159,7 @@ Damper = Annotated[LinearDamper | TorsionDamper, Field(discriminator="type")]
 
 
 class Force(TableModel):
-    """A force at a point of a body: constant, or times a law of time."""
+    """A force at a point of a body: constant, or multiplied by a time law."""
 
     body: Name = Field(description="the body the force acts on")
     point: Point = Field(default=(0.0, 0.0, 0.0), description="where it acts, in the body frame")
@@ -175,7 +175,7 @@ class Force(TableModel):
 
 
 class Torque(TableModel):
-    """A torque on a body: constant, or times a law of time."""
+    """A torque on a body: constant, or multiplied by a time law."""
 
     body: Name = Field(description="the body the torque acts on")
     torque: Annotated[Vector, Quantity("torque")] = Field(description="the torque [x, y, z]")

@@ -55,8 +55,8 @@ class Material(TableModel):
 class Mechanism(TableModel):
     """A mechanism: its bodies, joints, contacts, loads and responses.
 
-    Made by `load_mechanism` from a TOML file, or by `mechanism_from` from plain data. Frozen: `set_values`
-    returns a changed one.
+    Created by `load_mechanism` from a TOML file or by `mechanism_from` from plain data. It is immutable; `set_values`
+    returns a changed copy.
     """
 
     format: Literal[1] = Field(description="the version of the file format: 1")
@@ -101,19 +101,19 @@ class Mechanism(TableModel):
 
     @property
     def formulas(self) -> dict[str, str]:
-        """Key -> expression, of each number that its file gives as one."""
+        """Key -> expression, for each number that the file gives as an expression."""
         return self._formulas
 
     def with_tables(self, tables: Mapping[str, Any], formulas: dict[str, str]) -> "Mechanism":
-        """Return the mechanism with some of its tables, checked before, and other formulas."""
+        """Return the mechanism with some tables, checked beforehand, and the formulas replaced."""
         changed = self.model_copy(update=tables)
         changed._formulas = formulas
-        changed.__dict__.pop("parameter_units", None)  # the copy has what its original had computed
+        changed.__dict__.pop("parameter_units", None)  # the copy has the cached value of its original
         return changed
 
     @model_serializer(mode="wrap")
     def _as_written(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Dump with expressions in the place of their numbers; without the table of parameters if there is none."""
+        """Dump with expressions instead of their numbers, and without an empty table of parameters."""
         dump: dict[str, Any] = with_formulas(self, self._formulas, handler(self))
         return dump if self.parameters else {key: entry for key, entry in dump.items() if key != "parameters"}
 
@@ -129,7 +129,7 @@ class Mechanism(TableModel):
         return self
 
     def _of_two_quantities(self, difference: ResponseDifference) -> bool:
-        """Return whether a difference is one of two quantities, such as a force and a length."""
+        """Return whether a difference is between two different quantities, such as a force and a length."""
         return len({self._quantity(part).name for part in difference.of}) > 1
 
     def response_units(self) -> dict[str, str]:
@@ -137,14 +137,14 @@ class Mechanism(TableModel):
         return {name: self._quantity(name).unit(self.units) for name in self.responses}
 
     def _quantity(self, name: str) -> Quantity:
-        """Return what a response measures; a difference measures what its two do."""
+        """Return the quantity of a response; a difference has the quantity of its two responses."""
         response = self.responses[name]
         return self._quantity(response.of[0]) if isinstance(response, ResponseDifference) else response.quantity
 
     def contact_law(self, pair: Joint | Contact) -> tuple[float, float]:
         """Return (friction, restitution) of a joint or contact.
 
-        Its own; else those of the pair of materials it names; else those of the pair between its bodies' materials.
+        They are its own; else those of the material pair it names; else those of the pair of its bodies' materials.
         """
         bodies = [self.bodies[side.body].material for side in pair.sides]
         pairs = {name: material.between for name, material in self.materials.items()}
@@ -156,7 +156,7 @@ class Mechanism(TableModel):
         )
 
     def unit_at(self, place: Place) -> str:
-        """Return the unit of the number at a place that is no parameter; ``"1"`` for a pure number."""
+        """Return the unit of the number at a place that is not a parameter; ``"1"`` for a pure number."""
         if isinstance(place.owner, Event):
             return self.response_units()[place.owner.response]
         quantity = place.quantity()
@@ -164,13 +164,13 @@ class Mechanism(TableModel):
 
     @cached_property
     def parameter_units(self) -> dict[str, str]:
-        """Unit of each parameter, as far as its use tells; ``"1"`` for a pure number, or where it does not."""
+        """Unit of each parameter, deduced from its use; ``"1"`` for a pure number or if its use shows no unit."""
         certain, likely = self._uses(scaled=False), self._uses(scaled=True)
         told = {name: [*certain.get(name, ()), *likely.get(name, ())] for name in self.parameters}
         return {name: next((unit for unit in units if unit != "1"), "1") for name, units in told.items()}
 
     def parameter_faults(self) -> list[Fault]:
-        """Return what is wrong with how parameters are used: in two units, or not at all."""
+        """Return the faults in the use of parameters: used in two units, or not used at all."""
         unused = (
             ()
             if self.bench
@@ -181,23 +181,23 @@ class Mechanism(TableModel):
         return [*unused, *conflicting_units(self._uses(scaled=False), self.parameters)]
 
     def _uses(self, *, scaled: bool) -> Uses:
-        """Return the units in which each parameter is used, and a key for each."""
+        """Return the units in which each parameter is used, each with one of the keys that use it."""
         places = {key: along(self, key.split("."))[-1] for key in self._formulas if not key.startswith(PREFIX)}
         told = {key: place for key, place in places.items() if place.quantity() or isinstance(place.owner, Event)}
         units = {key: self.unit_at(place) for key, place in told.items()}
         return parameter_units(self._formulas, units, scaled=scaled)
 
     def unit(self, quantity: str) -> str:
-        """Return the unit of a quantity, such as ``"length"`` or ``"time"``, in this mechanism's system."""
+        """Return the unit of a quantity, such as ``"length"`` or ``"time"``, in this mechanism's unit system."""
         return Quantity(quantity).unit(self.units)
 
     def on_bench(self, name: str) -> "Mechanism":
-        """Return the mechanism on one of its test benches.
+        """Return the mechanism modified for one of its test benches.
 
         Raises
         ------
         MechanismError
-            When there is no such bench, or with one line for each fault of the whole.
+            If there is no such bench, or with one line for each fault of the resulting mechanism.
         """
         _refuse_unknown(self.name, "bench", name, self.benches)
         data = self.model_dump(by_alias=True, exclude_unset=True)
@@ -209,13 +209,13 @@ class Mechanism(TableModel):
         Raises
         ------
         MechanismError
-            When there is no such set.
+            If there is no such preset.
         """
         _refuse_unknown(self.name, "preset", name, self.presets)
         return dict(self.presets[name].values)
 
     def loose_joints(self) -> list[str]:
-        """Return the names of the joints that stand for a clearance."""
+        """Return the names of the joints that can be used as the key of a clearance."""
         return [
             name
             for name, joint in self.joints.items()
@@ -225,30 +225,29 @@ class Mechanism(TableModel):
     def digest(self) -> str:
         """Return the sha256 of the description in canonical form, 64 hexadecimal digits.
 
-        Comments, spaces and the order of keys inside a table do not matter; the order of bodies, joints and
-        contacts does, because it is the order in which the engine adds numbers up. Of a CAD file only the numbers
-        that were taken from it matter.
+        Comments, spaces and the order of keys inside a table do not matter. The order of bodies, joints and contacts
+        does, because the engine adds numbers up in this order. Of a CAD file only the numbers taken from it matter.
         """
         data = self.model_dump(mode="json", by_alias=True, exclude={"geometry"})
         return hashlib.sha256(json.dumps(data, separators=(",", ":"), ensure_ascii=True).encode()).hexdigest()
 
 
 def _refuse_unknown(mechanism: str, kind: str, name: str, known: Iterable[str]) -> None:
-    """Raise if a mechanism has no bench or preset of this name."""
+    """Raise an error if a mechanism has no bench or preset of this name."""
     if name not in known:
         names = ", ".join(known) or "it has none"
         raise MechanismError(f"{mechanism}: no {kind} {name!r}; allowed: {names}{did_you_mean(name, known)}")
 
 
 def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
-    """Check plain data and make the mechanism.
+    """Create a mechanism from plain data and check it.
 
     Parameters
     ----------
     data : dict
-        A mechanism file as read.
+        Content of a mechanism file.
     source : str
-        What the first line of an error names: the file.
+        Name of the file, for the first line of an error.
 
     Returns
     -------
@@ -261,7 +260,7 @@ def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
     """
     table = data.get("parameters", {})
     values, faults = parameter_values(table) if isinstance(table, dict) else ({}, [])
-    if faults:  # whatever uses a parameter would be a fault, too
+    if faults:  # otherwise every use of such a parameter would be a fault, too
         raise refused(source, faults, len(faults))
     try:
         read = {**data, "parameters": values} if values else data
@@ -281,6 +280,6 @@ def mechanism_from(data: dict[str, Any], source: str) -> Mechanism:
 
 
 def refused(source: str, faults: list[Fault], count: int) -> MechanismError:
-    """Return the error that lists the faults of a file; there are ``count``, if some are not among them."""
+    """Return the error that lists the faults of a file; ``count`` is their number including any not listed."""
     lines = "\n".join(f"  {fault}" for fault in listed(faults, count))
     return MechanismError(f"{source}: {count} fault{'s' if count > 1 else ''}\n{lines}", faults[:MOST_FAULTS])

@@ -1,4 +1,4 @@
-"""Prescribed (rheonomic) motions: one coordinate of a body follows a law of time, whatever force that takes."""
+"""Prescribed (rheonomic) motions: one coordinate of a body follows a time law, whatever force that takes."""
 
 from typing import Annotated, ClassVar
 
@@ -9,20 +9,20 @@ from engine.mechanism.time_laws import TravelLaw, TurnLaw
 
 
 class Along(TableModel):
-    """A point of the moving body and the direction in which it is led, fixed in the other body."""
+    """A point of the moving body, and the direction of its motion, fixed in the other body."""
 
     point: Point = Field(default=(0.0, 0.0, 0.0), description="the point that is led, in the frame of body")
     direction: Direction = Field(description="the direction, in the frame of relative_to")
 
 
 class About(TableModel):
-    """The axis about which the moving body is turned, fixed in the other body."""
+    """The axis of the moving body's rotation, fixed in the other body."""
 
     axis: Direction = Field(description="the axis, in the frame of relative_to")
 
 
 class Led(TableModel):
-    """Base of the prescribed motions: the two bodies that move relative to each other."""
+    """Base class of the prescribed motions: the two bodies that move relative to each other."""
 
     body: Name = Field(description="the body that is moved")
     relative_to: Name | None = Field(default=None, description="the body it is moved against; default: the world")
@@ -39,7 +39,7 @@ class Led(TableModel):
 
 
 class Translation(Led):
-    """direction . (way of a point of the body, seen from the other body) follows a law, 0 where it begins."""
+    """direction . (displacement of a point of the body relative to the other body) follows a law, 0 where it begins."""
 
     distinguishing_key: ClassVar[str] = "along"
 

@@ -1,4 +1,4 @@
-"""Faults in the course of a run that no single table can see: in its events, and in motions and their phases."""
+"""Faults in the course of a run that no single table shows: in its events, and in its motions and their phases."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -9,7 +9,7 @@ from engine.mechanism.tables import list_under, named_tables, phase_names, sub_t
 
 
 def events_of_events(data: Mapping[str, Any]) -> Iterator[Fault]:
-    """Find what is read off a response that is no function of time: a peak, an event, or what follows from others."""
+    """Yield faults where an event, peak, difference or condition refers to a response without a value at each step."""
     responses = named_tables(data, "responses")
     watching: list[tuple[tuple[str, ...], Any]] = [
         (("responses", name, "at", "response"), sub_table(entry, "at")) for name, entry in responses.items()
@@ -45,7 +45,7 @@ def _follows(response: Mapping[str, Any]) -> bool:
 
 
 def broken_phases(data: Mapping[str, Any]) -> Iterator[Fault]:
-    """Find motions that stop and start again, laws before their motion, searches that end before they begin."""
+    """Yield faults: motions that resume after a pause, laws before their motion, searches that end before they begin."""
     order = phase_names(data)
     for name, entry in named_tables(data, "responses").items():
         first, last = entry.get("from_phase"), entry.get("to_phase")

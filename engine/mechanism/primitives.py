@@ -1,7 +1,7 @@
-"""Contact primitives: simple shapes fixed to a body, whose distances have a closed form or one angle to find.
+"""Contact primitives: simple shapes fixed to a body, whose distances have a closed form or one angle to search for.
 
-Lengths and directions are in the frame of the body. A face is the top of a plate: what slides over its edge meets its
-side, and what has come more than half its depth behind it is let out at the back.
+Lengths and directions are in the frame of the body. A face is the top of a plate: a body that slides over its edge
+meets the side of the plate, and one that has come more than half its depth behind it is let out at the back.
 """
 
 import math
@@ -73,7 +73,7 @@ class Arc(TableModel):
 
 
 class Ring(TableModel):
-    """The ring of a bore around a cylinder, or a ring on a pin inside a bore; its tilt does not count."""
+    """The ring of a bore around a cylinder, or a ring on a pin inside a bore; its tilt is neglected."""
 
     centre: Point = Field(description="the centre of the ring, in the body frame")
     radius: PositiveLength = Field(description="the radius of the ring where it touches, a number > 0")

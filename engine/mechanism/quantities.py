@@ -1,4 +1,4 @@
-"""The two consistent unit systems of a mechanism file, and the physical quantity of every key."""
+"""The two consistent unit systems of a mechanism file, and the physical quantities of its keys."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -34,20 +34,20 @@ _UNITS: dict[str, tuple[str, str]] = {
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a number of the file measures; its unit follows from the file's unit system.
+    """The quantity that a number in the file measures; its unit follows from the file's unit system.
 
     Parameters
     ----------
     name : str
-        One of the quantities known here, such as ``"length"`` or ``"torsional stiffness"``.
+        One of the quantities defined in this module, such as ``"length"`` or ``"torsional stiffness"``.
     """
 
     name: str
 
     def unit(self, system: UnitSystem) -> str:
-        """Return the unit in ``system``; ``"1"`` for a pure number."""
+        """Return the unit in a unit system; ``"1"`` for a pure number."""
         return _UNITS[self.name][0 if system == "mm-g-ms" else 1]
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Name the quantity in the JSON Schema, so that an editor can show it."""
+        """Add the quantity to the JSON Schema, so that an editor can show it."""
         return {**handler(schema), "x-quantity": self.name}

@@ -1,4 +1,4 @@
-"""The instant at which a response is read: the end of a run, its own or another's peak, or an event."""
+"""The instant at which a response is read: the end of a run, its own peak or another response's, or an event."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
@@ -34,7 +34,7 @@ class Peak(TableModel):
 
 
 def _moment(value: Any) -> Any:
-    """Accept a table, which is an event or a peak, and the instants that have a name."""
+    """Accept a table, which is an event or a peak, or the name of an instant."""
     if isinstance(value, Mapping | Event | Peak) or (isinstance(value, str) and value in MOMENTS):
         return value
     raise refuse(

@@ -1,4 +1,4 @@
-"""Faults that no single table can see: names that must exist, names used twice, parts that cannot move."""
+"""Faults that no single table shows: missing names, names used twice, parts that cannot move."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -24,17 +24,17 @@ Reference = tuple[str, tuple[str, ...], Any]
 def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
     """Find every reference to something that does not exist.
 
-    Works on plain data, so that a file whose tables have faults of their own is still checked here.
+    This works on plain data, so that a file with faults in its tables is still checked here.
 
     Parameters
     ----------
     data : mapping
-        A mechanism file as read, or a mechanism dumped to plain data.
+        Content of a mechanism file, or a mechanism dumped to plain data.
 
     Returns
     -------
     list of Fault
-        Empty when there is no fault.
+        Empty if there are no faults.
     """
     return [
         *_unknown_names(data),
@@ -48,12 +48,12 @@ def reference_faults(data: Mapping[str, Any]) -> list[Fault]:
 
 
 def _sides(table: str, entry: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the keys of the two sides of a joint, contact or spring: those that it has."""
+    """Return the keys of the two sides of a joint, contact or spring that has them."""
     return next((pair for pair in _PAIRED[table] if any(side in entry for side in pair)), _PAIRED[table][0])
 
 
 def _references(data: Mapping[str, Any]) -> Iterator[Reference]:
-    """Yield every name to which the file refers."""
+    """Yield every name that the file refers to."""
     for table in _PAIRED:
         for name, entry in named_tables(data, table).items():
             yield from _of_pair(table, (table, name), entry)
@@ -86,7 +86,7 @@ def _of_pair(table: str, key: tuple[str, ...], entry: Mapping[str, Any]) -> Iter
 
 
 def _of_response(key: tuple[str, ...], entry: Mapping[str, Any]) -> Iterator[Reference]:
-    """Yield the names in a response; of a contact of a joint, JOINT.FACE, only the joint can be checked here."""
+    """Yield the names in a response; for a contact of a joint, JOINT.FACE, only the joint can be checked here."""
     contact = entry.get("contact")
     joint, dot, _ = contact.partition(".") if isinstance(contact, str) else (contact, "", "")
     yield "joint" if dot else "contact", (*key, "contact"), joint
@@ -152,12 +152,12 @@ def _nothing_moves(data: Mapping[str, Any]) -> Iterator[Fault]:
 
 
 def pair_between(bodies: Sequence[Any], pairs: Mapping[str, Any]) -> str | None:
-    """Return the name of the pair of materials that lies between two bodies' materials, in any order.
+    """Return the name of the material pair for the materials of two bodies, in either order.
 
     Parameters
     ----------
     bodies : sequence
-        The two materials; None where a body has none.
+        The two materials; None for a body without one.
     pairs : mapping
         Name of a pair -> its two materials, or None.
     """
@@ -169,7 +169,7 @@ def pair_between(bodies: Sequence[Any], pairs: Mapping[str, Any]) -> str | None:
 
 
 def _unknown_laws(data: Mapping[str, Any]) -> Iterator[Fault]:
-    """Find contacts whose friction follows from nothing, and two pairs of the same materials."""
+    """Yield faults for contacts whose friction is not defined, and for two pairs of the same materials."""
     pairs = {name: _pair(material.get("between")) for name, material in named_tables(data, "materials").items()}
     for name, two in pairs.items():
         first = pair_between(two or (None,), pairs)
@@ -191,7 +191,7 @@ def _unknown_laws(data: Mapping[str, Any]) -> Iterator[Fault]:
 
 
 def _lawless(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str], list[Any]]]:
-    """Yield key and bodies of the contacts and the joints with clearance that give neither a material nor friction."""
+    """Yield key and bodies of the contacts, and joints with clearance, that give neither a material nor friction."""
     for table in ("joints", "contacts"):
         for name, entry in sub_table(data, table).items():
             if not isinstance(entry, Mapping) or any(entry.get(key) is not None for key in ("material", "friction")):
@@ -202,7 +202,7 @@ def _lawless(data: Mapping[str, Any]) -> Iterator[tuple[tuple[str, str], list[An
 
 
 def _pair(value: Any) -> tuple[str, str] | None:
-    """Return the two names of a `between`, if it is a pair of them."""
+    """Return the two names in a `between` if it is a pair of names."""
     if isinstance(value, list | tuple) and len(value) == 2 and all(isinstance(v, str) for v in value):
         return value[0], value[1]
     return None

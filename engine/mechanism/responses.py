@@ -1,4 +1,4 @@
-"""The responses of a mechanism: what is measured, and when it is read."""
+"""The responses of a mechanism: the quantities measured, and the instant at which each is read."""
 
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -13,7 +13,7 @@ ContactName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z][A-Za-z0-9_-]*
 
 
 class Measured(TableModel):
-    """Base of the measured responses: a title, and the instant at which they are read."""
+    """Base class of the measured responses: a title, and the instant at which they are read."""
 
     measures: ClassVar[Quantity]
 
@@ -34,7 +34,7 @@ class Measured(TableModel):
 
     @property
     def quantity(self) -> Quantity:
-        """The quantity it measures."""
+        """The quantity that the response measures."""
         return self.measures
 
     @model_validator(mode="after")
@@ -57,7 +57,7 @@ class Axis(TableModel):
 
 
 class Reference(TableModel):
-    """The start of a position: a point of a body, or the foot point on an axis of a body."""
+    """The reference of a position: a point of a body, or the foot point on an axis of a body."""
 
     body: Name = Field(description="the body the point or axis belongs to")
     point: Annotated[Point | None, Quantity("length")] = Field(default=None, description="a point: [x, y, z]")
@@ -105,7 +105,7 @@ class Velocity(Measured):
 
 
 class Turning(Measured):
-    """A body that turns about an axis of another."""
+    """A body that turns about an axis of another body."""
 
     body: Name = Field(description="the body that turns")
     relative_to: Name | None = Field(
@@ -125,7 +125,7 @@ class Turning(Measured):
 
 
 class Angle(Turning):
-    """The angle by which a body has turned about an axis since the start, full turns included, plus an offset."""
+    """The angle by which a body has turned about an axis since the start, including full turns, plus an offset."""
 
     measures = Quantity("angle")
 
@@ -142,7 +142,7 @@ class AngularVelocity(Turning):
 
 
 class Gap(Measured):
-    """The gap of a contact, as its gap function has it: a ring's is its clearance minus its eccentricity."""
+    """The gap of a contact as computed by its gap function; for a ring, its clearance minus its eccentricity."""
 
     measures = Quantity("length")
 
@@ -151,7 +151,7 @@ class Gap(Measured):
 
 
 class ContactForce(Measured):
-    """The force of a contact: normal to it, or the magnitude of its friction."""
+    """The force of a contact: the normal force, or the magnitude of the friction force."""
 
     measures = Quantity("force")
 
@@ -190,7 +190,7 @@ class JointForce(Measured):
 
 
 class SpringForce(Measured):
-    """The force of a linear spring; positive pushes its points apart."""
+    """The force of a linear spring; positive values push its points apart."""
 
     measures = Quantity("force")
 
@@ -199,7 +199,7 @@ class SpringForce(Measured):
 
 
 class SpringTorque(Measured):
-    """The torque of a torsion spring on its body b, about its axis."""
+    """The torque of a torsion spring on its body b about its axis."""
 
     measures = Quantity("torque")
 
@@ -208,7 +208,7 @@ class SpringTorque(Measured):
 
 
 class Time(Measured):
-    """The time since the start of the run: of its end, or of an event."""
+    """The time from the start of the run to its end or to an event."""
 
     measures = Quantity("time")
 

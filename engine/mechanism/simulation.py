@@ -1,4 +1,4 @@
-"""How a run goes: its steps, its criterion of rest, and its phases."""
+"""The settings of a run: its time steps, its criterion of rest, and its phases."""
 
 from typing import Annotated, Any, Literal
 
@@ -10,7 +10,7 @@ from engine.mechanism.readout import Event
 
 
 class Rest(TableModel):
-    """The criterion of rest: nothing that is measured, and no contact that carries load, moves for a while."""
+    """The criterion of rest: for some time no measured quantity moves, and no contact that carries load."""
 
     window: Annotated[PositiveNumber, Quantity("time")] = Field(description="how long nothing may move, a number > 0")
     drift: Annotated[PositiveNumber, Quantity("length")] = Field(
@@ -19,7 +19,7 @@ class Rest(TableModel):
 
 
 class Adaptive(TableModel):
-    """Longer steps while everything is slow."""
+    """Longer time steps while everything is slow."""
 
     longest: Annotated[PositiveNumber, Quantity("time")] = Field(
         description="the longest time step, a number > 0; the shortest is step"
@@ -30,7 +30,7 @@ class Adaptive(TableModel):
 
 
 class Simulation(TableModel):
-    """Defaults of a run."""
+    """The default settings of a run."""
 
     step: Annotated[PositiveNumber, Quantity("time")] = Field(description="the time step, a number > 0")
     horizon: Annotated[PositiveNumber, Quantity("time")] = Field(description="the longest simulated time, a number > 0")
@@ -75,7 +75,7 @@ class Simulation(TableModel):
 
 
 class Phase(TableModel):
-    """A part of the run; it ends at rest, or after ``duration`` or at the event ``until``, whichever is first."""
+    """A part of the run; it ends at rest, after ``duration`` or at the event ``until``, whichever comes first."""
 
     name: Name = Field(description="what forces and torques call it")
     duration: Annotated[PositiveNumber | None, Quantity("time")] = Field(

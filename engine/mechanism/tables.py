@@ -1,4 +1,4 @@
-"""Read tables of a file that may be faulty: a part of the wrong kind counts as empty, and nothing raises."""
+"""Read tables of a file that may contain faults: a part of the wrong type counts as empty, and nothing is raised."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -15,7 +15,7 @@ def sub_table(data: Any, key: str) -> Mapping[str, Any]:
 
 
 def named_tables(data: Any, key: str) -> dict[str, Mapping[str, Any]]:
-    """Return the tables of the table under ``key``, such as all joints, by name."""
+    """Return the tables inside the table under ``key`` by name, such as all joints."""
     return {name: as_table(entry) for name, entry in sub_table(data, key).items()}
 
 
@@ -26,5 +26,5 @@ def list_under(data: Any, key: str) -> Sequence[Any]:
 
 
 def phase_names(data: Mapping[str, Any]) -> list[str]:
-    """Return the names of the phases; a file without phases has one, called run."""
+    """Return the names of the phases; a file without phases has one, called ``run``."""
     return [str(as_table(phase).get("name")) for phase in list_under(data, "phases")] or ["run"]

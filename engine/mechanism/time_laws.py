@@ -1,4 +1,4 @@
-"""Laws of time: factors of forces, and targets of prescribed motions. Time 0 is the start of the run."""
+"""Time laws: factors of forces, and targets of prescribed motions. Time 0 is the start of the run."""
 
 import math
 from itertools import pairwise
@@ -28,7 +28,7 @@ def _points(value: Any) -> Points:
 
 
 class TableLaw(TableModel):
-    """A law given by points; constant before the first and after the last."""
+    """A law given by points; constant before the first point and after the last one."""
 
     distinguishing_key: ClassVar[str] = "table"
 
@@ -52,7 +52,7 @@ class FactorTable(TableLaw):
 
 
 class MotionTable(TableLaw):
-    """A table of a motion: it starts from the pose of the file."""
+    """A table of a motion; it starts from the pose in the file."""
 
     @model_validator(mode="after")
     def _starts_at_the_pose(self) -> Self:
@@ -79,7 +79,7 @@ class TurnTable(MotionTable):
 
 
 class Sine(TableModel):
-    """The common keys of all sines: how fast they are, and where in the period they start."""
+    """The keys common to all sines: their frequency, and their phase at the start."""
 
     distinguishing_key: ClassVar[str] = "amplitude"
 
@@ -115,7 +115,7 @@ class FactorSine(Sine):
 
 
 class TravelSine(Sine):
-    """The way amplitude (sin(2 pi frequency t + phase) - sin(phase)): 0 at the start."""
+    """The displacement amplitude (sin(2 pi frequency t + phase) - sin(phase)): 0 at the start."""
 
     amplitude: Annotated[Number, Quantity("length")] = Field(description="the amplitude of the way, a length")
 
@@ -127,7 +127,7 @@ class TurnSine(Sine):
 
 
 class TravelRamp(TableModel):
-    """The way speed t."""
+    """The displacement speed t."""
 
     distinguishing_key: ClassVar[str] = "speed"
 

@@ -1,6 +1,6 @@
-"""Joints between two bodies, ideal or with play: `type = "revolute"` and `type = "clearance_revolute"` are one table.
+"""Joints between two bodies, ideal or with play; `type = "revolute"` and `type = "clearance_revolute"` share one model.
 
-The word alone decides: an ideal joint takes the keys of its form with play, and does not look at them.
+The type alone decides: an ideal joint accepts the keys of its counterpart with play and ignores them.
 """
 
 from typing import Annotated

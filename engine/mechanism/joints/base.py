@@ -1,4 +1,4 @@
-"""The base of all joints: two sides, the word that makes a joint ideal or loose, and the law of its contacts."""
+"""The base of all joints: two sides, the type that makes a joint ideal or loose, and the law of its contacts."""
 
 from collections.abc import Sequence
 from typing import Any, ClassVar, Self
@@ -15,7 +15,7 @@ class Line(BodyPoint):
 
 
 class Joint(PairLaw):
-    """Base of all joints. A type with the prefix ``clearance_`` has play; the same type without it is ideal."""
+    """Base class of all joints. A type with the prefix ``clearance_`` has play; without the prefix it is ideal."""
 
     SIDES: ClassVar[tuple[str, str]]
     CLEARANCE: ClassVar[str] = ""

@@ -31,7 +31,7 @@ def _ends(value: Any) -> tuple[float, float] | None:
 
 
 class Journal(Line):
-    """The pin; centred in the bearing, its ``point`` is at the bearing's."""
+    """The pin; if it is centred in the bearing, its ``point`` coincides with the bearing's."""
 
     radius: Annotated[float | tuple[float, ...] | None, BeforeValidator(_radii), Quantity("length"), Each(gt=0.0)] = (
         Field(default=None, description="the radius of the pin, a number > 0, or a list with one for each ring")
@@ -54,7 +54,7 @@ class Flanges(TableModel):
 
 
 class JournalJoint(Joint):
-    """Base of the joints that are a journal in a bearing: radial clearance at the rings of the bore."""
+    """Base class of the joints made of a journal in a bearing: radial clearance at the rings of the bore."""
 
     SIDES: ClassVar[tuple[str, str]] = ("bearing", "journal")
     CLEARANCE: ClassVar[str] = "radial_clearance"
@@ -135,7 +135,7 @@ class Revolute(JournalJoint):
 
     @property
     def flange_stations(self) -> dict[str, float]:
-        """Station of the end face at each flange [length], by the flange's side: ``start``, ``end``."""
+        """Station of the end face at each flange [length], by the side of the flange: ``start``, ``end``."""
         if self.flanges is None:
             return {}
         start, end = self.flanges.ends or (min(self.rings or (0.0,)), max(self.rings or (0.0,)))

@@ -22,7 +22,7 @@ class Slideway(Line):
 
 
 class Block(TableModel):
-    """A rectangular block about the slider's ``point``; its eight corners can touch the faces of the slot."""
+    """A rectangular block around the slider's ``point``; its eight corners can touch the faces of the slot."""
 
     half_length: PositiveLength = Field(description="half the length along the axis, a number > 0")
     half_height: PositiveLength = Field(description="half the height along the normal, a number > 0")
@@ -30,7 +30,7 @@ class Block(TableModel):
 
 
 class Shaft(TableModel):
-    """A cylinder on the slider's axis, in a sleeve on the guide's."""
+    """A cylinder on the slider's axis, in a sleeve on the axis of the guide."""
 
     radius: PositiveLength = Field(description="the radius of the shaft, a number > 0")
     rings: Annotated[tuple[float, ...], BeforeValidator(stations), Quantity("length")] = Field(
@@ -42,7 +42,7 @@ class Shaft(TableModel):
 
 
 class Prismatic(Joint):
-    """A slider that moves along the axis of its guide. As an ideal joint it keeps the orientation of the start."""
+    """A slider that moves along the axis of its guide. An ideal one keeps its orientation relative to the guide."""
 
     SIDES: ClassVar[tuple[str, str]] = ("guide", "slider")
     CLEARANCE: ClassVar[str] = "clearance"
@@ -61,7 +61,7 @@ class Prismatic(Joint):
     )
 
     def face_clearance(self, face: str) -> str:
-        """Return the key of the clearance at a face of the slot, or at a ring."""
+        """Return the key of the clearance at a face of the slot or at a ring."""
         return "width_clearance" if face.startswith(("left", "right")) else self.CLEARANCE
 
     def _check_play(self) -> None:

@@ -1,4 +1,4 @@
-"""Ball and socket."""
+"""A ball in a socket."""
 
 from typing import Annotated, ClassVar, Literal
 
@@ -18,7 +18,7 @@ class Ball(BodyPoint):
 
 
 class Spherical(Joint):
-    """A ball in a socket: the centres coincide, or lie within the radial clearance of each other."""
+    """A ball in a socket: the centres coincide, or are at most the radial clearance apart."""
 
     SIDES: ClassVar[tuple[str, str]] = ("socket", "ball")
     CLEARANCE: ClassVar[str] = "radial_clearance"

@@ -1,1 +1,1 @@
-"""The keys of a mechanism's numbers: to read and set them, and to list them."""
+"""The keys of a mechanism's numbers: reading, setting and listing them."""

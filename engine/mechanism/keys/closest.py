@@ -1,20 +1,21 @@
-"""Which of some words is meant by one that is not among them: a slip of the pen, or a word that it shares."""
+"""Find the known word that an unknown one is likely meant to be: a typing error, or a word that shares its parts."""
 
 import re
 from collections.abc import Iterable
 from itertools import islice
 
-LONGEST = 60  # characters that are compared
-MOST_WORDS = 500  # that are compared
+LONGEST = 60  # characters compared
+MOST_WORDS = 500  # words compared
 MOST_SLIPS = 3
 
 
 def closest(word: str, words: Iterable[str]) -> str | None:
-    """Return the word that is most likely meant; None if none is likely.
+    """Return the word most likely meant; None if none is likely.
 
-    Likely is a word that differs by few letters added, left out, replaced or exchanged with the next: one in words of
-    up to 5 letters, two in longer ones, three from 12 on. Otherwise one that begins with
-    the word, or has all parts of it: ``clearance`` is meant for ``radial_clearance``.
+    A word is likely if it differs by few slips, a slip being a letter added, left out, replaced or swapped with the
+    next one: up to one slip in words of up to 5 letters, two in longer ones, three from 12 letters on. Failing that, a
+    word is likely if it begins with the given word or contains all its parts: ``clearance`` is taken for
+    ``radial_clearance``.
     """
     given = word[:LONGEST].lower()
     known = list(islice(words, MOST_WORDS))
@@ -28,7 +29,7 @@ def closest(word: str, words: Iterable[str]) -> str | None:
 
 
 def slip_count(first: str, second: str) -> int:
-    """Return how many letters are added, left out, replaced or exchanged with the next; beyond 3 it may stop."""
+    """Return the number of letters added, left out, replaced or swapped with the next; counting may stop beyond 3."""
     if abs(len(first) - len(second)) > MOST_SLIPS:
         return MOST_SLIPS + 1
     before: list[int] = []
@@ -45,7 +46,7 @@ def slip_count(first: str, second: str) -> int:
 
 
 def _slips(first: str, second: str) -> int | None:
-    """Return the number of slips between two words; None if they are more than is likely."""
+    """Return the number of slips between two words; None if there are too many."""
     most = _allowed(first, second)
     if abs(len(first) - len(second)) > most:
         return None
@@ -54,7 +55,7 @@ def _slips(first: str, second: str) -> int | None:
 
 
 def _allowed(first: str, second: str) -> int:
-    """Return how many slips are likely between words of these lengths; J2 is no slip for J1."""
+    """Return the number of slips allowed between words of these lengths; J2 is not taken for J1."""
     length = min(len(first), len(second))
     if length <= 2:
         return int(length == 2 and len(first) != len(second))
@@ -62,5 +63,5 @@ def _allowed(first: str, second: str) -> int:
 
 
 def _parts(word: str) -> frozenset[str]:
-    """Return the parts of a word that are joined by underscores, hyphens or dots; short ones do not count."""
+    """Return the parts of a word separated by underscores, hyphens or dots; short parts are ignored."""
     return frozenset(part for part in re.split(r"[^a-z0-9]+", word) if len(part) > 2)

@@ -1,4 +1,4 @@
-"""How a key names the numbers of a list: x, y, z of a vector, xx, xy, ... of an inertia, otherwise 0, 1, ..."""
+"""The names of the numbers in a list: x, y, z of a vector, xx, xy, ... of an inertia, otherwise 0, 1, ..."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,10 +15,10 @@ Kind = TypeVar("Kind")
 
 
 class Components:
-    """The numbers of a list, named by their places: 0, 1, ..."""
+    """The numbers of a list, named by their indices: 0, 1, ..."""
 
     def places(self, items: Sequence[Any]) -> Mapping[str, tuple[At, ...]]:
-        """Return each name and where its number stands; a number that stands in the list twice has two places."""
+        """Return the places of the number with each name; two places if the list holds it twice."""
         return {str(i): ((i,),) for i in range(len(items))}
 
 
@@ -31,7 +31,7 @@ class Axes(Components):
 
 
 class Tensor(Components):
-    """The components xx, xy, ... of a symmetric tensor; xy stands for yx too. A file may give the diagonal alone."""
+    """The components xx, xy, ... of a symmetric tensor; xy also stands for yx. A file may give only the diagonal."""
 
     def places(self, items: Sequence[Any]) -> Mapping[str, tuple[At, ...]]:
         """Return the places of each component."""
@@ -43,32 +43,32 @@ class Tensor(Components):
 
 @dataclass(frozen=True)
 class Each:
-    """A limit of each number of a list, which the reader of the list checks."""
+    """A lower limit of each number in a list, checked by the reader of the list."""
 
     gt: float
 
 
 def written(value: Any) -> Any:
-    """Return a value as the file has it: of a direction the vector that was written, otherwise the value itself."""
+    """Return a value as written in the file: for a direction the original vector, otherwise the value itself."""
     return getattr(value, "written", value)
 
 
 def item(items: Any, at: At) -> Any:
-    """Return what stands at a place of lists in each other."""
+    """Return the item at a place in nested lists."""
     for i in at:
         items = items[i]
     return items
 
 
 def with_item(items: Any, at: At, new: Any) -> Any:
-    """Return lists in each other, as tuples, with another item at a place."""
+    """Return nested lists, as tuples, with the item at a place replaced."""
     if not at:
         return new
     return tuple(with_item(part, at[1:], new) if i == at[0] else part for i, part in enumerate(items))
 
 
 def declared(field: FieldInfo | None, kind: type[Kind]) -> Kind | None:
-    """Return what a field of a table was declared with, such as its quantity; None if with nothing of this kind."""
+    """Return the declaration of a given kind, such as a quantity, on a field of a table; None if it has none."""
     return next((found for found in _metadata(field) if isinstance(found, kind)), None) if field else None
 
 
@@ -83,7 +83,7 @@ def limits(field: FieldInfo | None) -> dict[str, float]:
 
 
 def _metadata(field: FieldInfo) -> Iterator[Any]:
-    """Yield what a field and the alternatives of its type were declared with."""
+    """Yield the declarations on a field and on the alternatives of its type."""
     yield from field.metadata
     yield from _metadata_of(field.annotation)
 
@@ -98,7 +98,7 @@ def _metadata_of(annotation: Any) -> Iterator[Any]:
 
 
 def holds_numbers(annotation: Any) -> bool:
-    """Return whether a type is a number, or lists of numbers."""
+    """Return whether a type is a number or lists of numbers."""
     if get_origin(annotation) in (Union, UnionType, Annotated, tuple):
         return any(map(holds_numbers, get_args(annotation)))
     return annotation is float

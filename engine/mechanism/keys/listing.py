@@ -1,4 +1,4 @@
-"""The list of a mechanism's keys that may be set: value, unit, limits, and what each number means."""
+"""List the keys of a mechanism that can be set, with the value, unit, limits and meaning of each number."""
 
 import fnmatch
 from dataclasses import dataclass
@@ -20,23 +20,23 @@ class SettableNumber:
     Attributes
     ----------
     key : str
-        Its dotted path.
+        Dotted path of the number.
     value : float
-        Its value in the file.
+        Value in the file.
     unit : str
-        ``"1"`` for a pure number.
+        Unit; ``"1"`` for a pure number.
     lower, upper : float or None
-        Limits of this number alone; None where there is none.
+        Limits of this number by itself; None where there is none.
     limits : str
-        The same in words, such as ``"> 0"`` or ``"> 0, <= 0.3"``; empty without limits.
+        The same limits in words, such as ``"> 0"`` or ``"> 0, <= 0.3"``; empty if there are none.
     expression : str
-        From which its value follows; empty if the file has a number.
+        Expression that gives the value; empty if the file contains a number.
     description : str
-        What it means.
+        Meaning of the number.
     short : str
-        The name of the joint, if that stands for the key; otherwise empty.
+        Name of the joint, if it can be used instead of the key; otherwise empty.
     varies : bool
-        Whether a variable of a campaign may set it; the settings of a simulation are the same for all its runs.
+        Whether a variable of a campaign may set it; simulation settings are the same for all runs of a campaign.
     """
 
     key: str
@@ -52,14 +52,14 @@ class SettableNumber:
 
 
 def settable_numbers(mechanism: Mechanism, pattern: str = "") -> list[SettableNumber]:
-    """Return every number that may be set, in the order of the file format.
+    """Return every number that can be set, in the order of the file format.
 
     Parameters
     ----------
     mechanism : Mechanism
     pattern : str
-        A part of the keys that are wanted, or with ``*``, ``?`` or ``[...]`` a pattern of the whole key; upper and
-        lower case are the same. By default all.
+        Part of the wanted keys, or a pattern for the whole key with ``*``, ``?`` or ``[...]``; case is ignored. By
+        default all keys are returned.
     """
     short = {_clearance(mechanism, name): name for name in mechanism.loose_joints()}
     wanted = [(key, place) for key, place in settable_places(mechanism) if _fits(key, short.get(key, ""), pattern)]
@@ -79,7 +79,7 @@ def _fits(key: str, short: str, pattern: str) -> bool:
 
 
 def _number(mechanism: Mechanism, key: str, place: Place, short: str, used: dict[str, list[str]]) -> SettableNumber:
-    """Return the entry of one number; ``used`` are the keys that use each parameter."""
+    """Return the entry for one number; ``used`` maps each parameter to the keys that use it."""
     name = key.removeprefix(PREFIX) if key.startswith(PREFIX) else ""
     found = limits(place.field)
     if isinstance(place.owner, JournalJoint) and key.endswith(".radial_clearance"):
@@ -99,7 +99,7 @@ def _number(mechanism: Mechanism, key: str, place: Place, short: str, used: dict
 
 
 def _use(keys: list[str]) -> str:
-    """Return where a parameter is used."""
+    """Return a description of where a parameter is used."""
     if not keys:
         return "used on test benches only"
     others = f" and {len(keys) - 3} others" if len(keys) > 4 else ""

@@ -1,4 +1,4 @@
-"""Places of a mechanism: a table, a list or a number, the field that declares it, and what lies below it."""
+"""Places in a mechanism: a table, a list or a number, the field that declares it, and the places below it."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
@@ -12,25 +12,25 @@ from engine.mechanism.keys.components import Components, declared, item, with_it
 from engine.mechanism.quantities import Quantity
 from engine.mechanism.time_laws import TableLaw
 
-HIDDEN = ("benches", "presets", "plot", "geometry")  # of other mechanisms, of pictures, of where numbers come from
+HIDDEN = ("benches", "presets", "plot", "geometry")  # for other mechanisms, for plots, and the origin of numbers
 
 _OF_A_MOTION = ("mass", "inertia", "center_of_mass", "velocity", "angular_velocity")  # no effect on a fixed body
-SETTINGS = "simulation."  # how a run is computed, which is no property of the mechanism
+SETTINGS = "simulation."  # how a run is computed; not properties of the mechanism
 
 
 class Place(NamedTuple):
-    """A value of a mechanism, and where it stands.
+    """A value in a mechanism and its position.
 
     Attributes
     ----------
     value
-        The table, dict of tables, list or number there.
+        The table, dict of tables, list or number at this place.
     owner : TableModel or None
-        The table that has it as one of its keys, or that has the list it stands in.
+        The table that has this value, or the list that contains it, under one of its keys.
     field : FieldInfo or None
-        That key's declaration.
+        The declaration of that key.
     inside : tuple of str
-        Its tokens inside the list it stands in.
+        Tokens of the value within the list that contains it.
     """
 
     value: Any
@@ -39,11 +39,11 @@ class Place(NamedTuple):
     inside: tuple[str, ...] = ()
 
     def below(self) -> dict[str, "Place"]:
-        """Return the places below by the tokens of their keys."""
+        """Return the places directly below this one, by the tokens of their keys."""
         return {token: place for token in self._tokens() if (place := self.at(token)) is not None}
 
     def at(self, token: str) -> "Place | None":
-        """Return the place below with this token; None if there is none."""
+        """Return the place below with a given token; None if there is none."""
         value = self.value
         if isinstance(value, TableModel):
             name, field = _fields(type(value)).get(token, ("", None))
@@ -58,7 +58,7 @@ class Place(NamedTuple):
         return self._replace(value=item(written(value), place), inside=(*self.inside, token))
 
     def _tokens(self) -> Sequence[str]:
-        """Return the tokens of what lies below."""
+        """Return the tokens of the places below."""
         value = self.value
         if isinstance(value, TableModel):
             return list(_fields(type(value)))
@@ -70,7 +70,7 @@ class Place(NamedTuple):
         return [str(i) for i in range(len(value))] if tables else list(self._components())
 
     def with_below(self, changes: Mapping[str, Any]) -> Any:
-        """Return the value with some of what lies below replaced, by token; a table is checked.
+        """Return the value with some of the values below it replaced, by token; a table is checked.
 
         Raises
         ------
@@ -91,7 +91,7 @@ class Place(NamedTuple):
         return items
 
     def quantity(self) -> Quantity | None:
-        """Return what a number measures, if it has been declared."""
+        """Return the quantity that a number measures, if declared."""
         if isinstance(self.owner, TableLaw) and self.inside:
             return Quantity("time" if self.inside[-1] == "0" else self.owner.value_quantity)
         return declared(self.field, Quantity)
@@ -102,18 +102,18 @@ class Place(NamedTuple):
 
 @cache
 def _fields(table: type[TableModel]) -> dict[str, tuple[str, FieldInfo]]:
-    """Return name and declaration of each field of a table by its key in the file, without those that have no keys."""
+    """Return name and declaration of each field of a table by its key in the file, without fields that have no keys."""
     keys = {field.alias or name: (name, field) for name, field in table.model_fields.items()}
     return {key: named for key, named in keys.items() if key not in HIDDEN}
 
 
 def components(field: FieldInfo | None, items: Sequence[Any]) -> Mapping[str, tuple[tuple[int, ...], ...]]:
-    """Return the name of each component of a list that a field declares, and where it stands."""
+    """Return the name of each component of a list declared by a field, and its places."""
     return (declared(field, Components) or Components()).places(items)
 
 
 def along(mechanism: TableModel, tokens: Sequence[str]) -> list[Place]:
-    """Return the places along a path, the mechanism first; those that exist."""
+    """Return the existing places along a path, the mechanism first."""
     places = [Place(mechanism)]
     for token in tokens:
         below = places[-1].at(token)
@@ -124,7 +124,7 @@ def along(mechanism: TableModel, tokens: Sequence[str]) -> list[Place]:
 
 
 def by_tokens(entries: Mapping[str, Any]) -> dict[str, Any]:
-    """Return entries of dotted keys by their tokens: dicts in each other, with the entries at their ends."""
+    """Return entries with dotted keys as nested dicts by token, with the entries at the leaves."""
     tree: dict[str, Any] = {}
     for key, entry in entries.items():
         *tables, last = key.split(".")
@@ -136,7 +136,7 @@ def by_tokens(entries: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def numbers(place: Place, prefix: str = "") -> Iterator[tuple[str, Place]]:
-    """Yield every number below a place, with its key."""
+    """Yield each number below a place with its key."""
     for token, child in place.below().items():
         if isinstance(child.value, float):
             yield prefix + token, child
@@ -145,7 +145,7 @@ def numbers(place: Place, prefix: str = "") -> Iterator[tuple[str, Place]]:
 
 
 def without_effect(mechanism: Any, tokens: Sequence[str]) -> str:
-    """Return why a number would have no effect, and what to set instead; empty if it has one, or does not exist."""
+    """Return why a number has no effect, and what to set instead; empty if it has one or does not exist."""
     table, name, *inner = [*tokens, "", ""][: max(len(tokens), 2)]
     joint = mechanism.joints.get(name) if table == "joints" else None
     if isinstance(joint, Joint) and not joint.acts(inner):
@@ -161,7 +161,7 @@ def without_effect(mechanism: Any, tokens: Sequence[str]) -> str:
 
 
 def settable_places(mechanism: TableModel, below: str = "") -> list[tuple[str, Place]]:
-    """Return key and place of every number that may be set, in the order of the file; or of those below a key."""
+    """Return key and place of every number that can be set, in the order of the file; optionally only below a key."""
     start = along(mechanism, below.split(".") if below else ())[-1]
     keys = [(f"{below}.{key}" if below else key, place) for key, place in numbers(start)]
     return [(key, place) for key, place in keys if not without_effect(mechanism, key.split("."))]

@@ -1,4 +1,4 @@
-"""The keys of the mechanism file as JSON Schema, for editors and other programs."""
+"""The JSON Schema of the mechanism file, for editors and other programs."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ _OF_THE_NUMBER = ("type", "minimum", "maximum", "exclusiveMinimum", "exclusiveMa
 
 
 def mechanism_schema() -> dict[str, Any]:
-    """Return the JSON Schema of the mechanism file; where a number is allowed, so is an expression."""
+    """Return the JSON Schema of the mechanism file; wherever a number is allowed, an expression is too."""
     schema = Mechanism.model_json_schema(by_alias=True)
     tables = schema["$defs"]
     del schema["properties"]["geometry"]  # written by clearcap
@@ -32,7 +32,7 @@ def mechanism_schema() -> dict[str, Any]:
 
 
 def _add_geometry(schema: dict[str, Any]) -> None:
-    """Add the keys that name geometry of a CAD file, and stand for others."""
+    """Add the keys that name geometry of a CAD file in place of other keys."""
     tables = schema["$defs"]
     schema["properties"]["cad"] = _table_of(CadTable, tables)
     as_drawn = {"type": "string", "const": AS_DRAWN}
@@ -59,14 +59,14 @@ def _add_geometry(schema: dict[str, Any]) -> None:
 
 
 def _table_of(model: type[TableModel], tables: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of a table; those that it refers to are added to the others."""
+    """Return the schema of a table, and add the tables it refers to to ``tables``."""
     schema = model.model_json_schema(by_alias=True)
     tables |= schema.pop("$defs", {})
     return schema
 
 
 def _or_expression(part: Any) -> Any:
-    """Return a part of the schema in which an expression may stand in the place of each number."""
+    """Return a part of the schema with every number replaced by the choice of a number or an expression."""
     if isinstance(part, list):
         return [_or_expression(inner) for inner in part]
     if not isinstance(part, dict):

@@ -1,4 +1,4 @@
-"""The message that no number of a mechanism has a key: what there is instead, and which key may be meant."""
+"""The message for a key that names no number of a mechanism: what exists there, and which key may be meant."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -10,7 +10,7 @@ MOST_NAMED = 20
 
 
 def unknown_key(mechanism: Mechanism, key: str) -> str:
-    """Return that no number has this key, what stands where it goes wrong, and the key that may be meant."""
+    """Return the message that no number has this key, with what exists where it goes wrong and the likely key."""
     meant = meant_key(mechanism, key)
     question = f"; did you mean '{meant}'?" if meant else ""
     places = along(mechanism, key.split("."))
@@ -27,10 +27,11 @@ def unknown_key(mechanism: Mechanism, key: str) -> str:
 
 
 def meant_key(mechanism: Mechanism, key: str) -> str:
-    """Return the key of a number that is likely meant by one that does not exist; empty if none is.
+    """Return the key of the existing number that an unknown key most likely means; empty if none is likely.
 
-    Table by table: a token that is wrong stands for the one there that differs by a slip, an index for the component at
-    its place; without its table a name stands for that of any table, and a last token for the first number so named.
+    Tokens are matched table by table: a wrong token matches a name there that differs by a slip, and an index matches
+    the component at its place. If the table is missing from the key, all tables are searched for the name; a single
+    token matches the first number whose key ends with it.
     """
     tokens = key.split(".")
     root = Place(mechanism)
@@ -42,7 +43,7 @@ def meant_key(mechanism: Mechanism, key: str) -> str:
 
 
 def _followed(place: Place, tokens: Sequence[str], *, exact: bool) -> Iterator[list[str]]:
-    """Yield the path to a number below a place, like the tokens; with ``exact`` the first token is right."""
+    """Yield the path to a number below a place that resembles the tokens; with ``exact`` the first token must match."""
     if not tokens:
         if isinstance(place.value, float):
             yield []
@@ -59,5 +60,5 @@ def _followed(place: Place, tokens: Sequence[str], *, exact: bool) -> Iterator[l
 
 
 def _of_this_name(mechanism: Mechanism, token: str) -> str:
-    """Return the first key that ends with a token."""
+    """Return the first key whose last token is the given one."""
     return next((key for key, _ in settable_places(mechanism) if key.rpartition(".")[2] == token), "")

@@ -1,10 +1,10 @@
-"""Read one number of a mechanism by its key, or its unit, or set it.
+"""Read or set one number of a mechanism by its key, or return its unit.
 
-A key is a joint's name, which stands for its clearance, or the dotted path of a number in the file, such as
-`springs.A3.preload`, `joints.J1.bearing.point.x` or `parameters.arm`. Of an ideal joint only points and axes have keys:
-its other numbers have no effect. Setting a number does what typing it into the file would do: the expressions that use
-a parameter get new values. It happens once for each sample of a campaign, so only the tables on the way to a number are
-checked again, not the whole mechanism.
+A key is the name of a joint, which refers to its clearance, or the dotted path of a number in the file, such as
+`springs.A3.preload`, `joints.J1.bearing.point.x` or `parameters.arm`. In an ideal joint only points and axes have keys,
+because its other numbers have no effect. Setting a number has the same effect as writing it into the file: expressions
+that use a parameter get new values. Since this happens for each sample of a campaign, only the tables on the path to a
+number are checked again, not the whole mechanism.
 """
 
 import math
@@ -28,29 +28,29 @@ from engine.mechanism.parameters.formulas import PREFIX, following
 
 
 def get_value(mechanism: Mechanism, key: str) -> float:
-    """Return the number that a key stands for.
+    """Return the number with a given key.
 
     Parameters
     ----------
     mechanism : Mechanism
     key : str
-        A joint's name, which stands for its clearance, or a dotted path.
+        Name of a joint, which refers to its clearance, or a dotted path.
 
     Returns
     -------
     float
-        In the unit of the key, see `unit_of`; a direction's components are those of the file.
+        Value in the unit of the key, see `unit_of`; the components of a direction are those in the file.
 
     Raises
     ------
     MechanismError
-        If no number has this key; the message suggests the one that may be meant.
+        If no number has this key; the message suggests the key that may be meant.
     """
     return float(_places(mechanism, key)[-1].value)
 
 
 def unit_of(mechanism: Mechanism, key: str) -> str:
-    """Return the unit of the number that a key stands for; ``"1"`` for a pure number.
+    """Return the unit of the number with a given key; ``"1"`` for a pure number.
 
     Raises
     ------
@@ -61,25 +61,25 @@ def unit_of(mechanism: Mechanism, key: str) -> str:
 
 
 def full_key(mechanism: Mechanism, key: str) -> str:
-    """Return the dotted path that a key stands for: a joint's name stands for its clearance."""
+    """Return the dotted path for a key: the name of a joint is replaced by the path of its clearance."""
     return f"joints.{key}.{mechanism.joints[key].CLEARANCE}" if key in mechanism.joints else key
 
 
 def settable_keys(mechanism: Mechanism) -> list[str]:
-    """Return every key that may be set: the names of the joints with play first, then all dotted paths."""
+    """Return every key that can be set: first the names of the joints with play, then all dotted paths."""
     return [*mechanism.loose_joints(), *(key for key, _ in settable_places(mechanism))]
 
 
 def set_values(mechanism: Mechanism, changes: Mapping[str, float]) -> Mechanism:
-    """Return the mechanism with some of its numbers replaced.
+    """Return a mechanism with some of its numbers replaced.
 
     Parameters
     ----------
     mechanism : Mechanism
-        Left as it is.
+        The original; it is not changed.
     changes : mapping
-        Key -> number, in the unit of the key; a joint's name (its clearance) or a dotted path. A number that its file
-        gives as an expression follows its parameters no longer once it is set itself.
+        Key -> number in the unit of the key; a key is the name of a joint (its clearance) or a dotted path. A number
+        given as an expression in the file no longer follows its parameters once it is set itself.
 
     Returns
     -------
@@ -88,9 +88,9 @@ def set_values(mechanism: Mechanism, changes: Mapping[str, float]) -> Mechanism:
     Raises
     ------
     MechanismError
-        One line for each key that is unknown or whose number is not allowed.
+        With one line for each key that is unknown or whose number is not allowed.
     """
-    faults: list[tuple[str, Fault]] = []  # the key that was set, and what is wrong with it
+    faults: list[tuple[str, Fault]] = []  # the key set by the caller, and what is wrong with it
     settings: dict[str, _Setting] = {}
     for key, given in changes.items():
         try:
@@ -119,23 +119,23 @@ def set_values(mechanism: Mechanism, changes: Mapping[str, float]) -> Mechanism:
 
 @dataclass(frozen=True)
 class _Setting:
-    """A number that is set, and the key, the number and the unit of the change from which it follows."""
+    """A number to set, with the key, number and unit of the change that it results from."""
 
     number: float
     key: str
     given: float
-    unit: Callable[[], str]  # only messages need it
+    unit: Callable[[], str]  # called only for messages
 
     def fault(self, text: str) -> tuple[str, Fault]:
         return self.key, Fault(tuple(self.key.split(".")), text, self.given, self.unit())
 
 
 def _finite(key: str, number: Any, unit: Callable[[], str]) -> float:
-    """Return ``number`` as a float; numpy's numbers are welcome, texts and booleans are not."""
+    """Return ``number`` as a float; numbers of numpy are accepted, texts and booleans are not."""
     if isinstance(number, Real) and not isinstance(number, bool):
         try:
             finite = float(number)
-        except OverflowError:  # a whole number beyond the range of floats
+        except OverflowError:  # an integer beyond the range of floats
             finite = math.inf
         if math.isfinite(finite):
             if abs(finite) > LARGEST_NUMBER:
@@ -146,7 +146,7 @@ def _finite(key: str, number: Any, unit: Callable[[], str]) -> float:
 
 
 def _refused(key: str, text: str, value: Any = None, unit: str = "") -> MechanismError:
-    """Return the error of one key."""
+    """Return the error for one key."""
     fault = Fault(tuple(key.split(".")), text, value, unit if is_number(value) else "")
     return MechanismError(str(fault), [fault])
 
@@ -157,7 +157,7 @@ def _followers(
     settings: Mapping[str, _Setting],
     faults: list[tuple[str, Fault]],
 ) -> dict[str, _Setting]:
-    """Return the settings of the numbers that follow from the parameters that are set."""
+    """Return the settings of the numbers whose expressions depend on the parameters that are set."""
     changed = {key.removeprefix(PREFIX): setting for key, setting in settings.items() if key.startswith(PREFIX)}
     values = {**mechanism.parameters, **{name: setting.number for name, setting in changed.items()}}
     found: dict[str, _Setting] = {}
@@ -175,7 +175,7 @@ def _followers(
 def _rebuilt(
     mechanism: Mechanism, place: Place, path: list[str], settings: Any, faults: list[tuple[str, Fault]]
 ) -> Any:
-    """Return the value of a place with settings below it, every table on the way checked; note what is refused."""
+    """Return a place's value with the settings below it applied and every table on the path checked; collect faults."""
     if isinstance(settings, _Setting):
         return settings.number
     below = {token: place.at(token) or place for token in settings}
@@ -189,7 +189,7 @@ def _rebuilt(
 
 
 def _ends(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, _Setting]]:
-    """Yield each setting below a table with its key in the table."""
+    """Yield each setting below a table together with its key in the table."""
     for token, inner in settings.items():
         if isinstance(inner, _Setting):
             yield prefix + token, inner
@@ -200,7 +200,7 @@ def _ends(settings: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, 
 def _refusal(
     mechanism: Mechanism, fault: Fault, path: list[str], settings: Mapping[str, _Setting]
 ) -> tuple[str, Fault]:
-    """Return the key that was set and the fault that says why a table refuses it, or another number after it."""
+    """Return the key that was set, and the fault why a table refuses its number or another that results from it."""
     table = ".".join(path)
     for key, setting in settings.items():
         if key == fault.key or key.startswith(f"{fault.key}."):
@@ -214,12 +214,12 @@ def _refusal(
 
 
 def _unit(mechanism: Mechanism, key: str, place: Place) -> str:
-    """Return the unit of the number at a key and a place."""
+    """Return the unit of the number with a given key and place."""
     return mechanism.parameter_units[key.removeprefix(PREFIX)] if key.startswith(PREFIX) else mechanism.unit_at(place)
 
 
 def _places(mechanism: Mechanism, key: str) -> list[Place]:
-    """Return the places on the path of a key: the mechanism first, the number last."""
+    """Return the places along the path of a key: the mechanism first, the number last."""
     tokens = full_key(mechanism, key).split(".")
     places = along(mechanism, tokens)
     if reason := without_effect(mechanism, tokens):

@@ -1,1 +1,1 @@
-"""Parameters of a mechanism file: numbers with a name, and the expressions that use them in place of numbers."""
+"""Parameters of a mechanism file: named numbers, and the expressions that use them in place of numbers."""

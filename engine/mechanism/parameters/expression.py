@@ -1,7 +1,8 @@
-"""Expressions over parameters, such as ``"arm / 2"``: arithmetic alone, read by a parser of our own, never run as code.
+"""Expressions over parameters, such as ``"arm / 2"``: arithmetic only, read by a dedicated parser, never run as code.
 
-An expression has numbers, names of parameters, ``+ - * / **``, parentheses, ``pi`` and a few functions. ``**`` binds
-tighter than a sign before it and is evaluated from the right, as in mathematics; everything else from the left.
+An expression consists of numbers, names of parameters, ``+ - * / **``, parentheses, ``pi`` and a few functions. ``**``
+binds tighter than a sign before it and is right-associative, as in mathematics; the other operators are
+left-associative.
 """
 
 import math
@@ -13,7 +14,7 @@ from typing import Any
 from engine.mechanism.keys.closest import closest
 
 LONGEST = 200  # characters
-DEEPEST = 30  # parentheses, functions, signs and powers in each other
+DEEPEST = 30  # nested parentheses, functions, signs and powers
 
 FUNCTIONS: dict[str, tuple[int, Callable[..., float]]] = {
     "sqrt": (1, math.sqrt),
@@ -48,7 +49,7 @@ _END = ("end", "the end")
 
 
 class ExpressionFault(ValueError):
-    """A text is no expression, or has no finite value; the message says what is wrong and what is allowed."""
+    """A text is not an expression, or has no finite value; the message says what is wrong and what is allowed."""
 
 
 @lru_cache(maxsize=4096)
@@ -58,7 +59,7 @@ def parse(text: str) -> Node:
     Raises
     ------
     ExpressionFault
-        If the text is none, is longer than 200 characters, or nests deeper than 30.
+        If the text is not an expression, is longer than 200 characters, or nests deeper than 30.
     """
     if len(text) > LONGEST:
         raise ExpressionFault(f"an expression of {len(text)} characters; allowed: up to {LONGEST}; use more parameters")
@@ -69,7 +70,7 @@ def parse(text: str) -> Node:
 
 
 def names_in(node: Node) -> Iterator[str]:
-    """Yield the parameters that an expression uses, each as often as it does."""
+    """Yield the parameters used in an expression, once per use."""
     if isinstance(node, str):
         yield node
     elif isinstance(node, tuple):
@@ -83,14 +84,14 @@ def evaluate(node: Node, values: Mapping[str, float]) -> float:
     Parameters
     ----------
     node : Node
-        From `parse`.
+        Tree of the expression, from `parse`.
     values : mapping
-        The number of each parameter.
+        Parameter name -> number.
 
     Raises
     ------
     ExpressionFault
-        If a name is no parameter, or an operation has no finite real value.
+        If a name is not a parameter, or an operation has no finite real value.
     """
     if isinstance(node, float):
         return node
@@ -115,7 +116,7 @@ def evaluate(node: Node, values: Mapping[str, float]) -> float:
 
 
 def _apply(operation: str, numbers: list[float]) -> float:
-    """Return the result of one operation; Python's errors where it has none."""
+    """Return the result of one operation; Python's errors are raised where it has none."""
     if operation in FUNCTIONS:
         return FUNCTIONS[operation][1](*numbers)
     if len(numbers) == 1:
@@ -142,7 +143,7 @@ def _shown(operation: str, numbers: list[float]) -> str:
 
 
 class ExpressionReader:
-    """Reads an expression from its first token to its last, by how tightly operations bind."""
+    """Reads an expression from left to right by operator precedence."""
 
     def __init__(self, text: str) -> None:
         self._tokens = list(_tokens(text))
@@ -150,7 +151,7 @@ class ExpressionReader:
         self._depth = 0
 
     def operation(self, least: int) -> Node:
-        """Read operands and the operations between them that bind at least as tightly as ``least``."""
+        """Read operands and the operators between them that bind at least as tightly as ``least``."""
         self._depth += 1
         if self._depth > DEEPEST:
             raise ExpressionFault(f"nested deeper than {DEEPEST}; use more parameters")
@@ -162,7 +163,7 @@ class ExpressionReader:
         return node
 
     def expect(self, token: tuple[str, str]) -> None:
-        """Read one token, which must be this one."""
+        """Read one token and check that it is the given one."""
         if self._token != token:
             raise ExpressionFault(self._surprise(f"{token[1]} or an operation"))
         self._next += 1
@@ -176,7 +177,7 @@ class ExpressionReader:
         return self._tokens[self._next - 1]
 
     def _operand(self) -> Node:
-        """Read a number, a parameter, a function, something in parentheses, or one of these with a sign."""
+        """Read a number, a parameter, a function, an expression in parentheses, or one of these with a sign."""
         kind, text = self._token
         if kind == "number":
             if not math.isfinite(float(self._take()[1])):
@@ -208,7 +209,7 @@ class ExpressionReader:
         return (name, *arguments)
 
     def _surprise(self, wanted: str) -> str:
-        """Return that another token stands where something is wanted."""
+        """Return the message that a different token stands where something is expected."""
         before = self._tokens[self._next - 1] if self._next else ("", "")
         kind, text = self._token
         if before[0] == "number" and kind == "name":
@@ -220,7 +221,7 @@ class ExpressionReader:
 
 
 def _tokens(text: str) -> Iterator[tuple[str, str]]:
-    """Yield kind and text of each token."""
+    """Yield the kind and text of each token."""
     at = 0
     while at < len(text):
         if text[at] in " \t":

@@ -1,4 +1,4 @@
-"""The numbers of a mechanism that its file gives as expressions: which they are, and what follows from a parameter.
+"""The numbers of a mechanism that its file gives as expressions, and their dependence on parameters.
 
 A formula is a key and the expression that gives its number, such as ``joints.J1.bearing.point.x`` and ``arm / 2``. The
 key of a parameter is ``parameters.NAME``.
@@ -17,27 +17,27 @@ PREFIX = "parameters."
 
 
 def formulas_in(place: Place, data: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
-    """Yield key and expression of every number below a place that the file gives as an expression.
+    """Yield key and expression of each number below a place that the file gives as an expression.
 
     Parameters
     ----------
     place : Place
-        A value of the mechanism.
+        A value in the mechanism.
     data
-        The same as it was read from the file.
+        The same value as read from the file.
     prefix : str
-        Key of the place, with a dot at its end.
+        Key of the place, followed by a dot.
     """
     for token, child in place.below().items():
         read = _read(place, data, token)
         if isinstance(read, str) and isinstance(child.value, float):
             yield prefix + token, read
-        elif _holds_text(read):  # most tables of a file are numbers alone, and long ones
+        elif _holds_text(read):  # skips most tables: they hold only numbers, and many are long
             yield from formulas_in(child, read, f"{prefix}{token}.")
 
 
 def _holds_text(data: Any) -> bool:
-    """Return whether a table or a list that was read from a file has a text anywhere in it."""
+    """Return whether a table or list read from a file contains a text at any depth."""
     if isinstance(data, Mapping):
         data = data.values()
     elif not isinstance(data, list | tuple):
@@ -46,7 +46,7 @@ def _holds_text(data: Any) -> bool:
 
 
 def _read(place: Place, data: Any, token: str) -> Any:
-    """Return what the file has under a token of a place; None if nothing."""
+    """Return the data in the file under a token of a place; None if there are none."""
     if isinstance(data, Mapping):
         return data.get(token)
     if isinstance(place.value, tuple) and place.value and isinstance(place.value[0], TableModel):
@@ -56,15 +56,15 @@ def _read(place: Place, data: Any, token: str) -> Any:
 
 
 def with_formulas(mechanism: TableModel, formulas: Mapping[str, str], dump: Any) -> Any:
-    """Return a mechanism dumped by the keys of its file, with the expressions in the place of their numbers."""
+    """Return the dump of a mechanism by the keys of its file, with the expressions instead of their numbers."""
     return _with_formulas(Place(mechanism), dump, by_tokens(formulas))
 
 
 def _with_formulas(place: Place | None, data: Any, formulas: Any) -> Any:
-    """Return dumped data with the expressions of what lies below a place, by tokens."""
+    """Return dumped data with the expressions of the numbers below a place, by tokens."""
     if isinstance(formulas, str) or place is None:
         return formulas
-    if isinstance(data, Mapping):  # without what the dump leaves out
+    if isinstance(data, Mapping):  # some tokens may be missing from the dump
         there = [token for token in formulas if token in data]
         return {**data, **{token: _with_formulas(place.at(token), data[token], formulas[token]) for token in there}}
     for token, inner in formulas.items():
@@ -76,7 +76,7 @@ def _with_formulas(place: Place | None, data: Any, formulas: Any) -> Any:
 
 
 def following(formulas: Mapping[str, str], changed: Collection[str]) -> dict[str, set[str]]:
-    """Return the keys whose expressions follow from changed parameters, and from which of these; parameters first.
+    """Return the keys whose expressions depend on changed parameters, each with these parameters; parameters first.
 
     Parameters
     ----------
@@ -98,5 +98,5 @@ def following(formulas: Mapping[str, str], changed: Collection[str]) -> dict[str
 
 
 def _origins(text: str, origins: Mapping[str, set[str]]) -> set[str]:
-    """Return the changed parameters from which an expression follows."""
+    """Return the changed parameters that an expression depends on."""
     return set().union(*(origins.get(name, set()) for name in names_in(parse(text))))

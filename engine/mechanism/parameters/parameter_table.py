@@ -1,4 +1,4 @@
-"""The table ``[parameters]``: the number of each parameter, from numbers and from expressions over other parameters."""
+"""The table ``[parameters]``: the value of each parameter, from a number or an expression over other parameters."""
 
 from collections.abc import Iterator, Mapping
 from graphlib import CycleError, TopologicalSorter
@@ -21,7 +21,7 @@ LONGEST_NAME = 60  # characters
 
 
 def parameter_values(table: Mapping[str, Any]) -> tuple[dict[str, float], list[Fault]]:
-    """Return the number of each parameter of a file, and what is wrong with the table.
+    """Return the value of each parameter of a file, and the faults in the table.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def parameter_values(table: Mapping[str, Any]) -> tuple[dict[str, float], list[F
     Returns
     -------
     values : dict
-        Of the parameters without fault that follow from no parameter with one.
+        Parameter name -> number, without the parameters that are wrong or depend on a wrong one.
     faults : list of Fault
     """
     faults: dict[str, str] = {}
@@ -59,13 +59,13 @@ def parameter_values(table: Mapping[str, Any]) -> tuple[dict[str, float], list[F
 
 
 def order_of(expressions: Mapping[str, str]) -> Iterator[str]:
-    """Yield the parameters that have an expression, each after those it follows from."""
+    """Yield the parameters that have an expression, each after those it depends on."""
     needs = {name: set(names_in(parse(text))) for name, text in expressions.items()}
     return (name for name in TopologicalSorter(needs).static_order() if name in expressions)
 
 
 def _fault(name: str, entry: Any, table: Mapping[str, Any], *, suggest: bool) -> str:
-    """Return what is wrong with one parameter by itself; empty if nothing is."""
+    """Return what is wrong with a single parameter; empty if nothing is."""
     if not NAME.fullmatch(name) or len(name) > LONGEST_NAME:
         return "not a usable name; allowed: a letter, then letters, digits, '_', up to 60 of them; rename it"
     if name in CONSTANTS or name in FUNCTIONS:

@@ -1,4 +1,4 @@
-"""How a mechanism uses its parameters: where, in which unit, or not at all."""
+"""How a mechanism uses its parameters: in which keys and units, or not at all."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
@@ -17,19 +17,19 @@ Uses = dict[str, dict[str, str]]
 
 
 def parameter_units(formulas: Mapping[str, str], units: Mapping[str, str], *, scaled: bool) -> Uses:
-    """Return the units in which each parameter is used, as far as the expressions tell.
+    """Return the units in which each parameter is used, if the expressions show them.
 
-    A parameter by itself or in a sum has the unit of the whole, and in a sine it is an angle. In products and quotients
-    of parameters it has none that could be known.
+    A parameter on its own or in a sum has the unit of the whole expression; in a sine it is an angle. In products and
+    quotients of parameters the unit cannot be known.
 
     Parameters
     ----------
     formulas : mapping
         Key -> expression.
     units : mapping
-        Unit of the number of each of these keys that has one and is no parameter.
+        Key -> unit, for each of these keys that has a unit and is not a parameter.
     scaled : bool
-        Take it that a number which multiplies or divides a parameter has no unit, which is likely but not certain.
+        Assume that a number that multiplies or divides a parameter has no unit, which is likely but not certain.
 
     Returns
     -------
@@ -47,7 +47,7 @@ def parameter_units(formulas: Mapping[str, str], units: Mapping[str, str], *, sc
 
 
 def users(formulas: Mapping[str, str]) -> dict[str, list[str]]:
-    """Return the keys whose expressions name a parameter, by the parameter."""
+    """Return the keys whose expressions use each parameter, by parameter."""
     found: dict[str, list[str]] = {}
     for key, text in formulas.items():
         for name in dict.fromkeys(names_in(parse(text))):
@@ -56,7 +56,7 @@ def users(formulas: Mapping[str, str]) -> dict[str, list[str]]:
 
 
 def conflicting_units(units: Uses, values: Mapping[str, float]) -> Iterator[Fault]:
-    """Yield a fault for each parameter that is used in two units; an angle is a pure number, too."""
+    """Yield a fault for each parameter that is used in two units; an angle also counts as a pure number."""
     for name, uses in units.items():
         if len(uses) > 1 and uses.keys() != {"1", "rad"}:
             (first, at), (second, there) = list(uses.items())[:2]
@@ -65,7 +65,7 @@ def conflicting_units(units: Uses, values: Mapping[str, float]) -> Iterator[Faul
 
 
 def unused_parameters(values: Mapping[str, float], formulas: Mapping[str, str], benches: Any) -> Iterator[Fault]:
-    """Yield a fault for each parameter that no expression uses, neither here nor, as plain data, on a test bench."""
+    """Yield a fault for each parameter that no expression uses, including those in the plain data of test benches."""
     used = {name for text in [*formulas.values(), *_texts(benches)] for name in _names(text)}
     for name, value in values.items():
         if name not in used:
@@ -74,7 +74,7 @@ def unused_parameters(values: Mapping[str, float], formulas: Mapping[str, str], 
 
 
 def _texts(data: Any) -> Iterator[str]:
-    """Yield every text in plain data."""
+    """Yield each text in plain data."""
     if isinstance(data, str):
         yield data
     elif isinstance(data, Mapping | list | tuple):
@@ -96,7 +96,7 @@ def _note(found: Uses, key: str, uses: Iterable[tuple[str, str]]) -> None:
 
 
 def _units_in(node: Node, unit: str, scaled: bool) -> Iterator[tuple[str, str]]:
-    """Yield the names in an expression whose unit follows from that of the whole, which may not be known: ``""``."""
+    """Yield the names in an expression whose unit follows from that of the whole expression, ``""`` if unknown."""
     if isinstance(node, str) and unit:
         yield node, unit
     if not isinstance(node, tuple):
