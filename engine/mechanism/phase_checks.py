@@ -45,7 +45,7 @@ def _follows(response: Mapping[str, Any]) -> bool:
 
 
 def broken_phases(data: Mapping[str, Any]) -> Iterator[Fault]:
-    """Yield faults: motions that resume after a pause, laws before their motion, searches that end before they begin."""
+    """Yield faults: motions that resume after a pause, laws before their motion, searches ending before their start."""
     order = phase_names(data)
     for name, entry in named_tables(data, "responses").items():
         first, last = entry.get("from_phase"), entry.get("to_phase")

@@ -1,1 +1,1 @@
-"""Closed curves of lines and arcs, and the solids that are turned or extruded from them."""
+"""Closed curves of lines and arcs, and the solids turned or extruded from them."""

@@ -1,4 +1,4 @@
-"""The closed curve of a profile: lines and arcs in a plane, whose points are complex numbers u + i v."""
+"""The closed curve of a profile: lines and arcs in a plane; points are complex numbers u + i v."""
 
 import cmath
 import math
@@ -11,15 +11,15 @@ import numpy as np
 from engine.mechanism.base import refuse
 
 MOST_SEGMENTS = 500
-CLOSE = 1e-9  # share of the profile's size: points that are closer are the same
-ON_CIRCLE = 1e-4  # share of an arc's radius or chord, the smaller one, by which its ends may miss its circle
-BACKWARDS = 1e-6  # angle [rad] from turning back at a corner
-BESIDE_A_CORNER = 1e-5  # share of the profile's size around a corner within which its two pieces do not meet again
+CLOSE = 1e-9  # share of the profile's size: points closer together than this coincide
+ON_CIRCLE = 1e-4  # share of the smaller of an arc's radius and chord by which its ends may miss its circle
+BACKWARDS = 1e-6  # smallest angle [rad] between a corner and a complete reversal
+BESIDE_A_CORNER = 1e-5  # share of the profile's size around a corner in which its two pieces are not tested for meeting
 
 
 @dataclass(frozen=True)
 class Piece:
-    """A line, or an arc about a centre that turns left or right; with its end at its start a full circle."""
+    """A line, or an arc about a centre that turns left or right; an arc that ends where it starts is a full circle."""
 
     start: complex
     end: complex
@@ -28,7 +28,7 @@ class Piece:
 
     @property
     def radius(self) -> float:
-        """Of an arc."""
+        """The radius of an arc."""
         return abs(self.start - self.centre) if self.centre is not None else 0.0
 
     @property
@@ -40,35 +40,35 @@ class Piece:
         return turn if turn > 0 else turn + 2 * math.pi
 
     def _turn(self, point: complex, centre: complex) -> float:
-        """Return the angle from an arc's start to a point, in the way in which it turns, from -pi to pi [rad]."""
+        """Return the angle from an arc's start to a point in its sense of rotation, from -pi to pi [rad]."""
         return cmath.phase((point - centre) / (self.start - centre)) * (1 if self.left else -1)
 
     def point(self, share: Any) -> Any:
-        """Return the points at shares of the length, from 0 at the start to 1 at the end."""
+        """Return the points at given shares of the length, from 0 at the start to 1 at the end."""
         if self.centre is None:
             return self.start + (self.end - self.start) * share
         turn = self.sweep * (1j if self.left else -1j)
         return self.centre + (self.start - self.centre) * np.exp(turn * share)
 
     def direction(self, share: float) -> complex:
-        """Return the unit direction in which the piece runs at a share of its length."""
+        """Return the unit tangent at a share of the length, in the direction of travel."""
         if self.centre is None:
             return (self.end - self.start) / abs(self.end - self.start)
         return complex((self.point(share) - self.centre) * (1j if self.left else -1j) / self.radius)
 
     def reversed(self) -> Self:
-        """Return the piece run through the other way."""
+        """Return the piece traversed in the opposite direction."""
         return replace(self, start=self.end, end=self.start, left=not self.left)
 
     def extremes(self) -> list[complex]:
-        """Return its ends, and the points of an arc that are farthest left, right, up and down."""
+        """Return the ends, and for an arc also its leftmost, rightmost, highest and lowest points."""
         points = [self.start, self.end]
         if self.centre is not None:
             points += [p for way in (1, 1j, -1, -1j) if self.has(p := self.centre + self.radius * way, 0.0)]
         return points
 
     def has(self, point: complex, close: float) -> bool:
-        """Return whether a point is on the piece, or nearer to it than ``close``."""
+        """Return whether a point lies on the piece or is closer to it than ``close``."""
         if min(abs(point - self.start), abs(point - self.end)) <= close:
             return True
         if self.centre is None:
@@ -80,28 +80,28 @@ class Piece:
 
     @property
     def area(self) -> float:
-        """Of the sector from the origin, positive where the piece runs round it to the left."""
+        """Signed area of the sector seen from the origin, positive if the piece runs counterclockwise around it."""
         sector = 0.5 * (self.start.conjugate() * self.end).imag
         cap = 0.5 * self.radius**2 * (self.sweep - math.sin(self.sweep))
         return sector + (cap if self.left else -cap)
 
 
 def closed_curve(start: complex, segments: Sequence[Any], *, on_axis: bool = False) -> list[Piece]:
-    """Return the pieces of a closed profile, with the material on their left.
+    """Return the pieces of a closed profile, with the material on their left side.
 
     Parameters
     ----------
     start : complex
     segments : sequence
-        Tables with ``to``, and an arc's ``centre`` and ``turn``.
+        Tables with ``to``, and for an arc also ``centre`` and ``turn``.
     on_axis : bool
-        Whether points that are almost on the line u = 0 are on it.
+        Whether to move points that almost lie on the line u = 0 onto it.
 
     Raises
     ------
     PydanticCustomError
-        If an arc's ends miss its circle, or a segment has no length, turns back, or meets another one; or if there are
-        none or too many.
+        If the ends of an arc miss its circle, a segment has no length, turns back or meets another one, or there are
+        no segments or too many.
     """
     if not 0 < len(segments) <= MOST_SEGMENTS:
         raise refuse(
@@ -128,7 +128,7 @@ def closed_curve(start: complex, segments: Sequence[Any], *, on_axis: bool = Fal
 
 
 def _piece(start: complex, end: complex, segment: Any, i: int, size: float) -> Piece:
-    """Return a segment as a piece: an arc's centre is put where both ends have the same distance from it."""
+    """Return a segment as a piece; the centre of an arc is moved to equal distance from both ends."""
     key, chord = f"profile.{i}", end - start
     centre, left = complex(*(segment.centre or segment.to)), segment.turn == "left"
     first, last = abs(start - centre), abs(end - centre)
@@ -155,7 +155,7 @@ def _piece(start: complex, end: complex, segment: Any, i: int, size: float) -> P
 
 
 def _refuse_corners(pieces: Sequence[Piece], names: Sequence[str]) -> None:
-    """Refuse a profile whose curve turns back on itself, or that has a full circle and more."""
+    """Refuse a profile whose curve turns back on itself, or that has other segments besides a full circle."""
     for i, piece in enumerate(pieces):
         if piece.start == piece.end and len(pieces) > 1:
             raise refuse(
@@ -170,7 +170,7 @@ def _refuse_corners(pieces: Sequence[Piece], names: Sequence[str]) -> None:
 
 
 def _refuse_meetings(pieces: Sequence[Piece], names: Sequence[str], size: float) -> None:
-    """Refuse a profile two of whose pieces touch or cross each other."""
+    """Refuse a profile in which two pieces touch or cross each other."""
     extremes = [np.array(piece.extremes()) for piece in pieces]
     low = np.array([[p.real.min(), p.imag.min()] for p in extremes]) - CLOSE * size
     high = np.array([[p.real.max(), p.imag.max()] for p in extremes]) + CLOSE * size
@@ -188,14 +188,14 @@ def _refuse_meetings(pieces: Sequence[Piece], names: Sequence[str], size: float)
 
 
 def _meetings(one: Piece, other: Piece, close: float) -> list[complex]:
-    """Return points that two pieces have in common."""
+    """Return points common to two pieces."""
     ends = [p for p in (one.start, one.end) if other.has(p, close)]
     ends += [p for p in (other.start, other.end) if one.has(p, close)]
     return ends + [p for p in _crossings(one, other, close) if one.has(p, close) and other.has(p, close)]
 
 
 def _crossings(one: Piece, other: Piece, close: float) -> list[complex]:
-    """Return the points in which the whole lines and circles of two pieces cross each other, or almost touch."""
+    """Return the points where the infinite lines and full circles of two pieces cross or almost touch each other."""
     if one.centre is None and other.centre is None:
         a, b = one.direction(0.0), other.direction(0.0)
         lean = (a.conjugate() * b).imag

@@ -1,4 +1,4 @@
-"""Contact primitives that are made from a profile of lines and arcs: turned about an axis, or extruded along it."""
+"""Contact primitives made from a profile of lines and arcs: turned about an axis, or extruded along it."""
 
 from functools import cached_property
 from typing import Annotated, Any, Literal, Self
@@ -25,7 +25,7 @@ PlanePoint = Annotated[
 
 
 class ProfileSegment(TableModel):
-    """A line or an arc of a profile, from the end of the segment before it."""
+    """A line or an arc of a profile; it starts at the end of the previous segment."""
 
     to: PlanePoint = Field(description="the end of the segment, in the plane of the profile")
     centre: PlanePoint | None = Field(default=None, description="the centre of an arc; without it, a line")
@@ -56,7 +56,7 @@ class Turned(TableModel):
 
     @cached_property
     def curve(self) -> tuple[Piece, ...]:
-        """The pieces of the profile that are surfaces of the solid: all but those on the axis; material on the left."""
+        """The pieces of the profile that are surfaces of the solid, not on its axis; material on their left."""
         return tuple(piece for piece in self._closed if piece.centre is not None or piece.start.real or piece.end.real)
 
     @cached_property
@@ -85,7 +85,7 @@ class Turned(TableModel):
 
 
 class Extruded(TableModel):
-    """A solid extruded from a profile [x, y] in the plane across an axis: a cam, a hook, a ratchet."""
+    """A solid extruded from a profile [x, y] in the plane perpendicular to an axis: a cam, a hook, a ratchet."""
 
     point: Point = Field(description="the origin of the profile, at half the length of the solid")
     axis: Direction = Field(description="the direction in which the profile is extruded")
@@ -98,7 +98,7 @@ class Extruded(TableModel):
 
     @cached_property
     def curve(self) -> tuple[Piece, ...]:
-        """The pieces of the profile, with the material on their left."""
+        """The pieces of the profile, with the material on their left side."""
         return tuple(closed_curve(complex(*self.start), self.profile))
 
     @model_validator(mode="after")

@@ -1,1 +1,1 @@
-"""Geometry of a CAD file in a mechanism file: what it names becomes plain numbers before the mechanism is checked."""
+"""Geometry of a CAD file in a mechanism file: named features become plain numbers before the mechanism is checked."""

@@ -1,4 +1,4 @@
-"""The keys by which a mechanism file names geometry of a CAD file: a file, parts of it, and faces by where they are."""
+"""The keys with which a mechanism file names geometry of a CAD file: the file, its parts, and faces by position."""
 
 from typing import Annotated, Literal
 
@@ -29,7 +29,7 @@ class CadTable(TableModel):
 
 
 class NearPlace(TableModel):
-    """A face or an edge by a point near it."""
+    """A face or an edge, selected by a point near it."""
 
     near: Point = Field(description="a point on the face or edge, or near it, in the frame of the body")
     within: PositiveLength | None = Field(
@@ -38,7 +38,7 @@ class NearPlace(TableModel):
 
 
 class RoundFace(NearPlace):
-    """A cylindrical face by its radius and a point near its axis."""
+    """A cylindrical face, selected by its radius and a point near its axis."""
 
     near: Point = Field(description="a point of its axis inside the face, or near it, in the frame of the body")
     radius: PositiveLength = Field(description="the radius of the face, a number > 0")
@@ -51,7 +51,7 @@ class NearEdge(TableModel):
 
 
 class FacesNear(TableModel):
-    """Faces of any shape, which become one surface."""
+    """Faces of any shape that together form one surface."""
 
     faces: Annotated[tuple[NearPlace, ...], Field(json_schema_extra={"minItems": 1})] = Field(
         description="faces of the CAD part, each { near, within }"
@@ -65,31 +65,31 @@ class FacesNear(TableModel):
 
 
 class SideHole(TableModel):
-    """A side that is the inside of a cylinder."""
+    """A side given by the inside of a cylinder."""
 
     hole: RoundFace = Field(description="a hole of the CAD part: { radius, near, within }")
 
 
 class SidePin(TableModel):
-    """A side that is the outside of a cylinder."""
+    """A side given by the outside of a cylinder."""
 
     pin: RoundFace = Field(description="a pin of the CAD part: { radius, near, within }")
 
 
 class SidePlane(TableModel):
-    """A side that is a flat face."""
+    """A side given by a flat face."""
 
     plane: NearPlace = Field(description="a flat face of the CAD part: { near, within }")
 
 
 class SideArc(TableModel):
-    """A side that is a circular edge."""
+    """A side given by a circular edge."""
 
     arc: NearEdge = Field(description="a circular edge of the CAD part: { edge = { near, within } }")
 
 
 class SideSurface(TableModel):
-    """A side that is one or several faces of any shape."""
+    """A side given by one or several faces of any shape."""
 
     surface: FacesNear = Field(description="faces of the CAD part: { faces = [{ near, within }, ...] }")
 
@@ -116,7 +116,7 @@ GEOMETRY_OF: dict[FeatureKind, tuple[str, ...]] = {
 
 
 def selector_of(side: object) -> FeatureKind | None:
-    """Return the key of a side by which it names geometry of the CAD file; None if it names none."""
+    """Return the key of a side that selects geometry of the CAD file; None if it selects none."""
     if not isinstance(side, dict):
         return None
     given: dict[FeatureKind, bool] = {
@@ -130,6 +130,6 @@ def selector_of(side: object) -> FeatureKind | None:
 
 
 def _names_faces(surface: object) -> bool:
-    """Return whether a surface has faces by where they are, and not by control points."""
+    """Return whether a surface names faces by position rather than giving control points."""
     faces = surface.get("faces") if isinstance(surface, dict) else None
     return isinstance(faces, list) and any(isinstance(face, dict) and "near" in face for face in faces)

@@ -1,4 +1,4 @@
-"""A pin in a hole as drawn: where the joint is, how long, and with how much play."""
+"""A pin in a hole as drawn: the position, length and play of the joint."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ NO_PLAY = 1e-9
 
 
 class NotAsDrawn(Exception):
-    """The CAD file does not say what a joint wants of it; the message says why, ``key`` of what."""
+    """The CAD file does not provide what a joint requires; the message says why, ``key`` for which key."""
 
     def __init__(self, key: str, text: str) -> None:
         super().__init__(text)
@@ -34,7 +34,7 @@ class DrawnPin:
     Attributes
     ----------
     hole, pin : CadFace
-        In the mechanism's unit of length, in the assembly's frame.
+        The faces, in the mechanism's unit of length and the assembly's frame.
     """
 
     hole: CadFace
@@ -47,29 +47,29 @@ class DrawnPin:
 
     @cached_property
     def common(self) -> tuple[float, float]:
-        """Where the piece of the hole's axis begins and ends along which both go, from the hole's middle."""
+        """Start and end of the overlap of hole and pin along the hole's axis, measured from the hole's middle."""
         own = sorted(self.hole.extent * float(self.hole.axis @ self.axis))
         ends = [float((self.pin.point + end * self.pin.axis - self.hole.point) @ self.axis) for end in self.pin.extent]
         return max(own[0], min(ends)), min(own[1], max(ends))
 
     @property
     def middle(self) -> Array:
-        """The point of the hole's axis in the middle of the piece in common."""
+        """The point of the hole's axis in the middle of the overlap."""
         return np.asarray(self.hole.point + sum(self.common) / 2 * self.axis)
 
     @property
     def pin_axis(self) -> Array:
-        """The direction of the pin's axis, on the same side as the hole's."""
+        """The direction of the pin's axis, with the sign that agrees with the hole's axis."""
         return self.pin.axis if self.pin.axis @ self.axis > 0 else -self.pin.axis
 
     @property
     def pin_middle(self) -> Array:
-        """The point of the pin's axis beside the middle."""
+        """The point of the pin's axis at the middle of the overlap."""
         along = float((self.middle - self.pin.point) @ self.axis) / float(self.pin_axis @ self.axis)
         return np.asarray(self.pin.point + along * self.pin_axis)
 
     def certificate(self) -> DrawnJoint:
-        """Return clearance, and distance and angle of the axes."""
+        """Return the clearance, and the distance and the angle between the axes."""
         tilt = float(np.arctan2(np.linalg.norm(np.cross(self.axis, self.pin_axis)), self.axis @ self.pin_axis))
         offset = float(np.linalg.norm(self.pin_middle - self.middle))
         return DrawnJoint(
@@ -81,9 +81,9 @@ class DrawnPin:
 
 
 def joint_of_pin(drawn: DrawnPin, joint: Mapping[str, Any], searches: tuple[PartSearch, PartSearch]) -> dict[str, Any]:
-    """Return the table of a joint whose bearing is a hole and whose journal is a pin.
+    """Return the table of a joint with a hole as its bearing and a pin as its journal.
 
-    Rings are at both ends of the piece in common, unless the table has others; `AS_DRAWN` becomes a number.
+    The rings are at both ends of the overlap unless the table gives others; `AS_DRAWN` is replaced by a number.
 
     Parameters
     ----------
@@ -91,12 +91,12 @@ def joint_of_pin(drawn: DrawnPin, joint: Mapping[str, Any], searches: tuple[Part
     joint : mapping
         The table as written, without the selectors.
     searches : tuple of PartSearch
-        Of the parts of bearing and journal.
+        The searches in the parts of bearing and journal.
 
     Raises
     ------
     NotAsDrawn
-        If pin and hole lie apart along their axis, or have no play where it is wanted as drawn.
+        If pin and hole do not overlap along the axis, or have no play although it is requested as drawn.
     """
     begin, end = drawn.common
     if end <= begin:
@@ -130,7 +130,7 @@ def joint_of_pin(drawn: DrawnPin, joint: Mapping[str, Any], searches: tuple[Part
 
 
 def _clearance(drawn: DrawnPin, millimetre: float) -> float:
-    """Return the difference of the radii, if there is one."""
+    """Return the difference between the radii; refuse a pair that has none."""
     clearance = drawn.hole.radius - drawn.pin.radius
     unsure = NO_PLAY * millimetre + drawn.hole.recognition_gap + drawn.pin.recognition_gap
     if clearance > unsure:

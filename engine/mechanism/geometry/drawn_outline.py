@@ -1,4 +1,4 @@
-"""How pictures draw a body that is a part: its silhouette along the axis of most holes."""
+"""The outline with which pictures show a body that is a part: its silhouette along the axis of most holes."""
 
 import numpy as np
 
@@ -9,11 +9,11 @@ from engine.mechanism.geometry.plain_numbers import length
 PARALLEL = 1e-3
 """Largest angle [rad] between axes that count as one direction."""
 
-_STEP = 1e-3  # mm: what is drawn needs no more digits
+_STEP = 1e-3  # mm: pictures need no more digits
 
 
 def viewing_direction(assembly: CadAssembly) -> Array:
-    """Return the direction along which most of the area of all holes lies; z if there are none."""
+    """Return the axis direction with the largest total area of holes; z if there are no holes."""
     holes = [face for face in assembly.faces if face.kind == "cylinder" and face.hollow]
     if not holes:
         return np.array([0.0, 0.0, 1.0])
@@ -29,12 +29,12 @@ def drawn_outline(assembly: CadAssembly, part: str, direction: Array, millimetre
     Parameters
     ----------
     assembly : CadAssembly
-        In the mechanism's unit of length.
+        The assembly, in the mechanism's unit of length.
     part : str
     direction : array
-        Along which it is seen, a unit vector in the assembly, shape (3,).
+        Viewing direction, a unit vector in the assembly's frame, shape (3,).
     millimetre : float
-        A millimetre in that unit.
+        Length of a millimetre in that unit.
     """
     from engine.cad.silhouette import silhouette
 

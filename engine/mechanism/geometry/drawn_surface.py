@@ -1,4 +1,4 @@
-"""Faces of a CAD part as the primitive `surface`: the B-splines that cover them, with their normals out of the part."""
+"""Faces of a CAD part as the primitive `surface`: B-splines that represent them, with normals out of the part."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -30,16 +30,16 @@ _INSTEAD = {
 
 
 class NotASurface(Exception):
-    """A face cannot be a surface of a contact; the message says why."""
+    """A face cannot be used as a contact surface; the message says why."""
 
 
 def spline_faces(search: PartSearch, face: CadFace) -> list[dict[str, Any]]:
-    """Return the B-splines of a face in the frame of the body, as entries of the table of a surface.
+    """Return the B-splines of a face in the frame of the body, as entries for the table of a surface.
 
     Raises
     ------
     NotASurface
-        If it has none.
+        If the face has none.
     """
     if not face.splines:
         instead = _INSTEAD.get(face.kind, "")
@@ -48,30 +48,30 @@ def spline_faces(search: PartSearch, face: CadFace) -> list[dict[str, Any]]:
 
 
 def surface_table(wanted: FacesNear, splines: Sequence[Sequence[dict[str, Any]]]) -> dict[str, Any]:
-    """Return the table of a surface from what is wanted, and the B-splines of each of its faces."""
+    """Return the table of a surface from its selector and the B-splines of each of its faces."""
     own = wanted.model_dump(exclude={"faces"}, exclude_none=True)
     return {"faces": [table for each in splines for table in each], **own}
 
 
 def drawn_faces(surface: dict[str, Any], faces: Sequence[CadFace]) -> list[DrawnFace]:
-    """Return how exactly the patches of a surface are the faces of the CAD file; none if the surface is refused.
+    """Return how exactly the patches of a surface match the faces of the CAD file; empty if the surface is refused.
 
     Parameters
     ----------
     surface : dict
-        Its table.
+        The table of the surface.
     faces : sequence of CadFace
-        Whose B-splines it has, in their order.
+        The faces whose B-splines it has, in the same order.
     """
     try:
         errors = iter(FreeFormSurface.model_validate(surface).conversion_errors)
     except ValidationError:
-        return []  # what is wrong is said where all tables are checked
+        return []  # the fault is reported where all tables are checked
     return [DrawnFace(kind="surface", conversion_error=max(next(errors) for _ in face.splines)) for face in faces]
 
 
 def _table(search: PartSearch, spline: SplineSurface) -> dict[str, Any]:
-    """Return a B-spline in the frame of the body."""
+    """Return the table of a B-spline in the frame of the body."""
     rational = not np.all(spline.weights == spline.weights[0, 0])
     control = search.placed_in_body(spline.points)
     table = {

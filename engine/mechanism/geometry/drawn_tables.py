@@ -1,4 +1,4 @@
-"""The tables of a mechanism file that name geometry of a CAD file, made into tables of plain numbers."""
+"""Replace references to CAD geometry by plain numbers in the tables of a mechanism file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -31,20 +31,20 @@ _JOINT_SIDES: dict[str, FeatureKind] = {"bearing": "hole", "journal": "pin"}
 
 @dataclass(frozen=True)
 class DrawnTables:
-    """Makes tables plain; notes what is wrong with them, and what goes into the certificate.
+    """Converts tables to plain numbers and collects their faults and the entries of the certificate.
 
     Attributes
     ----------
     assembly : CadAssembly
-        In the mechanism's unit of length.
+        The assembly, in the mechanism's unit of length.
     units : str
         The mechanism's unit system.
     parts : dict
-        The part of each body that is one.
+        Body -> part, for each body that is a part.
     moved : set
-        Bodies that the file poses otherwise than the CAD file.
+        Bodies whose pose in the mechanism file differs from that in the CAD file.
     pairs : dict
-        Sides whose distance the CAD file draws, too, by the key of their joint or contact.
+        Key of a joint or contact -> its two sides, where the CAD file also shows their distance.
     """
 
     assembly: CadAssembly
@@ -60,16 +60,16 @@ class DrawnTables:
 
     @cached_property
     def direction(self) -> Array:
-        """The direction in which bodies are drawn."""
+        """The viewing direction for the outlines of bodies."""
         return viewing_direction(self.assembly)
 
     @property
     def millimetre(self) -> float:
-        """A millimetre in the mechanism's unit of length."""
+        """The length of a millimetre in the mechanism's unit of length."""
         return 1.0 if self.units == "mm-g-ms" else 1e-3
 
     def body(self, keys: Keys, body: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the table of a body, plain."""
+        """Return the table of a body with plain numbers."""
         if "part" not in body:
             return dict(body)
         names = [part.name for part in self.assembly.parts]
@@ -103,7 +103,7 @@ class DrawnTables:
         return plain
 
     def joint(self, keys: Keys, joint: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the table of a joint, plain."""
+        """Return the table of a joint with plain numbers."""
         sides = {side: as_table(joint[side]) for side in (*_JOINT_SIDES, "a", "b") if selector_of(joint.get(side))}
         if not sides:
             return self._without_words(keys, joint)
@@ -127,7 +127,7 @@ class DrawnTables:
         return self._without_words(keys, plain)
 
     def _are_allowed(self, keys: Keys, sides: Mapping[str, Any]) -> bool:
-        """Return whether the sides of a joint name faces of the right kinds; note a fault for each that does not."""
+        """Return whether the sides of a joint name faces of the right kinds; add a fault for each that does not."""
         allowed = True
         for side, table in sides.items():
             kind, right = selector_of(table), _JOINT_SIDES.get(side, "plane")
@@ -137,7 +137,7 @@ class DrawnTables:
         return allowed
 
     def _pin_in_hole(self, keys: Keys, joint: dict[str, Any], found: Any, searches: Any) -> dict[str, Any]:
-        """Return the table of a joint both sides of which are faces."""
+        """Return the table of a joint with a face on both sides."""
         drawn = DrawnPin(found["bearing"], found["journal"])
         try:
             plain = joint_of_pin(drawn, joint, (searches["bearing"], searches["journal"]))
@@ -151,7 +151,7 @@ class DrawnTables:
         return plain
 
     def _without_words(self, keys: Keys, joint: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a joint in which nothing is wanted as drawn; note a fault for what is."""
+        """Return a joint that requests nothing as drawn; add a fault for each key that does."""
         for key in ("radial_clearance", "rings"):
             if joint.get(key) == AS_DRAWN:
                 text = (
@@ -162,7 +162,7 @@ class DrawnTables:
         return dict(joint)
 
     def contact(self, keys: Keys, contact: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the table of a contact, plain."""
+        """Return the table of a contact with plain numbers."""
         plain = dict(contact)
         for side, other in (("a", "b"), ("b", "a")):
             kind = selector_of(contact.get(side))
@@ -184,7 +184,7 @@ class DrawnTables:
         return plain
 
     def _measure(self, keys: Keys, entry: Mapping[str, Any], sides: tuple[str, str]) -> None:
-        """Note two sides whose distance OCCT can measure, too: faces, edges and points of bodies posed as drawn."""
+        """Record two sides whose distance OCCT can measure too: faces, edges and points of bodies posed as drawn."""
         ends = []
         for side in sides:
             table = as_table(entry.get(side))
@@ -197,7 +197,7 @@ class DrawnTables:
             self.pairs[".".join(keys)] = first, second
 
     def _measured(self, keys: Keys, side: Mapping[str, Any]) -> MeasuredShape | None:
-        """Return a side as one end of a distance; None if it is none that the CAD file draws."""
+        """Return a side as one end of a distance; None if the CAD file does not show it."""
         search, where = self._search(side["body"]), ".".join(keys)
         if feature := self.features.get(where):
             return measured_feature(search, feature)
@@ -207,7 +207,7 @@ class DrawnTables:
         return measured_point(search, side)
 
     def _surface(self, keys: Keys, side: Mapping[str, Any]) -> dict[str, Any] | None:
-        """Return the table of the surface whose faces a side names; None after noting why there is none."""
+        """Return the table of the surface whose faces a side names; None, after adding faults, if there is none."""
         wanted = self._wanted(keys, side)
         if wanted is None:
             return None
@@ -230,7 +230,7 @@ class DrawnTables:
         return table
 
     def _wanted(self, keys: Keys, side: Mapping[str, Any]) -> Any:
-        """Return by what a side names faces or an edge; None after noting what is wrong with it."""
+        """Return the checked selector of a side; None, after adding faults, if it is wrong."""
         kind = selector_of(side)
         assert kind is not None
         body = side.get("body")
@@ -248,7 +248,7 @@ class DrawnTables:
             return None
 
     def _feature(self, keys: Keys, side: Mapping[str, Any]) -> CadFace | CadEdge | None:
-        """Return the face or edge that a side names; None after noting why there is none."""
+        """Return the face or edge that a side names; None, after adding a fault, if there is none."""
         wanted, kind = self._wanted(keys, side), selector_of(side)
         if wanted is None or kind is None:
             return None
@@ -265,18 +265,18 @@ class DrawnTables:
         return feature
 
     def _search(self, body: str) -> PartSearch:
-        """Return the search in a body's part."""
+        """Return the search in the part of a body."""
         return PartSearch(self.assembly, self.parts[body], self.millimetre)
 
 
 def _without_selector(side: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a side without the key by which it names geometry."""
+    """Return a side without its selector."""
     kind = selector_of(side)
     return {key: value for key, value in side.items() if key != kind}
 
 
 def _primitive(side: Any) -> str:
-    """Return the primitive of a side, or the one that a selector becomes."""
+    """Return the primitive of a side, or the one that its selector becomes."""
     kind = selector_of(side)
     if kind is not None:
         return {"hole": "bore", "pin": "cylinder"}.get(kind, kind)

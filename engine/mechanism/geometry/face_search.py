@@ -1,4 +1,4 @@
-"""Faces and edges of a part by where they are: exactly one fits, or the candidates are listed."""
+"""Find a face or edge of a part by its position: exactly one must fit, otherwise the candidates are listed."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ SAME_RADIUS = 1e-3
 COPLANAR = 1e-6
 """Largest distance [mm] and angle [rad] between faces that are one plane."""
 
-_LISTED = 6  # candidates in a message
+_LISTED = 6  # largest number of candidates in a message
 _T = TypeVar("_T", CadFace, CadEdge)
 
 
 class NotOneFace(Exception):
-    """No face or several fit; the message says which ones there are."""
+    """None or several faces fit; the message lists the candidates."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class PartSearch:
     Attributes
     ----------
     assembly : CadAssembly
-        In the unit of length of the mechanism.
+        The assembly, in the unit of length of the mechanism.
     part : str
     millimetre : float
         Length of a millimetre in that unit.
@@ -47,26 +47,26 @@ class PartSearch:
     millimetre: float
 
     def to_assembly(self, point: Sequence[float]) -> Array:
-        """Return a point of the body's frame in the assembly's."""
+        """Return a point in the assembly's frame, given in the body's frame."""
         placement = self.assembly.part(self.part).placement
         return np.asarray(placement.rotation @ np.asarray(point, float) + placement.translation)
 
     def to_body(self, point: Array) -> list[float]:
-        """Return a point of the assembly's frame in the body's."""
+        """Return a point in the body's frame, given in the assembly's frame."""
         placement = self.assembly.part(self.part).placement
         return lengths(placement.rotation.T @ (point - placement.translation), self.millimetre)
 
     def placed_in_body(self, points: Array) -> Array:
-        """Return points of the assembly's frame in the body's, shape (..., 3)."""
+        """Return points in the body's frame, given in the assembly's frame, shape (..., 3)."""
         placement = self.assembly.part(self.part).placement
         return np.asarray((points - placement.translation) @ placement.rotation)
 
     def turned_to_body(self, vector: Array) -> list[float]:
-        """Return a direction of the assembly's frame in the body's."""
+        """Return a direction in the body's frame, given in the assembly's frame."""
         return direction(self.assembly.part(self.part).placement.rotation.T @ vector)
 
     def round_face(self, wanted: RoundFace, *, hollow: bool) -> CadFace:
-        """Return the hole or pin of a radius near a point; NotOneFace if there is not exactly one."""
+        """Return the hole or pin of a given radius near a point; raise NotOneFace if there is not exactly one."""
         faces = [
             face for face in self.assembly.faces_of(self.part) if face.kind == "cylinder" and face.hollow == hollow
         ]
@@ -80,7 +80,7 @@ class PartSearch:
         return self._only(wanted, same, far, "hole" if hollow else "pin")
 
     def plane(self, wanted: NearPlace) -> CadFace:
-        """Return the flat face near a point; pieces of one plane are one. NotOneFace if there is not exactly one."""
+        """Return the flat face near a point; coplanar faces count as one. Raise NotOneFace unless there is just one."""
         faces = [face for face in self.assembly.faces_of(self.part) if face.kind == "plane"]
         near = self.to_assembly(wanted.near)
         far = sorted(
@@ -93,20 +93,20 @@ class PartSearch:
         return self._only(wanted, pieces, pieces, "flat face")
 
     def pieces(self, face: CadFace) -> list[CadFace]:
-        """Return the faces of the part that lie on the plane of a flat one, itself among them; of any other, itself."""
+        """Return the faces of the part coplanar with a flat face, itself included; of another face, only itself."""
         if face.kind != "plane":
             return [face]
         flat = (each for each in self.assembly.faces_of(self.part) if each.kind == "plane")
         return [each for each in flat if self._is_same_plane(each, face)]
 
     def face(self, wanted: NearPlace) -> CadFace:
-        """Return the face of any kind near a point; NotOneFace if there is not exactly one."""
+        """Return the face of any kind near a point; raise NotOneFace if there is not exactly one."""
         near = self.to_assembly(wanted.near)
         far = [(distance_to_triangles(near, self._triangles(face)), face) for face in self.assembly.faces_of(self.part)]
         return self._only(wanted, far, far, "face")
 
     def edge(self, wanted: NearPlace) -> CadEdge:
-        """Return the circular edge near a point; NotOneFace if there is not exactly one."""
+        """Return the circular edge near a point; raise NotOneFace if there is not exactly one."""
         near = self.to_assembly(wanted.near)
         far = [(_to_arc(edge, near), edge) for edge in self.assembly.edges if edge.part == self.part]
         return self._only(wanted, far, far, "circular edge")
@@ -114,7 +114,7 @@ class PartSearch:
     def _only(
         self, wanted: NearPlace, fitting: Iterable[tuple[float, _T]], all_of_kind: Iterable[tuple[float, _T]], what: str
     ) -> _T:
-        """Return the one that is near enough."""
+        """Return the only candidate that is near enough."""
         within = WITHIN * self.millimetre if wanted.within is None else wanted.within
         fits = [found for distance, found in fitting if distance <= within]
         if len(fits) == 1:
@@ -132,13 +132,13 @@ class PartSearch:
         )
 
     def described(self, found: CadFace | CadEdge) -> str:
-        """Return a face by its kind and a point of it."""
+        """Return a description of a face: its kind and a point on it."""
         kind = found.kind if isinstance(found, CadFace) and found.kind != "surface" else "free-form face"
         at = found.on if isinstance(found, CadFace) else found.centre
         return f"the {kind} at near = {_short(self.to_body(at))}"
 
     def _described(self, found: CadFace | CadEdge) -> str:
-        """Return a face or edge as a file would name it."""
+        """Return a face or edge in the form in which a file would name it."""
         if isinstance(found, CadFace) and found.kind == "plane":
             return f"near = {_short(self.to_body(found.on))} with normal {_short(self.turned_to_body(found.normal))}"
         if isinstance(found, CadFace):
@@ -158,14 +158,14 @@ class PartSearch:
 
 
 def _to_axis(face: CadFace, point: Array) -> float:
-    """Return how far a point is from the piece of the axis along which a face goes."""
+    """Return the distance of a point from the segment of the axis that a face spans."""
     along = float(face.axis @ (point - face.point))
     nearest = face.point + np.clip(along, *face.extent) * face.axis
     return float(np.linalg.norm(point - nearest))
 
 
 def _to_arc(edge: CadEdge, point: Array) -> float:
-    """Return how far a point is from a circular edge."""
+    """Return the distance of a point from a circular edge."""
     offset = point - edge.centre
     across = offset - (offset @ edge.axis) * edge.axis
     length = float(np.linalg.norm(across))
@@ -178,7 +178,7 @@ def _to_arc(edge: CadEdge, point: Array) -> float:
 
 
 def _across(axis: Array) -> Array:
-    """Return a unit vector across another."""
+    """Return a unit vector perpendicular to another vector."""
     across = np.cross(axis, np.eye(3)[int(np.abs(axis).argmin())])
     return np.asarray(across / np.linalg.norm(across))
 

@@ -1,4 +1,4 @@
-"""The certificate of geometry: how well the numbers of a mechanism agree with the CAD file they come from."""
+"""The certificate of geometry: how well the numbers of a mechanism agree with the CAD file they were taken from."""
 
 from pydantic import Field
 
@@ -6,7 +6,7 @@ from engine.mechanism.base import Number, TableModel
 
 
 class DrawnBody(TableModel):
-    """A body that is a part."""
+    """A body that is a part of the CAD file."""
 
     part: str = Field(description="the part")
     volume: Number = Field(description="the volume of its solids")
@@ -16,7 +16,7 @@ class DrawnBody(TableModel):
 
 
 class DrawnFace(TableModel):
-    """A face or edge that a side is."""
+    """A face or edge used as a side."""
 
     kind: str = Field(description="hole, pin, plane, arc or surface")
     radius: Number | None = Field(default=None, description="its radius; none of a plane or a surface")
@@ -38,7 +38,7 @@ class DrawnJoint(TableModel):
 
 
 class DrawnGap(TableModel):
-    """A gap at the start, computed twice."""
+    """A gap at the start, computed in two ways."""
 
     drawn: Number = Field(description="the distance of the two in the CAD file, computed by OCCT; greater than 0")
     gap: Number | None = Field(
@@ -51,12 +51,12 @@ class DrawnGap(TableModel):
 
     @property
     def difference(self) -> float | None:
-        """How much larger the gap is than what the CAD file and the mechanism file say; None if it is not known."""
+        """Excess of the gap over the sum of drawn distance and addition in the mechanism file; None if not known."""
         return None if self.gap is None else self.gap - self.added - self.drawn
 
 
 class GeometryCertificate(TableModel):
-    """What was taken from a CAD file, and how exactly; lengths in the mechanism's unit."""
+    """What was taken from a CAD file, and how accurately; lengths in the mechanism's unit."""
 
     file: str = Field(description="the CAD file")
     sha256: str = Field(description="of its content")

@@ -1,4 +1,4 @@
-"""Pairs of sides whose distance the CAD file draws, too: what OCCT is asked, and what it says."""
+"""Pairs of sides whose distance OCCT measures in the CAD file: the requests to OCCT and its answers."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -17,19 +17,19 @@ TOUCHING = 1e-7
 
 
 def measured_feature(search: PartSearch, feature: CadFace | CadEdge) -> MeasuredShape:
-    """Return a face or an edge of a part as one end of a distance; a flat face with all others on its plane."""
+    """Return a face or an edge of a part as one end of a distance; a flat face includes all faces coplanar with it."""
     if isinstance(feature, CadEdge):
         return MeasuredShape(_place(search), edges=feature.places)
     return measured_surface(search, search.pieces(feature))
 
 
 def measured_surface(search: PartSearch, faces: Sequence[CadFace]) -> MeasuredShape:
-    """Return faces of a part, and nothing else on their planes, as one end of a distance."""
+    """Return faces of a part as one end of a distance, without other faces on their planes."""
     return MeasuredShape(_place(search), faces=tuple(place for face in faces for place in face.places))
 
 
 def measured_point(search: PartSearch, side: Mapping[str, Any]) -> MeasuredShape | None:
-    """Return a side that is a point as one end of a distance; None if it is none, or not given in plain numbers."""
+    """Return a side as one end of a distance if it is a point given in plain numbers; otherwise None."""
     point = side.get("point")
     if not isinstance(point, list | tuple) or len(point) != 3 or not all(is_number(x) for x in point):
         return None
@@ -37,27 +37,27 @@ def measured_point(search: PartSearch, side: Mapping[str, Any]) -> MeasuredShape
 
 
 def _place(search: PartSearch) -> int:
-    """Return the place of a part in the assembly."""
+    """Return the index of a part in the assembly."""
     return [each.name for each in search.assembly.parts].index(search.part)
 
 
 def drawn_gaps(
     path: Path, sha256: str, pairs: Mapping[str, ShapePair], millimetre: float
 ) -> tuple[dict[str, DrawnGap], str]:
-    """Return the distance of each pair where there is one, and otherwise why none was measured.
+    """Return the distance of each pair that has one, and the reason if none was measured.
 
-    A file that OCCT could read may still be one that it cannot measure: that refuses no mechanism.
+    OCCT may fail to measure a file that it can read; this is no reason to refuse the mechanism.
 
     Parameters
     ----------
     path : Path
         The CAD file.
     sha256 : str
-        Of its content.
+        Hash of its content.
     pairs : mapping of str to ShapePair
-        By the key of the joint or contact.
+        Pairs by the key of their joint or contact.
     millimetre : float
-        A millimetre in the mechanism's unit of length.
+        Length of a millimetre in the mechanism's unit of length.
     """
     if not pairs:
         return {}, ""

@@ -1,4 +1,4 @@
-"""A body that is a part of a CAD file: pose, mass, centre and inertia from its solids, where the file has none."""
+"""Bodies that are parts of a CAD file: pose, mass, centre and inertia from the solids, unless the file gives them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ POSE = {"origin", "axis", "angle"}
 
 
 class NoDensity(Exception):
-    """A part's mass cannot be known; the message says why."""
+    """The mass of a part cannot be determined; the message says why."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,13 +26,13 @@ class MassProperties:
     Attributes
     ----------
     volume, mass : float
-        In the mechanism's units.
+        Volume and mass in the mechanism's units.
     centre : array
-        In the assembly's frame, shape (3,).
+        Centre of mass in the assembly's frame, shape (3,).
     inertia : array
-        About the centre, in axes of the assembly, shape (3, 3).
+        Inertia about the centre, in the axes of the assembly, shape (3, 3).
     source : str
-        Where its density is from.
+        Origin of the density.
     """
 
     volume: float
@@ -48,17 +48,17 @@ def mass_properties(part: CadPart, body: Mapping[str, Any], mass_unit: float) ->
     Parameters
     ----------
     part : CadPart
-        In the mechanism's unit of length.
+        The part, in the mechanism's unit of length.
     body : mapping
-        The body's table. Its ``density``, a number or one for each solid, goes before that of the CAD file; without
-        any, the solids share its ``mass`` by their volumes.
+        The body's table. Its ``density``, a number or one per solid, overrides that of the CAD file; without any
+        density, its ``mass`` is divided among the solids in proportion to their volumes.
     mass_unit : float
         The mechanism's unit of mass [g].
 
     Raises
     ------
     NoDensity
-        If neither file says what the part weighs.
+        If neither file gives the mass of the part.
     """
     volumes = np.array([solid.volume for solid in part.solids])
     if not len(volumes):
@@ -78,7 +78,7 @@ def mass_properties(part: CadPart, body: Mapping[str, Any], mass_unit: float) ->
 
 
 def _densities(part: CadPart, body: Mapping[str, Any], mass_unit: float) -> tuple[Array, str]:
-    """Return the density of each solid, and where it is from."""
+    """Return the density of each solid, and its origin."""
     given, count = body.get("density"), len(part.solids)
     if given is not None:
         each = [given] * count if is_number(given) else given
@@ -102,7 +102,7 @@ def _densities(part: CadPart, body: Mapping[str, Any], mass_unit: float) -> tupl
 
 
 def _solids(part: CadPart) -> str:
-    """Return the solids of a part in words."""
+    """Return a phrase for the number of solids of a part."""
     names = [solid.name or f"solid {i}" for i, solid in enumerate(part.solids)]
     volumes = [f"of volume {solid.volume:.6g}" for solid in part.solids]
     return ", ".join(" ".join(each) for each in zip(names, volumes, strict=True))
@@ -111,17 +111,17 @@ def _solids(part: CadPart) -> str:
 def body_of_part(
     part: CadPart, body: Mapping[str, Any], masses: MassProperties | None, millimetre: float
 ) -> dict[str, Any]:
-    """Return the table of a body with the numbers of its part; what the table has already stays.
+    """Return the table of a body completed with the numbers of its part; existing entries are kept.
 
     Parameters
     ----------
     part : CadPart
     body : mapping
-        The table as written, with ``part`` and ``density``, which the result lacks.
+        The table as written, including ``part`` and ``density``, which are removed from the result.
     masses : MassProperties, optional
         None for a fixed body.
     millimetre : float
-        A millimetre in the mechanism's unit of length.
+        Length of a millimetre in the mechanism's unit of length.
     """
     from scipy.spatial.transform import Rotation
 

@@ -1,4 +1,4 @@
-"""A mechanism file that names geometry of a CAD file, as one of plain numbers with a certificate."""
+"""Convert a mechanism file that names geometry of a CAD file to one with plain numbers and a certificate."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,7 +20,7 @@ from engine.mechanism.tables import as_table, named_tables, sub_table
 
 
 class UnresolvedGeometry(Exception):
-    """What is wrong with the geometry that a mechanism file names."""
+    """The geometry named by a mechanism file cannot be found; ``faults`` lists what is wrong."""
 
     def __init__(self, faults: list[Fault]) -> None:
         super().__init__(f"{len(faults)} faults")
@@ -28,26 +28,26 @@ class UnresolvedGeometry(Exception):
 
 
 def with_geometry(data: Mapping[str, Any], folder: Path, source: str) -> dict[str, Any]:
-    """Return a mechanism file in which numbers stand for the geometry that it names.
+    """Return a mechanism file with the geometry that it names replaced by numbers.
 
     Parameters
     ----------
     data : mapping
-        The file as read, with a table ``cad``.
+        The file as read, with a ``cad`` table.
     folder : Path
-        Where the path of the CAD file begins.
+        Folder that the path of the CAD file is relative to.
     source : str
-        The mechanism file, as a message calls it.
+        Name of the mechanism file in messages.
 
     Returns
     -------
     dict
-        Without ``cad``, with ``geometry``, a certificate.
+        The file without ``cad`` and with the certificate under ``geometry``.
 
     Raises
     ------
     UnresolvedGeometry
-        With one fault for each thing that the CAD file does not have, or has in several places.
+        With one fault for each feature that the CAD file lacks or has in several places.
     """
     units: UnitSystem = "SI" if data.get("units") == "SI" else "mm-g-ms"
     try:
@@ -87,19 +87,19 @@ def with_geometry(data: Mapping[str, Any], folder: Path, source: str) -> dict[st
 
 
 def without_selectors(data: Mapping[str, Any], assembly: CadAssembly) -> tuple[dict[str, Any], DrawnTables]:
-    """Return a mechanism file without ``cad``, all that it names in an assembly as numbers; and what was found for it.
+    """Return a mechanism file without ``cad`` and with numbers for the features it names, and what was found for them.
 
     Parameters
     ----------
     data : mapping
         The file as read.
     assembly : CadAssembly
-        In mm.
+        The assembly in mm.
 
     Raises
     ------
     UnresolvedGeometry
-        With one fault for each thing that the assembly does not have, or has in several places.
+        With one fault for each feature that the assembly lacks or has in several places.
     """
     units: UnitSystem = "SI" if data.get("units") == "SI" else "mm-g-ms"
     tables = DrawnTables(assembly if units == "mm-g-ms" else in_unit(assembly, 1000.0), units)
@@ -113,7 +113,7 @@ def without_selectors(data: Mapping[str, Any], assembly: CadAssembly) -> tuple[d
 
 
 def _plain(data: Mapping[str, Any], keys: tuple[str, ...], tables: DrawnTables) -> dict[str, Any]:
-    """Return the file, or one of its benches, with plain bodies, joints and contacts."""
+    """Return the file, or one of its benches, with plain numbers in its bodies, joints and contacts."""
     plain = dict(data)
     for table, made in (("bodies", tables.body), ("joints", tables.joint), ("contacts", tables.contact)):
         if isinstance(data.get(table), Mapping):

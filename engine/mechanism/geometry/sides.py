@@ -1,4 +1,4 @@
-"""Sides of joints and contacts that name faces of a CAD file: the point, axis, radius or primitive that they are."""
+"""Sides of joints and contacts that name faces of a CAD file: the point, axis, radius or primitive of the face."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -17,7 +17,7 @@ ENDLESS_AGAINST = {"hole": ("ring",), "pin": ("ring", "plane", "disc", "rectangl
 
 
 def feature_of(search: PartSearch, kind: FeatureKind, wanted: TableModel) -> CadFace | CadEdge:
-    """Return the face or edge that a selector names; NotOneFace if there is not exactly one."""
+    """Return the face or edge that a selector names; raise NotOneFace if there is not exactly one."""
     match wanted:
         case RoundFace():
             return search.round_face(wanted, hollow=kind == "hole")
@@ -29,22 +29,22 @@ def feature_of(search: PartSearch, kind: FeatureKind, wanted: TableModel) -> Cad
 
 
 def axis_of(face: CadFace) -> Array:
-    """Return the direction of a face's axis in the assembly; of the two the one whose largest component is positive."""
+    """Return the direction of a face's axis in the assembly, signed so that its largest component is positive."""
     largest = face.axis[int(np.abs(face.axis).argmax())]
     return face.axis if largest > 0 else -face.axis
 
 
 def contact_side(search: PartSearch, kind: FeatureKind, feature: CadFace | CadEdge, other: str) -> dict[str, Any]:
-    """Return the primitive that a side of a contact becomes, under its key.
+    """Return the primitive that represents a side of a contact, under its key.
 
     Parameters
     ----------
     search : PartSearch
-        Of the side's part.
+        The search in the side's part.
     kind : str
-        The selector's key.
+        Key of the selector.
     feature : CadFace or CadEdge
-        What it selects.
+        The feature selected.
     other : str
         The primitive on the other side.
     """
@@ -69,15 +69,15 @@ def contact_side(search: PartSearch, kind: FeatureKind, feature: CadFace | CadEd
 
 
 def line_side(search: PartSearch, side: Mapping[str, Any], at: Array, axis: Array) -> dict[str, Any]:
-    """Return the side of a joint that turns about an axis, with point and axis; what the side has already stays.
+    """Return the side of a joint about an axis, completed with point and axis; existing entries are kept.
 
     Parameters
     ----------
     search : PartSearch
-        Of the side's part.
+        The search in the side's part.
     side : mapping
         The side as written.
     at, axis : array
-        Point and direction in the assembly, shapes (3,).
+        Point and direction in the assembly's frame, shape (3,) each.
     """
     return {"point": search.to_body(at), "axis": search.turned_to_body(axis), **side}

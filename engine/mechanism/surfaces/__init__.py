@@ -1,1 +1,1 @@
-"""Surfaces of bicubic patches: what a file says of them, and the solid that they bound."""
+"""Surfaces of bicubic patches: their representation in a file, and the solid that they bound."""

@@ -5,12 +5,12 @@ import numpy as np
 from engine.arrays import Array
 
 THIRDS = np.linspace(0.0, 1.0, 4)
-NEARLY_FLAT = 1e-7  # length of a vector product, as a share of the square of a patch's size; below, it has no direction
-INWARD = 1e-4  # share of a patch: the step towards its middle from an edge that is one point
+NEARLY_FLAT = 1e-7  # a cross product shorter than this share of a patch's squared size has no direction
+INWARD = 1e-4  # share of a patch: step towards its middle from an edge collapsed to a point
 
 
 def basis(t: Array) -> Array:
-    """Return the cubic Bernstein polynomials at parameters, their first and their second derivatives: (3, m, 4)."""
+    """Return the cubic Bernstein polynomials, with first and second derivatives, at ``t``, shape (m,): (3, m, 4)."""
     t = np.asarray(t, float)[:, None]
     s = 1 - t
     zero = 0 * t
@@ -21,12 +21,12 @@ def basis(t: Array) -> Array:
 
 
 def points(patches: Array, u: Array, v: Array, by_u: int = 0, by_v: int = 0) -> Array:
-    """Return points of all patches on a grid of parameters, or derivatives up to the second: (n, len(u), len(v), 3)."""
+    """Return points, or derivatives up to the second, of all patches on a parameter grid: (n, len(u), len(v), 3)."""
     return np.asarray(np.einsum("ai,bj,nijk->nabk", basis(u)[by_u], basis(v)[by_v], patches))
 
 
 def normals(patches: Array, t: Array) -> Array:
-    """Return the unit normals on a grid of parameters, (n, len(t), len(t), 3); at a collapsed edge their limits."""
+    """Return the unit normals on a parameter grid, (n, len(t), len(t), 3); at a collapsed edge, their limits."""
     n = _products(patches, t)
     length = np.linalg.norm(n, axis=-1)
     size = np.ptp(patches, axis=(1, 2)).max(axis=-1)
@@ -42,9 +42,9 @@ def _products(patches: Array, t: Array) -> Array:
 
 
 def convex_curvature(patches: Array) -> float:
-    """Return the largest curvature with which patches turn away from their outward normals, 0 if they do not.
+    """Return the largest curvature with which patches bend away from their outward normals; 0 if none does.
 
-    It is found on a grid of each patch; points without a normal do not count.
+    It is the maximum over a grid of each patch; points without a normal are ignored.
     """
     t = np.linspace(0.05, 0.95, 7)
     S_u, S_v = points(patches, t, t, 1, 0), points(patches, t, t, 0, 1)
@@ -64,16 +64,16 @@ def convex_curvature(patches: Array) -> float:
 
 
 def directed_edges(patches: Array) -> Array:
-    """Return the control points of the four edges of each patch, shape (n, 4, 4, 3), with the patch on their left.
+    """Return the control points of the four edges of each patch, shape (n, 4, 4, 3), with the patch on their left side.
 
-    Seen from outside, they go round the patch: v = 0, u = 1, v = 1, u = 0.
+    Seen from outside, they follow the boundary of the patch: v = 0, u = 1, v = 1, u = 0.
     """
     P = patches
     return np.stack([P[:, :, 0], P[:, 3, :], P[:, ::-1, 3], P[:, 0, ::-1]], axis=1)
 
 
 def mean_direction(patches: Array) -> tuple[Array, Array]:
-    """Return the middle of a surface's control points, and the unit vector of its mean normal; z where it has none."""
+    """Return the mean of a surface's control points and the unit vector of its mean normal; z if it has none."""
     middle = patches.reshape(-1, 3).mean(axis=0)
     t = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3)  # exact for quadratic functions
     area = _products(patches, t).sum(axis=(0, 1, 2))

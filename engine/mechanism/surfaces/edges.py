@@ -1,4 +1,4 @@
-"""How the edges of patches meet: which are shared, which are open, and where normals do not agree."""
+"""How the edges of patches meet: which are shared, which are open, and which patches have opposite normals."""
 
 from dataclasses import dataclass
 
@@ -8,24 +8,24 @@ from numpy.typing import NDArray
 from engine.arrays import Array
 from engine.mechanism.surfaces.bezier import basis, directed_edges
 
-JOINED = 1e-6  # share of the surface's size within which control points are the same
-SAMPLES = 129  # of an edge, where it is looked for other edges along it
+JOINED = 1e-6  # share of the surface's size: control points closer together than this coincide
+SAMPLES = 129  # points per edge in the search for other edges along it
 
 
 @dataclass(frozen=True)
 class MeetingEdges:
-    """The edges of patches, four each, see `bezier.directed_edges`.
+    """The edges of patches, four per patch, see `bezier.directed_edges`.
 
     Attributes
     ----------
     edges : (n, 4, 4, 3) array
         Their control points.
     is_open : (n, 4) array of bool
-        Edges at which no other patch begins. An edge that is one point is not open.
+        Edges that no other patch shares. An edge collapsed to a point is not open.
     is_loose : (n, 4) array of bool
-        Edges that run along others without being the same.
+        Edges that run along others without coinciding with them.
     opposed : list of (int, int)
-        Patches that share an edge and have their normals on different sides.
+        Patches that share an edge and have normals on opposite sides.
     """
 
     edges: Array
@@ -35,7 +35,7 @@ class MeetingEdges:
 
 
 def meeting_edges(patches: Array) -> MeetingEdges:
-    """Find the edges that patches, shape (n, 4, 4, 3), have in common."""
+    """Find the edges that patches, shape (n, 4, 4, 3), share."""
     from scipy.spatial import cKDTree  # 0.1 s to load
 
     edges = directed_edges(patches)
@@ -43,7 +43,7 @@ def meeting_edges(patches: Array) -> MeetingEdges:
     near = JOINED * size
     long = np.linalg.norm(flat - flat[:, :1], axis=2).max(axis=1) > near
     tree = cKDTree(flat.reshape(-1, 12))
-    reach = 2 * near  # four points, each within `near`
+    reach = 2 * near  # covers an edge, whose four points each match within `near`
     turned = tree.query_ball_point(flat[:, ::-1].reshape(-1, 12), reach)
     same = tree.query_ball_point(flat.reshape(-1, 12), reach)
     opposed = sorted({(i // 4, j // 4) for i, found in enumerate(same) if long[i] for j in found if j // 4 > i // 4})
@@ -54,12 +54,12 @@ def meeting_edges(patches: Array) -> MeetingEdges:
 
 
 def extent(patches: Array) -> float:
-    """Return the longest side of the box around all control points."""
+    """Return the longest side of the bounding box of all control points."""
     return float(np.ptp(patches.reshape(-1, 3), axis=0).max())
 
 
 def _along_others(edges: Array, which: NDArray[np.int64], long: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Say which edges run along others of which they are a part, or which are parts of them."""
+    """Return which edges lie along others, as a part of them or containing them."""
     from scipy.spatial import cKDTree
 
     candidates = np.flatnonzero(long)

@@ -1,4 +1,4 @@
-"""Arrays of numbers in a file that are one thing: a mesh of points, a knot vector. Single numbers have no keys."""
+"""Arrays of numbers that form one value of a file, such as a mesh of points or a knot vector, without keys inside."""
 
 import math
 from collections.abc import Callable
@@ -13,7 +13,7 @@ from engine.mechanism.base import LARGEST_NUMBER, is_number, refuse
 
 
 class FixedArray:
-    """An array that nobody can change, equal to another if all numbers are."""
+    """An immutable array; two are equal if all their numbers are."""
 
     __slots__ = ("numbers",)
 
@@ -33,31 +33,31 @@ class FixedArray:
 
 
 class ArrayOf:
-    """What an array of a file has to be, for the annotation of a field; the field's type is `FixedArray`.
+    """The requirements for an array in a file, as the annotation of a field with the type `FixedArray`.
 
     Parameters
     ----------
     shape : tuple of int
-        Lengths of its axes; 0: any from 1 to ``most``.
+        Lengths of its axes; 0 stands for any length from 1 to ``most``.
     words : str
-        What it is and how it is written, for messages.
+        Description of the array and its notation, for messages.
     most : int
-        Largest length of an axis that has no fixed one.
+        Largest length of an axis whose length is not fixed.
     """
 
     def __init__(self, shape: tuple[int, ...], words: str, most: int) -> None:
         self.shape, self.words, self.most = shape, words, most
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-        """Read the array, and write it as lists."""
+        """Read the array from lists, and write it as lists."""
         to_lists: Callable[[Any], Any] = lambda value: value.numbers.tolist()  # noqa: E731
         return core_schema.no_info_plain_validator_function(
             self.read, serialization=core_schema.plain_serializer_function_ser_schema(to_lists)
         )
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """Describe the lists in each other."""
-        described: dict[str, Any] = {"type": ["number"]}  # a list: no expression may stand in its place
+        """Describe the nested lists."""
+        described: dict[str, Any] = {"type": ["number"]}  # a list of types, so that no expression is allowed here
         for length in reversed(self.shape):
             bounds = {"minItems": length or 1, "maxItems": length or self.most}
             described = {"type": "array", "items": described, **bounds}
@@ -69,7 +69,7 @@ class ArrayOf:
         Raises
         ------
         PydanticCustomError
-            If the lists have other lengths, or hold anything but finite numbers.
+            If the lists have other lengths, or contain anything but finite numbers.
         """
         if isinstance(value, FixedArray):
             value = value.numbers.tolist()
@@ -82,7 +82,7 @@ class ArrayOf:
         return FixedArray(numbers)
 
     def _fault(self, value: Any, shape: tuple[int, ...], at: str = "") -> str:
-        """Return what is wrong with lists in each other, the first fault; empty if nothing is."""
+        """Return the first fault of nested lists; empty if there is none."""
         if not shape:
             return "" if is_number(value) and math.isfinite(value) else f"{at or 'it'} is not a finite number"
         if not isinstance(value, list | tuple):

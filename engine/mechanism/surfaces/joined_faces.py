@@ -1,8 +1,8 @@
-"""Patches of several faces as one surface: common edges get the same control points, sharp gaps are found.
+"""Join the patches of several faces into one surface: common edges get the same control points, sharp gaps are found.
 
-At an edge between two faces the nearest point of a surface is on both, and the two normals together say on which side
-of the surface a point is. If a gap is between the faces, however small, the nearest point is on one of them, whose
-normal alone is right where the two normals are less than 90 degrees apart.
+At an edge between two faces the closest point of a surface lies on both, and the two normals together tell on which
+side of the surface a point is. If there is a gap between the faces, however small, the closest point lies on only one
+of them, and its normal tells the side correctly only where the two normals are less than 90 degrees apart.
 """
 
 from collections.abc import Sequence
@@ -14,20 +14,20 @@ from engine.mechanism.surfaces.bezier import basis, normals
 from engine.mechanism.surfaces.edges import JOINED, MeetingEdges, extent
 
 BORDER = np.array([[i in (0, 3) or j in (0, 3) for j in range(4)] for i in range(4)])
-SAMPLES = np.linspace(0.0, 1.0, 33)  # of an edge
-ACROSS = 6  # nearest samples among which one is of another edge
-RIGHT_ANGLE = 1e-9  # cosine below which normals are more than 90 degrees apart
+SAMPLES = np.linspace(0.0, 1.0, 33)  # parameters along an edge
+ACROSS = 6  # number of closest samples, at least one of which lies on another edge
+RIGHT_ANGLE = 1e-9  # two normals with a smaller cosine are more than 90 degrees apart
 
 
 def joined_faces(faces: Sequence[Array]) -> tuple[Array, list[float]]:
-    """Return the patches of faces, (n, 4, 4, 3) each, in one array, with one control point where two meet at a border.
+    """Return the patches of faces, (n, 4, 4, 3) each, in one array, with common control points where borders meet.
 
     Returns
     -------
     patches : array
         Shape (n, 4, 4, 3).
     moved : list of float
-        How far a control point of each face has moved at most [length].
+        Largest displacement of a control point of each face [length].
     """
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
@@ -48,7 +48,7 @@ def joined_faces(faces: Sequence[Array]) -> tuple[Array, list[float]]:
 
 
 def sharp_gap(patches: Array, meeting: MeetingEdges) -> tuple[int, int] | None:
-    """Return two patches that meet without a common edge, their normals more than 90 degrees apart; None if none do."""
+    """Return two patches that meet without a common edge, with normals more than 90 degrees apart; None if none do."""
     from scipy.spatial import cKDTree  # 0.1 s to load
 
     loose = np.argwhere(meeting.is_loose)

@@ -1,8 +1,8 @@
-"""A surface with open edges as the top of a plate: its sides and its back are patches too.
+"""Treat a surface with open edges as the top of a plate: the sides and the back of the plate are patches too.
 
-The back is a copy of the surface, each control point moved against the normal by the depth of the plate. The sides are
-ruled: lines from the points of the open edges to those of the copy. With them the patches bound a solid, so that the
-signed distance from it is defined everywhere and changes by no more than a point moves.
+The back is a copy of the surface, with each control point moved against the normal by the depth of the plate. The sides
+are ruled surfaces: lines from the points of the open edges to those of the copy. Together the patches bound a solid, so
+the signed distance from it is defined everywhere and changes by no more than the displacement of a point.
 """
 
 import numpy as np
@@ -11,19 +11,19 @@ from engine.arrays import Array
 from engine.mechanism.surfaces.bezier import THIRDS, convex_curvature, normals, points
 from engine.mechanism.surfaces.edges import JOINED, MeetingEdges, extent
 
-SHARE_OF_RADIUS = 0.5  # default depth: of the least radius with which the surface turns away from its normals
-SHARE_OF_SIZE = 0.25  # and of its size
+SHARE_OF_RADIUS = 0.5  # default depth relative to the least radius with which the surface bends away from its normals
+SHARE_OF_SIZE = 0.25  # and relative to the surface's size
 MOST_OF_RADIUS = 0.9
 
 
 def default_depth(patches: Array) -> float:
-    """Return the depth of a plate whose top are these patches, if the file has none."""
+    """Return the default depth of a plate with these patches as its top."""
     curvature = convex_curvature(patches)
     return min(SHARE_OF_SIZE * extent(patches), SHARE_OF_RADIUS / curvature if curvature > 0.0 else np.inf)
 
 
 def largest_depth(patches: Array) -> float:
-    """Return the depth beyond which the back of the plate would fold."""
+    """Return the depth beyond which the back of the plate would fold over."""
     curvature = convex_curvature(patches)
     return MOST_OF_RADIUS / curvature if curvature > 0.0 else np.inf
 
@@ -39,7 +39,7 @@ def plate(patches: Array, meeting: MeetingEdges, depth: float) -> Array:
 
 
 def _common_normals(patches: Array) -> Array:
-    """Return a direction for each control point: the mean of all patches' normals at the surface's point there."""
+    """Return a direction for each control point: the mean normal of all patches that meet at its surface point."""
     from scipy.spatial import cKDTree  # 0.1 s to load
 
     own = normals(patches, THIRDS).reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""B-spline surfaces as a file has them: control points, knots and weights that fit each other."""
+"""B-spline surfaces as written in a file: control points, knots and weights that are consistent."""
 
 from typing import Annotated, Any, Self
 
@@ -11,7 +11,7 @@ from engine.mechanism.quantities import Quantity
 from engine.mechanism.surfaces.fixed_array import ArrayOf, FixedArray
 from engine.mechanism.surfaces.splines import BSplineSurface
 
-MOST_WRITTEN = 1000  # patches, or control points in a row, of a file
+MOST_WRITTEN = 1000  # largest number of patches, or of control points in a row, in a file
 MOST_DEGREE = 15
 
 _NET = "rows of control points [x, y, z] of finite numbers, one row for each step along u, all equally long"
@@ -23,7 +23,7 @@ Knots = Annotated[FixedArray, ArrayOf((0,), _KNOTS, MOST_WRITTEN + MOST_DEGREE +
 
 
 class SplineFace(TableModel):
-    """One B-spline of a surface that has several."""
+    """One B-spline of a surface that consists of several."""
 
     degree: tuple[int, int] = Field(description="its degrees along u and along v, 1 to 15 each")
     knots_u: Knots = Field(description="its knots along u: as many as control points, + degree + 1")
@@ -45,19 +45,19 @@ class SplineFace(TableModel):
 def spline_of(
     degree: tuple[int, int], knots: tuple[FixedArray, FixedArray], control: FixedArray, weights: FixedArray | None
 ) -> BSplineSurface:
-    """Return a B-spline surface from the entries of a table; without weights they are all 1."""
+    """Return a B-spline surface from the entries of a table; the weights are 1 by default."""
     net = control.numbers
     own = np.ones(net.shape[:2]) if weights is None else weights.numbers
     return BSplineSurface(degree, (knots[0].numbers, knots[1].numbers), net, own)
 
 
 def check_spline(spline: BSplineSurface) -> None:
-    """Refuse a B-spline whose degrees, knots, control points and weights do not fit each other.
+    """Refuse a B-spline whose degrees, knots, control points and weights are inconsistent.
 
     Raises
     ------
     PydanticCustomError
-        With the key at fault.
+        The error, with the key at fault.
     """
     if not all(1 <= p <= MOST_DEGREE for p in spline.degree):
         raise refuse(f"allowed: 1 to {MOST_DEGREE} each; correct it", key="degree", value=list(spline.degree))
@@ -68,7 +68,7 @@ def check_spline(spline: BSplineSurface) -> None:
 
 
 def _check_knots(key: str, knots: Array, degree: int, count: int) -> None:
-    """Refuse a knot vector that does not fit the degree and the number of control points, or does not increase."""
+    """Refuse a knot vector that does not match the degree and the number of control points, or does not increase."""
     where: dict[str, Any] = {"key": key}
     if count <= degree:
         raise refuse(f"{count} control points for degree {degree}; allowed: more than the degree", key="control")

@@ -1,10 +1,10 @@
-"""B-spline surfaces as bicubic patches: exactly, or within an error that is proved.
+"""Convert B-spline surfaces to bicubic patches: exactly, or within a proven error bound.
 
-On each interval of the knots a rational B-spline is a quotient A / w of polynomials. The bicubic patch that has the
-same corners, first derivatives and mixed second derivatives there is the surface itself where that is a polynomial of
-no more than the third degree. Otherwise it differs from it by |A - w B| / w, whose Bernstein coefficients bound it; and
-intervals are halved until that is small enough. Patches next to each other have the edge between them in common, with
-its tangent planes, for it follows from their corners alone.
+On each knot interval a rational B-spline is a quotient A / w of polynomials. The bicubic patch with the same corners,
+first derivatives and mixed second derivatives equals the surface if that is a polynomial of degree three or less.
+Otherwise it differs by |A - w B| / w, which is bounded by Bernstein coefficients, and intervals are halved until the
+bound is small enough. Adjacent patches share their common edge and its tangent planes, because these depend only on the
+corners of the edge.
 """
 
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ class BSplineSurface:
     Attributes
     ----------
     degree : (int, int)
-        Along u and along v.
+        Degrees along u and along v.
     knots : (array, array)
-        Increasing; one for each control point, and degree + 1 more.
+        Increasing; degree + 1 more than control points.
     control : (nu, nv, 3) array
     weights : (nu, nv) array
-        Positive.
+        All positive.
     """
 
     degree: tuple[int, int]
@@ -41,7 +41,7 @@ class BSplineSurface:
 
 @dataclass(frozen=True)
 class ConvertedSpline:
-    """Bicubic patches, shape (n, 4, 4, 3), the bound of their distance from the surface, and whether it is kept."""
+    """Bicubic patches, shape (n, 4, 4, 3), the bound of their distance from the surface, and whether it is met."""
 
     patches: Array
     error: float
@@ -55,12 +55,12 @@ def bicubic_patches(surface: BSplineSurface, tolerance: float) -> ConvertedSplin
     ----------
     surface : BSplineSurface
     tolerance : float
-        Largest distance of points with the same parameters [length].
+        Largest allowed distance between points with the same parameters [length].
 
     Returns
     -------
     ConvertedSpline
-        Not complete if the tolerance would take more than MOST_PATCHES.
+        Incomplete if the tolerance requires more than MOST_PATCHES.
     """
     cuts = [np.unique(_domain(k, p)) for k, p in zip(surface.knots, surface.degree, strict=True)]
     patches, error = _converted(surface, cuts)
@@ -75,19 +75,19 @@ def bicubic_patches(surface: BSplineSurface, tolerance: float) -> ConvertedSplin
 
 
 def _domain(knots: Array, degree: int) -> Array:
-    """Return the knots between which the surface is."""
+    """Return the knots that span the domain of the surface."""
     return knots[degree : len(knots) - degree]
 
 
 def _halved(cuts: list[Array], axis: int, which: Array) -> list[Array]:
-    """Return cuts with those intervals of an axis halved."""
+    """Return cuts with the chosen intervals of an axis halved."""
     own = cuts[axis]
     middles = 0.5 * (own[:-1] + own[1:])[which]
     return [np.sort(np.concatenate([own, middles])) if k == axis else cut for k, cut in enumerate(cuts)]
 
 
 def _converted(surface: BSplineSurface, cuts: list[Array]) -> tuple[Array, Array]:
-    """Return the bicubic patches between cuts, shape (nu, nv, 4, 4, 3), and the bound of each one's error."""
+    """Return the bicubic patches between cuts, shape (nu, nv, 4, 4, 3), and the error bound of each."""
     w = surface.weights[..., None]
     homogeneous = np.concatenate([surface.control * w, w], axis=-1)
     to_u, to_v = (_to_bezier(k, p, c) for k, p, c in zip(surface.knots, surface.degree, cuts, strict=True))
@@ -107,7 +107,7 @@ def _to_bezier(knots: Array, degree: int, cuts: Array) -> Array:
 
 
 def _blossom(knots: Array, degree: int, arguments: list[float], inside: float) -> Array:
-    """Return the weights of the control points in the polar form, of the polynomial that holds at ``inside``."""
+    """Return the weights of the control points in the polar form of the polynomial segment that contains ``inside``."""
     count = len(knots) - degree - 1
     span = int(np.clip(np.searchsorted(knots, inside, side="right") - 1, degree, count - 1))
     rows = np.eye(count)[span - degree : span + 1]
@@ -128,7 +128,7 @@ def _hermite(pieces: Array) -> Array:
             i, j = (p if end_u else 0), (q if end_v else 0)
             k, m = (p - 1 if end_u else 1), (q - 1 if end_v else 1)
             c, by_u, by_v = pieces[:, :, i, j], pieces[:, :, k, j], pieces[:, :, i, m]
-            A, A_u, A_v = c, p * (by_u - c), q * (by_v - c)  # slopes towards the inside
+            A, A_u, A_v = c, p * (by_u - c), q * (by_v - c)  # slopes pointing inwards
             A_uv = p * q * (pieces[:, :, k, m] - by_u - by_v + c)
             w = A[..., 3:]
             S = A[..., :3] / w
@@ -145,7 +145,7 @@ def _hermite(pieces: Array) -> Array:
 
 
 def _error_bound(pieces: Array, patches: Array) -> Array:
-    """Return a bound of |A / w - B| over each piece: the longest Bernstein coefficient of A - w B by the least of w."""
+    """Return a bound of |A / w - B| on each piece: the largest Bernstein coefficient of A - w B over the least of w."""
     p, q = pieces.shape[2] - 1, pieces.shape[3] - 1
     scaled = pieces * np.multiply.outer(_binomials(p), _binomials(q))[..., None]
     rest = np.zeros((*pieces.shape[:2], p + 4, q + 4, 3))

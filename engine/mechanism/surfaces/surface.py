@@ -1,4 +1,4 @@
-"""The contact primitive `surface`: faces of any shape, as bicubic patches, as a B-spline, or as several."""
+"""The contact primitive `surface`: faces of any shape, given as bicubic patches or as one or several B-splines."""
 
 from functools import cached_property
 from typing import Annotated, Any, Self
@@ -17,8 +17,8 @@ from engine.mechanism.surfaces.plates import default_depth, largest_depth, plate
 from engine.mechanism.surfaces.spline_face import MOST_WRITTEN, Knots, Net, SplineFace, Weights, check_spline, spline_of
 from engine.mechanism.surfaces.splines import MOST_PATCHES, BSplineSurface, bicubic_patches
 
-CONVERSION = 1e-5  # share of the surface's size: default of the conversion error
-ROUNDING = 1e-13  # of it: less cannot be asked for
+CONVERSION = 1e-5  # default conversion error as a share of the surface's size
+ROUNDING = 1e-13  # smallest conversion error that can be requested, as a share of the size
 
 _PATCH = "a list of patches, each 4 rows of 4 control points [x, y, z] of finite numbers, rows along u"
 Points = Annotated[FixedArray, ArrayOf((0, 4, 4, 3), _PATCH, MOST_WRITTEN), Quantity("length")]
@@ -28,12 +28,12 @@ _FORMS = "patches, or degree, knots_u, knots_v and control, or faces; write one 
 
 
 def _is_none(value: Any) -> bool:
-    """Return whether an entry is not there; it is left out of digests, as before there was such an entry."""
+    """Return whether an entry is absent; it is then excluded from digests, so that earlier digests do not change."""
     return value is None
 
 
 class _Faces:
-    """The faces of a surface, and how they meet: of two of them it is not asked whether they are equal."""
+    """The faces of a surface and how they meet; never compared for equality."""
 
     def __init__(self, patches: Array, errors: tuple[float, ...], complete: bool) -> None:
         self.patches = patches
@@ -46,7 +46,7 @@ class _Faces:
 
 
 class FreeFormSurface(TableModel):
-    """A solid with faces of any shape: bicubic Bezier patches, or B-spline surfaces; S_u x S_v points outside."""
+    """A solid with faces of any shape: bicubic Bezier patches or B-spline surfaces; S_u x S_v points outwards."""
 
     patches: Points | None = Field(
         default=None, description="bicubic Bezier patches: of each 4 rows along u of 4 control points along v"
@@ -75,28 +75,28 @@ class FreeFormSurface(TableModel):
 
     @property
     def conversion_error(self) -> float:
-        """The largest distance of the patches from the B-splines that they replace [length]; 0 for patches."""
+        """Largest distance between the patches and the B-splines they replace [length]; 0 if patches are given."""
         return max(self.conversion_errors, default=0.0)
 
     @property
     def conversion_errors(self) -> tuple[float, ...]:
-        """The same of each B-spline; none for patches."""
+        """The same for each B-spline; empty if patches are given."""
         return self._faces.errors
 
     @property
     def allowed_error(self) -> float:
-        """The largest conversion error that is allowed [length]."""
+        """The largest conversion error allowed [length]."""
         size = extent(np.concatenate([spline.control.reshape(-1, 3) for spline in self._splines]))
         return max(CONVERSION * size if self.conversion is None else self.conversion, ROUNDING * size)
 
     @property
     def top(self) -> Array:
-        """The bicubic patches of the faces themselves, shape (n, 4, 4, 3)."""
+        """The bicubic patches of the faces only, shape (n, 4, 4, 3)."""
         return self._faces.patches
 
     @property
     def boundary(self) -> Array:
-        """All patches that bound the solid: the top and, where that has open edges, sides and back of a plate."""
+        """All patches that bound the solid: the top and, if it has open edges, the sides and the back of a plate."""
         meeting = self._faces.meeting
         if not meeting.is_open.any():
             return self.top
@@ -104,10 +104,10 @@ class FreeFormSurface(TableModel):
 
     @property
     def outline(self) -> tuple[Array, Array]:
-        """Control points of the open edges of the faces, and of all other edges once, shapes (n, 4, 3)."""
+        """Control points of the open edges of the faces, and of each other edge once, shapes (n, 4, 3)."""
         edges, is_open = self._faces.meeting.edges, self._faces.meeting.is_open
         inner = ~is_open
-        inner[:, :2] = False  # the neighbour has these
+        inner[:, :2] = False  # these are edges of the neighbour, too
         return edges[is_open], edges[inner]
 
     @cached_property
@@ -157,7 +157,7 @@ class FreeFormSurface(TableModel):
         return self
 
     def _check_shape(self) -> None:
-        """Refuse patches without extent or normal, with normals on different sides, and a depth that does not fit."""
+        """Refuse patches without extent or normals, with normals on opposite sides, or with an unsuitable depth."""
         key = "patches" if self.patches is not None else "faces" if self.faces is not None else "control"
         top = self.top
         if extent(top) == 0.0 or np.linalg.norm(normals(top, THIRDS), axis=-1).max(axis=(1, 2)).min() == 0.0:
